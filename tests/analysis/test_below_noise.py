@@ -92,7 +92,7 @@ def test_a_set_below_the_noise_is_ambiguous_at_most_and_its_remainder_is_said() 
     said = verdict_text(
         Verdict.AMBIGUOUS, cast("ModelComparison", None), chosen, [], left, {}, against=against
     )
-    assert "the noise of these readings is not what it was taken for: " in said
+    assert "the noise of these readings differs from the noise assumed: " in said
     assert said.endswith("That is not all: 0.7 % of the misfit is left")
     assert left.document()["below_noise"] is True
 

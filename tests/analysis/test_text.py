@@ -74,9 +74,9 @@ def test_a_rival_is_said_with_where_it_is_alike_and_where_not() -> None:
 @pytest.mark.parametrize(
     ("d", "difference", "why"),
     [
-        (0.4, 1600.0, "d = 0.40, 2.33 would do"),
-        (5.1, 4.0, "their mBIC differs by 4.0, 9.2 would do"),
-        (0.4, 4.0, "d = 0.40, 2.33 would do; their mBIC differs by 4.0, 9.2 would do"),
+        (0.4, 1600.0, "d = 0.40, at least 2.33 is needed"),
+        (5.1, 4.0, "their mBIC differs by 4.0, at least 9.2 is needed"),
+        (0.4, 4.0, "d = 0.40, at least 2.33 is needed; their mBIC differs by 4.0, at least 9.2 is needed"),
     ],
 )
 def test_a_rival_that_is_not_told_says_what_would_do(d: float, difference: float, why: str) -> None:
@@ -105,7 +105,7 @@ def statement(verdict: Verdict, left: float, failed: Sequence[str], rivals: Sequ
 
 def test_a_check_that_failed_is_said_and_not_a_remainder_of_nothing() -> None:
     said = statement(Verdict.OUTSIDE_LIBRARY, 0.004, ["valve_leakage"])
-    assert "but valve_leakage does not predict what it was not fitted on: " in said
+    assert "but valve_leakage does not predict data that it was not fitted to: " in said
     assert "% of the misfit is left" not in said
     assert "with it 40 % of the misfit is left" in statement(Verdict.OUTSIDE_LIBRARY, 0.4, ["valve_leakage"])
 
@@ -116,7 +116,7 @@ def test_a_small_effect_leaves_nothing_by_its_shape() -> None:
     best: Any = SimpleNamespace(candidates=[leak], unusual={})
     left = Remainder(0.04, 6.0, 0.001, "", "", "", "4 % is left")
     assert against_identity(best, {}, left, 30.0**2) == [
-        "it leaves 6 sigma, where another shape of so small an effect would not be seen"
+        "it leaves 6 sigma, although another shape of so small an effect would not be seen"
     ]
     assert not against_identity(best, {}, left, 300.0**2)
     assert not against_identity(best, {}, replace(left, size=4.0), 30.0**2)
@@ -130,8 +130,8 @@ def test_an_effect_that_is_seen_and_does_not_pay_for_itself_is_said_to_be_too_we
     before = cast("ModelComparison", None)
     said = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}, seen)
     assert said == (
-        "Something is missing, and too little of it is seen to say what: position_gain explains more of it "
-        "than any other effect (3.9 sigmas), but with it mBIC rises by 2.4"
+        "Something is missing, but the data show too little of it to say what: position_gain explains more "
+        "of it than any other effect (3.9 sigmas), but with it mBIC rises by 2.4"
     )
     unseen = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {})
     assert unseen == "Something is missing that no effect of the library explains"
@@ -151,7 +151,7 @@ def test_a_guessed_noise_or_an_error_within_it_does_not_say_that_something_is_mi
         errors = {"level": SimpleNamespace(nrmse=nrmse)}
         return cast("ModelComparison", SimpleNamespace(fit=SimpleNamespace(problem=problem, errors=errors)))
 
-    assert whether_at_all(compared(1, 3.0)) == "these data do not tell the noise of flow"
+    assert whether_at_all(compared(1, 3.0)) == "these data do not determine the noise of flow"
     assert "below its noise" in whether_at_all(compared(0, 0.8))
     assert whether_at_all(compared(0, 0.95)) == "the error of every channel is within its noise"
     assert whether_at_all(compared(0, 1.1)) == ""
@@ -159,13 +159,13 @@ def test_a_guessed_noise_or_an_error_within_it_does_not_say_that_something_is_mi
 
 def test_what_is_ambiguous_for_a_check_alone_does_not_speak_of_others() -> None:
     said = statement(Verdict.AMBIGUOUS, 0.0, ["valve_leakage", "coulomb_friction"])
-    assert "valve_leakage and coulomb_friction do not predict what they were not fitted on" in said
+    assert "valve_leakage and coulomb_friction do not predict data that they were not fitted to" in said
     assert "cannot tell which" not in said
     close = [replace(RIVAL, separation=0.4)]
     assert "cannot tell which" in statement(Verdict.AMBIGUOUS, 0.0, [], close)
     both = statement(Verdict.AMBIGUOUS, 0.0, ["valve_leakage"], close)
     assert "cannot tell which" in both
-    assert both.endswith("valve_leakage does not predict what it was not fitted on")
+    assert both.endswith("valve_leakage does not predict data that it was not fitted to")
 
 
 @pytest.mark.parametrize(
@@ -200,13 +200,15 @@ def test_two_are_told_apart_by_separation_by_the_criterion_and_by_more_than_a_sh
 ) -> None:
     rival = replace(RIVAL, separation=d, difference=difference, share=share)
     assert rival.separable is told
-    assert ("the shape of either may do as much" in rival_text(rival)) is (share < 0.01)
+    assert ("the shape of either may account for that" in rival_text(rival)) is (share < 0.01)
 
 
 def test_a_law_is_not_told_from_the_one_that_its_fit_has_become() -> None:
     rival = replace(RIVAL, member="hysteresis", name="coulomb", nested="distance 0")
     assert not rival.separable
-    assert "hysteresis with distance 0 is coulomb, and its fit is within chance of that" in rival_text(rival)
+    assert "hysteresis with distance 0 is coulomb, and its fit is not significantly different" in rival_text(
+        rival
+    )
 
 
 def test_what_lies_beyond_the_usual_is_said_of_a_rival_and_of_what_leads() -> None:
@@ -284,7 +286,10 @@ def test_two_that_predict_the_same_differ_nowhere() -> None:
     ("hidden_in", "said"),
     [
         ("viscous_damping", "the fitted viscous_damping imitates it to within 15 % of its size; "),
-        ("record", "what each record has of its own (its settings, zeros, times and starts) imitates it "),
+        (
+            "record",
+            "variation from record to record (of settings, zeros, times and initial states) imitates it ",
+        ),
     ],
 )
 def test_an_effect_that_hides_is_said_with_what_it_hides_in(hidden_in: str, said: str) -> None:

@@ -58,7 +58,7 @@ def test_what_the_law_of_an_effect_may_do_is_not_named_as_another_effect(folder:
     found = answer("diagnose", "latest", "--model", "model.yaml")
     assert (found["verdict"], found["effects"]) == ("outside_library", [])
     assert "within 10 % of the law of leak_on_heat_middle" in found["statement"]
-    assert "is beyond what bent laws do" in found["statement"]
+    assert "is more than such deviations explain" in found["statement"]
 
 
 def test_what_goes_with_the_time_has_no_formula(folder: Path) -> None:

@@ -1,6 +1,7 @@
-"""Does the model agree with the data within the noise? Three tests, all of which must pass.
+"""Does the model agree with the data within the noise? Three tests, none of which may reject.
 
-Also the variance factor of what an inadequate model leaves, by which differences between models count less.
+Also the variance factor of the residuals of an inadequate model, by which differences between models are
+discounted.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Test:
-    """One test: its statistic and how often chance alone reaches it.
+    """One test: its statistic and its p-value.
 
     Attributes
     ----------
-    dof: degrees of freedom; 0 where the statistic has none.
+    dof: degrees of freedom; 0 if the statistic has none.
     spread: standard deviation of the statistic when nothing is missing.
-    known: degrees of freedom behind the noise of a table's rows; 0 where the noise counts as known.
+    known: degrees of freedom of the noise estimate of a table's rows; 0 if the noise counts as known.
     """
 
     statistic: float
@@ -41,9 +42,9 @@ class Test:
 
     @property
     def excess(self) -> float:
-        """What of the statistic chance does not explain, in χ²; 0 where it has no degrees of freedom.
+        """The part of the statistic that chance does not explain, in χ²; 0 without degrees of freedom.
 
-        Of a table, whose noise is known from few rows, chance explains
+        For a table, whose noise is estimated from few rows, chance explains
         ``dof·F⁻¹(1 − ALPHA; dof, known)``.
         """
         if not self.dof:
@@ -59,13 +60,13 @@ class Adequacy:
 
     Attributes
     ----------
-    tests: ``score`` (the largest candidate's), ``plane`` (residuals of each phase and channel over the
-        operating point), ``chi2`` (the whole misfit).
-    p_value: Holm's smallest: three times the smallest of them.
-    below_noise: a test rejects, and yet the error of every channel is smaller than its noise: the noise is
-        not what was learned (slower, or narrower here), and the tests, which rest on it, say nothing.
+    tests: ``score`` (the largest of all candidates), ``plane`` (residuals of each phase and channel regressed
+        on the operating point), ``chi2`` (the total misfit).
+    p_value: smallest p-value times the number of tests (Bonferroni; the first step of Holm's procedure).
+    below_noise: a test rejects although the error of every channel is smaller than its noise: the noise
+        differs from the one learned (slower, or smaller here), and the tests, which rest on it, say nothing.
     agrees: no test rejects.
-    adequate: no test rejects, or none can be believed; it ends a search, and says nothing of what explains.
+    adequate: no test rejects, or none can be trusted; ends a search, but does not say what explains the data.
     """
 
     tests: dict[str, Test]
@@ -73,22 +74,22 @@ class Adequacy:
 
     @property
     def p_value(self) -> float:
-        """Holm over the tests that could be made."""
+        """Smallest p-value times the number of tests that could be made."""
         return min(1.0, len(self.tests) * min(test.p_value for test in self.tests.values()))
 
     @property
     def agrees(self) -> bool:
-        """True when no test rejects: p_value is not below `ALPHA`."""
+        """True if no test rejects: p_value is not below `ALPHA`."""
         return self.p_value >= ALPHA
 
     @property
     def adequate(self) -> bool:
-        """True when no test rejects, or none can be believed."""
+        """True if no test rejects, or none can be trusted."""
         return self.agrees or self.below_noise
 
 
 def adequacy(projected: Projected, screening: Screening) -> Adequacy:
-    """Test a fitted model; the candidates' largest score is in `screening`."""
+    """Test a fitted model; `screening` holds the largest score of the candidates."""
     tests = {"plane": plane_test(projected), "chi2": chi2_test(projected)}
     if screening.scores:
         tests = {"score": Test(screening.statistic, screening.p_value), **tests}
@@ -101,16 +102,16 @@ def adequacy(projected: Projected, screening: Screening) -> Adequacy:
 
 
 def error_below(fit: FitResult, share: float) -> bool:
-    """Whether every channel's error is at most this share of its noise.
+    """Whether every channel's RMS error is at most this share of its noise.
 
-    A right model's is as large as the noise, as far as that is known: below `BELOW_NOISE` the noise is not
-    what it was taken for.
+    For a right model it equals the noise, as far as that is known: below `BELOW_NOISE` the noise is not what
+    was assumed.
     """
     return all(error.nrmse <= share for error in fit.errors.values())
 
 
 def plane_test(projected: Projected) -> Test:
-    """Whitened residuals summed over each phase and channel, regressed on {1, T, p, T·p, …}.
+    """Regression of the whitened residuals, summed over each phase and channel, on {1, T, p, T·p, …}.
 
     With M the regressors in whitened rows, ``χ² = r̃ᵀM̃(M̃ᵀM̃)⁺M̃ᵀr̃``, M̃ = (I − P_J)M.
     """
@@ -131,7 +132,7 @@ def plane_test(projected: Projected) -> Test:
 
 
 def chi2_test(projected: Projected) -> Test:
-    """``χ² = r̃ᵀr̃``, its variance widened by how well the noise itself is known."""
+    """``χ² = r̃ᵀr̃``, its variance increased by the uncertainty of the noise itself."""
     lin = projected.linearisation
     statistic = float(projected.residual @ projected.residual)
     dof = projected.dof
@@ -154,9 +155,9 @@ def chi2_test(projected: Projected) -> Test:
 
 
 def chi2_tail(statistic: float, dof: int, known: int = 0) -> float:
-    """Chance that χ² with `dof` degrees of freedom is at least `statistic`.
+    """Probability that χ² with `dof` degrees of freedom is at least `statistic`.
 
-    With `known` degrees of freedom behind the noise, that of ``dof·F(dof, known)``.
+    If the noise has only `known` degrees of freedom, that of ``dof·F(dof, known)``.
     """
     from scipy.special import fdtrc, gammaincc
 
@@ -166,7 +167,7 @@ def chi2_tail(statistic: float, dof: int, known: int = 0) -> float:
 
 
 def _quantile(dof: int, known: int) -> float:
-    """Of F(dof, known), what chance exceeds with probability `ALPHA`."""
+    """The quantile of F(dof, known) that chance exceeds with probability `ALPHA`."""
     from scipy.special import fdtri
 
     return float(fdtri(dof, known, 1.0 - ALPHA))
@@ -177,17 +178,17 @@ def _outer(regions: Floats, plane: Floats) -> Floats:
     return np.asarray((regions[:, :, None] * plane).reshape(regions.shape[0], -1))
 
 
-#: lags that are summed: up to this share of a record
+#: largest lag in the sum, as a share of the longest record
 _LAGS = 0.25
 
 
 def variance_factor(fit: FitResult) -> float:
-    """The long-run variance of the whitened residuals, no less than 1: 1 where a model leaves noise alone.
+    """Long-run variance of the whitened residuals, at least 1: 1 if a model leaves only noise.
 
     ``φ = c_0 + 2·Σ_(k ≤ K) (1 − k/(K + 1))·c_k``, c_k the autocovariance at lag k of the residuals of each
-    channel of each record, over all fitted ones; K is a quarter of the longest. What is left of a model that
-    is not right in any case (another shape, a slow drift) has a larger variance than the noise, and is slow:
-    its readings are not independent, and a difference of χ² between two such models counts as 1/φ of itself.
+    channel of each record, over all fitted ones; K is a quarter of the longest. The residuals of a model that
+    is wrong in any case (another law, a slow drift) vary more than the noise, and slowly: readings are not
+    independent, and a difference of χ² between two such models counts as 1/φ of itself.
 
     Source: Newey & West, Econometrica 55 (1987) 703; Burnham & Anderson, *Model Selection and Multimodel
     Inference* (2002), §2.5.
@@ -206,7 +207,7 @@ def variance_factor(fit: FitResult) -> float:
 
 
 def _by_channel(fit: FitResult) -> list[NDArray[np.float64]]:
-    """The whitened residuals of each channel of each fitted record, in time."""
+    """The whitened residuals of each channel of each fitted record, in order of time."""
     series = []
     for index in fit.fitted:
         white = whitened_residual(fit.problem, fit.outputs[index], index)
@@ -216,7 +217,7 @@ def _by_channel(fit: FitResult) -> list[NDArray[np.float64]]:
 
 
 def _autocovariance(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sums of the products of values k apart, for k from 0."""
+    """Sums of the products of values k apart, for k = 0, 1, …"""
     padded = np.fft.rfft(values, 2 * values.size)
     return np.asarray(np.fft.irfft(np.abs(padded) ** 2, 2 * values.size)[: values.size])
 

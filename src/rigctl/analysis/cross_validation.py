@@ -1,7 +1,8 @@
-"""Does an effect predict what it was not fitted on? One temperature, pressure or run left out at a time.
+"""Does an effect predict data that it was not fitted to? One temperature, pressure or run is left out at a
+time.
 
-On the linearised problem at the refitted point: there the readings without the effect are
-``r + S·φ̂``, and every fold's fit is a small linear one.
+The linearised problem at the refitted point is used: the residuals without the effect are ``r + S·φ̂`` there,
+and the fit of every fold is a small linear one.
 """
 
 from __future__ import annotations
@@ -19,22 +20,22 @@ from rigctl.analysis.linearisation import Linearisation
 from rigctl.analysis.nuisance_projection import HIDDEN
 
 Floats = NDArray[np.float64]
-#: the squares that are left on the records of a fold (places among the fitted ones) without and with an
-#: effect, by fits to the others; None where there are none
+#: the sums of squares left on the records of a fold (indices among the fitted ones) without and with an
+#: effect, by fits to the other records; None if there are none
 Refitted: TypeAlias = Callable[[Sequence[int]], tuple[float, float] | None]
 
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """The check by leaving out.
+    """The cross-validation of an effect.
 
     Attributes
     ----------
-    before, after: noise-normalised RMSE on what was left out, without and with the effect.
-    mean, error: of the gain in squares per fold, and its standard error.
-    folds: how many.
-    sure, least: all gains together, and the least of a fold, in standard deviations of what noise makes of
-        them: that of a gain is 2‖p‖, p the difference of what is predicted with and without the effect.
+    before, after: noise-normalised RMSE on the records left out, without and with the effect.
+    mean, error: mean gain in squares per fold, and its standard error.
+    folds: number of folds.
+    sure, least: the sum of all gains and the least gain, each in standard deviations: that of a gain is 2‖p‖,
+        p being the difference between the predictions with and without the effect.
     """
 
     before: float
@@ -47,10 +48,10 @@ class CrossValidation:
 
     @property
     def passed(self) -> bool:
-        """The mean gain exceeds two standard errors; every fold need not gain.
+        """True if the mean gain exceeds two standard errors; not every fold need gain.
 
-        Or all gains together are no chance, and no fold's loss is more than one: an effect that acts in a few
-        conditions only gains there alone, and its gains scatter by as much as they are.
+        Or if the sum of all gains is significant, and no fold's loss is: an effect that acts in a few
+        conditions only gains in these, and its gains scatter by as much as their mean.
         """
         steady = self.mean > 2.0 * self.error
         return self.folds >= 2 and (steady or (self.sure > FOLDS_GAIN and self.least > FOLD_LOSS))
@@ -63,14 +64,14 @@ def held_out_gain(
     held: Sequence[Floats] | None = None,
     refitted: Refitted | None = None,
 ) -> CrossValidation:
-    """Leave-out gains of the effect parameters `columns`, which are among the nuisances of `lin`.
+    """Cross-validated gains of the effect parameters `columns`, which are among the nuisances of `lin`.
 
     Parameters
     ----------
     values: of the parameters less their null, at the linearisation's point.
-    held: (rows of each record) what the effect's parameters at their bounds do, which no fit moves.
-    refitted: asked of a fold that the linear problem says is predicted wrongly: without its records the
-        unknowns may have further to go than slopes hold for.
+    held: (rows of each record) the contribution of the effect's parameters at bounds, which no fit moves.
+    refitted: called for a fold that the linear problem predicts wrongly: without its records the unknowns may
+        move farther than the linearisation holds.
     """
     indices = [lin.nuisances.index(name) for name in columns if name in lin.nuisances]
     amplitudes = np.array(
@@ -113,10 +114,10 @@ def held_out_gain(
 def _determined(
     lin: Linearisation, inside: Sequence[int], indices: Sequence[int], amplitudes: Floats
 ) -> bool:
-    """Whether the records that are left tell the effect's parameters at all.
+    """Whether the remaining records determine the effect's parameters at all.
 
-    Without its only hot rows a table says nothing of what heat does, and predicts nothing; nor do records
-    below the threshold at which an effect begins.
+    Without its only hot rows a table says nothing about the effect of temperature and predicts nothing; nor
+    do records below the threshold at which an effect starts to act.
     """
     if not indices:
         return True
@@ -136,7 +137,7 @@ def _determined(
 
 
 def _folds(lin: Linearisation) -> Iterator[tuple[int, ...]]:
-    """One value of each operating variable at a time; one run at a time where there are several."""
+    """One value of each operating variable at a time; one run at a time if there are several."""
     records = [lin.fit.problem.records[k] for k in lin.fit.fitted]
     seen: set[tuple[int, ...]] = set()
     keys: list[list[object]] = [
@@ -161,7 +162,8 @@ def _left(
     outside: Sequence[int],
     free: Sequence[int],
 ) -> Floats:
-    """(rows) what is left on `outside` after the nuisances `free` were fitted on `inside`."""
+    """(rows) residuals of the records `outside` after a fit of the nuisances `free` to the records
+    `inside`."""
     weight, prior = lin.prior
     matrix = np.vstack([*(lin.records[k].nuisance for k in inside), weight])
     right = np.concatenate([*(residuals[k] for k in inside), prior])

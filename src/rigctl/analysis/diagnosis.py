@@ -1,4 +1,4 @@
-"""Which physical effect is missing from a model, how sure that is, and what it cannot be told from."""
+"""Which physical effect is missing from a model, how certain that is, and with what it may be confused."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ from rigctl.model.validity import departures
 from rigctl.units import parse_unit
 
 _SHOWN = 12
-#: of an effect's signature, the share that an unrecorded input does as well
+#: share of an effect's signature that unrecorded inputs can reproduce, above which they hide it
 _MOSTLY = 0.5
 
 
@@ -65,15 +65,15 @@ def diagnose(
 
     Parameters
     ----------
-    hold_out: a condition that chooses records which nothing here sees.
-    only: a condition that chooses the records to look at.
-    most: effects in the largest set that is looked at: one or two.
-    excluded: effects of the library that are not to be looked at.
+    hold_out: a condition that selects the records to be held out; nothing here sees them.
+    only: a condition that selects the records to be used.
+    most: number of effects in the largest set that is tried: one or two.
+    excluded: effects of the library that are not to be considered.
 
     Raises
     ------
     RigctlError
-        as `rigctl.analysis.comparison.compare`; or the model has nothing to fit.
+        as `rigctl.analysis.comparison.compare`; or the model has no free parameters.
     """
     require_free_parameters(model)
     compared = compare(
@@ -170,10 +170,10 @@ def diagnose_comparison(
 
 
 def _laws(search: Search, best: RefittedSet, verdict: Verdict) -> tuple[LawAnswer, ...]:
-    """The laws of what is named, and of the effects that the model has.
+    """The laws of the named effects, and of the effects that the model has.
 
-    Where nothing is named and something is missing, it may be the law of an effect that is there: that is
-    said only where such a law takes nearly all of it away.
+    If something is missing and nothing is named, the law of an effect already in the model may be at fault:
+    such a law is reported only if it removes nearly all of the misfit.
     """
     if verdict is not Verdict.OUTSIDE_LIBRARY:
         return law_answers(search, best) if best.fit.problem.model.with_laws else ()
@@ -181,7 +181,7 @@ def _laws(search: Search, best: RefittedSet, verdict: Verdict) -> tuple[LawAnswe
 
 
 def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tuple[Search, RefittedSet]:
-    """The search and the best of its sets; once more where it shows that the noise or the fit was wrong."""
+    """The search and its best set; repeated if the refits show that the noise or the fit was wrong."""
     search = Search(before, before.whole, most=most, on_progress=on_progress)
     again = in_noise_of_the_leader(search)
     if again is not None:
@@ -195,16 +195,17 @@ def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tu
 
 
 def _nothing_seen(search: Search) -> bool:
-    """Whether the model agrees with the data, the laws of its effects bent within their tolerance."""
+    """Whether the model agrees with the data, within the shape tolerance of its effects' laws."""
     return search.before.adequate or search.start.adequacy.adequate
 
 
 def _sure_members(search: Search, best: RefittedSet) -> tuple[RefittedSet, list[Rival]]:
-    """The best set and its rivals, without a slight member that is not told from others.
+    """The best set and its rivals, without a small member that cannot be distinguished from other effects.
 
-    What little it explains beside the rest is left then, and said to be: it is not sure what it is. Laws of
-    one cause are not others. It stays where both leave nothing that the tests see: something is missing
-    beside the other then, and its class says what.
+    What little such a member explains beside the rest is then part of the remainder, and reported as such,
+    because its identity is uncertain. Laws of one cause do not count as other effects. The member stays if
+    the tests find nothing left with it: then something is missing beside the other member, and its class
+    says what it may be.
     """
     rivals = find_rivals(search, best)
     if len(best.candidates) < 2 or not search.excess(best):
@@ -235,8 +236,8 @@ def _verdict(
     if not best.candidates or not search.sure(best):
         return Verdict.OUTSIDE_LIBRARY
     if failed_checks(checks) and left is not None and len(best.candidates) > 1:
-        # several effects that neither explain all of it nor predict what they were not fitted on make up
-        # together for one that is not in the library
+        # several effects that neither explain all of the misfit nor predict records left out of their fit
+        # together imitate one that is not in the library
         return Verdict.OUTSIDE_LIBRARY
     if close or _against(search, best, checks, left):
         return Verdict.AMBIGUOUS
@@ -262,7 +263,7 @@ def _levels(
     laws: Sequence[LawAnswer],
     scatters: Sequence[SizeScatter],
 ) -> tuple[Levels, ...]:
-    """How far the answer goes, of each member of the best set."""
+    """How far the answer goes for each member of the best set: location, explanatory variable, law."""
     bent = search.evidence(best) - search.mbic(best) < -LEAST_DIFFERENCE
     effects = {name: search.effect(name) for names in classes for name in names}
     constant = {
@@ -287,13 +288,13 @@ def _levels(
 
 
 def _scatters(search: Search, best: RefittedSet) -> list[SizeScatter]:
-    """How the sizes of the members that nothing drives differ between records."""
+    """How the sizes of those members that depend on no state or input scatter between records."""
     found = [search.at(best).scatter(one.name) for one in best.candidates] if search.tolerance else []
     return [one for one in found if one is not None]
 
 
 def _shape_alone(search: Search) -> str:
-    """That no more is left than the laws of the model's effects may differ by; "" where it is not so."""
+    """That the misfit is within the shape tolerance of the model's effects; "" if it is not."""
     if search.before.adequate or not _nothing_seen(search):
         return ""
     return (
@@ -303,7 +304,7 @@ def _shape_alone(search: Search) -> str:
 
 
 def _shape_mostly(search: Search, best: RefittedSet) -> str:
-    """That a further effect explains hardly more than bent laws of the model's do; "" where it is not so."""
+    """That a further effect explains little beyond the shape tolerance of the model's; else ""."""
     if best.candidates or not search.bends_model or _nothing_seen(search):
         return ""
     paying = [one for one in search.trials.values() if search.mbic(one) < search.mbic(search.none)]
@@ -313,22 +314,22 @@ def _shape_mostly(search: Search, best: RefittedSet) -> str:
     explained = search.none.chi2 - nearest.chi2
     beyond = max(search.evidence(search.none) - search.evidence(nearest), 0.0) / explained
     return (
-        "Something is missing, and these data do not tell what. Most of it is within "
+        "Something is missing, but these data do not show what. Most of it is within "
         f"{share_text(SHAPE_TOLERANCE)} of the law of {_laws_of(search)}, which the bench need not follow "
         f"exactly; not all of it is. The nearest in the library is {' and '.join(nearest.effects)}, but only "
-        f"{share_text(beyond)} of what that explains is beyond what bent laws do"
+        f"{share_text(beyond)} of what that explains is more than such deviations explain"
     )
 
 
 def _laws_of(search: Search) -> str:
-    """The effects that the model has already, in words."""
+    """The effects already in the model, in words."""
     return " and ".join(search.before.fit.problem.model.with_laws)
 
 
 def _seen(search: Search, ranking: Sequence[Ranked]) -> Ranked | None:
-    """The refitted effect that explains most of what the scores alone see, and that does not pay for itself.
+    """The refitted effect with the lowest mBIC, where only the score test rejects and no set lowers mBIC.
 
-    None where another test rejects as well: what that sees no effect has explained.
+    None if another test rejects as well: no effect has explained what that test sees.
     """
     tests = search.before.adequacy.tests
     rejecting = {name for name, test in tests.items() if len(tests) * test.p_value < ALPHA}
@@ -338,21 +339,21 @@ def _seen(search: Search, ranking: Sequence[Ranked]) -> Ranked | None:
 
 
 def _ranking(search: Search, best: RefittedSet) -> list[Ranked]:
-    """Effects with their probabilities over all sets that were looked at, "none" among them."""
+    """Effects with their probabilities over all sets that were tried, the empty set among them."""
     trials = [search.none, *search.trials.values()]
     refitted = {trial.effects[0] for trial in trials if len(trial.effects) == 1}
     screened = [score for score in search.before.screening.scores if score.effect not in refitted]
     sets: dict[tuple[str, ...], float] = {}
-    for trial in trials:  # of several shapes of one set, the best counts
+    for trial in trials:  # if a set was fitted with several shapes, the best counts
         if len(trial.effects) > len(best.effects) > 0:
-            continue  # what it has beyond the best set explains no more than the shape of that may
+            continue  # what it explains beyond the best set, that set's shape tolerance may explain too
         key = tuple(sorted(trial.effects))
         sets[key] = min(sets.get(key, math.inf), search.mbic(trial))
     tried = search.before.linearisation.candidates
     for score in screened:
         price = search.price(tried[score.candidate])
         sets[(score.effect,)] = search.mbic(search.none) - search.promised(score) + price
-    # what is better than the best set is so by less than shapes may do, or it would be the best
+    # a set better than the best one is so by less than the shape tolerance allows, or it would be the best
     least = search.mbic(best)
     less = max(softened(search.none.chi2 - best.chi2), _factor(search, best))
     behind = {names: min(max(value - least, 0.0) / less, 1400.0) for names, value in sets.items()}
@@ -378,13 +379,13 @@ def _ranking(search: Search, best: RefittedSet) -> list[Ranked]:
 
 
 def _factor(search: Search, best: RefittedSet) -> float:
-    """By how much differences of mBIC count less: 1 where the best set leaves noise alone."""
+    """Factor by which differences of mBIC are reduced: 1 if the best set leaves only noise."""
     here = search.bent(best) if best.candidates else search.start
     return 1.0 if here.adequacy.agrees else variance_factor(best.fit)
 
 
 def _score_beside(search: Search, best: RefittedSet, name: str) -> Score:
-    """The score of a member of the best set that the model as it is shows nothing of: beside the others."""
+    """The score, beside the others, of a member of the best set that has none in the model as given."""
     (member,) = (one for one in best.candidates if one.name == name)
     projected = search.at(best).without(member)
     columns = range(len(member.columns))
@@ -395,7 +396,7 @@ def _score_beside(search: Search, best: RefittedSet, name: str) -> Score:
         candidate=indices[name],
         gain=gain,
         z=math.sqrt(gain),
-        p_value=1.0,  # on the model as it is
+        p_value=1.0,  # for the model as given
         amplitudes=best.amplitudes(member),
         kappa=float(min(projected.kappa[column] for column in columns)),
         hidden_in="",
@@ -411,7 +412,7 @@ def _ranked(search: Search, best: RefittedSet, score: Score, probability: float)
         if trial is None:
             amplitudes = search.alone_amplitudes(name) or score.amplitudes.tolist()
             parameters = _linear_parameters(candidate, amplitudes)
-        else:  # a member of the best set, the rest of which could not be fitted
+        else:  # a member of the best set whose other members could not be fitted without it
             (member,) = (one for one in trial.candidates if one.name == name)
             parameters = found_parameters(trial, member)
         difference = search.price(candidate) - search.promised(score)
@@ -439,7 +440,7 @@ def _ranked(search: Search, best: RefittedSet, score: Score, probability: float)
 
 
 def _trial_of(search: Search, best: RefittedSet, name: str) -> tuple[RefittedSet | None, RefittedSet | None]:
-    """The set in which an effect is judged, and the same without it: the best one where it is a member."""
+    """The set in which an effect is judged, and that set without it: the best set if it is a member."""
     if name in best.effects:
         rest = tuple(one for one in best.effects if one != name)
         others = [t for t in search.trials.values() if tuple(sorted(t.effects)) == tuple(sorted(rest))]
@@ -454,7 +455,7 @@ def _trial_of(search: Search, best: RefittedSet, name: str) -> tuple[RefittedSet
 
 
 def found_parameters(trial: RefittedSet, candidate: Candidate) -> dict[str, FoundParameter]:
-    """An effect's parameters as fitted, in the units they are shown in."""
+    """An effect's fitted parameters, in the units in which they are shown."""
     parameters = {}
     fitted = {unknown.name for unknown in trial.fit.problem.shared}
     refined = [name for name in _shapes(candidate) if name in fitted]
@@ -491,7 +492,7 @@ def _nrmse(trial: RefittedSet) -> float:
 
 
 def _check(search: Search, best: RefittedSet, candidate: Candidate) -> CrossValidation | None:
-    """The leave-out check of one member of the best set, at its fit."""
+    """Cross-validation of one member of the best set, at its fit."""
     here = search.at(best)
     lin = here.linearisation
     if len(lin.records) < 2:
@@ -518,7 +519,7 @@ def _with_check(ranked: Ranked, check: CrossValidation | None) -> Ranked:
 
 
 def _untestable(before: ModelComparison) -> list[tuple[str, str]]:
-    """Effects that show nothing here, and what would make them show."""
+    """Effects whose signature these data do not show, and what would make it visible."""
     by_name = {one.name: one.effect for one in before.linearisation.candidates}
     measured = set(before.fit.problem.measurements.outputs)
     reasons = []
@@ -534,7 +535,7 @@ def _untestable(before: ModelComparison) -> list[tuple[str, str]]:
 
 
 def _hidden_by_unrecorded(before: ModelComparison) -> list[tuple[str, str]]:
-    """Effects that do not show at their size, because an input that nobody recorded does most of the same."""
+    """Effects not detectable at their typical size because an unrecorded input can do most of the same."""
     fit, lin = before.fit, before.linearisation
     inputs = sorted({name for record in fit.problem.records for name in record.unrecorded})
     small = set(hidden_at_typical_size(before.projected)) if inputs else set()

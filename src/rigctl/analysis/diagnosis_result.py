@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Exclusion:
-    """An effect that cannot be what is missing, alone.
+    """An effect that cannot, by itself, be what is missing.
 
     Attributes
     ----------
-    reached: the share of the missing change that it makes at its best: 0 for none, below 0 for the wrong way;
-        `at_most` the largest at any size that was looked at, up to the largest that is usual.
-    only: the conditions at which it makes at least half of it; empty where at none or at all.
-    worse: by so many standard deviations it fits less well than the best does.
+    reached: the share of the missing change that it makes at its best fit: 0 for none, negative for the wrong
+        direction; `at_most` the largest share at any size tried, up to the largest usual one.
+    only: the conditions at which it makes at least half of the change; empty if at none or at all of them.
+    worse: by how many standard deviations it fits worse than the best effect.
     """
 
     effect: str
@@ -52,20 +52,20 @@ class Exclusion:
 
 
 class Verdict(StrEnum):
-    """What the data say of the model."""
+    """What the data say about the model."""
 
     ADEQUATE = "adequate"  #: the data show nothing that the model lacks
-    MISSING_EFFECT = "missing_effect"  #: one set of effects explains the misfit, and no other does as well
-    AMBIGUOUS = "ambiguous"  #: several effects explain it, and these data cannot tell which
+    MISSING_EFFECT = "missing_effect"  #: one set of effects explains the misfit, and no other does so as well
+    AMBIGUOUS = "ambiguous"  #: several effects explain it, and these data cannot distinguish them
     OUTSIDE_LIBRARY = "outside_library"  #: something is missing that no set of effects explains well enough
 
 
 @dataclass(frozen=True)
 class FoundParameter:
-    """A parameter of an effect as it was fitted, in the unit it is shown in.
+    """A fitted parameter of an effect, in the unit in which it is shown.
 
-    `std` is 0 where the fit ended at a bound of the parameter, and NaN where it is not known. `unusual` says
-    that the value lies beyond what is usual.
+    `std` is 0 if the fit ended at a bound of the parameter, and NaN if it is not known. `unusual` is True if
+    the value lies outside the parameter's usual range.
     """
 
     value: float
@@ -74,7 +74,7 @@ class FoundParameter:
     unusual: bool = False
 
     def __str__(self) -> str:
-        """As it is read, e.g. ``(4.00 ± 0.10)e-15 m^3``; a spread that is not known is left out."""
+        """As displayed, e.g. ``(4.00 ± 0.10)e-15 m^3``; an unknown standard deviation is left out."""
         return with_uncertainty(self.value, self.std, self.unit) + ("" if self.std else " at its bound")
 
 
@@ -84,14 +84,14 @@ class Ranked:
 
     Attributes
     ----------
-    probability: that it is among what is missing, given that one of the sets looked at is right.
-    score_p_value: family-wise, of the score test on the model as it is.
-    delta_bic: mBIC with it less without it; negative is better.
+    probability: that it is among the missing effects, given that one of the sets tried is right.
+    score_p_value: family-wise p-value of the score test on the model as given.
+    delta_bic: mBIC with it less mBIC without it; negative is better.
     kappa: the share of its signature that the fitted parameters cannot imitate.
-    hidden_in: the fitted parameter that imitates most of it; ``record`` where what each record has of its own
-        does so.
-    heldout_before, heldout_after: noise-normalised RMSE on what was left out; NaN where not looked at.
-    error_drop: the fall of the noise-normalised RMSE, as a share of it.
+    hidden_in: the fitted parameter that imitates most of it; ``record`` if the record-level nuisance
+        parameters imitate most of it.
+    heldout_before, heldout_after: noise-normalised RMSE in cross-validation; NaN if not computed.
+    error_drop: relative decrease of the noise-normalised RMSE.
     size: λ, in sigmas of the data.
     """
 
@@ -134,11 +134,11 @@ class Ranked:
 
 @dataclass(frozen=True)
 class Drift:
-    """How a fitted parameter changed with the effects found; in the unit it is shown in.
+    """How a fitted parameter changed when the effects were added; in the unit in which it is shown.
 
     Attributes
     ----------
-    before_std, after_std: standard deviations of the two; 0 at a bound, NaN where not known.
+    before_std, after_std: standard deviations of the two values; 0 at a bound, NaN if not known.
     """
 
     parameter: str
@@ -151,33 +151,33 @@ class Drift:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The verdict and everything that speaks for and against it.
+    """The verdict, and all the evidence for and against it.
 
     Attributes
     ----------
-    verdict, effects: what is missing: the most probable set, empty when nothing is.
-    classes: groups of names that these data cannot tell apart; each holds one of `effects`.
-    indistinguishable: pairs of such names.
-    ranking: the most probable first.
-    untestable: effects that are not testable with these data, with what would make them so.
-    drift: of the fitted parameters.
-    slot: the equation that wants a term most, "" when none does.
-    statement: in words; `evidence` a sentence each for and against.
-    before: the model as it is; after: with `effects`, the same when there are none.
-    best: the trial of `effects`.
+    verdict, effects: what is missing: the most probable set, empty if nothing is.
+    classes: groups of effects that these data cannot distinguish; each holds one of `effects`.
+    indistinguishable: pairs of such effects.
+    ranking: effects by probability, the most probable first.
+    untestable: effects that these data cannot test, with what would make them testable.
+    drift: changes of the fitted parameters.
+    slot: the equation with the most evidence for a missing term, "" if there is none.
+    statement: the verdict in words; `evidence` one sentence each for and against.
+    before: the model as given.
+    best: the fit with `effects`.
     trials: every set that was refitted.
-    remainder: what the best set leaves; None where the tests find nothing any more, or there is no set.
-    doubt: why these data cannot tell whether anything is missing, of `OUTSIDE_LIBRARY`, and of `ADEQUATE`
-        where a test rejects a model whose error is below the noise; "" where they can.
-    excluded: of a table, effects that alone cannot be what is missing; `excluded_because` in sentences.
-    next_steps: of a table, what to measure next.
-    levels: of each of `effects`, how far the answer goes: its place, what drives it, its law.
-    laws: of each of `effects`, and of those that the model had, the law that the data ask for.
+    remainder: what the best set leaves; None if the tests find nothing any more, or there is no set.
+    doubt: why these data cannot tell whether anything is missing: for `OUTSIDE_LIBRARY`, and for `ADEQUATE`
+        if a test rejects a model whose error is below the noise; "" if they can.
+    excluded: for a table, effects that cannot by themselves be what is missing; `excluded_because` in words.
+    next_steps: for a table, what to measure next.
+    levels: for each of `effects`, how far the answer goes: its location, its explanatory variables, its law.
+    laws: for each of `effects`, and for those already in the model, the law that the data ask for.
     outside: where the model with `effects` leaves the ranges over which their laws were learned.
-    next_experiment: what to measure next, as a program reads it; None where nobody asked, or nothing is left.
-    bootstrap: intervals of the parameters of the model with `effects`; None where nobody asked.
-    unconfirmed: those of `effects` that do not predict what they were not fitted on, where nothing else
-        speaks against them: more records may settle it.
+    next_experiment: what to measure next, machine-readable; None if not requested, or nothing is left.
+    bootstrap: intervals of the parameters of the model with `effects`; None if not requested.
+    unconfirmed: those of `effects` that failed cross-validation, if nothing else speaks against them: more
+        records may settle it.
     """
 
     runs: tuple[str, ...]
@@ -212,7 +212,7 @@ class Diagnosis:
 
     @property
     def title(self) -> str:
-        """The verdict in a few words."""
+        """The verdict as a short title."""
         if self.verdict is Verdict.MISSING_EFFECT and len(self.effects) > 1:
             return f"{len(self.effects)} effects are missing"
         if self.doubt:
@@ -226,14 +226,14 @@ class Diagnosis:
 
     @property
     def remainder_text(self) -> str:
-        """What is left, in words, where the statement does not say it already; else ""."""
+        """The remainder in words if the statement does not include it already; else ""."""
         if self.remainder is None or self.verdict is not Verdict.OUTSIDE_LIBRARY:
             return ""
         return self.remainder.statement
 
     @property
     def further_evidence(self) -> tuple[str, ...]:
-        """The evidence that the statement has not said already."""
+        """The evidence that the statement does not include already."""
         said = self.statement.casefold()
         sentences = [one.partition(": ")[2] or one for one in self.evidence]
         return tuple(

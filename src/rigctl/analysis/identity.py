@@ -1,12 +1,13 @@
-"""How far an answer goes: where something is missing, what drives it, and by which law.
+"""How far an answer goes: where something is missing, on which variables it depends, and by which law.
 
-A level is claimed only where every effect that these data allow agrees on it. Two effects at one place with
-one driver are laws of one answer: dry friction and Stribeck's, a leak through a gap and through an orifice.
+A level is claimed only if every effect that these data allow agrees on it. Two effects at one slot with the
+same explanatory variables are laws of one answer: Coulomb and Stribeck friction, leakage through a gap and
+through an orifice.
 
-What is missing need not be in the library, so what the answer leaves speaks too: a law that leaves anything
-is not the law, a constant that leaves anything may be none, a term that the data want constant is not driven
-by what its effect says, and several effects beside which something is wanted where none of them acts may only
-resemble what is missing.
+What is missing need not be in the library, so the remainder counts too: a law that leaves anything is not the
+right law; a constant that leaves anything may not be one; a term that the data require to be constant does
+not depend on the variables of its effect; and several effects that leave something at a slot where none of
+them acts may only resemble what is missing.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ class Levels:
     Attributes
     ----------
     effect: the most probable effect.
-    place: its slots; `place_sure` where every effect that it is not told from acts there.
-    driver: the states and inputs that it depends on; `driver_sure` where all of these depend on the same.
-    law_sure: where it is told from all others, and the data ask for all of it and for no other shape.
+    place: its slots; `place_sure` if every effect that cannot be distinguished from it acts there.
+    driver: the states and inputs on which it depends; `driver_sure` if all of these depend on the same ones.
+    law_sure: whether it is distinguished from all others, and the data ask for all of it and no other shape.
     """
 
     effect: str
@@ -50,21 +51,19 @@ class Levels:
 
     @property
     def statement(self) -> str:
-        """What is sure where the law is not, in words; "" where the law is sure, or nothing."""
+        """What is certain if the law is not, in words; "" if the law is certain, or nothing is."""
         if self.law_sure or not self.place_sure:
             return ""
         where = " and ".join(self.place)
         if not self.driver_sure:
-            return f"Sure is where: a term at {where}; not what it depends on"
+            return f"Certain is the location, a term at {where}, but not what it depends on"
         if not self.driver:
-            return f"Sure is where: a constant term at {where}; not its law"
-        return (
-            f"Sure are the place and what it depends on: a term at {where} over {' and '.join(self.driver)}"
-        )
+            return f"Certain is the location, a constant term at {where}, but not its law"
+        return f"Certain are the location and variables: a term at {where} over {' and '.join(self.driver)}"
 
 
 def same_cause(one: Effect, other: Effect) -> bool:
-    """Whether two effects are laws of one answer: at the same place, over the same variables."""
+    """Whether two effects are laws of one answer: at the same slots, over the same variables."""
     return set(one.slots) == set(other.slots) and driver_variables(one) == driver_variables(other)
 
 
@@ -89,15 +88,15 @@ def levels_of(
 
     Parameters
     ----------
-    classes: of each member, itself and the effects that it is not told from.
+    classes: for each member, itself and the effects that are not distinguished from it.
     effects: all of these by name.
-    sure: whether anything is: the set is the right one by what it leaves and by what it predicts.
-    bent: of each member, whether the data ask for another shape of its law.
-    spare: members in whose place a simpler law, which they hold as a limit, does as well.
-    whole: nothing is left that these data show.
-    constant: of members, the drivers with which the data want their terms not to change.
-    steady: members without a driver that leave no more than their sizes scatter from record to record.
-    varying: members without a driver whose sizes follow the operating point.
+    sure: whether anything is: what the set leaves and predicts shows that it is the right one.
+    bent: for each member, whether the data require another shape of its law.
+    spare: members that a simpler law, a limiting case of theirs, could replace.
+    whole: the data show nothing more.
+    constant: for members, the variables on which, by the data, their terms do not depend.
+    steady: members without explanatory variables that leave no more than their scatter between records.
+    varying: members without explanatory variables whose sizes follow the operating point.
     """
     levels = []
     for names in classes:

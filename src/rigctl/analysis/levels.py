@@ -1,7 +1,12 @@
-"""The levels, cut-offs and margins that a verdict is reached with, each with its meaning.
+"""The levels, thresholds and margins on which verdicts rest, each with what is compared with what.
 
-A number that decides stands here; what only says how something is computed (tolerances of a fit, sizes of a
-grid) stands where it is computed. Quantiles follow from `ALPHA`; sentences are formatted from these numbers.
+Every number that decides is defined here; numbers that only set how something is computed (tolerances of a
+fit, sizes of a grid) are defined where it is computed. Quantiles follow from `ALPHA`, and sentences are
+formatted from these numbers.
+
+χ² is the sum of squares of the whitened residuals. An effect *explains* the increase of χ² without it; "mBIC"
+is `rigctl.analysis.mbic.mbic`. "Within the shape tolerance" means with a discrepancy of the law, of standard
+deviation `SHAPE_TOLERANCE`, integrated out (`rigctl.analysis.laws.shape_tolerance`).
 """
 
 from __future__ import annotations
@@ -10,76 +15,90 @@ import math
 from statistics import NormalDist
 from typing import Final
 
-#: the chance of calling a right model wrong, and of calling one of two effects the right one by mistake
+#: probability of rejecting a right model, and of preferring the wrong one of two effects
 ALPHA: Final = 0.01
-#: standard normal quantile that chance exceeds with probability `ALPHA`
+#: standard normal quantile that is exceeded by chance with probability `ALPHA`
 QUANTILE: Final = round(NormalDist().inv_cdf(1.0 - ALPHA), 2)
 
 # --- does the model agree?
-#: an error of less than this share of the noise is below it, whatever the fitted unknowns took up
+#: ratio of a channel's RMS error to its noise: below it in every channel, the noise was overestimated,
+#: whatever the fitted unknowns absorbed
 BELOW_NOISE: Final = 0.9
-#: sigmas at which an effect stands out of a library of 12 at `ALPHA` in four cases of five, of 50 in seven
-#: of ten: below it is no wonder that it was not seen
+#: size, in sigmas, at which an effect is detected at `ALPHA` with probability 0.8 in a library of 12 effects
+#: and 0.7 in one of 50; a smaller effect may well be present and go undetected
 SEEN_IN_LIBRARY: Final = 4.5
-#: what the tests may leave unseen, in χ²: `SEEN_IN_LIBRARY` sigmas of the best score
+#: χ² that an effect may contribute without any test detecting it: the square of `SEEN_IN_LIBRARY`, rounded
 UNSEEN: Final = 20.0
 
 # --- which effect is it?
-#: least separation d at which the right one of two effects wins with probability 1 − `ALPHA`
+#: smallest separation d of two effects that counts as distinguishable: the right one wins with probability
+#: Φ(d), here 1 − `ALPHA`
 LEAST_SEPARATION: Final = QUANTILE
-#: odds at which one of two sets of effects is preferred, and the difference of mBIC that stands for them
+#: odds at which one of two sets of effects is preferred to the other, and the difference of mBIC equal to
+#: them
 ODDS: Final = round(1.0 / ALPHA)
 LEAST_DIFFERENCE: Final = round(2.0 * math.log(ODDS), 1)
-#: no model has a bench's exact shape: two effects that differ by less than this share of an effect's size are
-#: alike, however small the noise is
+#: no model has a bench's exact law: two effects whose predictions differ by less than this share of the
+#: effect's size (its square, in χ²) are indistinguishable, however small the noise is
 TOLERANCE: Final = 0.1
-#: standard deviations within which a parameter is not told from the value at which its effect is another one
+#: a parameter closer than this many standard deviations to a limiting value, at which its effect becomes
+#: another effect (or does nothing), is not distinguished from it
 AT_LIMIT: Final = 2.0
-#: twice the standard deviation of a separation that is read from refits
+#: subtracted from a separation d that was computed from refits: twice its standard deviation of 1/2
 REFIT_SCATTER: Final = 1.0
-#: rivals whose signatures are more alike than this are refitted, and worth a word
+#: cosine of two signatures above which they may be confounded: the rival is refitted, and named in the answer
 ALIKE: Final = 0.5
-#: but not those that the signatures separate by more than this: no refit brings them back
+#: a rival is not refitted if the signatures separate it by d of more than `FAR` ...
 FAR: Final = 3.0 * LEAST_SEPARATION
-#: nor, of a large effect, by more than this share of its size: slopes say no more than that of it
+#: ... and by more than `FAR_SHARE` of the effect's size λ: of a large effect the linearisation is no more
+#: accurate than that
 FAR_SHARE: Final = 0.2
 
 # --- in which shape?
-#: standard deviation by which the law of a library effect may be bent over what drives it
+#: standard deviation of the relative model discrepancy of a library effect's law, over its explanatory
+#: variables
 SHAPE_TOLERANCE: Final = 0.1
-#: a rival that leaves more than this share of what an effect explains is not bent to it
+#: a rival that leaves more than this share of what the named effect explains is compared by mBIC alone: no
+#: discrepancy of its law could make up for so much
 BENDS: Final = 0.5
-#: nor is one the right effect in another shape that leaves more than this share, its law bent
+#: difference in mBIC, as a share of what the named effect explains, below which a rival may only be standing
+#: in for an effect that neither law describes; and the share of the misfit above which a formula does so
 STAND_IN: Final = 0.18
 
 # --- is it all?
-#: the share of a squared misfit that an effect of the right cause may leave with its law bent as far as
-#: `SHAPE_TOLERANCE` goes; of a table, whose few rows could follow any bend, with its law as it is
+#: share of the squared misfit that an effect of the right cause may leave: within the shape tolerance of its
+#: law; and for a table, whose few rows any discrepancy could follow, with its law exactly as declared
 SHAPE: Final = 0.05
 SHAPE_OF_ROWS: Final = 0.03
-#: a member of a pair that explains less than this share of what both explain may be the shape of the other
+#: a member of a set that explains less than this share of what the whole set explains may be an artefact of
+#: the shape of another member's law
 SLIGHT: Final = 0.15
-#: nor is one named of which the bent laws of the others explain more than this share
+#: such a small member is kept only if at least this share of what it explains remains unexplained by the
+#: others within their shape tolerance
 BEYOND_SHAPE: Final = 0.5
-#: nor, beside effects that the model has already, one of which their bent laws leave less than this share:
-#: dry friction beside a leak of three times its size keeps 0.3, the heat capacity of a real board's walls
-#: beside three other effects 0.11, what only followed a leak's shape 0.02
+#: an effect beside those that the model already has is kept only if at least this share of what it explains
+#: remains unexplained by them within their shape tolerance: dry friction beside a leak of three times its
+#: size keeps 0.3, the heat capacity of a real board's walls beside three other effects 0.11, an effect that
+#: only followed the shape of a leak's law 0.02
 BEYOND_LAWS: Final = 0.05
-#: but not one beside which less than this share stays of what it explains, with what the tests do not see
+#: a small member is kept only if what the set still leaves, plus `UNSEEN`, is less than this share of what
+#: the member explains
 WHOLE: Final = 0.1
-#: a set of another size must be better by this to be looked at, in χ²
+#: least reduction of χ², by the linearised model, for which a set with another member or members is refitted
 WORTH: Final = 6.0
-#: a change of what is left over an operating variable that is no chance, in standard deviations
+#: least change of the remaining misfit over an operating variable, in standard deviations, that is reported
 REMAINDER_TREND: Final = 5.0
 
 # --- does it predict what it was not fitted to?
-#: so many standard deviations of all gains together are no chance, each record standing in several folds
+#: the summed gain of all folds must exceed this many of its standard deviations; more than 2, as each record
+#: is left out in several folds
 FOLDS_GAIN: Final = 3.0
-#: a fold that loses by more of its own standard deviations than this was predicted wrongly
+#: a fold whose gain is below this many of its standard deviations was predicted wrongly
 FOLD_LOSS: Final = -3.0
-#: an effect that is not larger than this in the records that are left, in sigmas, has no size there
+#: a fold counts only if the effect's size in the remaining records, in sigmas, exceeds this: otherwise they
+#: do not determine it
 FOLD_SEEN: Final = 2.0
 
 # --- has it changed over many runs?
-#: the chance that a survey of runs in which nothing changes names a change of any of its quantities
+#: probability that a survey of runs in which nothing changed reports a change of any of its quantities
 SURVEY_ALPHA: Final = ALPHA

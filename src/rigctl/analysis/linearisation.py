@@ -1,11 +1,11 @@
-"""One linearisation of a fitted model, which every test and verdict reads.
+"""One linearisation of a fitted model, on which every test and verdict is based.
 
     r = W(y − f(θ̂)),   J = W ∂f/∂θ,   S = W ∂f/∂φ at φ = null
 
-with the records' own unknowns already projected off, priors as further rows, and each record reduced to a
-triangle with the same inner products: what follows costs the same for long records as for short ones.
+with the record-level unknowns already projected off, priors as further rows, and each record reduced to a
+triangle with the same inner products, so that later computations cost the same for long and short records.
 
-With it goes where each residual lies (its phase and channel), and which shared unknowns can take up a misfit.
+It also holds the phase and channel of each residual, and the shared unknowns that can absorb a misfit.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Regions:
-    """Phase × channel, over all records.
+    """The combinations of phase and channel, over all records.
 
     Attributes
     ----------
     labels: (phase, channel) of each column.
-    conditions: (records, variables) the records' operating points, each variable from -1 to 1.
+    conditions: (records, variables) the records' operating points, each variable scaled to −1 … 1.
     variables: names of these variables.
-    groups: (records) number of each record's condition.
+    groups: (records) index of each record's condition.
     """
 
     labels: tuple[tuple[str, str], ...]
@@ -49,7 +49,7 @@ class Regions:
     _channels: int = 0
 
     def of_record(self, k: int, rows: NDArray[np.intp]) -> Floats:
-        """(rows, columns): the unit vector of each region: ``EᵀW e`` is its residuals' sum over √n."""
+        """(rows, columns) the unit vector of each region: ``EᵀW e`` is the sum of its residuals over √n."""
         region = self._phase[k][rows[:, 0]] * self._channels + rows[:, 1]
         columns = (region[:, None] == np.arange(len(self.labels))[None, :]).astype(float)
         lengths = np.sqrt(columns.sum(axis=0))
@@ -66,7 +66,7 @@ def make_regions(problem: Problem) -> Regions:
     """The regions of a problem's records."""
     records, outputs = problem.records, problem.measurements.outputs
     phases = tuple(dict.fromkeys(name for record in records for name in record.phases))
-    if len(phases) > _MOST_PHASES:  # a table, each row its own stretch
+    if len(phases) > _MOST_PHASES:  # a table, each row of which is a phase
         phases = ("all",)
     index = {name: k for k, name in enumerate(phases)}
     phase_of = tuple(
@@ -84,9 +84,9 @@ def make_regions(problem: Problem) -> Regions:
     )
 
 
-#: so near a bound, as a share of the distance of the two, an unknown counts as held there
+#: an unknown closer to a bound than this share of the distance between its bounds counts as held there
 _AT_BOUND = 1e-6
-#: sigmas by which it has to push outwards
+#: least outward push, in sigmas, for it to count as held
 _PUSHED = 3.0
 _MOST_PHASES = 24
 _MOST_VARIABLES = 3
@@ -107,10 +107,10 @@ def _conditions(problem: Problem) -> tuple[tuple[str, ...], Floats]:
 
 
 def quiet_columns(problem: Problem, k: int, outputs: Floats) -> Floats | None:
-    """(n, channels, columns) one for each phase in which a coarsely converted channel does not move.
+    """(n, channels, columns) one column for each phase in which a coarsely quantised channel is constant.
 
-    There the converter's error does not average out: all readings share a part of it, with the standard
-    deviation `ChannelNoise.bias`.
+    In such a phase the quantisation error does not average out: all readings share a part of it, with the
+    standard deviation `ChannelNoise.bias`.
     """
     record, columns = problem.records[k], []
     for c, channel in enumerate(problem.noise.channels):
@@ -126,9 +126,9 @@ def quiet_columns(problem: Problem, k: int, outputs: Floats) -> Floats | None:
 
 
 def free_unknowns(fit: FitResult) -> list[Unknown]:
-    """The shared unknowns that the fit could still move: not those that it left at a bound.
+    """The shared unknowns that the fit could still move, i.e. that it did not leave at a bound.
 
-    A model that was taken as it is moves nothing.
+    A model that was evaluated without a fit has none.
     """
     if fit.solution is None:
         return []
@@ -139,7 +139,7 @@ def free_unknowns(fit: FitResult) -> list[Unknown]:
 class RecordTriangle:
     """One record: rows that keep every inner product of (J, S, E, r) after projection.
 
-    `count` is the number of degrees of freedom that were left: readings and priors less own unknowns.
+    `count` is the number of degrees of freedom left: readings and priors less the record's own unknowns.
     """
 
     nuisance: Floats
@@ -155,15 +155,15 @@ class Linearisation:
 
     Attributes
     ----------
-    fit: where.
+    fit: the fit at which it is linearised.
     candidates: the effects that were tried, each at each of its shapes.
-    starts: of each candidate, the place of its first column of S.
+    starts: for each candidate, the index of its first column of S.
     nuisances: names of J's columns: the shared unknowns that the fit could move.
-    regions: what E's columns are: phase and channel.
-    records: the triangles, of the fitted records in order.
-    full_lengths: (S columns) lengths of the whitened columns before anything is projected off.
+    regions: the phase and channel of each column of E.
+    records: the triangles of the fitted records, in order.
+    full_lengths: (S columns) lengths of the whitened columns before any projection.
     prior: rows (J, r) of the shared unknowns' priors.
-    shapes: names of S's last columns, which belong to no candidate: what bends the laws of effects.
+    shapes: names of S's last columns, which belong to no candidate: the discrepancies of effects' laws.
     """
 
     fit: FitResult = field(repr=False)
@@ -183,10 +183,11 @@ class Linearisation:
     def rearranged(
         self, fitted: Sequence[int], kept: Sequence[int], tolerance: float = 0.0, *, shaped: bool = False
     ) -> Linearisation:
-        """The same point, the candidates at `fitted` among the nuisances, and of the rest those at `kept`.
+        """The same point with the candidates at `fitted` among the nuisances, and of the rest those at
+        `kept`.
 
-        A parameter that the fit left at its bound is no nuisance. Shapes are nuisances with a normal prior,
-        of which `tolerance` is the standard deviation; at 0 they are left out, or stay with `shaped`.
+        A parameter that the fit left at its bound is no nuisance. Shapes become nuisances with a normal prior
+        of standard deviation `tolerance`; at 0 they are left out, or kept in S with `shaped`.
         """
         moved = [
             (self.starts[index] + k, name)
@@ -238,10 +239,11 @@ def linearise(
     shapes: tuple[Sequence[str], Sequence[Floats]] = ((), ()),
     free: Sequence[Unknown] | None = None,
 ) -> Linearisation:
-    """Linearise `fit` on its fitted records; `problem` has the same data with the whole library at its null.
+    """Linearise `fit` on its fitted records; `problem` has the same data and the whole library at its null.
 
-    `shapes` are names and (n, channels, columns) of each fitted record: further columns, with a prior. `free`
-    are those of the fit's shared unknowns that become nuisances: when left out, all that it could still move.
+    `shapes` are names and (n, channels, columns) for each fitted record: further columns, with a prior.
+    `free` are those of the fit's shared unknowns that become nuisances; by default all that it could
+    still move.
 
     Raises
     ------
@@ -279,7 +281,7 @@ def linearise(
 
 @dataclass(frozen=True)
 class _Triangles:
-    """What of a linearisation is kept from one command to the next: `squares` of the columns' lengths."""
+    """The part of a linearisation that is kept between commands; `squares` of the columns' lengths."""
 
     records: tuple[RecordTriangle, ...]
     squares: Floats
@@ -311,7 +313,7 @@ def _triangles(
 
 @dataclass(frozen=True)
 class Slopes:
-    """(n, channels, columns) of each record: nuisances, candidates' columns, and own unknowns by name."""
+    """(n, channels, columns) for each record: nuisances, candidates' columns, and own unknowns by name."""
 
     nuisance: list[Floats]
     signatures: list[Floats]
@@ -327,7 +329,7 @@ def slopes_at(
 ) -> Slopes:
     """Derivatives of the records of `problem` at `fit`, by the unknowns `free`, the candidates and their own.
 
-    Simulates once with every column, and once more for each further choice of shapes and each size.
+    Simulates once with every column, and once more for each further choice of shapes and each finite size.
     """
     base = base_at(problem, fit)
     at = problem.with_shared((), base)
@@ -355,7 +357,7 @@ def slopes_at(
 
 
 def base_at(problem: Problem, fit: FitResult) -> Floats:
-    """The superset's parameters at the fitted point; what the fitted system does not have is at its null."""
+    """The superset's parameters at the fitted point; those that the fitted system lacks are at their null."""
     indices = {name: k for k, name in enumerate(problem.compiled.system.parameter_names)}
     base = problem.base.copy()
     for name, value in zip(fit.problem.compiled.system.parameter_names, fit.problem.base, strict=True):
@@ -369,7 +371,7 @@ def base_at(problem: Problem, fit: FitResult) -> Floats:
 def _shaped(
     problem: Problem, base: Floats, chosen: Sequence[Candidate], local: Sequence[Floats]
 ) -> dict[int, list[Floats]]:
-    """Columns at other shapes; candidates whose shapes do not meet share a simulation."""
+    """Columns at other shapes; candidates of different effects share a simulation."""
     names = problem.compiled.system.parameter_names
     rounds: list[dict[int, Candidate]] = []
     for index, one in enumerate(chosen):
@@ -401,9 +403,9 @@ def _sized(
     local: Sequence[Floats],
     here: Sequence[Floats],
 ) -> dict[int, list[Floats]]:
-    """Of the candidates looked at at a size a: the secant ``(f(a) − f(φ))/(a − φ)`` in the slope's place.
+    """For the candidates evaluated at a size a: the secant ``(f(a) − f(φ))/(a − φ)`` instead of the slope.
 
-    `here` are the outputs f(φ) at the point itself, where the effect is off, or of its fitted size.
+    `here` are the outputs f(φ) at the point itself, where the effect is off or has its fitted size.
     """
     names = problem.compiled.system.parameter_names
     result: dict[int, list[Floats]] = {}
@@ -429,10 +431,10 @@ def _sized(
 def _record(
     problem: Problem, regions: Regions, first: int, slopes: Slopes, here: tuple[int, Floats, Floats]
 ) -> tuple[RecordTriangle, Floats]:
-    """Whiten a record, project its own unknowns off, and reduce what is left to a triangle.
+    """Whiten a record, project its own unknowns off, and reduce the rest to a triangle.
 
-    `problem` begins with the record at `first` of those of `regions`; `here` are the record's place, its own
-    unknowns and its outputs.
+    `problem` starts with the record that has index `first` in `regions`; `here` are the record's index in
+    `problem`, its own unknowns and its outputs.
     """
     k, local, outputs = here
     whitener, record, ok = problem.whiteners[k], problem.records[k], problem.ok[k]
@@ -463,13 +465,13 @@ def _record(
 def record_local_rows(
     problem: Problem, k: int, slopes: Slopes, local: Floats, outputs: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """What a record's own unknowns can do to its whitened rows, below which their priors' rows stand.
+    """The directions of a record's own unknowns in its whitened rows, followed by the rows of their priors.
 
-    Not those that a bound holds (see `_held`): of these the fit says what they can do.
+    Unknowns held by a bound (see `_held`) are left out: what they contribute is given by the fit.
 
     Returns
     -------
-    (rows + unknowns, directions) orthonormal; (unknowns) weights of the priors, 0 where there is none; and
+    (rows + unknowns, directions) orthonormal; (unknowns) weights of the priors, 0 if there is none; and
     the priors' residuals.
     """
     whitener = problem.whiteners[k]
@@ -496,11 +498,11 @@ def record_local_rows(
 def _held(
     problem: Problem, k: int, local: Floats, outputs: Floats, columns: Floats, pull: Floats
 ) -> NDArray[np.bool_]:
-    """(unknowns) which of a record's own are at a bound and would leave it by more than chance.
+    """(unknowns) which of a record's own are at a bound and would leave it significantly.
 
-    At the end of a fit ``cᵀr``, with the prior's pull, is zero for one that is free and points outwards
-    for one that is held; ``(cᵀr/‖c‖)²`` is what χ² would fall by. Little of that is chance, and then the
-    unknown is left in: what it can do inside its bounds, no effect is to be named for.
+    At the end of a fit ``cᵀr``, with the prior's pull, is zero for a free unknown and points outwards for one
+    that is held; ``(cᵀr/‖c‖)²`` is the possible reduction of χ². If that is small it may be chance, and the
+    unknown counts as free: no effect is to be named for what it can do within its bounds.
     """
     unknowns = [one.unknown for one in problem.local[k]]
     lower, upper = (np.array([getattr(one, side) for one in unknowns]) for side in ("lower", "upper"))
@@ -516,7 +518,7 @@ def _held(
 
 
 def _range(matrix: Floats) -> Floats:
-    """Orthonormal columns that span the columns of `matrix`, each scaled to length one first."""
+    """Orthonormal columns that span the columns of `matrix`, after scaling each to unit length."""
     lengths = np.linalg.norm(matrix, axis=0)
     scaled = matrix[:, lengths > 0.0] / lengths[lengths > 0.0]
     if not scaled.shape[1]:

@@ -2,9 +2,9 @@
 
     r = J·θ + B·a + e,   e ~ N(0, 1),   a_c = Σ_f φ_f(c)·α_f + δ_c,   α ~ N(0, v), δ ~ N(0, u)
 
-c numbers the records. The logarithm of the likelihood of r relative to u = v = 0, θ having a flat prior where
-none is given, is averaged over a grid of u and v: restricted likelihood and Woodbury's identity on normal
-matrices, so that its cost does not depend on the number of samples.
+c is the index of the record. The log-likelihood of r relative to u = v = 0, with a flat prior for θ unless
+one is given, is averaged over a grid of u and v. It is a restricted likelihood, computed by Woodbury's
+identity on normal matrices, so that its cost does not depend on the number of samples.
 
 Source: Patterson & Thompson, Biometrika 58 (1971) 545; Rasmussen & Williams, Gaussian Processes for Machine
 Learning (2006), chapters 2 and 5.
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-#: sizes λ of the component in the data, in sigmas, that u and v are taken from
+#: grids of the component's size λ in the data, in sigmas, for u and for v
 _OWN = (0.0, 8.0, 64.0, 512.0, 4096.0)
 _SHARED = (0.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0, 16384.0)
 
@@ -56,11 +56,9 @@ class Component:
 class Evidence:
     """The answer of `evidence`.
 
-    Attributes
-    ----------
-    log_evidence: mean likelihood over the grid, relative to no component, its logarithm.
-    explained: fall of χ² at the most likely u and v.
-    amplitudes: (records, k) a there, by its posterior mean.
+    log_evidence: logarithm of the mean likelihood over the grid, relative to no component.
+    explained: reduction of χ² at the most likely u and v.
+    amplitudes: (records, k) posterior mean of a at these.
     """
 
     log_evidence: float
@@ -70,7 +68,7 @@ class Evidence:
 
 @dataclass(frozen=True)
 class _RecordLocal:
-    """The problem with δ integrated out at one u: what θ and α still see."""
+    """The problem with δ integrated out at one u, in terms of θ and α."""
 
     log_likelihood: float
     theta: Floats
@@ -81,7 +79,7 @@ class _RecordLocal:
 
 
 def evidence(component: Component, normal: Normal, features: Floats) -> Evidence:
-    """`features` (records, f) are φ; none where only δ is looked for."""
+    """Evidence of a component; `features` (records, f) are φ, with f = 0 if only δ is estimated."""
     values, vectors = np.linalg.eigh(component.square)
     values = np.maximum(values, 0.0)
     turned = Component(
@@ -173,7 +171,7 @@ def _amplitudes(
     features: Floats,
     v: float,
 ) -> Floats:
-    """Posterior mean of a, with θ at its own."""
+    """Posterior mean of a, with θ at its posterior mean."""
     k = component.gradient.shape[1]
     slope, _ = record_local.gradient
     alpha = np.zeros(features.shape[1] * k)
@@ -187,7 +185,7 @@ def _amplitudes(
 
 
 def _explained(component: Component, normal: Normal, amplitudes: Floats) -> float:
-    """Fall of χ² by B·a, the unknowns being fitted before and after."""
+    """Reduction of χ² by B·a, with the unknowns fitted before and after."""
     left = normal.gradient - np.einsum("ckp,ck->p", component.cross, amplitudes)
     square = np.einsum("ck,ckl,cl->", amplitudes, component.square, amplitudes, optimize=True)
     fall = 2.0 * float((amplitudes * component.gradient).sum()) - float(square)

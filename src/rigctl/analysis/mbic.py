@@ -1,4 +1,4 @@
-"""The price of an effect: Schwarz's criterion, modified for a search through a library."""
+"""The penalty for an effect: Schwarz's criterion, modified for a search through a library."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import math
 def mbic(chi2: float, parameters: int, effects: int, samples: float, library: int) -> float:
     """``χ² + parameters·ln N_eff + 2·effects·ln K``; with `chi2` of zero, the penalty alone.
 
-    The last term pays for having chosen among K effects.
+    The last term accounts for the choice among K effects.
 
     Parameters
     ----------
-    chi2: squared error in units of the noise.
-    parameters: free parameters of the effects.
-    effects: how many were chosen.
+    chi2: sum of squared residuals in units of the noise.
+    parameters: number of free parameters of the effects.
+    effects: number of effects in the set.
     samples: N_eff, the effective number of independent readings.
-    library: K, how many could have been chosen; at least 2 is counted.
+    library: K, the number of effects that could have been chosen; counted as at least 2.
 
     Source: M. Bogdan, J. K. Ghosh, R. W. Doerge, Genetics 167 (2004) 989.
     """

@@ -14,11 +14,11 @@ from rigctl.noise import Source
 
 Floats = NDArray[np.float64]
 
-#: a signature of which less than this share is left has no direction of its own
+#: a signature of which less than this share is left after projection is not testable
 HIDDEN = 1e-3
 _RANK = 1e-8
-#: degrees of freedom that a guess of the noise is worth, by where it comes from: a rig file's number is good
-#: to a quarter, a share of the readings to a half
+#: degrees of freedom attributed to a guessed noise, by its source: a number in a rig file is good to a
+#: quarter, a share of the readings to a half
 _WORTH: dict[Source, int] = {
     "rig": 8,
     "quiet": 4,
@@ -27,25 +27,25 @@ _WORTH: dict[Source, int] = {
     "replicates": 4,
     "assumed": 2,
 }
-#: at the end of a table's fit, squares that the unknowns could still take away: by steps so large that the
-#: linear problem does not hold for them, or past their bounds
+#: at the end of a table's fit, squares that the unknowns could still remove, but only by steps so large that
+#: the linearisation does not hold, or beyond their bounds
 _STUCK = 9.0
 
 
 @dataclass(frozen=True)
 class Projected:
-    """``(I − P_J)`` applied to everything, over some of the records.
+    """``(I − P_J)`` applied to all columns, over some of the records.
 
     Attributes
     ----------
     residual: (rows) r̃.
     signatures: (rows, columns) S̃.
     lengths: (columns) ‖s̃‖.
-    kappa: (columns) ‖s̃‖/‖s‖: how much of a signature the fitted unknowns cannot take over;
-        `after_record_local` the same after the records' own unknowns alone.
+    kappa: (columns) ‖s̃‖/‖s‖: the share of a signature that the fitted unknowns cannot absorb;
+        `after_record_local` the same for the record-level unknowns alone.
     coefficients: (nuisances, columns) ``J⁺S``: how the unknowns would move to imitate each signature.
-    moves: (nuisances) ``J⁺r``: what the unknowns would still move by themselves.
-    rank: how many of the unknowns' directions the data tell apart.
+    moves: (nuisances) ``J⁺r``: how the unknowns would still move without any effect.
+    rank: number of directions of the unknowns that the data determine.
     dof: degrees of freedom of r̃.
     """
 
@@ -64,15 +64,15 @@ class Projected:
 
     @property
     def usable(self) -> NDArray[np.bool_]:
-        """(columns) True where enough of a signature is left to be seen."""
+        """(columns) True if enough of a signature is left to be tested."""
         return self.kappa > HIDDEN
 
     @property
     def noise_degrees(self) -> int:
-        """Degrees of freedom behind the noise; 0 where it counts as known.
+        """Degrees of freedom of the noise estimate; 0 if it counts as known.
 
-        The samples of records tell their noise well enough; a handful of rows does not, and a guess is worth
-        few degrees of freedom (`_WORTH`). That of some channels of records counts where these hold most of
+        The samples of records determine their noise well enough; a handful of rows does not, and a guess is
+        worth few degrees of freedom (`_WORTH`). Guessed channels of records count only if they hold most of
         the misfit.
         """
         problem = self.linearisation.fit.problem
@@ -82,13 +82,13 @@ class Projected:
         return min(known) if known else 0
 
     def project(self, columns: Floats) -> Floats:
-        """``(I − P_J)`` of columns that stand in the records' rows; the priors' rows are added."""
+        """``(I − P_J)`` of columns given in the records' rows; the priors' rows are added."""
         padded = np.vstack([columns, np.zeros((self.residual.size - columns.shape[0], columns.shape[1]))])
         return np.asarray(padded - self.basis @ (self.basis.T @ padded))
 
 
 def _guessed_degrees(fit: FitResult) -> int:
-    """What the guessed noise of records is worth, where such channels hold most of what is beyond noise."""
+    """The worth of the records' guessed noise, if such channels hold most of the misfit beyond noise."""
     guessed = {one.name: _WORTH[one.source] for one in fit.problem.noise.channels if one.guessed}
     if not guessed:
         return 0
@@ -131,7 +131,7 @@ def project(linearisation: Linearisation, indices: Sequence[int] | None = None) 
 
 
 def _span(columns: Floats) -> tuple[Floats, Floats]:
-    """(rows, rank) orthonormal basis of columns, each scaled to length one first; and the pseudo-inverse."""
+    """(rows, rank) orthonormal basis of columns, each first scaled to unit length; and the pseudo-inverse."""
     lengths = np.linalg.norm(columns, axis=0)
     scaled = columns / np.where(lengths > 0.0, lengths, 1.0)
     if not scaled.shape[1]:

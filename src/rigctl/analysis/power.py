@@ -1,4 +1,4 @@
-"""What data could have shown: which effects might be there at their typical size and not be seen."""
+"""Power of the data: which effects might be present at their typical size and not be detected."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from rigctl.analysis.nuisance_projection import Projected
 def hidden_at_typical_size(projected: Projected) -> tuple[str, ...]:
     """The effects that these data might miss at their typical size: ``‖s̃‖·|φ_typical| < 4.5``.
 
-    At that limit one of K effects is seen with probability ``Φ(4.5 − z)``, z the quantile of ``ALPHA/(3·K)``.
+    At that limit one of K effects is detected with probability ``Φ(4.5 − z)``, z the quantile of
+    ``1 − ALPHA/(3·K)``.
     """
     lin = projected.linearisation
     seen: dict[str, bool] = {}
@@ -23,7 +24,7 @@ def hidden_at_typical_size(projected: Projected) -> tuple[str, ...]:
 
 
 def power_text(projected: Projected) -> list[str]:
-    """What an adequate model says little about, in sentences."""
+    """The effects about which an adequate model says little, in sentences."""
     names = hidden_at_typical_size(projected)
     whole = len({candidate.name for candidate in projected.linearisation.candidates})
     if not names:

@@ -1,10 +1,10 @@
-"""A model with some candidates added: refitted, and judged by its misfit against its number of parameters.
+"""A model with some candidates added: refitted, and judged by its misfit and its number of parameters.
 
-A fit stops at bounds of two kinds: what physics forbids holds, and what is only unusual never decides. Where
-it stopped at a bound that says what is usual it is made again beyond it; where it broke an order of two
-parameters (no seal sticks with less than it drags) it is made again within.
+A fit may stop at two kinds of bounds: physical limits hold, but limits of the usual range never decide. If it
+stopped at a limit of the usual range it is repeated with wider bounds; if it violated an order between two
+parameters (static friction is never less than Coulomb friction) it is repeated within that order.
 
-`alone` fits one effect at a time, at sizes up to what is usual.
+`alone` fits one effect at a time, at sizes up to the limit of its usual range.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from rigctl.model.fit.problem import Problem
 from rigctl.model.fit.unknowns import effect_unknown
 from rigctl.units import show
 
-#: so near a bound, as a share of the distance of the two, a fit counts as held there
+#: closer to a bound than this share of the distance between the bounds, a fit counts as held there
 _AT = 1e-9
-#: the least distance of two bounds, as a share of their sizes
+#: least distance of two bounds, as a share of their magnitudes
 _APART = 1e-9
 
 
 def beyond_usual(fitted: FitResult, chosen: Sequence[Candidate]) -> list[Unknown] | None:
-    """The shared unknowns of a fit with the bounds that held it moved outwards, where these are only usual.
+    """The shared unknowns of a fit, with those bounds that held it and are only usual limits moved outwards.
 
-    None where none is: the fit stands.
+    None if there are no such bounds: the fit stays as it is.
     """
     wider = {}
     for candidate in chosen:
@@ -56,10 +56,11 @@ def beyond_usual(fitted: FitResult, chosen: Sequence[Candidate]) -> list[Unknown
 
 
 def in_order(fitted: FitResult, chosen: Sequence[Candidate]) -> list[Unknown] | None:
-    """The shared unknowns of a fit, bounded so that no parameter is below the one it is never below.
+    """The shared unknowns of a fit, bounded so that no parameter is below the one declared as its lower
+    limit.
 
-    Both are parted where the quadratic through the minimum is least with the two equal:
-    ``m = 1ᵀH·x̂/(1ᵀH·1)``, H the inverse of their covariance. None where the order holds already.
+    The common bound of the two is where the quadratic approximation at the minimum is least with both equal:
+    ``m = 1ᵀH·x̂/(1ᵀH·1)``, H being the inverse of their covariance. None if the order holds already.
     """
     parted = {}
     for candidate in chosen:
@@ -78,7 +79,8 @@ def in_order(fitted: FitResult, chosen: Sequence[Candidate]) -> list[Unknown] | 
 
 
 def value_of(fitted: FitResult, column: str) -> float:
-    """A parameter of an effect as fitted, SI; its value where the fit left it out, as it acts on nothing."""
+    """A fitted parameter of an effect, SI; its fixed value if the fit left it out because it acts on
+    nothing."""
     names = [unknown.name for unknown in fitted.problem.shared]
     if column in names:
         return float(fitted.values[names.index(column)])
@@ -86,9 +88,9 @@ def value_of(fitted: FitResult, column: str) -> float:
 
 
 def unusual_text(fitted: FitResult, candidate: Candidate) -> str:
-    """Which of its parameters lie beyond what is usual; "" where none does.
+    """Which of its parameters are outside their usual range; "" if none is.
 
-    As ``coefficient beyond its usual range (0 m to 20000 m)``.
+    For example ``coefficient beyond its usual range (0 m to 20000 m)``.
     """
     parts = []
     for column in candidate.columns:
@@ -107,7 +109,7 @@ def _unknown(fitted: FitResult, column: str) -> Unknown | None:
 
 
 def _begun_there(fitted: FitResult, changed: dict[str, Unknown]) -> list[Unknown]:
-    """The shared unknowns, each beginning where the fit ended."""
+    """The shared unknowns, each starting where the fit ended."""
     unknowns = []
     for unknown, value in zip(fitted.problem.shared, fitted.values, strict=True):
         one = changed.get(unknown.name, unknown)
@@ -131,24 +133,24 @@ def _meeting(fitted: FitResult, lower: str, upper: str) -> float:
 
 Floats = NDArray[np.float64]
 
-#: a trial of noisy data is fitted until the next step would lower its cost by less than this share
+#: a trial on noisy data is fitted until the next step would lower its cost by less than this share
 _COST = 1e-5
-#: a parameter may double in one step: an effect begins at its null, far below its size
+#: a parameter may double in one step: an effect starts at its null, far below its size
 _STEP = 1.0
-#: so far inside its bounds an effect's parameter begins, as a share of their distance
+#: distance from its bounds at which an effect's parameter starts, as a share of their distance
 _ROOM = 1e-6
 
 
 @dataclass(frozen=True)
 class RefittedSet:
-    """A set of effects on top of the model, refitted together with the model's own parameters.
+    """A set of effects added to the model, refitted together with the model's own parameters.
 
     Attributes
     ----------
-    candidates: the effects with their shapes; none for the model as it is.
+    candidates: the effects with their shapes; none for the model as given.
     fit: of the model with the effects, their parameters among its shared unknowns.
-    chi2: whitened squares with the priors' share.
-    parameters: of the effects: one that ends at its bound was free to end elsewhere, and is paid for.
+    chi2: sum of the squared whitened residuals and of the priors' residuals.
+    parameters: number of parameters of the effects, including those that ended at a bound.
     """
 
     candidates: tuple[Candidate, ...]
@@ -162,17 +164,17 @@ class RefittedSet:
         return tuple(candidate.name for candidate in self.candidates)
 
     def mbic(self, samples: float, library: int) -> float:
-        """Its criterion, `rigctl.analysis.mbic.mbic`."""
+        """Its mBIC, see `rigctl.analysis.mbic.mbic`."""
         return mbic(self.chi2, self.parameters, len(self.candidates), samples, library)
 
     @property
     def unusual(self) -> dict[str, str]:
-        """By effect, in words, its parameters beyond their usual range; empty where there are none."""
-        said = {one.name: unusual_text(self.fit, one) for one in self.candidates}
-        return {name: text for name, text in said.items() if text}
+        """By effect, in words, its parameters outside their usual range; empty if there are none."""
+        texts = {one.name: unusual_text(self.fit, one) for one in self.candidates}
+        return {name: text for name, text in texts.items() if text}
 
     def value(self, column: str) -> tuple[float, float]:
-        """A parameter of an effect, and its standard deviation, SI; none where it acts on no reading."""
+        """A parameter of an effect and its standard deviation, SI; NaN for that if it acts on no reading."""
         return value_of(self.fit, column), self.fit.std.get(column, math.nan)
 
     def amplitudes(self, candidate: Candidate) -> Floats:
@@ -183,7 +185,7 @@ class RefittedSet:
 
 
 def plain(fitted: FitResult) -> RefittedSet:
-    """The model itself, as it was fitted."""
+    """The model itself, as fitted."""
     solution = fitted.solution
     return RefittedSet((), fitted, 2.0 * solution.cost if solution is not None else _chi2(fitted), 0)
 
@@ -197,21 +199,21 @@ def refit(
     rival: float = math.inf,
     usual: bool = False,
 ) -> RefittedSet | None:
-    """Fit the model's parameters and those of `chosen`; None when that cannot be done.
+    """Fit the model's parameters and those of `chosen`; None if that is not possible.
 
-    Effects that `begin` does not have begin at their null, where the misfit is what it was: begun at the
-    size that the linear problem gives, an effect that the fitted parameters nearly imitate would start far
-    off, and the fit would end in the valley between them. A fit that ends at a bound which only says what is
-    usual goes on beyond it; one that breaks an order of an effect's parameters is made again within it.
+    Effects that `begin` does not have start at their null, where the misfit is unchanged. Started at the size
+    given by the linear problem, an effect that the fitted parameters nearly imitate would start far away, and
+    the fit would end in the valley between. A fit that ends at a limit of the usual range is continued beyond
+    it; one that violates an order of an effect's parameters is repeated within that order.
 
     Parameters
     ----------
     fitted: of the model with none of the effects.
-    begin: where the unknowns begin: the fit of another set; `fitted` when left out, or where that is better:
-        what is fitted beside an effect makes up for it, and is far off without it.
-    cost: fitted until the next step would lower the cost by less than this share.
-    rival: the least cost of the sets known: one far behind it is fitted as coarsely.
-    usual: keep to the bounds that say what is usual.
+    begin: the fit of another set, from which the unknowns start; `fitted` by default, or if that has the
+        smaller misfit: parameters fitted beside an effect compensate for it, and are far off without it.
+    cost: the fit ends when the next step would lower the cost by less than this share.
+    rival: the least cost of the sets known: a set far behind it is fitted only coarsely.
+    usual: keep to the limits of the usual range.
     """
     try:
         model = fitted.model
@@ -222,7 +224,7 @@ def refit(
         problem = problem.with_shared(_started(problem, known))
         again = fit(problem, fitted.held_out, local=known.local, cost=cost, largest_step=_STEP, rival=rival)
         again, more = _refined(again, chosen, cost)
-    except RigctlError:  # the model has no value there, or contradicts itself: this is no explanation
+    except RigctlError:  # the model cannot be simulated, or contradicts itself: no explanation
         return None
     if not usual:
         again = _again(again, beyond_usual(again, chosen), cost)
@@ -233,9 +235,9 @@ def refit(
 
 
 def left_by_refit(fitted: FitResult, outside: Sequence[int], cost: float = _COST) -> float | None:
-    """The whitened squares on the records at `outside` of the same model fitted to the others.
+    """Sum of squared whitened residuals on the records `outside`, with the model fitted to the others.
 
-    They keep what each has of its own. None where the model has no value on the way.
+    The record-level unknowns of `outside` are kept. None if the model cannot be simulated on the way.
     """
     problem = fitted.problem.with_shared(started(fitted.problem.shared, fitted.values))
     hold_out = [*fitted.held_out, *outside]
@@ -248,9 +250,9 @@ def left_by_refit(fitted: FitResult, outside: Sequence[int], cost: float = _COST
 
 
 def _refined(fitted: FitResult, chosen: Sequence[Candidate], cost: float) -> tuple[FitResult, int]:
-    """The fit with those of the effects' shapes free that may be refined, and how many; where that pays.
+    """The fit with those shape parameters free that may be refined, and their number; if that improves it.
 
-    Only once the effect is in: at its null a shape does nothing.
+    Only once the effect is in the model: at its null a shape parameter does nothing.
     """
     names = {
         (one.name, parameter.name)
@@ -286,24 +288,24 @@ def _cost(fitted: FitResult) -> float:
 def _again(
     fitted: FitResult, shared: list[Unknown] | None, cost: float, *, forced: bool = False
 ) -> FitResult:
-    """The fit made again with other bounds, or the one that was found where that is no better.
+    """The fit repeated with other bounds, or the given fit if the new one is no better.
 
-    With `forced` the other bounds hold, however good the fit is.
+    With `forced` the new fit is returned in any case.
     """
     if shared is None:
         return fitted
     try:
         problem = fitted.problem.with_shared(shared)
         again = fit(problem, fitted.held_out, local=fitted.local, cost=cost, largest_step=_STEP)
-    except RigctlError:  # the model has no value there
+    except RigctlError:  # the model cannot be simulated there
         return fitted
     assert again.solution is not None and fitted.solution is not None  # noqa: S101 - both have parameters
     return again if forced or again.solution.cost < fitted.solution.cost else fitted
 
 
 def _values(candidate: Candidate) -> dict[str, float]:
-    """The effect's parameters to begin with: at their null, or the size at which they were seen, but never at
-    a bound, from which a fit must find in first."""
+    """Starting values of the effect's parameters: their null, or the size at which they were detected, but
+    never at a bound, which a fit would first have to leave."""
     values = {}
     for column in candidate.columns:
         declared = candidate.parameter(column)
@@ -314,13 +316,13 @@ def _values(candidate: Candidate) -> dict[str, float]:
 
 
 def _started(problem: Problem, fitted: FitResult) -> list[Unknown]:
-    """The unknowns of a longer model, those of the shorter one beginning where its fit ended."""
+    """The unknowns of a larger model, those of the smaller one starting where its fit ended."""
     known = {u.name: float(v) for u, v in zip(fitted.problem.shared, fitted.values, strict=True)}
     return [replace(u, start=min(max(known.get(u.name, u.start), u.lower), u.upper)) for u in problem.shared]
 
 
 def _better_begun(problem: Problem, begin: FitResult, fitted: FitResult) -> FitResult:
-    """Where a model begins with the smaller misfit: at `begin`, which has an effect more, or at `fitted`."""
+    """The starting point with the smaller misfit: `begin`, which has an effect more, or `fitted`."""
     if not set(begin.model.effects) - set(problem.model.effects):
         return begin
 
@@ -339,25 +341,25 @@ def _chi2(fitted: FitResult) -> float:
     return fitted.chi2_reduced * sum(fitted.problem.whiteners[k].size for k in fitted.fitted)
 
 
-#: a fit ends when the next step would lower its cost by less than this share: what is asked is coarse, and
-#: coarser still with the effect held at a size
+#: a fit ends when the next step would lower its cost by less than this share: a coarse answer is enough here,
+#: and a coarser one with the effect held at a size
 _COARSE, _COARSE_HELD = 1e-3, 5e-3
-#: in χ²: a proper fit brings a coarse one no nearer than that
+#: in χ²: a precise fit brings a coarse one no closer than this
 _NEAR = 40.0
-#: sizes beyond the typical one, up to the bound, at which an effect is looked at, in each of its directions
+#: number of sizes from the typical one to the bound at which an effect is evaluated, in each direction
 _STEPS = 3
-#: a fit that leaves less than this share of a misfit has found what the effect can do
+#: a fit that leaves less than this share of a misfit has found what the effect can explain
 _EXPLAINED = 0.5
-#: a fit is begun again at a size at which less than this share is left of what it left
+#: a fit is restarted at a size at which less than this share of its χ² is left
 _BETTER = 0.9
 
 
 @dataclass(frozen=True)
 class Alone:
-    """A model with one effect, fitted; `chi2` is what that leaves.
+    """A model with one effect, fitted; `chi2` is what it leaves.
 
-    `at_amplitudes` are the fits of the model's own parameters with the effect held at one size after the
-    other, where these were made (see the function).
+    `at_amplitudes` are the fits of the model's own parameters with the effect held at a series of sizes, if
+    these were made (see the function).
     """
 
     candidate: Candidate
@@ -369,15 +371,15 @@ class Alone:
 def alone(
     before: ModelComparison, candidate: Candidate, *, from_null: bool, rival: float = math.inf
 ) -> Alone | None:
-    """Fit a model with one effect more, begun at its null or at its typical size.
+    """Fit a model with one more effect, starting at its null or at its typical size.
 
-    What an effect does may be no straight line in its size, and a fit stays in the minimum that it begins in:
-    one that explains little is begun again where the effect explains more, held at sizes up to its bound.
-    None when the model has no value there.
+    The action of an effect may be nonlinear in its size, and a fit stays in the minimum in which it starts: a
+    fit that explains little is restarted at the size, of a series up to the bound, at which the effect
+    explains most. None if the model cannot be simulated there.
 
     Parameters
     ----------
-    rival: χ² that another effect leaves: of one held at a size that leaves far more the fit is coarse.
+    rival: χ² that another effect leaves: a fit at a size that leaves far more is coarse.
     """
     beside = _Beside.of(before, candidate)
     if beside is None:
@@ -400,7 +402,7 @@ def alone(
 
 def at_amplitudes(before: ModelComparison, tried: Alone, rival: float = math.inf) -> tuple[FitResult, ...]:
     """The model's own parameters fitted with an effect held at sizes from beyond its typical one up to the
-    largest that is usual."""
+    limit of its usual range."""
     beside = None if tried.at_amplitudes else _Beside.of(before, tried.candidate)
     return (
         tried.at_amplitudes if beside is None else tuple(fit for _, fit in beside.held_at_amplitudes(rival))
@@ -408,7 +410,7 @@ def at_amplitudes(before: ModelComparison, tried: Alone, rival: float = math.inf
 
 
 def near_best(fits: Mapping[str, Alone | None]) -> list[str]:
-    """The effects whose fits come near the best one's, the best first."""
+    """The effects whose fits come close to the best one, best first."""
     fitted = [one for one in fits.values() if one is not None]
     fitted.sort(key=lambda one: one.chi2)
     return [one.candidate.name for one in fitted if one.chi2 < fitted[0].chi2 + _NEAR]
@@ -419,8 +421,8 @@ def _declared(candidate: Candidate) -> dict[str, EffectParameter]:
 
 
 def _amplitudes(candidate: Candidate) -> list[list[dict[str, float]]]:
-    """Sizes of an effect's parameters, together, in equal ratios from the typical ones to the bounds, upwards
-    and downwards."""
+    """Sizes of an effect's parameters, varied together, in equal ratios from the typical ones to the bounds,
+    upwards and downwards."""
     sides = []
     for side in (1.0, -1.0):
         starts = []
@@ -445,9 +447,9 @@ def _inside(candidate: Candidate, column: str, value: float) -> float:
 
 @dataclass(frozen=True)
 class _Beside:
-    """The equations of a model with one effect more, and fits in them.
+    """The equations of a model with one more effect, and fits in them.
 
-    They take a third of the time of the equations that hold the whole library.
+    They take a third of the time of the equations with the whole library.
     """
 
     before: ModelComparison
@@ -456,7 +458,7 @@ class _Beside:
 
     @classmethod
     def of(cls, before: ModelComparison, candidate: Candidate) -> _Beside | None:
-        """None where the effect's term does not fit."""
+        """None if the effect's term cannot be added."""
         try:
             model = before.fit.model.with_effect(candidate.effect, _values(candidate))
             return cls(before, candidate, before.fit.problem.rebuilt(model))
@@ -464,9 +466,10 @@ class _Beside:
             return None
 
     def held_at_amplitudes(self, rival: float) -> list[tuple[dict[str, float], FitResult]]:
-        """Sizes of the effect, and the model's own parameters fitted with it; not where it has no value.
+        """Sizes of the effect, and the fits of the model's own parameters at them; sizes that fail are left
+        out.
 
-        Each size begins where the one before it ended, which has made up for most of the effect already.
+        Each fit starts where the one before ended, which has compensated for most of the effect already.
         """
         fits = []
         for side in _amplitudes(self.candidate):
@@ -480,7 +483,7 @@ class _Beside:
         return fits
 
     def fitted(self, amplitudes: Mapping[str, float], begin: FitResult) -> FitResult | None:
-        """The model's own parameters and the effect's, which begin at `amplitudes`, inside their bounds."""
+        """The model's own parameters and the effect's, which start at `amplitudes`, inside their bounds."""
         free = [
             effect_unknown(
                 self.candidate.effect, name.partition(".")[2], _inside(self.candidate, name, amplitude)

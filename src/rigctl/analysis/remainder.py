@@ -1,4 +1,4 @@
-"""What the effects that were found leave: how much, where, and what would take most of it up."""
+"""What the effects that were found leave: how much, where, and which effect would absorb most of it."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from rigctl.analysis.search import Search
 from rigctl.analysis.slot_evidence import slot_evidence
 from rigctl.analysis.trends import Trend, trends
 
-#: an effect that takes up less than this share of what is left does not say where that is
+#: an effect that absorbs less than this share of the remainder does not determine where it is
 _MOST = 0.5
 
 
 @dataclass(frozen=True)
 class Remainder:
-    """What the effects of a diagnosis leave of the systematic misfit.
+    """The systematic misfit that the effects of a diagnosis leave.
 
     Attributes
     ----------
     share: of the squared misfit, 0 … 1.
-    size: in sigmas of the data: the root of what is left in χ².
-    p_value: that of the tests on what is left; it is below their level.
-    slot: the equation that it is in, "" where none stands out.
-    over: the operating variable over which it changes most, "" where over none.
-    effect: the one that takes most of it up beside the others, "" where none does.
+    size: in sigmas of the data: the square root of the χ² that is left.
+    p_value: of the tests on the remainder; it is below their level.
+    slot: the equation in which it is, "" if none stands out.
+    over: the operating variable over which it changes most, "" if over none.
+    effect: the effect that absorbs most of it beside the others, "" if none does.
     statement: in words.
-    below_noise: the error with the set is below the noise: the tests that see it rest on a wrong noise.
+    below_noise: the error with the set is below the noise, so the tests that see it assume a wrong noise.
     """
 
     share: float
@@ -57,7 +57,7 @@ class Remainder:
 
 
 def remainder(search: Search, best: RefittedSet) -> Remainder | None:
-    """What the best set leaves; None where there is no set, or the tests find nothing any more."""
+    """What the best set leaves; None if there is no set, or the tests find nothing any more."""
     if not best.candidates:
         return None
     excess = search.excess(best)
@@ -77,8 +77,8 @@ def remainder(search: Search, best: RefittedSet) -> Remainder | None:
         said += f", and it changes over {trend.variable}"
     if name:
         said += (
-            f". Beside {' and '.join(best.effects)}, {name} takes up {share_text(taken)} of that: it may be "
-            f"a second effect, or the shape of {'those' if len(best.effects) > 1 else 'that one'}"
+            f". Beside {' and '.join(best.effects)}, {name} absorbs {share_text(taken)} of that: it may be "
+            f"a second effect, or the shape of {'their laws' if len(best.effects) > 1 else 'the first law'}"
         )
     return Remainder(
         share=search.left(best),
@@ -93,7 +93,7 @@ def remainder(search: Search, best: RefittedSet) -> Remainder | None:
 
 
 def share_text(share: float) -> str:
-    """``2 %``, ``0.03 %``: a share of a misfit as it is read."""
+    """A share of a misfit as displayed: ``2 %``, ``0.03 %``."""
     per_cent = 100.0 * share
     return f"{per_cent:.0f} %" if per_cent >= 1.0 else f"{per_cent:.1g} %"
 
@@ -103,7 +103,7 @@ def _size_text(excess: float) -> str:
 
 
 def _next(search: Search, best: RefittedSet, excess: float) -> tuple[str, str, float]:
-    """(name, slot, share) of the effect that takes most of what is left up; "" where none pays."""
+    """(name, slot, share) of the effect that absorbs most of the remainder; "" if none improves mBIC."""
     beside = search.beside(best)
     if not beside or excess <= 0.0:
         return "", "", 0.0

@@ -1,4 +1,4 @@
-"""What could be taken for an effect that was found, and where the two differ most."""
+"""Effects that may be confused with one that was found, and where their predictions differ most."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from rigctl.model.measured.conditions import condition_text
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.units import parse_unit
 
-#: a phase in which an effect does less than this share of all that it does has no likeness
+#: no cosine is given for a phase that holds less than this share of all that an effect does
 _SHOWS = 0.01
 _MOST_VARIABLES = 2
 
@@ -40,10 +40,11 @@ class Differs:
 
     Attributes
     ----------
-    channel, phase: of which reading, and when; no phase where it is of a table.
-    condition: of the record that shows it most, in words; "" where nothing tells records apart.
+    channel, phase: the reading, and the phase of the record; no phase for a table.
+    condition: of the record that shows the difference most, in words; "" if no variable distinguishes
+        records.
     largest: the largest difference there, in `unit`.
-    alike: by phase, the cosine between what the two change in that channel, the most alike first.
+    alike: for each phase, the cosine between the changes that the two make in that channel, largest first.
     """
 
     channel: str
@@ -56,22 +57,22 @@ class Differs:
 
 @dataclass(frozen=True)
 class Rival:
-    """Another effect in the place of one that was found.
+    """Another effect in place of one that was found.
 
     Attributes
     ----------
-    member, name: the one that was found, and the other.
-    trial: the set with the other one, fitted.
-    cos: of their signatures, after the fitted parameters have done what they can.
+    member, name: the effect that was found, and its rival.
+    trial: the set with the rival, fitted.
+    cos: cosine between their signatures, after projection off the fitted parameters.
     separation: d; the right one of the two wins with probability Φ(d).
-    difference: mBIC of the rival set less that of the best, with the bends of their laws integrated out where
-        these could matter.
-    differs: where the two differ most; None where they predict the same.
-    share: the difference of their χ² as a share of what the one that was found explains.
-    unusual: which of the other's parameters lie beyond what is usual, in words; "" where none does.
-    nested: the parameter of the one that was found, and its value, where it is the other one and from where
-        its fit is not told; "" where there is none.
-    beside: the effect without which the other would not do, where two stand in the place of one; else "".
+    difference: mBIC of the rival set less that of the best; where it could matter, with the discrepancies of
+        their laws integrated out.
+    differs: where the two differ most; None if they predict the same.
+    share: the difference of their χ² as a share of what the found effect explains.
+    unusual: which of the rival's parameters are outside their usual range, in words; "" if none is.
+    nested: the parameter of the found effect, and its value, at which that effect becomes the rival, if the
+        fit is not significantly different from it; else "".
+    beside: the second effect of a pair that together replaces a single one; else "".
     """
 
     member: str
@@ -88,7 +89,7 @@ class Rival:
 
     @property
     def separable(self) -> bool:
-        """True when these data tell the two apart, and by more than two shapes of one effect may differ."""
+        """True if these data distinguish the two by more than two laws of one effect may differ."""
         return (
             self.separation >= LEAST_SEPARATION
             and self.difference >= LEAST_DIFFERENCE
@@ -98,26 +99,26 @@ class Rival:
 
     @property
     def within_tolerance(self) -> bool:
-        """True when the two differ by less than a tenth of an effect's size: its shape may do as much."""
+        """True if the two differ by less than the shape of an effect's law may: a tenth of its size."""
         return self.share < TOLERANCE**2
 
 
 def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
-    """Of every member of the best set, the effects that look like it."""
+    """For every member of the best set, the effects with which it may be confused."""
     rivals = []
     for member in best.candidates:
         search.on_progress(f"What could be taken for {member.name}")
         tried = search.rivals(best, member)
         explained = search.explained(best, member)
         for trial, cos, d in tried:
-            # the refits also know sizes that physics does not allow, and tell it up to chance
+            # the refits also respect sizes that physics forbids, and give the separation up to chance
             distance = max(d, _by_refit(trial, best) - REFIT_SCATTER)
             share = (trial.chi2 - best.chi2) / max(explained, 1e-12)
             difference = search.mbic(trial) - search.mbic(best)
             if difference >= LEAST_DIFFERENCE and share < BENDS:
                 difference = min(difference, search.evidence(trial) - search.evidence(best))
             if search.left(best) > 0.0 and difference < STAND_IN * explained:
-                # neither is right, and the noise no longer tells the chance of a difference
+                # neither is right, so the noise no longer gives the probability of a difference
                 distance = min(distance, consistent_gain(best.fit, trial.fit, len(tried)))
             rivals += [
                 Rival(
@@ -143,9 +144,9 @@ def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
 
 
 def nested_at(fit: FitResult, effect: Effect, other: str) -> str:
-    """The parameter whose limit makes `effect` the other one, if its fit lies within chance of that limit.
+    """The parameter at whose limit `effect` becomes the other one, if its fit is close to it.
 
-    A fit that ended at its bound on that side wanted to go there.
+    A fit that stopped at its bound on that side counts as being there.
     """
     known = {u.name: (u, float(value)) for u, value in zip(fit.problem.shared, fit.values, strict=True)}
     for name, limit, law in effect.becomes:
@@ -172,7 +173,7 @@ def nested_at(fit: FitResult, effect: Effect, other: str) -> str:
 
 
 def _within_chance(fit: FitResult, one: str, other: str) -> bool:
-    """Whether two unknowns are not told to differ; those held apart by their order alone are equal."""
+    """Whether two unknowns do not differ significantly; those kept apart by their order alone are equal."""
     names = [unknown.name for unknown in fit.problem.shared]
     places = [names.index(name) for name in (one, other)]
     first, second = (float(value) for value in fit.values[places])
@@ -186,7 +187,7 @@ def _within_chance(fit: FitResult, one: str, other: str) -> bool:
 
 
 def _aside(search: Search, best: RefittedSet, seen: Collection[str]) -> list[Rival]:
-    """The better set that was put aside for a size beyond what is usual: a rival, however alike they are."""
+    """The better set that was put aside for an unusual size: always a rival, whatever its cosine."""
     trial = search.aside
     if trial is None:
         return []
@@ -209,7 +210,7 @@ def _aside(search: Search, best: RefittedSet, seen: Collection[str]) -> list[Riv
 
 
 def _known(search: Search, best: RefittedSet, seen: Collection[str]) -> list[Rival]:
-    """The best of the other effects that were refitted by themselves: told apart, and worth a word."""
+    """The best of the other effects that were refitted singly: distinguished, but worth reporting."""
     others = [
         trial
         for trial in search.trials.values()
@@ -233,10 +234,10 @@ def _known(search: Search, best: RefittedSet, seen: Collection[str]) -> list[Riv
 
 
 def _two_instead(search: Search, best: RefittedSet) -> list[Rival]:
-    """Two others that explain more than the single effect that leads, though not surely so.
+    """Two other effects that explain more than the single leading one, though not significantly so.
 
-    Only where that one leaves hardly anything: else two were looked for, and what they explain beyond one is
-    the verdict's to weigh.
+    Only if the single effect leaves hardly anything: otherwise pairs were part of the search, and the verdict
+    weighs what they explain beyond a single effect.
     """
     if not search.sure(best):
         return []
@@ -272,8 +273,8 @@ def _two_instead(search: Search, best: RefittedSet) -> list[Rival]:
 
 
 def _likeness(search: Search, member: Candidate, others: Sequence[Candidate]) -> float:
-    """The cosine between an effect's signature and the nearest that others make together; 0 where one is not
-    among those that were looked at."""
+    """Cosine between an effect's signature and the nearest combination of the others'; 0 if one is not among
+    the candidates."""
     known = search.before.linearisation.candidates
     if any(one not in known for one in (member, *others)):
         return 0.0
@@ -283,15 +284,15 @@ def _likeness(search: Search, member: Candidate, others: Sequence[Candidate]) ->
 
 
 def _by_refit(trial: RefittedSet, best: RefittedSet) -> float:
-    """The separation as the refits have it: ``sqrt(Δχ²)/2``, with a standard deviation of ½.
+    """The separation estimated from refits: ``sqrt(Δχ²)/2``, with a standard deviation of ½.
 
-    Δχ² is about 4d², and scatters by 4d.
+    Δχ² has mean 4d² (approximately) and standard deviation 4d.
     """
     return 0.5 * math.sqrt(max(trial.chi2 - best.chi2, 0.0))
 
 
 def classes_of(best: RefittedSet, rivals: Sequence[Rival]) -> tuple[tuple[str, ...], ...]:
-    """Each member with the rivals that are not told from it."""
+    """Each member with the rivals from which it is not distinguished."""
     return tuple(
         (
             name,
@@ -302,9 +303,9 @@ def classes_of(best: RefittedSet, rivals: Sequence[Rival]) -> tuple[tuple[str, .
 
 
 def where_they_differ(none: FitResult, one: FitResult, other: FitResult) -> Differs | None:
-    """The channel and phase with the largest squared difference over the noise, and the record in it.
+    """The channel and phase with the largest squared difference in units of the noise, and the record in it.
 
-    None where the two predict the same; `none` is the model without either.
+    None if the two predict the same; `none` is the fit of the model without either.
     """
     problem = one.problem
     changes = [_changes(none, one, other, k) for k in one.fitted]
@@ -327,18 +328,18 @@ def where_they_differ(none: FitResult, one: FitResult, other: FitResult) -> Diff
 
 
 def _point(record: MeasuredRecord, measurements: Measurements) -> str:
-    """The operating point by the first of the variables that tell records apart."""
+    """The operating point, by the first few of the variables that distinguish records."""
     known = {name: record.condition[name] for name in measurements.variables if name in record.condition}
     return condition_text(dict(list(known.items())[:_MOST_VARIABLES]), variable_units(measurements))
 
 
-#: by (channel, phase): the squares of what one changes, of what the other does, and of their difference
+#: by (channel, phase): the squared change by one effect, by the other, and the square of their difference
 Changes: TypeAlias = dict[tuple[int, str], tuple[float, float, float]]
 _NOTHING = (0.0, 0.0, 0.0)
 
 
 def _changes(none: FitResult, one: FitResult, other: FitResult, k: int) -> Changes:
-    """Of one record, in units of the noise."""
+    """The changes in one record, in units of the noise."""
     problem, record = one.problem, one.problem.records[k]
     ok, sigma = problem.ok[k], problem.sigma[k]
     first = np.where(ok, one.outputs[k] - none.outputs[k], 0.0) / sigma
@@ -357,7 +358,7 @@ def _keys(changes: Sequence[Changes]) -> list[tuple[int, str]]:
 
 
 def _alike(changes: Sequence[Changes], channel: int) -> tuple[tuple[str, float], ...]:
-    """``cos = (|a|² + |b|² − |a − b|²)/(2·|a|·|b|)`` by phase, where the effect shows."""
+    """``cos = (|a|² + |b|² − |a − b|²)/(2·|a|·|b|)`` for each phase in which the effect is visible."""
     sums = {
         phase: np.sum([change.get((c, phase), _NOTHING) for change in changes], axis=0)
         for c, phase in _keys(changes)

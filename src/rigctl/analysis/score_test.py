@@ -1,10 +1,11 @@
-"""Is there room for an effect? Score tests of every candidate, at the level of the whole family of them.
+"""Score tests of every candidate effect, at the family-wise level of the whole library.
 
     z = S̃ᵀr̃ / ‖s̃‖  ~  N(0, C),   C_ij = cos(s̃_i, s̃_j)   when nothing is missing
 
 Rao's score (Lagrange multiplier) test. An effect that physics allows in one direction only is tested in that
-direction; one with several parameters by the best of its cone; one with shapes by the best of its grid, whose
-own distribution is drawn with it (R. B. Davies, Biometrika 64 (1977) 247).
+direction; one with several parameters by its best point in the cone of allowed signs; one with shape
+parameters by the best of a grid of them. The null distribution of the maximum over all is simulated
+(R. B. Davies, Biometrika 64 (1977) 247).
 """
 
 from __future__ import annotations
@@ -28,19 +29,19 @@ _DRAWS = 20000
 
 @dataclass(frozen=True)
 class Score:
-    """One effect's test.
+    """The test of one effect.
 
     Attributes
     ----------
     effect: its name.
-    candidate: the place of its best shape among the linearisation's candidates.
-    gain: the fall of χ² that the linear problem expects, over the cone of its signs.
-    z: its root: the size of the effect in the data, in sigmas, by the linear problem.
-    p_value: family-wise: how often the best of all candidates is at least as good by chance.
-    amplitudes: the parameters at the linear problem's minimum, SI, less their null.
-    kappa: the share of the signature that the fitted unknowns cannot take over.
-    hidden_in: the fitted unknown that takes over most of it; `record` where what each record has of its own,
-        its pressure setting or its zero, does so.
+    candidate: index of its best shape among the linearisation's candidates.
+    gain: the reduction of χ² that the linear problem predicts, over the cone of its signs.
+    z: square root of `gain`: the size of the effect in the data, in sigmas, by the linear problem.
+    p_value: family-wise: probability that the best of all candidates is at least as good by chance.
+    amplitudes: (parameters) at the linear problem's minimum, in SI, less their null values.
+    kappa: the share of the signature that the fitted unknowns cannot absorb.
+    hidden_in: the fitted unknown that absorbs most of it; `record` if record-level nuisance parameters, such
+        as a pressure setting or a zero error, absorb most.
     """
 
     effect: str
@@ -55,7 +56,7 @@ class Score:
 
 @dataclass(frozen=True)
 class Screening:
-    """All candidates' scores, the best first, and those that the data say nothing of."""
+    """The scores of all candidates, best first, and the effects about which the data say nothing."""
 
     scores: tuple[Score, ...]
     untestable: tuple[str, ...]
@@ -64,7 +65,7 @@ class Screening:
 
 
 def screen(projected: Projected, seed: int = 0, null: Floats | None = None) -> Screening:
-    """Score every candidate of a linearisation; `null` is its `null_of_best`, where that is known already."""
+    """Score every candidate of a linearisation; `null` is its `null_of_best`, if already computed."""
     lin = projected.linearisation
     usable = projected.usable
     tests = _tests(projected)
@@ -99,7 +100,7 @@ def screen(projected: Projected, seed: int = 0, null: Floats | None = None) -> S
 
 
 def null_of_best(projected: Projected, seed: int = 0) -> Floats:
-    """(draws) the smallest p-value of all candidates where nothing is missing, sorted.
+    """(draws) the smallest p-value of all candidates when nothing is missing, sorted.
 
     It depends on the signatures alone, not on the residual.
     """
@@ -108,7 +109,7 @@ def null_of_best(projected: Projected, seed: int = 0) -> Floats:
     signatures = projected.signatures * unit
     cosines = signatures.T @ signatures
     draws = _draws(cosines, seed) * _noise_draws(projected.noise_degrees, seed)
-    # of effects whose chance is the same function of their gain the largest gain has the smallest
+    # among effects with the same distribution of the gain, the largest gain has the smallest p-value
     largest: dict[tuple[int, bool], tuple[Floats, list[int]]] = {}
     for index, columns in _tests(projected):
         signs = _signs(projected, index, columns)
@@ -123,7 +124,7 @@ def null_of_best(projected: Projected, seed: int = 0) -> Floats:
 
 
 def _tests(projected: Projected) -> list[tuple[int, NDArray[np.intp]]]:
-    """Of each candidate that shows at all, its place and its usable columns."""
+    """For each candidate with a visible signature: its index and its usable columns."""
     lin, usable = projected.linearisation, projected.usable
     tests = [
         (index, np.flatnonzero(usable[lin.columns_of(index)]) + lin.starts[index])
@@ -135,7 +136,8 @@ def _tests(projected: Projected) -> list[tuple[int, NDArray[np.intp]]]:
 def cone(z: Floats, cosines: Floats, signs: Sequence[int]) -> tuple[Floats, Floats]:
     """Largest gain ``2θᵀz − θᵀCθ`` over θ with the given signs, and that θ; for each row of z (draws, k).
 
-    The maximum is the free one of some subset of the parameters, the others being 0: all are tried.
+    The maximum is the unconstrained one over some subset of the parameters, the others being 0; all subsets
+    are tried.
     """
     count, k = z.shape
     if k == 1:
@@ -158,7 +160,7 @@ def cone(z: Floats, cosines: Floats, signs: Sequence[int]) -> tuple[Floats, Floa
 
 
 def _half_line(z: Floats, cosine: float, sign: int) -> tuple[Floats, Floats]:
-    """`cone` of one parameter."""
+    """`cone` for a single parameter."""
     theta = z * (1.0 / cosine if cosine > 0.0 else 0.0)
     if sign:
         theta = np.where(theta * sign > 0.0, theta, 0.0)
@@ -166,9 +168,10 @@ def _half_line(z: Floats, cosine: float, sign: int) -> tuple[Floats, Floats]:
 
 
 def tail(gain: Floats, signs: Sequence[int]) -> Floats:
-    """Chance of so large a gain for one effect: χ² of its parameters, halved for a single one-sided one.
+    """p-value of a gain for one effect: χ² with its number of parameters, halved for a single one-sided one.
 
-    For several parameters it is an upper bound; the family's level is drawn, so that it need not be exact.
+    For several one-sided parameters it is an upper bound; as the family-wise level is simulated, it need not
+    be exact.
     """
     from scipy.special import erfc, gammaincc
 
@@ -196,7 +199,7 @@ def _normal(count: int, seed: int) -> Floats:
 
 
 def _noise_draws(degrees: int, seed: int) -> Floats:
-    """(draws, 1) what makes normal scores those of Student, where noise is known from `degrees` only."""
+    """(draws, 1) factors that turn normal scores into Student's t with `degrees` degrees of freedom."""
     if not degrees:
         return np.ones((1, 1))
     generator = np.random.Generator(np.random.PCG64([seed, degrees]))
@@ -204,9 +207,9 @@ def _noise_draws(degrees: int, seed: int) -> Floats:
 
 
 def _family(p: float, least: Floats, tests: int, *, drawn: bool = False) -> float:
-    """Share of draws whose best is as good; beyond what the draws can tell, Bonferroni's bound.
+    """Family-wise p-value: the share of draws whose best p-value is as small; Bonferroni's bound beyond them.
 
-    `drawn` leaves that bound out, which holds for noise that is known.
+    With `drawn` the bound, which holds for known noise only, is not used.
     """
     reached = float(np.searchsorted(least, p, side="right")) / least.size
     if drawn:
@@ -233,9 +236,9 @@ def _score(
 
 
 def _hidden_in(projected: Projected, columns: NDArray[np.intp], amplitudes: Floats) -> str:
-    """What takes over most of a signature.
+    """The unknown that absorbs most of a signature.
 
-    Of its square the records' own unknowns take ``1 − κ₁²`` first, the shared ones then ``κ₁² − κ²``.
+    The record-level unknowns absorb ``1 − κ₁²`` of its square first, the shared ones then ``κ₁² − κ²``.
     """
     least = columns[int(np.argmin(projected.kappa[columns]))]
     left, after_local = projected.kappa[least] ** 2, projected.after_record_local[least] ** 2
@@ -246,12 +249,12 @@ def _hidden_in(projected: Projected, columns: NDArray[np.intp], amplitudes: Floa
         return ""
     moves = projected.coefficients[:, columns] @ (amplitudes if np.any(amplitudes) else np.ones(columns.size))
     size_of = {unknown.name: unknown.size for unknown in lin.fit.problem.shared}
-    scale = np.array([size_of.get(name, 1.0) for name in lin.nuisances])  # of a shape, its prior's
+    scale = np.array([size_of.get(name, 1.0) for name in lin.nuisances])  # for a shape, that of its prior
     return lin.nuisances[int(np.argmax(np.abs(moves) / scale))]
 
 
 def _best_of_each(scores: Sequence[Score]) -> list[Score]:
-    """One score for each effect, that of its best shape; the smallest p-value first."""
+    """One score for each effect, that of its best shape; smallest p-value first."""
     best: dict[str, Score] = {}
     for score in scores:
         held = best.get(score.effect)

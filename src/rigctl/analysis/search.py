@@ -1,15 +1,15 @@
-"""Look for the set of effects that explains a misfit: singles, pairs, forward, and backward again.
+"""Search for the set of effects that explains a misfit: singles, pairs, forward and backward steps.
 
 Two questions are kept apart. Completeness is judged against the noise: the search continues as long as the
 tests reject what is left, however small its share. Identity is judged by the share of the misfit that an
-effect leaves when its law may deviate within its tolerance (`rigctl.analysis.laws.shape_tolerance`),
-because no effect of a library has a bench's exact law: a set that leaves more than a small share (`SHAPE`)
-may be only a part of it, or a stand-in, and is not named. A second effect that is small beside the first
+effect leaves within the shape tolerance of its law (`rigctl.analysis.laws.shape_tolerance`), because no
+effect of a library has a bench's exact law: a set that leaves more than a small share (`SHAPE`) may be
+incomplete, or only resemble what is missing, and is not named. A second effect that is small beside the first
 (`SLIGHT`) may be an artefact of the first one's law, unless it explains what that law leaves nearly to the
 noise (`WHOLE`).
 
 Every question about a refitted set is answered from its linearisation (`Point`). All pairs of effects are
-looked at on the linearised problem, as two may only pay together.
+tried on the linearised problem, as two effects may improve the criterion only together.
 """
 
 from __future__ import annotations
@@ -61,23 +61,23 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class View:
-    """A fit with everything that it frees projected off, and what the tests say of the rest.
+    """A fit with everything that it frees projected off, and the tests of the rest.
 
     Attributes
     ----------
-    linearisation: what is fitted among the nuisances, every effect that could join among the candidates.
+    linearisation: the fitted parameters are the nuisances, every effect that could be added is a candidate.
     """
 
     linearisation: Linearisation = field(repr=False)
 
     @cached_property
     def projected(self) -> Projected:
-        """The linearisation without what the fitted unknowns can do."""
+        """The linearisation with the fitted unknowns projected off."""
         return project(self.linearisation)
 
     @cached_property
     def screening(self) -> Screening:
-        """Scores of the effects that could join."""
+        """Scores of the effects that could be added."""
         return screen(self.projected)
 
     @cached_property
@@ -92,8 +92,8 @@ class Point:
 
     Attributes
     ----------
-    whole: the data with the whole library at its null.
-    excluded: effects that are not to be looked at.
+    whole: the data with the equations of the whole library, every effect at its null.
+    excluded: effects that are not to be considered.
     """
 
     trial: RefittedSet
@@ -102,8 +102,8 @@ class Point:
     _views: dict[float, View] = field(default_factory=dict, repr=False)
 
     def view(self, tolerance: float) -> View:
-        """The trial's effects among the nuisances, the laws of all effects of the model bent within
-        `tolerance`; at 0 they are what the library says."""
+        """The trial's effects among the nuisances, and the laws of all effects of the model with a
+        discrepancy of standard deviation `tolerance`; at 0 they are exactly those of the library."""
         if tolerance not in self._views:
             contradicted = {name for one in self.trial.candidates for name in one.effect.instead_of}
             kept = [index for index in self._others if self._name(index) not in contradicted]
@@ -112,26 +112,26 @@ class Point:
 
     @property
     def linearisation(self) -> Linearisation:
-        """That of the laws as they are."""
+        """The linearisation with the laws exactly as declared."""
         return self.view(0.0).linearisation
 
     @property
     def projected(self) -> Projected:
-        """That of the laws as they are."""
+        """The projection with the laws exactly as declared."""
         return self.view(0.0).projected
 
     @property
     def screening(self) -> Screening:
-        """That of the laws as they are."""
+        """The scores with the laws exactly as declared."""
         return self.view(0.0).screening
 
     @property
     def adequacy(self) -> Adequacy:
-        """That of the laws as they are."""
+        """The tests with the laws exactly as declared."""
         return self.view(0.0).adequacy
 
     def bend_evidence(self, tolerance: float) -> float:
-        """``−gᵀ(I + A)⁻¹g + ln|I + A|`` of the bends of the laws; 0 where none can be."""
+        """``−gᵀ(I + A)⁻¹g + ln|I + A|`` of the discrepancies of the laws; 0 if there are none."""
         shaped = self.shaped()
         count = len(shaped.shapes)
         if not count:
@@ -143,24 +143,26 @@ class Point:
         return float(np.linalg.slogdet(matrix)[1]) - float(slope @ np.linalg.solve(matrix, slope))
 
     def shaped(self) -> Linearisation:
-        """The trial's effects among the nuisances, the bends of the laws in the model, unscaled, in S."""
+        """The trial's effects among the nuisances, the discrepancies of the model's laws, unscaled, in S."""
         return self._alone.rearranged(self._members, (), shaped=True)
 
     def without(self, member: Candidate) -> Projected:
-        """The linearisation in which one of the trial's effects is a candidate again, the first of them."""
+        """The linearisation with one of the trial's effects back among the candidates, as the first of
+        them."""
         asked = self._index(member)
         rest = [index for index in self._members if index != asked]
         return project(self._everything.rearranged(rest, [asked, *self._others]))
 
     def held(self, member: Candidate) -> list[Floats]:
-        """(rows of each record) what those of a member's parameters do that the fit left at their bounds."""
+        """(rows of each record) the contribution of those parameters of a member that the fit left at
+        bounds."""
         index = self._index(member)
         start, at_bound = self._everything.starts[index], self.trial.fit.at_bound
         moved = np.where([name in at_bound for name in member.columns], self.trial.amplitudes(member), 0.0)
         return [one.signatures[:, start : start + moved.size] @ moved for one in self._everything.records]
 
     def _index(self, member: Candidate) -> int:
-        """Where one of the trial's own effects stands among the candidates."""
+        """The index of one of the trial's own effects among the candidates."""
         return self.trial.effects.index(member.name)
 
     def _name(self, index: int) -> str:
@@ -176,7 +178,8 @@ class Point:
 
     @cached_property
     def _everything(self) -> Linearisation:
-        """The model's own unknowns are the nuisances, every effect is a candidate: the trial's come first."""
+        """The model's unknowns are the nuisances and every effect is a candidate, the trial's effects
+        first."""
         ranges, present = data_ranges(self.whole.model.family, self.whole.measurements), self.trial.effects
         return self._linearised(
             [one for one in candidates(self.whole.model, self.excluded, ranges) if one.name not in present]
@@ -184,12 +187,12 @@ class Point:
 
     @cached_property
     def _alone(self) -> Linearisation:
-        """Without the effects that could join, which are most of the columns: the bends are weighed so."""
+        """Without the effects that could be added, which hold most of the columns; for `bend_evidence`."""
         known: Linearisation | None = self.__dict__.get("_everything")
         return self._linearised(()) if known is None else known
 
     def _linearised(self, others: Sequence[Candidate]) -> Linearisation:
-        """The trial's own effects are the first candidates, before `others`."""
+        """The trial's own effects are the first candidates, followed by `others`."""
         trial = self.trial
         problem = trial.fit.problem
         effects = {column for one in trial.candidates for column in one.columns}
@@ -213,8 +216,8 @@ class Point:
 
     @cached_property
     def _shapes_and_switches(self) -> tuple[tuple[str, ...], tuple[Floats, ...]]:
-        """Names and readings of the bends of laws, and behind them what each switch does where that may be
-        what an effect without a driver does."""
+        """Names and readings of the laws' discrepancies, followed by what each switch contributes, in case
+        that is the action of an effect without explanatory variables."""
         names, readings = self.shapes.names, self.shapes.readings
         bent = {bend.effect for bend in self.shapes.bends}
         problem = self.trial.fit.problem
@@ -227,11 +230,12 @@ class Point:
         return (*names, *switches), tuple(joined)
 
     def scatter(self, effect: str) -> SizeScatter | None:
-        """How the size of an effect in the model differs between records; None of one that has drivers."""
+        """How the size of an effect in the model differs between records; None if it has explanatory
+        variables."""
         return size_scatter(self.shaped(), effect)
 
     def _undriven(self, lin: Linearisation) -> list[tuple[str, Floats]]:
-        """The effects in the model that nothing drives, with the amplitudes of their parameters."""
+        """The effects in the model without explanatory variables, with the amplitudes of their parameters."""
         model, values = self.trial.fit.problem.model, self.trial.fit.values
         known = {one.name: float(v) for one, v in zip(self.trial.fit.problem.shared, values, strict=True)}
         columns = [*lin.nuisances, *(name for one in lin.candidates for name in one.columns)]
@@ -250,25 +254,26 @@ class Point:
 
     @cached_property
     def shapes(self) -> ShapeColumns:
-        """What bending the laws of the effects in the model does to the readings."""
+        """The changes of the readings by discrepancies of the laws of the effects in the model."""
         model = self.trial.fit.problem.model
         present = [model.effect(name) for name in model.effects]
         return shape_columns(self.trial.fit, self.whole, [one for one in present if one.terms])
 
 
 def _from_here_to_null(member: Candidate) -> Candidate:
-    """Its shapes are the fit's; what a threshold keeps from its slope, the way to its null tells."""
+    """Its shapes are those of the fit; an effect with a threshold gets the secant to its null, not a
+    slope."""
     null = {name: member.parameter(name).at_null for name in member.secants}
     return replace(member, shapes={}, secants=null)
 
 
-#: columns of the two that are as alike as this are one direction
+#: columns of two effects with a larger cosine than this count as one direction
 _SAME = 0.9999
 
 
 @dataclass(frozen=True)
 class PairGain:
-    """Two candidates and the fall of χ² that the linear problem expects of them together."""
+    """Two candidates and the reduction of χ² that the linear problem predicts for both together."""
 
     candidates: tuple[int, int]
     gain: float
@@ -277,7 +282,7 @@ class PairGain:
 
 
 def pair_gains(projected: Projected) -> tuple[PairGain, ...]:
-    """All pairs that can stand together, the largest gain first; of a pair's shapes the best one."""
+    """All compatible pairs, largest gain first; of the shapes of a pair only the best."""
     lin = projected.linearisation
     usable = projected.usable
     unit = np.where(usable, 1.0 / np.where(usable, projected.lengths, 1.0), 0.0)
@@ -329,10 +334,10 @@ def _name(projected: Projected, column: int) -> str:
 
 
 def effective_samples(fit: FitResult) -> float:
-    """Effective sample size: n/(1 + 2·Σρ_k) of each channel, ρ_k at lag k; records at least once each.
+    """Effective sample size: n/(1 + 2·Σρ_k) of each channel, ρ_k at lag k; at least one for each record.
 
-    What acts between records only is paid for as dearly as what acts within them: by too much, never by
-    too little.
+    An effect that acts only between records pays the same penalty as one that acts within them: the penalty
+    may be too large for it, but never too small.
     """
     problem = fit.problem
     total = 0.0
@@ -343,19 +348,19 @@ def effective_samples(fit: FitResult) -> float:
     return max(total, float(len(fit.fitted)), 2.0)
 
 
-#: told what is being done
+#: called with what is being done
 OnProgress = Callable[[str], None]
 
 _BEST = 3
-#: never more refits of rivals than these
+#: upper limit on the number of rivals that are refitted
 _MOST_RIVALS = 7
 _PAIRS = 2
 _SWAPS = 3
-#: sizes at which an effect is looked at whose slope says nothing, and the share of the best score that it has
-#: to show there
+#: number of sizes at which an effect is tried if its slope at the null says nothing, and the share of the
+#: best score that it must reach there
 _SIZES, _MUCH = 2, 0.2
-#: never more effects in a set than these: three that are not missing explain almost anything together, and
-#: where three are, the loop finds them one after the other
+#: largest number of effects in one set: three wrong effects together explain almost anything, and three right
+#: ones are found one after the other by the loop
 _TOGETHER = 2
 
 
@@ -365,11 +370,11 @@ class Search:
 
     Attributes
     ----------
-    before: the model as it is.
-    whole: its data with the whole library at its null.
-    most: effects in a set.
-    alone: of a table, every effect fitted by itself.
-    aside: a better set than the best one, with a size beyond what is usual.
+    before: the model as given.
+    whole: its data with the equations of the whole library, every effect at its null.
+    most: largest number of effects in a set.
+    alone: for a table, every effect fitted by itself.
+    aside: a set better than the best one, put aside because a parameter is outside its usual range.
     """
 
     before: ModelComparison
@@ -387,33 +392,34 @@ class Search:
 
     @cached_property
     def none(self) -> RefittedSet:
-        """The model as it is."""
+        """The model as given."""
         return plain(self.before.fit)
 
     @cached_property
     def tolerance(self) -> float:
-        """Standard deviation by which laws may be bent; 0 of a table: few rows could follow any bend."""
+        """Standard deviation of the laws' discrepancy; 0 for a table, whose few rows any discrepancy could
+        follow."""
         return 0.0 if self._few else SHAPE_TOLERANCE
 
     @cached_property
     def start(self) -> ModelComparison | View:
-        """The model as it is, the laws of the effects that it has already bent within their tolerance."""
+        """The model as given, within the shape tolerance of the effects that it already has."""
         if not (self.tolerance and self.before.fit.problem.model.with_laws):
             return self.before
         return self.at(self.none).view(self.tolerance)
 
     @property
     def bends_model(self) -> bool:
-        """Whether the model has effects already, whose laws may be bent."""
+        """Whether the model already has effects, whose laws have a shape tolerance."""
         return self.start is not self.before
 
     @cached_property
     def library(self) -> int:
-        """How many effects were looked at."""
+        """Number of effects that were considered."""
         return len({candidate.name for candidate in self.before.linearisation.candidates})
 
     def effect(self, name: str) -> Effect:
-        """An effect of the library, or of the model's own."""
+        """An effect of the library, or one declared by the model itself."""
         return self.before.fit.problem.model.effect(name)
 
     @cached_property
@@ -422,15 +428,15 @@ class Search:
         return effective_samples(self.before.fit)
 
     def price(self, candidate: Candidate) -> float:
-        """What mBIC asks of one effect more."""
+        """The penalty of mBIC for one more effect."""
         return mbic(0.0, len(candidate.columns), 1, self.samples, self.library)
 
     def mbic(self, trial: RefittedSet) -> float:
-        """The criterion of a trial."""
+        """mBIC of a trial."""
         return trial.mbic(self.samples, self.library)
 
     def best(self) -> RefittedSet:
-        """The set that explains the misfit best: singles, pairs, backward, and what could stand instead."""
+        """The set that explains the misfit best: singles, pairs, backward steps, and replacements."""
         best = self._swapped(self._at_sizes(self.best_single()))
         best_set = self._simplest(self._exchanged(self._swapped(self._backward(self._pairs(best)))))
         return self._beyond_laws(self._usual_first(self._pair_instead(best_set)))
@@ -443,24 +449,24 @@ class Search:
         return self._least([self.none, *self.trials.values()])
 
     def left(self, trial: RefittedSet) -> float:
-        """The share of the squared misfit that stays with a set; 0 when the tests find nothing any more."""
+        """The share of the squared misfit that a set leaves; 0 if the tests find nothing any more."""
         if not trial.candidates:
             return 0.0 if self.start.adequacy.agrees else 1.0
         excess = self.excess(trial)
         return excess / (max(self.none.chi2 - trial.chi2, 1e-12) + excess)
 
     def excess(self, trial: RefittedSet) -> float:
-        """What stays with a set, its laws bent, in χ²; 0 when the tests find nothing any more.
+        """χ² that a set leaves, within the shape tolerance of its laws; 0 if the tests find nothing any more.
 
-        Measured by what the tests see: the excess of the plane test and of χ² over their own spread, and the
-        largest fall of χ² that any further effect promises beyond what mBIC asks of it.
+        It is the largest of the excesses of the plane and χ² tests over their spread, and of the reductions
+        of χ² predicted for any further effect, less its penalty in mBIC.
         """
         if self.at(trial).adequacy.agrees:
             return 0.0
         return self._excess_in(self.bent(trial))
 
     def _excess_in(self, view: View) -> float:
-        """What a view of a set leaves, in χ²; 0 where the tests find nothing any more."""
+        """χ² that a view of a set leaves; 0 if the tests find nothing any more."""
         if view.adequacy.agrees:
             return 0.0
         there = view.linearisation.candidates
@@ -471,10 +477,10 @@ class Search:
         return max(promised, *(test.excess for test in view.adequacy.tests.values()))
 
     def scatter_is_all(self, trial: RefittedSet) -> bool:
-        """Whether the one effect of a set is a constant of each record, whatever else its size depends on.
+        """Whether a constant of each record describes the one effect of a set, whatever its size depends on.
 
-        Where that scatters as much as the data say and follows nothing, what is left is then less than a
-        tenth of the effect does.
+        True if its size scatters between records as much as the data require, without following any operating
+        variable, and the set then leaves less than a tenth of the effect's size.
         """
         (member,) = trial.candidates
         point = self.at(trial)
@@ -486,24 +492,25 @@ class Search:
         return self._excess_in(point.view(found.width)) < TOLERANCE**2 * reached
 
     def _below_noise(self, trial: RefittedSet) -> bool:
-        """Whether to look for no more beside a set: what it leaves is smaller than the noise.
+        """Whether to stop the search at this set, because its error is smaller than the noise.
 
-        The tests then say nothing of what it leaves, neither that something is missing nor that nothing is.
+        The tests then say nothing about what it leaves: neither that something is missing nor that
+        nothing is.
         """
         return bool(trial.candidates) and self.at(trial).adequacy.below_noise
 
     def explained(self, trial: RefittedSet, member: Candidate) -> float:
-        """The rise of χ² without one of a set's effects; 0 where the rest cannot be fitted."""
+        """The increase of χ² without one of a set's effects; 0 if the others cannot be fitted."""
         rest = tuple(one for one in trial.candidates if one is not member)
         without = self._try(rest, trial) if rest else self.none
         return 0.0 if without is None else max(without.chi2 - trial.chi2, 0.0)
 
     def known(self, chosen: Sequence[Candidate]) -> RefittedSet | None:
-        """The set as it was fitted; None where it was not."""
+        """The set as it was fitted; None if it was not."""
         return self.trials.get(_key(chosen))
 
     def sure(self, trial: RefittedSet) -> bool:
-        """Whether the effects of a set are the right ones, by what they leave: hardly anything."""
+        """Whether a set leaves so little that its effects count as the right ones."""
         return bool(trial.candidates) and self.left(trial) <= self.allowed
 
     @property
@@ -512,7 +519,7 @@ class Search:
         return SHAPE if self.tolerance else SHAPE_OF_ROWS
 
     def beside(self, trial: RefittedSet) -> list[RefittedSet]:
-        """The sets that were tried and hold one effect more, the best first."""
+        """The sets tried that hold one effect more and have a lower mBIC, best first."""
         members = set(trial.effects)
         more = [one for one in self.trials.values() if members < set(one.effects)]
         paying = [one for one in more if self.mbic(one) < self.mbic(trial)]
@@ -526,14 +533,15 @@ class Search:
         return self._points[key]
 
     def bent(self, trial: RefittedSet) -> View:
-        """As `at`, the laws of all effects in the model bent within their tolerance."""
+        """As `at`, within the shape tolerance of the laws of all effects in the model."""
         return self.at(trial).view(self.tolerance)
 
     def evidence(self, trial: RefittedSet) -> float:
-        """mBIC with the bends of a trial's laws integrated out: what they take off χ², and what they cost.
+        """mBIC with the discrepancies of a trial's laws integrated out: their reduction of χ², less their
+        cost.
 
-        ``−gᵀ(I + A)⁻¹g + ln|I + A|``, with S the columns of the bends at the tolerance, the fitted unknowns
-        projected off, ``A = S̃ᵀS̃`` and ``g = S̃ᵀr̃``.
+        Adds ``−gᵀ(I + A)⁻¹g + ln|I + A|``, with S the columns of the discrepancies scaled by the tolerance,
+        the fitted unknowns projected off, ``A = S̃ᵀS̃`` and ``g = S̃ᵀr̃``.
         """
         key = _key(trial.candidates)
         if key not in self._bends:
@@ -541,9 +549,10 @@ class Search:
         return self.mbic(trial) + self._bends[key]
 
     def rivals(self, trial: RefittedSet, member: Candidate) -> list[tuple[RefittedSet, float, float]]:
-        """(rival set, cosine, separation d) of the sets that have another effect in `member`'s place.
+        """(rival set, cosine, separation d) of the sets with another effect in place of `member`.
 
-        Those that are alike or close are refitted; the others are told apart already.
+        Only effects with a large cosine or a small separation are refitted; the others are already
+        distinguished.
         """
         key = (_key(trial.candidates), member.name)
         if key not in self._rivals:
@@ -563,7 +572,7 @@ class Search:
         for index, candidate in enumerate(look.candidates):
             if candidate.name == member.name or not projected.usable[look.columns_of(index)].any():
                 continue
-            if candidate.name in silent:  # these data do not show it on the model as it is
+            if candidate.name in silent:  # invisible to these data in the model as given
                 continue
             cos = cosine(projected, 0, index)
             d = separation(size, cos)
@@ -577,7 +586,7 @@ class Search:
         ]
         near.sort(key=lambda one: -one[0])
         rivals = []
-        if self.alone and not rest:  # what is far off alone need not be fitted again
+        if self.alone and not rest:  # effects that fit much worse by themselves need no refit
             kept = near_best(self.alone)
             near = [one for one in near if one[1].name in kept]
         for cos, candidate, d in near[: None if self._few else _MOST_RIVALS]:
@@ -588,11 +597,12 @@ class Search:
 
     @property
     def _few(self) -> bool:
-        """A table: its few rows are quickly refitted, and tell many effects apart by refits alone."""
+        """True for a table: its few rows are quickly refitted, and refits alone distinguish many effects."""
         return self.before.fit.problem.measurements.table
 
     def _far(self, rival: RefittedSet, best: RefittedSet) -> bool:
-        """Of a table, both fitted to it: the other is a hundred times as probable."""
+        """For a table, to which both were fitted: the best set is a hundred times as probable as the
+        rival."""
         return self.mbic(rival) - self.mbic(best) >= LEAST_DIFFERENCE
 
     def _singles(self) -> None:
@@ -616,12 +626,12 @@ class Search:
                 self._try((lin.candidates[score.candidate],), self.none)
 
     def promised(self, score: Score) -> float:
-        """The fall of χ² that an effect makes: fitted alone where it was, else by the linear problem."""
+        """The reduction of χ² by an effect: as fitted by itself if it was, else by the linear problem."""
         fitted = self.alone.get(score.effect)
         return score.gain if fitted is None else max(self.none.chi2 - fitted.chi2, 0.0)
 
     def alone_amplitudes(self, effect: str) -> list[float]:
-        """An effect's parameters less their null as fitted alone, SI; empty where it was not."""
+        """An effect's parameters less their null as fitted by itself, SI; empty if it was not."""
         fitted = self.alone.get(effect)
         if fitted is None:
             return []
@@ -632,10 +642,10 @@ class Search:
         ]
 
     def _near_alone(self, effects: Sequence[str]) -> list[str]:
-        """Those that come near the best when each is fitted in the equations of the whole library."""
+        """The effects that come close to the best one when each is fitted by itself."""
         scores = {score.effect: score for score in self.before.screening.scores}
         for effect in effects:
-            self.on_progress(f"Asking what {effect} could do alone")
+            self.on_progress(f"Fitting with {effect} alone")
             candidate = self.before.linearisation.candidates[scores[effect].candidate]
             begun_at_null = scores[effect].gain > 0.0
             rival = min((one.chi2 for one in self.alone.values() if one is not None), default=math.inf)
@@ -644,14 +654,16 @@ class Search:
 
     @staticmethod
     def _near(cos: float, size: float) -> bool:
-        """Whether two signatures are so alike that a refit must tell which is right."""
+        """Whether two signatures are so similar that a refit must decide between them."""
         return cos > ALIKE and separation(size, cos) < max(FAR, FAR_SHARE * size)
 
     def _at_sizes(self, best: RefittedSet) -> RefittedSet:
-        """With effects that the slope at their null says nothing of, where no other explains the misfit.
+        """With effects about which the slope at their null says nothing, if no other effect explains the
+        misfit.
 
-        What the fitted parameters made up for of a large effect may have the slope of the other sign: they
-        are looked at by what they do at some sizes, as those that begin at a threshold are.
+        After the fitted parameters have compensated for a large effect, the slope of the residual with
+        respect to it may have the wrong sign: such effects are evaluated at a few finite sizes, like those
+        with a threshold.
         """
         if self._few or not self.left(best) > self.allowed or self._below_noise(best):
             return best
@@ -665,10 +677,10 @@ class Search:
         sized = [secant for one in silent for secant in at_sizes(one, _SIZES)]
         if not sized:
             return best
-        self.on_progress("Asking what effects of some size would do")
+        self.on_progress("Trying effects at finite sizes")
         try:
             scores = screen(project(linearise(self.before.fit, self.whole, sized))).scores
-        except RigctlError:  # the model has no value with one of them
+        except RigctlError:  # the model cannot be simulated with one of them
             return best
         least = max(_MUCH * max(shown.values(), default=0.0), WORTH)
         seen = [score for score in scores if score.gain > least]
@@ -678,9 +690,9 @@ class Search:
         return self._least([best, *self.trials.values()])
 
     def _pairs(self, best: RefittedSet) -> RefittedSet:
-        """The best pairs of the linear problem, with what the best single effect asks for and without it.
+        """The best pairs of the linear problem, with the best single effect's next candidates and without it.
 
-        Beside an effect that is the right one for sure, only what it asks for; nothing where nothing is left.
+        Beside an effect that leaves hardly anything, only the next candidates; no pairs if nothing is left.
         """
         left = self.left(best)
         if self.most < 2 or not left or self._below_noise(best):
@@ -707,10 +719,10 @@ class Search:
         return self._least([best, *self.trials.values()])
 
     def _pair_instead(self, best: RefittedSet) -> RefittedSet:
-        """Two other effects that are surely the better explanation, though one leaves hardly anything.
+        """Two other effects that are a significantly better explanation, though the single one leaves little.
 
-        An effect that stands in for two may leave less than any test sees, and yet more than one parameter
-        costs: of 200 readings 36 in χ², say, of which no third effect takes up much.
+        An effect that imitates two may leave less than any test detects, and yet more than one parameter
+        costs: for 200 readings for example 36 in χ², of which no third effect absorbs much.
         """
         if len(best.candidates) != 1 or self.most < 2 or not self.sure(best) or self._below_noise(best):
             return best
@@ -732,7 +744,8 @@ class Search:
         return instead if self.evidence(instead) < self.evidence(best) - surely else best
 
     def _exchanged(self, best: RefittedSet) -> RefittedSet:
-        """With a member of a pair that leaves something replaced by what its own linearisation asks for."""
+        """With a member of a pair that leaves something replaced by the next candidate of its
+        linearisation."""
         for _ in range(_SWAPS):
             if len(best.candidates) < 2 or self.left(best) < TOLERANCE**2 or self._below_noise(best):
                 break
@@ -754,7 +767,7 @@ class Search:
         return [trial for trial in sets if trial is not None]
 
     def _forward(self, best: RefittedSet) -> RefittedSet | None:
-        """`best` and one effect more: the ones that its own linearisation promises most of."""
+        """`best` with one more effect: those for which its own linearisation predicts the largest gain."""
         here = self.bent(best)
         tried = []
         for score in sorted(here.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
@@ -765,7 +778,7 @@ class Search:
         return self._least([one for one in tried if one is not None]) if any(tried) else None
 
     def _backward(self, best: RefittedSet) -> RefittedSet:
-        """Without the members that do not pay for themselves, or explain no more than a shape may."""
+        """Without the members that do not lower mBIC, or explain no more than another law's shape may."""
         while len(best.candidates) > 1:
             tried = [
                 self._try(tuple(one for one in best.candidates if one is not member), best)
@@ -783,9 +796,9 @@ class Search:
         return best
 
     def _usual_first(self, best: RefittedSet) -> RefittedSet:
-        """A set with a size beyond what is usual leads only where no set without one is sure.
+        """A set with a parameter outside its usual range leads only if no set without one suffices.
 
-        Which of the two it is, is for the verdict to leave open: the other one is its rival.
+        Which of the two is right is left open by the verdict: the one put aside is a rival.
         """
         if not best.unusual:
             return best
@@ -803,22 +816,22 @@ class Search:
         return best
 
     def _beyond_laws(self, best: RefittedSet) -> RefittedSet:
-        """No effect more, where the laws of those that the model has, bent, explain much of what it does."""
+        """No further effect, if the model's own laws explain much of it within their shape tolerance."""
         if len(best.candidates) == 1 and self.bends_model and self.slight(best, self.none):
             return self.none
         return best
 
     def slight(self, best: RefittedSet, without: RefittedSet, reached: float = 0.0) -> bool:
-        """Whether the effect that `without` lacks may be no more than the shape of the others.
+        """Whether the effect that `without` lacks may be no more than the shape of the others' laws.
 
-        It explains little beside them, and either their laws, bent, explain much of the same, or it leaves
-        something: the shape of another effect is followed by a second one only roughly, and the rest of it is
-        seen. How much the effects explain that the model has already is not known: beside them it is always
-        asked what their bent laws explain.
+        So it is if it explains little beside them, and either their laws explain much of the same within
+        their shape tolerance, or it leaves something: a second effect follows the shape of another one's law
+        only roughly, and the rest remains visible. How much the effects already in the model explain is not
+        known: beside them the shape tolerance is always considered.
 
         Parameters
         ----------
-        reached: the fall of χ² by all effects of `best`.
+        reached: the reduction of χ² by all effects of `best`.
         """
         explained = without.chi2 - best.chi2
         little = explained < SLIGHT * reached
@@ -846,7 +859,7 @@ class Search:
         return best
 
     def _swapped(self, best: RefittedSet) -> RefittedSet:
-        """With a member replaced by a rival where that explains more: what came first need not be right."""
+        """With a member replaced by a rival that explains more: the effect found first need not be right."""
         for _ in range(_SWAPS):
             sets = [rival for member in best.candidates for rival, _, _ in self.rivals(best, member)]
             least = self._least([best, *sets])
@@ -856,10 +869,10 @@ class Search:
         return best
 
     def _try(self, chosen: Sequence[Candidate], begin: RefittedSet) -> RefittedSet | None:
-        """The set fitted, beginning at another one's fit; each set once."""
+        """The set fitted, starting from the fit of another set; each set only once."""
         key = _key(chosen)
         if key not in self.trials:
-            # at ten times its size nearly every effect explains the few values of a table
+            # at ten times its usual size nearly every effect explains the few values of a table
             known = [0.5 * trial.chi2 for trial in self.trials.values()]
             rival = min(known, default=math.inf)
             refitted = refit(self.before.fit, chosen, begin.fit, rival=rival, usual=self._few)

@@ -1,7 +1,7 @@
-"""What the refits of effects say of the fit and the noise that they were compared with, and the same anew.
+"""Repeat a fit, or the noise estimate, if the refits with effects show that it was wrong.
 
-A diagnosis compares refits with the fit of the model as it is, in the noise that this fit showed. Where a
-refit shows that either was wrong, both are made again, and so is the diagnosis.
+A diagnosis compares refits with the fit of the given model, using the noise that this fit showed. If a refit
+shows that either was wrong, both are repeated, and with them the diagnosis.
 """
 
 from __future__ import annotations
@@ -22,18 +22,19 @@ from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.measured.noise import DataNoise, with_noise_off_model
 from rigctl.noise import ChannelNoise
 
-#: noise with a correlation above this may be what an effect leaves
+#: noise with a higher correlation than this may be the trace of an effect
 _SLOW = 0.9
 
 
 def in_noise_of_the_leader(search: Search) -> ModelComparison | None:
-    """The model judged again in the noise that the most probable effect leaves; None where that says no more.
+    """The model judged again with the noise left by the most probable effect; None if that changes nothing.
 
-    Where a test rejects a model whose error is below the noise, the noise is what is wrong: motion, or what
-    the model lacks, widened it. What the best of the single effects leaves holds less of either. Its noise is
-    taken where it is narrower and no longer as slow as a signal: whatever is still missing beside that effect
-    would show in it as slow noise. Where nothing is missing, no effect of a few parameters makes the noise of
-    thousands of readings narrower, and where the right one is not in the library, none makes it white.
+    If a test rejects a model whose error is below the noise, the noise is wrong: motion, or an effect that
+    the model lacks, inflated its estimate. The residuals of the best single effect contain less of either.
+    Their noise is adopted if it is smaller and no longer as slow as a signal: anything still missing beside
+    that effect would appear in it as slow noise. If nothing is missing, no effect with a few parameters
+    reduces the noise of thousands of readings; and if the right effect is not in the library, none makes it
+    white.
     """
     before = search.before
     if not before.adequacy.below_noise:
@@ -50,7 +51,7 @@ def in_noise_of_the_leader(search: Search) -> ModelComparison | None:
 
 
 def _clearer(noise: DataNoise, learned: DataNoise) -> bool:
-    """Whether every doubtful channel is narrower now and no longer slow, and the others are as they were."""
+    """Whether every doubtful channel is now less noisy and no longer slow, and the others are unchanged."""
     pairs = list(zip(noise.model.channels, learned.model.channels, strict=True))
     slow = [pair for pair in pairs if _slow(pair[0])]
     return bool(slow) and all(new.sigma < old.sigma and not _slow(new) for old, new in slow)
@@ -61,11 +62,11 @@ def _slow(channel: ChannelNoise) -> bool:
 
 
 def from_another_start(search: Search) -> ModelComparison | None:
-    """The model fitted again from where a refit ended whose effect is next to nothing; None where none is.
+    """The model fitted again from the end of a refit whose effect is nearly nothing; None if there is none.
 
-    A refit with one effect more may leave a false minimum that the fit of the model as it is ended in. If its
-    effect is then within two standard deviations of doing nothing, and χ² is lower by more than chance, the
-    other start made the difference and not the effect.
+    A refit with one more effect may leave a local minimum in which the fit of the given model ended. If its
+    effect is then within two standard deviations of its null, and χ² is significantly lower, the other
+    starting point made the difference and not the effect.
     """
     before = search.before
     base = search.none
@@ -78,7 +79,7 @@ def from_another_start(search: Search) -> ModelComparison | None:
         return None
     try:
         judged = _from(before.fit, min(better, key=lambda trial: trial.chi2).fit)
-    except RigctlError:  # without the effect the model has no value there
+    except RigctlError:  # the model cannot be simulated there without the effect
         return None
     if 2.0 * _cost(judged) > base.chi2 - UNSEEN:
         return None
@@ -86,14 +87,14 @@ def from_another_start(search: Search) -> ModelComparison | None:
 
 
 def _next_to_nothing(trial: RefittedSet) -> bool:
-    """Whether every size of a trial's effect is within two standard deviations of its null."""
+    """Whether every parameter of a trial's effect is within two standard deviations of its null."""
     (candidate,) = trial.candidates
     stds = np.array([trial.value(name)[1] for name in candidate.columns])
     return bool(np.all(np.isfinite(stds)) and np.all(np.abs(trial.amplitudes(candidate)) <= AT_LIMIT * stds))
 
 
 def _from(before: FitResult, there: FitResult) -> FitResult:
-    """The model's fit, begun at the shared values and the records' own unknowns of another one."""
+    """The model's fit, started at the shared and record-level values of another fit."""
     problem = before.problem
     at = {u.name: float(value) for u, value in zip(there.problem.shared, there.values, strict=True)}
     begun = np.array([at.get(unknown.name, unknown.start) for unknown in problem.shared])

@@ -1,4 +1,4 @@
-"""Which effects the data cannot tell apart: angles between what they would do to the readings."""
+"""Which effects the data cannot distinguish: angles between their signatures in the readings."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ Floats = NDArray[np.float64]
 
 
 def cosine(projected: Projected, one: int, other: int) -> float:
-    """Cosine between two candidates' signatures: signed where both have one sign, else its size.
+    """Cosine between two candidates' signatures: signed if each effect has one sign only, else its magnitude.
 
-    With several parameters it is that of the smallest principal angle.
+    With several parameters, that of the smallest principal angle.
     """
     first, second = (directions(projected, index) for index in (one, other))
     if not first.shape[1] or not second.shape[1]:
@@ -33,15 +33,15 @@ def cosine(projected: Projected, one: int, other: int) -> float:
 
 
 def separation(size: float, cos: float) -> float:
-    """``d = λ·sqrt((1 − cos)/2)``: the right one of two wins with probability Φ(d)."""
+    """``d = λ·sqrt((1 − cos)/2)``: the right one of two effects wins with probability Φ(d)."""
     return size * math.sqrt(max(0.0, 0.5 * (1.0 - cos)))
 
 
 def softened(reached: float) -> float:
-    """The factor by which differences of χ² count less: ``max(1, TOLERANCE²·reached/LEAST_DIFFERENCE)``.
+    """The factor by which differences of χ² are discounted: ``max(1, TOLERANCE²·reached/LEAST_DIFFERENCE)``.
 
-    `reached` is the fall of χ² that the effects make. A difference of the tolerance's share of it is then
-    just one that tells two apart.
+    `reached` is the reduction of χ² by the effects. With it, a difference of the share `TOLERANCE²` of that
+    reduction equals `LEAST_DIFFERENCE`, the least that distinguishes two effects.
     """
     return max(1.0, TOLERANCE**2 * reached / LEAST_DIFFERENCE)
 
@@ -49,11 +49,12 @@ def softened(reached: float) -> float:
 def consistent_gain(best: FitResult, rival: FitResult, rivals: int = 1) -> float:
     """How consistently one fit beats another over the conditions, in standard deviations.
 
-    ``t = Σ Δ_g/(√G·sd(Δ_g))`` with Δ_g the difference of their χ² in all records of one condition, and the
-    normal deviate that is exceeded as seldom as Student's t of G − 1 degrees of freedom exceeds that, times
-    `rivals`, as the nearest of so many is looked at. Where neither model is right, a difference of χ² may
-    come from a few conditions, and the noise's own distribution no longer tells its chance; the spread
-    between conditions does. Of one condition its records count; infinite for a single record.
+    ``t = Σ Δ_g/(√G·sd(Δ_g))``, Δ_g being the difference of their χ² over all records of condition g. The
+    result is the normal deviate with the tail probability of t by Student's distribution with G − 1 degrees
+    of freedom, times `rivals` (Bonferroni), because the nearest of so many is considered. If neither model is
+    right, a difference of χ² may come from a few conditions, and the noise distribution no longer gives its
+    probability; the spread between conditions does. With one condition its records count; infinite for a
+    single record.
 
     Source: Q. H. Vuong, Likelihood ratio tests for model selection and non-nested hypotheses,
     Econometrica 57 (1989) 307; clustered as in A. C. Cameron and D. L. Miller, J. Human Resources 50 (2015)
@@ -81,7 +82,7 @@ def consistent_gain(best: FitResult, rival: FitResult, rivals: int = 1) -> float
 
 
 def directions(projected: Projected, index: int) -> Floats:
-    """(rows, parameters) a candidate's signatures, of length one, of those parameters that show at all."""
+    """(rows, parameters) a candidate's visible signatures, scaled to unit length."""
     columns = projected.linearisation.columns_of(index)
     usable = projected.usable[columns]
     matrix = projected.signatures[:, columns][:, usable]

@@ -1,11 +1,11 @@
-"""Which equation wants a term? Evidence for an unknown disturbance at each slot of the model.
+"""Which equation lacks a term? Evidence for an unknown disturbance at each slot of the model.
 
 A disturbance w(t) at a slot is mapped through the model's derivatives to the readings, with the fitted
-unknowns integrated out. Its prior is smooth in time; over the records it is a smooth function of their
-operating point and something of each record's own. Readings are slots too: otherwise the fault of a sensor is
-blamed on an equation. The idea is that of Kristensen, Madsen & Jorgensen, Automatica 40 (2004) 225.
+unknowns integrated out. Its prior is smooth in time; between records it is the sum of a smooth function of
+the operating point and a record-level part. Readings are slots too: otherwise the fault of a sensor would be
+attributed to an equation. The idea is that of Kristensen, Madsen & Jorgensen, Automatica 40 (2004) 225.
 
-All of it works on normal matrices, from which each record's own unknowns have been projected off.
+All computations use normal matrices from which each record's own unknowns have been projected off.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ from rigctl.physics.family import Slot
 
 Floats = NDArray[np.float64]
 
-#: of the largest entry, added to the unknowns' scaled matrix: it may be singular
+#: added to the diagonal of the unknowns' scaled matrix, which may be singular
 _RIDGE = 1e-10
 
 
 @dataclass(frozen=True)
 class DisturbanceNormals:
-    """B the disturbances' whitened columns, J the fitted unknowns', r the residual.
+    """Normal matrices of B, the disturbances' whitened columns, J, the fitted unknowns', and the residual r.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class DisturbanceNormals:
     cross: (records, columns, unknowns) BᵀJ.
     gradient: (records, columns) Bᵀr.
     unknowns: JᵀJ, Jᵀr and rᵀr over all records, with the unknowns' priors.
-    excess: how much larger χ² is than the noise alone would make it.
+    excess: χ² less what the noise alone would give.
     """
 
     square: Floats = field(repr=False)
@@ -70,7 +70,8 @@ class DisturbanceNormals:
 
 
 def disturbance_normals(fit: FitResult, problem: Problem, columns: DisturbanceColumns) -> DisturbanceNormals:
-    """The matrices of the records of `problem`, the fitted ones of `fit`, by what the fit could move.
+    """The matrices of the records of `problem`, the fitted ones of `fit`, for the unknowns the fit could
+    move.
 
     Raises
     ------
@@ -92,7 +93,7 @@ def disturbance_normals(fit: FitResult, problem: Problem, columns: DisturbanceCo
 def _record_normals(
     fit: FitResult, problem: Problem, columns: DisturbanceColumns, slopes: Slopes, local: Floats, k: int
 ) -> tuple[Floats, int]:
-    """The matrix of the record at `k`, its own unknowns taken out, and its degrees of freedom."""
+    """The matrix of the record at `k` with its own unknowns projected off, and its degrees of freedom."""
     whitener, ok, outputs = problem.whiteners[k], problem.ok[k], fit.outputs[fit.fitted[k]]
     record = problem.records[k]
     residual = whitener(np.where(ok, np.where(ok, record.values, 0.0) - outputs, 0.0))
@@ -110,7 +111,7 @@ def _record_normals(
 
 
 def _split(whole: Floats, count: int, prior: Floats, weight: Floats, dof: int) -> DisturbanceNormals:
-    """The blocks of the records' matrices; unknowns are scaled to columns of length one."""
+    """The blocks of the records' matrices; unknowns are scaled to columns of unit length."""
     total = whole.sum(axis=0)
     matrix = total[count:-1, count:-1] + np.diag(weight**2)
     gradient = total[count:-1, -1] - weight * prior
@@ -130,31 +131,31 @@ def _split(whole: Floats, count: int, prior: Floats, weight: Floats, dof: int) -
     )
 
 
-#: knots over a record; more where few records leave the room for it
+#: knots over a record; the larger number if few records leave room for it
 _KNOTS, _MORE_KNOTS, _FEW_RECORDS = 11, 24, 3
-#: of more records, and of longer ones, some are enough to rank equations by
+#: of more records, or longer ones, a subset is enough to rank equations
 _MOST_RECORDS, _MOST_SAMPLES = 32, 2000
-#: over how many knots a disturbance remembers
+#: correlation length of a disturbance, in knots
 _MEMORY = 3.0
-#: smooth functions of the operating point
+#: number of smooth functions of the operating point
 _FEATURES = 6
-#: logarithms of evidence that differ by less (20 to 1), or by less than the share that a linear model of a
-#: large effect is in error, do not tell two slots apart
+#: two slots are indistinguishable if their log-evidences differ by less than this (20 to 1), or by less than
+#: the relative error of a linear model of a large effect
 _SEPARABLE, _LINEAR = 3.0, 0.01
 
 
 @dataclass(frozen=True)
 class SlotEvidence:
-    """How much the data want a term at a slot.
+    """The evidence that a term is missing at a slot.
 
     Attributes
     ----------
-    slot: its name; several, joined by " + ", for places at which one effect of the library acts at once.
-    meaning: of the slot, for people.
-    log_evidence: of a disturbance there, relative to none; below 0 when the data do without.
+    slot: its name; several, joined by " + ", if one effect of the library acts at all of them.
+    meaning: description of the slot.
+    log_evidence: for a disturbance there, relative to none; negative if the data do not need one.
     share: of the misfit that a disturbance explains, 0 to 1.
     when: the phase in which the disturbance is largest.
-    alike: the slots that these data do not tell from it, the more wanted first.
+    alike: the slots that these data do not distinguish from it, by decreasing evidence.
     """
 
     slot: str
@@ -178,16 +179,16 @@ class SlotEvidence:
 
 @one_thread()
 def slot_evidence(fit: FitResult, *, progress: Progress | None = None) -> tuple[SlotEvidence, ...]:
-    """The slots at which a disturbance shows in the measured readings, the most wanted first.
+    """The slots at which a disturbance is visible in the measured readings, by decreasing evidence.
 
-    Of a great many fitted records, and of long ones, some are looked at.
+    Of very many fitted records, and of long ones, a subset is used.
 
     Raises
     ------
     RigctlError
         the model cannot be simulated or differentiated at the fit.
     """
-    if not fit.problem.model.family.slots:  # nowhere for a term
+    if not fit.problem.model.family.slots:  # no location for a term
         return ()
     fit = some_records(fit)
     problem = fit.problem
@@ -201,7 +202,7 @@ def slot_evidence(fit: FitResult, *, progress: Progress | None = None) -> tuple[
 
 @dataclass(frozen=True)
 class _Ranking:
-    """What is kept from one command to the next."""
+    """The result that is kept between commands."""
 
     slots: tuple[SlotEvidence, ...]
 
@@ -220,7 +221,7 @@ def _evidence(fit: FitResult, problem: Problem, model: Disturbed) -> tuple[SlotE
 
 
 def some_records(fit: FitResult, *, samples: int = _MOST_SAMPLES) -> FitResult:
-    """The fitted records; of many of them some, of long ones some samples, drawn once and for all."""
+    """The fitted records; a fixed random subset of many, and equally spaced samples of long ones."""
     indices = np.array(fit.fitted)
     if indices.size > _MOST_RECORDS:
         draw = np.random.Generator(np.random.PCG64(0))
@@ -252,7 +253,7 @@ class _Found:
 
 
 def _hypotheses(problem: Problem, parts: Sequence[Part]) -> Iterator[tuple[Part, ...]]:
-    """What is tried: each slot, a reading in two ways, and the places of every effect that has several."""
+    """The hypotheses: each slot, a reading in two ways, and the slots together at which one effect acts."""
     by_slot: dict[str, list[Part]] = {}
     for part in parts:
         by_slot.setdefault(part.slot.name, []).append(part)
@@ -267,7 +268,7 @@ def _hypotheses(problem: Problem, parts: Sequence[Part]) -> Iterator[tuple[Part,
 
 
 def _together(problem: Problem) -> list[tuple[str, ...]]:
-    """The slots at which one effect of the library acts at once."""
+    """The groups of slots at which a single effect of the library acts."""
     model = problem.model
     effects = [*library(model.family).values(), *model.own_effects]
     slots = {effect.slots for effect in effects if effect.name not in model.effects}
@@ -275,9 +276,10 @@ def _together(problem: Problem) -> list[tuple[str, ...]]:
 
 
 def _component(normals: DisturbanceNormals, parts: Sequence[Part]) -> tuple[Component | None, Floats]:
-    """Its normal matrices, each part's share of them the same, and the root of its prior covariance.
+    """The normal matrices of a component, each part scaled to the same trace, and the root of its prior
+    covariance.
 
-    None when no reading shows it.
+    None if no reading shows it.
     """
     indices = np.concatenate([np.arange(part.columns.start, part.columns.stop) for part in parts])
     square = normals.square[:, indices[:, None], indices[None, :]]
@@ -305,7 +307,8 @@ def _component(normals: DisturbanceNormals, parts: Sequence[Part]) -> tuple[Comp
 
 
 def _prior_root(lengths: Floats, knots: int) -> Floats:
-    """Of ``exp(−|i − j|/memory)`` over each run of knots; columns without an order count alike."""
+    """Root of ``exp(−|i − j|/memory)`` over each run of knots; columns without an order are weighted
+    equally."""
     if not knots:
         return np.diag(np.where(lengths > 0.0, 1.0 / np.sqrt(np.where(lengths > 0.0, lengths, 1.0)), 0.0))
     distance = np.abs(np.subtract.outer(np.arange(knots), np.arange(knots)))
@@ -314,9 +317,9 @@ def _prior_root(lengths: Floats, knots: int) -> Floats:
 
 
 def _features(conditions: Floats) -> Floats:
-    """(records, features) whose products are ``1 + c·c′ + 0.3·exp(−|c − c′|²/2)``, as far as few of them can.
+    """(records, features) whose products approximate ``1 + c·c′ + 0.3·exp(−|c − c′|²/2)``.
 
-    One record, or records at one condition, have a disturbance of their own each and no more.
+    For a single record there are none: its disturbance is entirely record-level.
     """
     if conditions.shape[0] < 2:
         return np.empty((conditions.shape[0], 0))
@@ -328,7 +331,7 @@ def _features(conditions: Floats) -> Floats:
 
 
 def _one_each(tests: Sequence[_Found]) -> list[_Found]:
-    """Of a slot that was tried in several ways, the best with the mean of their evidence."""
+    """For a slot that was tried in several ways, the best of them with the mean evidence of all."""
     ways: dict[tuple[Slot, ...], list[_Found]] = {}
     for one in tests:
         ways.setdefault(one.slots, []).append(one)
@@ -363,7 +366,7 @@ def _ranked(
 
 
 def _when(test: _Found, problem: Problem, columns: DisturbanceColumns) -> str:
-    """The phase with the largest mean square of the disturbance, each slot's in units of its own mean."""
+    """The phase with the largest mean square of the disturbance, each slot's relative to its own mean."""
     squares: dict[str, list[float]] = {}
     for slot in test.slots:
         courses = [_course(test, columns.courses[k], slot, k) for k in range(len(problem.records))]
@@ -377,7 +380,7 @@ def _when(test: _Found, problem: Problem, columns: DisturbanceColumns) -> str:
 
 
 def _course(test: _Found, courses: Floats, slot: Slot, k: int) -> Floats:
-    """(n) of one record: the disturbance at one slot."""
+    """(n) the disturbance at one slot in one record."""
     total = np.zeros(courses.shape[0])
     first = 0
     for part in test.parts:

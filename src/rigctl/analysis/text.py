@@ -1,4 +1,4 @@
-"""A diagnosis in sentences: what it says, what speaks for it and what against."""
+"""A diagnosis in sentences: the verdict, and the evidence for and against it."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from rigctl.effects.declaration import Effect
 from rigctl.effects.record_level import RECORD
 from rigctl.units import parse_unit
 
-#: an effect is named as hidden in a parameter where that takes more of it
+#: an effect is reported as hidden in a parameter if less than this share of its signature is left
 _HIDDEN = 0.3
-#: a parameter that moves by less has not been biased
+#: a parameter that changes by less than this share was not biased
 _MOVED = 0.02
-#: phases in which two effects are less alike by this are told
+#: least difference of cosines between phases that is reported
 _UNLIKE = 0.15
 
 
@@ -44,10 +44,10 @@ def parameters_text(parameters: Mapping[str, FoundParameter]) -> str:
 
 
 def effect_text(effect: Effect, parameters: Mapping[str, FoundParameter]) -> str:
-    """What is seen, what it is, and how large."""
+    """What is observed, what it is, and how large."""
     seen, summary = effect.looks_like.rstrip("."), effect.summary.rstrip(".")
-    said = f"{seen}: {_begun_low(summary)}" if seen else summary
-    return f"{said} ({effect.name}, {parameters_text(parameters)})"
+    text = f"{seen}: {_begun_low(summary)}" if seen else summary
+    return f"{text} ({effect.name}, {parameters_text(parameters)})"
 
 
 def verdict_text(
@@ -67,11 +67,11 @@ def verdict_text(
     Parameters
     ----------
     left: what the best set leaves.
-    checks: those by leaving out, of each member of the best set.
-    seen: where no set pays for itself, the effect that is seen nevertheless.
+    checks: cross-validation of each member of the best set.
+    seen: the effect that is visible although no set improves mBIC.
     against: why the best set may not be what is missing, besides rivals; see `against_identity`.
     doubt: why these data cannot tell whether anything is missing at all; see `whether_at_all`.
-    allowed: the share of the misfit that the right set may leave.
+    allowed: the largest share of the misfit that the right set may leave.
     """
     if verdict is Verdict.ADEQUATE:
         return before.statement
@@ -90,7 +90,7 @@ def verdict_text(
 
 
 def _each_once(rivals: Sequence[Rival]) -> list[Rival]:
-    """Two that stand in the place of one are said together."""
+    """Rivals, of which the two members of a replacing pair are mentioned once."""
     once: list[Rival] = []
     for one in rivals:
         if not any((other.name, other.beside) == (one.beside, one.name) for other in once):
@@ -99,16 +99,16 @@ def _each_once(rivals: Sequence[Rival]) -> list[Rival]:
 
 
 def whether_at_all(before: ModelComparison) -> str:
-    """Why a misfit that no effect explains need not mean that something is missing; "" where it does.
+    """Why a misfit that no effect explains need not mean that something is missing; "" if it does.
 
-    An error below `BELOW_NOISE` ends a search before it begins; one merely within the noise is asked first
-    whether an effect explains it, and is held against the model only then.
+    An error below `BELOW_NOISE` ends the search before it starts. An error merely within the noise counts
+    against the model only if an effect explains it.
     """
     guessed = [channel.name for channel in before.fit.problem.noise.channels if channel.guessed]
     if guessed:
-        return f"these data do not tell the noise of {', '.join(guessed)}"
+        return f"these data do not determine the noise of {', '.join(guessed)}"
     if error_below(before.fit, BELOW_NOISE):
-        return "the error of every channel is below its noise, which is not what it was taken for"
+        return "the error of every channel is below its noise, so that the noise must be smaller than assumed"
     if error_below(before.fit, 1.0):
         return "the error of every channel is within its noise"
     return ""
@@ -122,35 +122,37 @@ def _outside_text(
     doubt: str,
     allowed: float,
 ) -> str:
-    """What is nearest, and why it is not named; `described` is "" where nothing pays for itself."""
-    begun = "Something is missing"
+    """The nearest set, and why it is not named; `described` is "" if no set improves mBIC."""
+    opening = "Something is missing"
     if doubt:
-        begun = f"A test rejects the model, but {doubt}: these data cannot tell whether something is missing"
+        opening = (
+            f"A test rejects the model, but {doubt}: these data cannot tell whether something is missing"
+        )
     if described and left is not None and (left.share > allowed or not _failed_text(checks)):
         return (
-            f"{begun}. The nearest in the library is this, but with it "
-            f"{share_text(left.share)} of the misfit is left: its shape may be another one, something else "
-            f"may be missing beside it, or it only resembles what is missing: {described}"
+            f"{opening}. The nearest in the library is this, but with it "
+            f"{share_text(left.share)} of the misfit is left: its law may have another shape, something else "
+            f"may be missing as well, or it only resembles what is missing: {described}"
         )
     if described:
         return (
-            (f"{begun}. It would be" if doubt else "What is missing is")
+            (f"{opening}. It would be" if doubt else "What is missing is")
             + " more than one or two effects of the library, or not in it. The nearest is "
             f"this, but {_failed_text(checks)}: {described}"
         )
     if seen is not None:
         return (
-            f"{begun}, and too little of it is seen to say what: "
+            f"{opening}, but the data show too little of it to say what: "
             f"{seen.effect} explains more of it than any other effect ({seen.size:.1f} sigmas), but with it "
             f"mBIC rises by {seen.delta_bic:.1f}"
         )
     if doubt:
-        return f"{begun}, and no effect of the library explains it"
+        return f"{opening}, and no effect of the library explains it"
     return "Something is missing that no effect of the library explains"
 
 
 def _ambiguous_text(described: str, close: Sequence[Rival], against: Sequence[str]) -> str:
-    """What is most probable, and why it is not sure: a rival that is close, or what speaks against it."""
+    """The most probable set, and why it is uncertain: close rivals, or evidence against it."""
     if not close:
         return (
             "Something is missing. No other effect of the library explains it as well as this, but "
@@ -166,52 +168,52 @@ def against_identity(
     left: Remainder | None,
     explained: float = math.inf,
 ) -> list[str]:
-    """Why the best set may not be what is missing, whatever else is like it: nothing where all speaks for it.
+    """Why the best set may not be what is missing, apart from its rivals; empty if nothing speaks against it.
 
-    A size that nobody has seen, a prediction that failed, a noise that is not what the tests take it for,
-    something that several effects leave where none of them acts, or that a single one leaves though it is so
-    small that another shape of it would not be seen.
+    Reasons are: a parameter outside its usual range; a failed cross-validation; noise that differs from what
+    the tests assume; a remainder of several effects at a slot where none of them acts; a remainder of a
+    single effect that is too small for another shape of its law to be visible.
 
     Parameters
     ----------
-    explained: the fall of χ² by the set.
+    explained: the reduction of χ² by the set.
     """
     reasons = [f"{name} has its {text}" for name, text in best.unusual.items()]
     failed = _failed_text(checks)
     reasons += [failed] if failed else []
     if left is not None and left.below_noise:
         reasons.append(
-            "the error with it is below the noise and a test still rejects: the noise of these readings is "
-            "not what it was taken for"
+            "the error with it is below the noise and yet a test rejects: the noise of these readings "
+            "differs from the noise assumed"
         )
     if left is not None and wanted_elsewhere([one.effect for one in best.candidates], left.slot):
-        reasons.append(f"what they leave is wanted at {left.slot}, where none of them acts")
+        reasons.append(f"what they leave points to a term at {left.slot}, where none of them acts")
     shape = SHAPE_TOLERANCE * math.sqrt(max(explained, 0.0))
     if left is not None and len(best.candidates) == 1 and shape < SEEN_IN_LIBRARY < left.size:
         reasons.append(
-            f"it leaves {left.size:.0f} sigma, where another shape of so small an effect would not be seen"
+            f"it leaves {left.size:.0f} sigma, although another shape of so small an effect would not be seen"
         )
     return reasons
 
 
 def failed_checks(checks: Mapping[str, CrossValidation | None]) -> tuple[str, ...]:
-    """The effects that do not predict what they were not fitted on."""
+    """The effects that failed cross-validation: they do not predict data outside their fit."""
     return tuple(
         name for name, one in checks.items() if one is not None and one.folds >= 2 and not one.passed
     )
 
 
 def _failed_text(checks: Mapping[str, CrossValidation | None]) -> str:
-    """Which effects failed the check by leaving out; "" for none."""
+    """Which effects failed cross-validation; "" for none."""
     failed = failed_checks(checks)
     if not failed:
         return ""
-    does = "does not predict what it was" if len(failed) == 1 else "do not predict what they were"
-    return f"{' and '.join(failed)} {does} not fitted on"
+    does = "does not predict data that it was" if len(failed) == 1 else "do not predict data that they were"
+    return f"{' and '.join(failed)} {does} not fitted to"
 
 
 def rival_text(rival: Rival) -> str:
-    """How like the two are, where they differ, and whether these data tell them apart."""
+    """How similar the two are, where they differ, and whether these data distinguish them."""
     other = f"{rival.name} and {rival.beside} together" if rival.beside else rival.name
     text = f"{other} would look like {rival.member} (cos {rival.cos:.2f})"
     if rival.unusual:
@@ -230,26 +232,26 @@ def rival_text(rival: Rival) -> str:
 
 
 def _lacking(rival: Rival) -> str:
-    """The condition, or both, that two which are not told apart fail."""
+    """Which of the conditions for being distinguishable are not met."""
     parts = []
     if rival.separation < LEAST_SEPARATION:
-        parts.append(f"d = {rival.separation:.2f}, {LEAST_SEPARATION} would do")
+        parts.append(f"d = {rival.separation:.2f}, at least {LEAST_SEPARATION} is needed")
     if rival.difference < LEAST_DIFFERENCE:
-        parts.append(f"their mBIC differs by {rival.difference:.1f}, {LEAST_DIFFERENCE} would do")
+        parts.append(f"their mBIC differs by {rival.difference:.1f}, at least {LEAST_DIFFERENCE} is needed")
     if rival.nested:
         parts.append(
-            f"{rival.member} with {rival.nested} is {rival.name}, and its fit is within chance of that"
+            f"{rival.member} with {rival.nested} is {rival.name}, and its fit is not significantly different"
         )
     if not parts:
         parts.append(
             f"they differ by {share_text(max(rival.share, 0.0))} of what it explains, and the shape of "
-            f"either may do as much: {share_text(TOLERANCE**2)} would do"
+            f"either may account for that: at least {share_text(TOLERANCE**2)} is needed"
         )
     return "; ".join(parts)
 
 
 def _alike_text(where: Differs) -> str:
-    """In which phases the two are alike, and in which they are not."""
+    """In which phase the two are most similar, and in which least."""
     if len(where.alike) < 2 or where.alike[0][1] - where.alike[-1][1] < _UNLIKE:
         return ""
     (most, largest), (least, smallest) = where.alike[0], where.alike[-1]
@@ -260,7 +262,7 @@ def _alike_text(where: Differs) -> str:
 def evidence_for(
     candidate: Candidate, ranked: Ranked, check: CrossValidation | None, rivals: Sequence[Rival]
 ) -> list[str]:
-    """A sentence for each thing that speaks for an effect or against it."""
+    """One sentence for each piece of evidence for or against an effect."""
     name = candidate.name
     lines = [_size(ranked)]
     if ranked.delta_bic < 0.0:
@@ -271,7 +273,7 @@ def evidence_for(
     if check is not None and check.folds >= 2:
         side = "for" if check.passed else "against"
         lines.append(
-            f"{side} {name}: on conditions left out one after the other the normalised error goes from "
+            f"{side} {name}: on conditions left out one at a time the normalised error changes from "
             f"{check.before:.4g} to {check.after:.4g} ({check.folds} folds, mean gain {check.mean:.1f} "
             f"± {check.error:.1f})"
         )
@@ -291,38 +293,38 @@ def evidence_for(
 
 def _hidden_text(hidden_in: str) -> str:
     """What imitates an effect."""
-    record_level = "what each record has of its own (its settings, zeros, times and starts)"
+    record_level = "variation from record to record (of settings, zeros, times and initial states)"
     return record_level if hidden_in == RECORD else f"the fitted {hidden_in}"
 
 
 def _size(ranked: Ranked) -> str:
-    """How far it stands out of the noise, and whether it did so in the model as it is."""
+    """Its size relative to the noise, and whether it is significant in the model as given."""
     p = ranked.score_p_value
-    text = f"for {ranked.effect}: it stands out of the noise by {ranked.size:.1f} sigma"
+    text = f"for {ranked.effect}: it stands out from the noise by {ranked.size:.1f} sigma"
     if p > ALPHA:
-        return f"{text}, but only beside the others: on the model as it is its score is nothing (p = {p:.2g})"
+        return f"{text}, but only beside the others: by itself its score is not significant (p = {p:.2g})"
     return f"{text} ({chance_text(p)} for the largest of the whole library)"
 
 
 def drift_text(drifts: Sequence[Drift]) -> list[str]:
     """Fitted parameters that were biased by what was missing.
 
-    Without a bias the two values would differ by chance with the variance ``|s₂² − s₁²|``, s their standard
-    deviations (J. A. Hausman, Econometrica 46 (1978) 1251); a change has to be twice that, and no less than
-    either s.
+    Without a bias the two estimates differ by chance with variance ``|s₂² − s₁²|``, s being their standard
+    deviations (J. A. Hausman, Econometrica 46 (1978) 1251); a change is reported if it exceeds twice the
+    square root of that, and both s.
     """
     return [
-        f"{one.parameter} moves from {one.before:.4g} to {one.after:.4g} {one.unit}: it had taken over "
-        "a part of what was missing"
+        f"{one.parameter} moves from {one.before:.4g} to {one.after:.4g} {one.unit}: it had absorbed "
+        "part of what was missing"
         for one in drifts
         if _moved(one)
     ]
 
 
 def _moved(one: Drift) -> bool:
-    """Whether a change is more than chance, and large enough for a word.
+    """Whether a change is significant, and large enough to be reported.
 
-    On a scale with an offset, degC, a share of the value means nothing.
+    On a scale with an offset, such as degC, a relative change has no meaning.
     """
     change = abs(one.after - one.before)
     before, after = (std if math.isfinite(std) else 0.0 for std in (one.before_std, one.after_std))
@@ -331,10 +333,10 @@ def _moved(one: Drift) -> bool:
 
 
 def _begun_low(text: str) -> str:
-    """As the middle of a sentence."""
+    """With a lower-case first letter, for use within a sentence."""
     return text[:1].lower() + text[1:] if text[1:2].islower() or text[:2] == "A " else text
 
 
 def _begun_high(text: str) -> str:
-    """As the beginning of a sentence, unless it begins with a name."""
+    """With an upper-case first letter, unless the text begins with a name."""
     return text if "_" in text.partition(" ")[0] else text[:1].upper() + text[1:]

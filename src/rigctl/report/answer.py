@@ -299,7 +299,7 @@ def _sureness(found: Diagnosis) -> str:
     if not members:
         return ""
     first = max(members, key=lambda one: one.size)
-    parts = [f"stands out of the noise by {first.size:.0f} sigma"]
+    parts = [f"stands out from the noise by {first.size:.0f} sigma"]
     if math.isfinite(first.heldout_before):
         parts.append(
             f"left-out conditions: error {first.heldout_before:.3g} to {first.heldout_after:.3g} of the noise"

@@ -1,7 +1,7 @@
 """The systematic error of a model: what is left of its error when the noise is taken off, channel by channel.
 
 A root mean square error of 0.158 mm that falls to 0.127 mm looks like little; where the noise is 0.127 mm all
-of what could fall has fallen. So the error is told by how far it stands out of the noise, all readings
+of what could fall has fallen. So the error is measured by how far it stands out from the noise, all readings
 together: S = √X standard deviations, X what the whitened squares have more of than noise makes. Of two models
 on the same data the difference of X is that of their whitened squares, whatever the noise is taken for.
 """

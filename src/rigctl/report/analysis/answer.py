@@ -106,7 +106,7 @@ def _chart(shown: Sequence[ChannelFall], told: Told) -> Markup | None:
         for place, name in enumerate(told.names)
     ]
     title = "Systematic error" if count == 1 else "How the systematic error falls"
-    return bars(f"{title}: by how much it stands out of the noise, all readings together", entries)
+    return bars(f"{title}: by how much it stands out from the noise, all readings together", entries)
 
 
 def _bar(one: ChannelFall, place: int, label: str, largest: float) -> Bar:
