@@ -62,7 +62,7 @@ def _clearance(of: str, value_of: Callable[[float, Mapping[str, float]], float])
 PISTON_LEAKAGE = Effect(
     name="piston_leakage",
     family=_FAMILY,
-    summary="Oil passes the piston's seal from the fuller chamber to the other.",
+    summary="Oil passes the piston's seal from the chamber at higher pressure to the other.",
     equation="Q_AB = k·(p_A − p_B)/µ, k = π·D·h³/(12·l)",
     source=_MERRITT,
     terms=(("flow_a_to_b", lambda m, p: gap_flow(m, p.conductance, m.pressure_a, m.pressure_b)),),
