@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from rigctl.learning.result import Ended
 from rigctl.validation.designed.work import DesignOutcome
 from rigctl.validation.figures import Figures, Rate, rate_of
 from rigctl.validation.outcome import Learnt
@@ -28,6 +29,7 @@ def design_rates(outcomes: Sequence[DesignOutcome]) -> tuple[Rate, ...]:
     made = [one for one in every if not one.scenario.taken]
     open_before = [one for one in made if _of(one).left]
     designed = [one for one in open_before if _of(one).probability is not None]
+    inseparable = [one for one in open_before if _of(one).probability is None]
     whole = [one for one in made if one.scenario.rounds > 2]
     at_random = [one for one in every if one.scenario.taken and _of(one).probability is not None]
     compared = [one for one in designed if _of(one).of_random]
@@ -35,6 +37,7 @@ def design_rates(outcomes: Sequence[DesignOutcome]) -> tuple[Rate, ...]:
         rate_of("the campaign leaves a class", "records are proposed", open_before, _proposed),
         rate_of("one designed set", "the truth alone is named", designed, _alone, at_least=0.80),
         rate_of("one designed set", "another one is named", designed, _wrong, at_most=0.01),
+        rate_of("a class that no record separates", "reported as such", inseparable, _reported, at_least=1.0),
         rate_of("one to four records at random", "the truth alone is named", at_random, _alone),
         rate_of("one to four records at random", "another one is named", at_random, _wrong, at_most=0.01),
         rate_of("D of the first designed record", "4 times a random one's", compared, _telling, at_least=0.5),
@@ -95,6 +98,11 @@ def _of(outcome: DesignOutcome) -> Learnt:
 
 def _proposed(outcome: DesignOutcome) -> bool:
     return _of(outcome).probability is not None
+
+
+def _reported(outcome: DesignOutcome) -> bool:
+    """Whether the ending says that no record would separate the class."""
+    return _of(outcome).ended == Ended.NOT_SEPARABLE
 
 
 def _pairs(outcome: DesignOutcome) -> list[tuple[float, bool]]:
