@@ -100,6 +100,13 @@ def test_records_at_random_are_counted_beside_and_not_among_designed_ones() -> N
     assert {one.taken for one in trials} == {0, 1, 2, 3, 4}
 
 
+def test_a_class_without_a_design_has_to_be_reported_as_inseparable() -> None:
+    reported = outcome(probability=None, ended="not_separable")
+    silent = outcome(probability=None, ended="rounds")
+    made = (reported, silent, outcome(), at_random(probability=None))
+    assert rate("a class that no record separates", "reported as such", *made) == (1, 2)
+
+
 def test_a_design_is_held_against_the_median_of_what_the_bench_can_make() -> None:
     made = [outcome(of_first=d, of_random=10.0) for d in (39.0, 41.0, 400.0)]
     assert rate("D of the first designed record", "4 times a random one's", *made, outcome()) == (2, 3)
