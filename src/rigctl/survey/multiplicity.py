@@ -18,8 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.levels import SURVEY_ALPHA
-from rigctl.survey.change_point import FEWEST_BESIDE, Scan, best_possible, critical, scan
+from rigctl.survey.chance import COARSE, FINE, STRONGEST
+from rigctl.survey.change_point import Scan, best_possible, critical, scan
 from rigctl.survey.course import Shape, left_by, scatter_between, shape_of, standardised, whole_scatter
+from rigctl.survey.ranks import FEWEST_BESIDE
 from rigctl.survey.reading import Plan, Reading, solved
 
 Floats = NDArray[np.float64]
@@ -201,7 +203,8 @@ def judge(plan: Plan, readings: Sequence[Reading], over: Floats, quantities: Seq
 def change_of(tested: Tested, judged: Judged, alike: tuple[str, ...] = ()) -> Change:
     """A quantity's change, as its course shows it."""
     course = tested.course
-    shape, steps = _shape(course), _steps(course)
+    alike_by = _likeness(tested)
+    shape, steps = _shape(course, alike_by), _steps(course)
     known = course.known
     values, std = course.values[known], course.std[known]
     edges = [0, *(int(np.searchsorted(known, step)) for step in steps), known.size]
@@ -215,7 +218,7 @@ def change_of(tested: Tested, judged: Judged, alike: tuple[str, ...] = ()) -> Ch
         steps = ()
     told = tuple(float(levels[first]) for first, _ in parts) if steps else ()
     if steps:
-        one = _shape(course, steps=True)
+        one = _shape(course, alike_by, steps=True)
         first = steps[0]
         several = replace(one, before=told[0], after=told[-1], begins=first, earliest=first, latest=first)
         shape = several if len(steps) > 1 else one
@@ -233,14 +236,14 @@ def sure_from(tested: Tested, level: float) -> int:
     return int(known[(count or known.size) - 1]) + 1
 
 
-def _scanned(course: Course) -> Scan | None:
+def _scanned(course: Course, draws: int = FINE) -> Scan | None:
     known = course.known
     if known.size < 2 * FEWEST_BESIDE or len(set(course.over[known].tolist())) < 2:
         return None
     values = course.values[known]
     if float(np.ptp(values)) == 0.0:
         return None
-    return scan(standardised(values, course.std[known]), course.over[known])
+    return scan(standardised(values, course.std[known]), course.over[known], draws=draws)
 
 
 def _holm(p_values: dict[str, float]) -> dict[str, float]:
@@ -257,11 +260,16 @@ def _or_one(p_value: float | None) -> float:
     return 1.0 if p_value is None else p_value
 
 
-def _shape(course: Course, *, steps: bool = False) -> Shape:
+def _likeness(tested: Tested) -> float:
+    """The correlation of neighbours with which levels are known the less."""
+    return 0.0 if tested.found is None else min(max(tested.found.correlation, 0.0), STRONGEST)
+
+
+def _shape(course: Course, correlation: float, *, steps: bool = False) -> Shape:
     """The shape, its numbers of runs counted among all runs of the survey."""
     known = course.known
     values, std, over = course.values[known], course.std[known], course.over[known]
-    found = shape_of(values, std, over, 0.0, steps=steps)
+    found = shape_of(values, std, over, correlation, steps=steps)
     at = [int(known[min(k, known.size - 1)]) for k in (found.begins, found.earliest, found.latest)]
     return replace(found, begins=at[0], earliest=at[1], latest=at[2])
 
@@ -278,7 +286,7 @@ def _steps(course: Course) -> tuple[int, ...]:
         first, last = parts.pop()
         places = known[first:last]
         part = Course(course.quantity, course.values[places], course.std[places], course.over[places])
-        scanned = _scanned(part)
+        scanned = _scanned(part, COARSE)
         if scanned is None or scanned.p_value > SURVEY_ALPHA:
             continue
         cut = shape_of(part.values, part.std, np.arange(places.size, dtype=float), 0.0, steps=True).begins

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 INTERVAL = 1.96
 #: levels of a change in steps that a sentence has
 _LEVELS = 6
+#: a quantity with a smaller p-value is named though it is no change
+_NEAR = 0.1
 
 
 @dataclass(frozen=True)
@@ -92,7 +94,11 @@ class Survey:
                 f"These data cannot tell: {what}. So few runs do not show how much one differs from the next "
                 "where nothing changes, and no change of them could be told from that"
             )
-        return f"No change is seen: {what}, none of which changes by more than the runs scatter"
+        nearest = self.judged.tested[0]
+        text = f"No change is seen: {what}, none of which changes by more than the runs scatter"
+        if nearest.p_value is not None and nearest.p_value < _NEAR:
+            text += f"; {nearest.course.quantity.name} comes nearest to it ({chance_text(nearest.p_value)})"
+        return text
 
     def sentence(self, change: Change) -> str:
         """One change: what, from what to what, since when, when it was first sure, and how sure."""
