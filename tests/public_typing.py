@@ -12,6 +12,7 @@ PUBLIC: tuple[object, ...] = (
     rigctl.compare,
     rigctl.diagnose,
     rigctl.improve,
+    rigctl.survey,
     rigctl.fit,
     rigctl.write_report,
     rigctl.open_run,
@@ -34,6 +35,7 @@ PUBLIC: tuple[object, ...] = (
     rigctl.Rig,
     rigctl.RigctlError,
     rigctl.Run,
+    rigctl.Survey,
 )
 
 

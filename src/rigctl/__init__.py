@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from rigctl.errors import RigctlError as RigctlError
     from rigctl.model import Model as Model
     from rigctl.model import load_model as load_model
+    from rigctl.monitoring.result import Survey as Survey
+    from rigctl.monitoring.survey import survey as survey
     from rigctl.physics.families import find_family as find_family
     from rigctl.physics.family import ModelFamily
     from rigctl.planning.preview import preview as preview

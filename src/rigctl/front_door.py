@@ -17,6 +17,7 @@ PUBLIC: Final[Mapping[str, str]] = MappingProxyType(
         "compare": "rigctl.analysis.comparison",
         "diagnose": "rigctl.analysis.diagnosis",
         "improve": "rigctl.analysis.improve",
+        "survey": "rigctl.monitoring.survey",
         "fit": "rigctl.api",
         "write_report": "rigctl.report",
         # what one reads, finds and keeps
@@ -41,6 +42,7 @@ PUBLIC: Final[Mapping[str, str]] = MappingProxyType(
         "Rig": "rigctl.rig",
         "RigctlError": "rigctl.errors",
         "Run": "rigctl.dataset",
+        "Survey": "rigctl.monitoring.result",
     }
 )
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rigctl.survey.change_point import best_possible, critical, scan
-from rigctl.survey.course import scatter_between, shape_of
-from rigctl.survey.ranks import neighbours, normal_scores
+from rigctl.monitoring.change_point import best_possible, critical, scan
+from rigctl.monitoring.course import scatter_between, shape_of
+from rigctl.monitoring.ranks import neighbours, normal_scores
 
 Floats = NDArray[np.float64]
 ORDER = np.arange(40, dtype=float)

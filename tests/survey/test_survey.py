@@ -15,7 +15,7 @@ import rigctl
 from commands import answer, call, refusal, told
 from rigctl.dataset import list_runs
 from rigctl.errors import ExitCode
-from rigctl.survey.survey import survey
+from rigctl.monitoring.survey import survey
 from rigctl.tasks import Workers
 
 FAMILY = """\

@@ -100,7 +100,8 @@ def survey(
 
     Each run is fitted, and the size of each effect that the model may lack is estimated in it. Only
     significant changes are reported: where nothing changes, at most 1 survey in 100 reports one, whatever
-    the number of runs and quantities and the scatter of single runs. A diagnosis of a run after the change
+    the number of runs and quantities and the scatter of single runs; a level that wanders slowly by itself
+    counts as changed. A diagnosis of a run after the change
     determines which effect it is. Results of runs are kept: a survey that was interrupted, or is repeated
     with another run, reuses them. A run that cannot be read is reported and skipped.
 
@@ -118,7 +119,7 @@ def survey(
     from rigctl.cli.telling import telling
     from rigctl.dataset.outputs import require_output
     from rigctl.errors import ExitCode
-    from rigctl.survey.survey import survey as surveyed
+    from rigctl.monitoring.survey import survey as surveyed
     from rigctl.tasks import Workers
 
     at = Workers(workers, cluster=cluster)
@@ -147,7 +148,7 @@ def survey(
 
         write_survey_page(found, opened.rig.name if opened.rig else "", output, force=force)
     if junit is not None:
-        from rigctl.survey.junit import write_junit
+        from rigctl.monitoring.junit import write_junit
 
         write_junit(found, junit)
     if as_json:

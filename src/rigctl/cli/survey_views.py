@@ -10,9 +10,9 @@ from rich.markup import escape
 from rigctl.analysis.adequacy import chance_text
 from rigctl.cli.answer_view import counted, show_answer
 from rigctl.cli.tables import console, table
+from rigctl.monitoring.result import Line, Survey
 from rigctl.report.answer import Answer
 from rigctl.report.numbers import plural
-from rigctl.survey.result import Line, Survey
 
 #: courses, runs and tests that a terminal shows
 _COURSES, _LINES, _TESTS = 4, 24, 8

@@ -29,9 +29,9 @@ _PACKAGES = (
     "expressions",
     "families",
     "model",
+    "monitoring",
     "noise",
     "physics",
-    "survey",
 )
 _LIBRARIES = ("llvmlite", "numba", "numpy", "scipy")
 

@@ -14,15 +14,15 @@ from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.levels import SURVEY_ALPHA
 from rigctl.dataset.outputs import is_page, require_output
 from rigctl.files.write import write_text
+from rigctl.monitoring.entries import DATE, ORDER
+from rigctl.monitoring.multiplicity import Course
+from rigctl.monitoring.result import INTERVAL, Survey
 from rigctl.report.numbers import plural, symbol
 from rigctl.report.page import page
 from rigctl.report.plot import Look, Mark, Panel, Plot, Trace
 from rigctl.report.run_data import RunData
 from rigctl.report.section import Section, cut, plot_slot, render
 from rigctl.report.signals import plain_name
-from rigctl.survey.entries import DATE, ORDER
-from rigctl.survey.multiplicity import Course
-from rigctl.survey.result import INTERVAL, Survey
 from rigctl.units import parse_unit
 
 #: courses that are drawn

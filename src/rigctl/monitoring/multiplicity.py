@@ -2,7 +2,7 @@
 
 All quantities are tested at one level together (Holm), each against every run on which it could have begun
 to change. That a quantity changes does not make it the cause: a leak moves a fitted friction too, and every
-effect that is a little like it. Which effect it is, is `rigctl.survey.naming`'s to say.
+effect that is a little like it. Which effect it is, is `rigctl.monitoring.naming`'s to say.
 
 Source: S. Holm, Scand. J. Statist. 6 (1979) 65.
 """
@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.levels import SURVEY_ALPHA
-from rigctl.survey.chance import COARSE, FINE, STRONGEST
-from rigctl.survey.change_point import Scan, best_possible, critical, scan
-from rigctl.survey.course import Shape, left_by, scatter_between, shape_of, standardised, whole_scatter
-from rigctl.survey.ranks import FEWEST_BESIDE
-from rigctl.survey.reading import Plan, Reading, solved
+from rigctl.monitoring.chance import COARSE, FINE, STRONGEST
+from rigctl.monitoring.change_point import Scan, best_possible, critical, scan
+from rigctl.monitoring.course import Shape, left_by, scatter_between, shape_of, standardised, whole_scatter
+from rigctl.monitoring.ranks import FEWEST_BESIDE
+from rigctl.monitoring.reading import Plan, Reading, solved
 
 Floats = NDArray[np.float64]
 

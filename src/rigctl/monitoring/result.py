@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.levels import SURVEY_ALPHA
+from rigctl.monitoring.entries import DATE, Axis, Entry
+from rigctl.monitoring.multiplicity import Change, Course, Judged, Quantity
+from rigctl.monitoring.naming import Named
+from rigctl.monitoring.reading import Reading
 from rigctl.notebook import as_html, one_line
-from rigctl.survey.entries import DATE, Axis, Entry
-from rigctl.survey.multiplicity import Change, Course, Judged, Quantity
-from rigctl.survey.naming import Named
-from rigctl.survey.reading import Reading
 from rigctl.units import parse_unit, show, with_uncertainty
 
 if TYPE_CHECKING:

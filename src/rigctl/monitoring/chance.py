@@ -3,8 +3,8 @@
 Gaussian sequences in which nothing changes are drawn with correlations ρ, ρ², … of neighbours, next but one
 and so on. ρ itself is drawn: zero in half of the sequences, as runs of most benches know nothing of each
 other, and evenly between 0.1 and 0.8 in the others. Of each sequence are kept the size T of its scan and how
-alike its neighbours look, r (`rigctl.survey.ranks`). The p-value of a course (T₀, r₀) is the share of large
-sizes among the sequences whose neighbours look as alike,
+alike its neighbours look, r (`rigctl.monitoring.ranks`). The p-value of a course (T₀, r₀) is the share of
+large sizes among the sequences whose neighbours look as alike,
 
     p = Σ w_i [T_i ≥ T₀] / Σ w_i,   w_i = prior(ρ_i)·exp(−(r_i − r₀)²/2h²),   h = 0.1
 
@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.survey.ranks import Apart, drawn_scores, neighbours, sizes
+from rigctl.monitoring.ranks import Apart, drawn_scores, neighbours, sizes
 
 Floats = NDArray[np.float64]
 

@@ -37,7 +37,7 @@ from rigctl.model.fit.problem import Problem, make_problem
 from rigctl.model.fit.unknowns import parameter_unknown
 from rigctl.model.measured.assumed import assuming
 from rigctl.model.model import Model
-from rigctl.survey.entries import Entry
+from rigctl.monitoring.entries import Entry
 
 Floats = NDArray[np.float64]
 

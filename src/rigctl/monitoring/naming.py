@@ -23,9 +23,9 @@ from rigctl.analysis.levels import SLIGHT
 from rigctl.effects.declaration import Effect, qualified
 from rigctl.errors import RigctlError
 from rigctl.model.stated import stated_values
-from rigctl.survey.entries import Entry
-from rigctl.survey.multiplicity import Change, Course, Judged, Quantity, Tested, change_of, judge
-from rigctl.survey.reading import Plan, Reading, problem_of
+from rigctl.monitoring.entries import Entry
+from rigctl.monitoring.multiplicity import Change, Course, Judged, Quantity, Tested, change_of, judge
+from rigctl.monitoring.reading import Plan, Reading, problem_of
 
 #: readings in a diagnosis at least; runs that have fewer, rows of a table say, are taken together
 _SAMPLES: Final = 60

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 from rigctl.analysis.levels import SURVEY_ALPHA
 from rigctl.dataset.exporting.junit import element, plain
 from rigctl.files.write import write_error
-from rigctl.survey.result import Survey
+from rigctl.monitoring.result import Survey
 
 
 def write_junit(found: Survey, path: Path) -> int:

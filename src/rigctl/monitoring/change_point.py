@@ -10,7 +10,7 @@ q about their mean the share R² that it explains, as the root of a likelihood r
 The statistic is the largest of all. So it pays for every run on which a change could have begun and for every
 run after which it could have been seen.
 
-What chance makes of it is drawn (`rigctl.survey.chance`), with neighbours that may be alike. Sequences
+What chance makes of it is drawn (`rigctl.monitoring.chance`), with neighbours that may be alike. Sequences
 without correlation have the same ranks whatever the scatter from run to run is drawn from: of an outlier only
 its side counts.
 
@@ -26,8 +26,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.survey.chance import FINE, chance
-from rigctl.survey.ranks import apart_in, neighbours, normal_scores, sizes
+from rigctl.monitoring.chance import FINE, chance
+from rigctl.monitoring.ranks import apart_in, neighbours, normal_scores, sizes
 
 Floats = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ def scan(values: Floats, over: Floats, *, draws: int = FINE) -> Scan:
     ----------
     values: (runs) in the order of `over`, finite.
     over: (runs) where each run lies; between runs at the same place nothing can have changed.
-    draws: as of `rigctl.survey.chance.chance`.
+    draws: as of `rigctl.monitoring.chance.chance`.
     """
     scores = normal_scores(values)[None, :]
     apart = apart_in(over)
