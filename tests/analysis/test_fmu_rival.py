@@ -76,7 +76,7 @@ def test_the_command_tells_no_model_from_itself(project: Path, monkeypatch: pyte
     """What a fit of each record's own unknowns takes up makes a model no better than its own FMU."""
     monkeypatch.chdir(project)
     (found,) = answer("compare", "latest", "-m", "models/right.yaml", "--rival", "right.fmu")["rivals"]
-    assert "do not tell which of the two is better" in found["statement"]
+    assert "do not show which of the two is better" in found["statement"]
     assert found["channels"]["temperature_1"]["nrmse"] == pytest.approx(1.0, abs=0.1)
 
 
@@ -116,8 +116,8 @@ def test_an_fmu_that_crashes_or_does_not_fit_says_so(project: Path, fits: dict[s
     )
     for name, said in (
         ("crashing", "the FMU has crashed"),
-        ("text", "this is no FMU"),
-        ("other", "wants an input that the data do not have, got 'heater_7'"),
+        ("text", "not an FMU"),
+        ("other", "needs an input that the data do not have, got 'heater_7'"),
     ):
         with pytest.raises(RigctlError, match=said):
             judge_fmu(project / f"{name}.fmu", fits["right"], "right")

@@ -119,7 +119,7 @@ def test_a_right_exponent_is_not_corrected(folder: Path) -> None:
     assert not law["differs"]
     assert law["formula"] is None
     assert abs(law["exponent"]["value"] - 2.0) < 3.0 * law["exponent"]["std"]
-    assert law["statement"].startswith("the data do not tell the law of fan from speed^2")
+    assert law["statement"].startswith("the data do not distinguish the law of fan from speed^2")
     assert not Path("effects").exists()
 
 

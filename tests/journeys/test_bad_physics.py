@@ -64,7 +64,7 @@ def test_a_parameter_without_influence_is_named_and_keeps_its_value() -> None:
     model = textbook_copy("lagged", ("effects: {}", lag))
     done = call("compare", strokes(), "--model", model)
     assert done.exit_code == 0, done.output
-    assert "heater_lag.lag acts on none of these readings: it keeps its value" in done.output
+    assert "heater_lag.lag affects none of these readings and keeps its value" in done.output
 
 
 def test_a_stiff_blow_up_ends_with_the_state_and_the_time() -> None:

@@ -85,5 +85,5 @@ def test_too_few_values_name_the_parameters(tmp_path: Path) -> None:
 
 def test_a_model_that_has_nothing_to_fit_is_refused() -> None:
     fixed = textbook_copy("fixed", ("fit: true", "fit: false"))
-    assert "nothing to fit" in refusal("diagnose", "latest", "--model", fixed)
-    assert "nothing to fit" in refusal("model", "fit", fixed, "latest")
+    assert "no free parameters" in refusal("diagnose", "latest", "--model", fixed)
+    assert "no free parameters" in refusal("model", "fit", fixed, "latest")

@@ -139,7 +139,7 @@ def test_the_textbook_model_turns_the_published_strokes_the_wrong_way(strokes: s
     assert found["channels"]["position"]["unit"] == "mm"
     assert {row["quantity"] for row in found["rows"]} == {"stroke"}
     assert found["rows"][-1]["condition"] == "60 degC, 50 bar"
-    assert "a level of their own" in " ".join(found["findings"])
+    assert "share an offset" in " ".join(found["findings"])
 
 
 def test_the_published_strokes_are_ambiguous_with_the_class_that_turns_the_sign(
@@ -158,8 +158,8 @@ def test_the_published_strokes_are_ambiguous_with_the_class_that_turns_the_sign(
 
 def test_what_to_measure_after_the_strokes_is_said_in_words(diagnosed: dict[str, Any]) -> None:
     steps = " ".join(diagnosed["next_steps"])
-    assert "record supply_pressure over time: it tells relief_thermal_drift from the others" in steps
-    assert "record position over time instead of one number: it tells valve_delay_thermal" in steps
+    assert "record supply_pressure over time: it distinguishes relief_thermal_drift from the others" in steps
+    assert "record position over time instead of one number: it distinguishes valve_delay_thermal" in steps
     assert "pressure_b" in steps  # a channel that the bench could have
     assert "more values of oil_temperature than 20 degC and 60 degC" in steps
     assert "repeat each condition" in steps

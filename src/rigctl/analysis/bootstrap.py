@@ -1,15 +1,15 @@
-"""Intervals of fitted parameters that do not believe the noise model: a wild bootstrap by cluster.
+"""Confidence intervals that do not rely on the noise model: a wild cluster bootstrap.
 
-What a fit says of its own accuracy rests on the noise that was learned, on residuals without a pattern, and
-on a model that is straight nearby. Here the model is fitted again to measurements that could have come as
-well: what it says, and its residuals with the sign of each cluster of records drawn,
+The standard errors of a fit rely on the noise that was learned, on residuals without a pattern, and on a
+model that is nearly linear. Here the model is fitted repeatedly to measurements that could equally have been
+observed: its outputs, and its residuals with a random sign for each cluster of records,
 
     y*_i = f_i(θ̂) + c · w_g(i) · (y_i − f_i(θ̂)),   c² = G/(G − 1) · (N − 1)/(N − p),
 
-G clusters of N readings, p parameters. A cluster is a condition, whose records share what the model lacks
-there, or a record where there are few conditions. Its residuals keep their course in time: nothing is
-assumed of their correlation, of their distribution, or that they are as large everywhere. What is known of
-an unknown before (a prior) is a reading like any other, and is drawn with its record.
+for G clusters with N readings in all, and p parameters. A cluster is a condition, whose records share what
+the model lacks there, or a single record if there are few conditions. Residuals keep their time series within
+a record: nothing is assumed about their correlation, their distribution, or equal size everywhere. The prior
+of an unknown is treated like a reading and is drawn with its record.
 
 Source: A. C. Cameron, J. B. Gelbach, D. L. Miller, Rev. Econ. Stat. 90 (2008) 414; weights of few clusters:
 M. D. Webb, Queen's Economics Department Working Paper 1315 (2013).
@@ -37,27 +37,27 @@ from rigctl.units import parse_unit
 
 Floats = NDArray[np.float64]
 
-#: the share of repetitions that an interval holds
+#: coverage probability of an interval
 LEVEL: Final = 0.95
-#: from so many conditions on they are the clusters; of fewer there are too few ways to draw their signs
+#: least number of conditions that serve as clusters; of fewer there are too few combinations of signs
 _CONDITIONS: Final = 6
-#: fewer clusters than this are drawn from six weights, or few results would be possible
+#: with fewer clusters than this, weights are drawn from six values, or few results would be possible
 _FEW: Final = 12
 _WEBB: Final = np.sqrt([0.5, 1.0, 1.5])
-#: an interval from fewer repetitions that ended well is none
+#: least number of successful repetitions for an interval
 _ENOUGH: Final = 20
-#: repetitions are fitted until the next step would lower the cost by less than this share of it
+#: each repetition is fitted until the next step would lower its cost by less than this share
 _COST: Final = 1e-4
 
 
 @dataclass(frozen=True)
 class Interval:
-    """What one parameter came to in the repetitions, in the unit it is shown in.
+    """The results for one parameter in the repetitions, in the unit in which it is shown.
 
     Attributes
     ----------
-    value: of the fit; `std` the standard deviation of the repetitions, `low` and `high` their quantiles.
-    fit_std: what the fit says of itself; NaN where it does not.
+    value: of the fit; `std` the standard deviation over the repetitions, `low` and `high` their quantiles.
+    fit_std: the standard error of the fit itself; NaN if it has none.
     """
 
     name: str
@@ -76,12 +76,12 @@ class Interval:
 
 @dataclass(frozen=True)
 class Bootstrap:
-    """The intervals of every parameter that was fitted.
+    """The intervals of every fitted parameter.
 
     Attributes
     ----------
-    repetitions: how many ended well; `failed` how many others there were.
-    by: what was drawn: ``condition`` or ``record``; `clusters` of them.
+    repetitions: number of successful repetitions; `failed` the number of others.
+    by: unit of resampling: ``condition`` or ``record``; `clusters` of them.
     """
 
     repetitions: int
@@ -92,11 +92,11 @@ class Bootstrap:
 
     @property
     def statement(self) -> str:
-        """How it was made, in words."""
+        """How it was computed, in words."""
         failed = f"; {self.failed} could not be fitted" if self.failed else ""
         return (
-            f"{100 * LEVEL:.0f} % of {self.repetitions} repetitions, in each of which the residuals of "
-            f"{self.clusters} {self.by}s had their signs drawn{failed}"
+            f"{100 * LEVEL:.0f} % of {self.repetitions} repetitions, each with random signs for the "
+            f"residuals of {self.clusters} {self.by}s{failed}"
         )
 
     def document(self) -> dict[str, Any]:
@@ -119,27 +119,27 @@ def bootstrap(
     workers: Workers | None = None,
     on_progress: Callable[[str], None] | None = None,
 ) -> Bootstrap:
-    """Fit a model again and again to what could have been measured as well.
+    """Fit a model repeatedly to measurements that could equally have been observed.
 
     Parameters
     ----------
-    fitted: of the model to judge; held-out records stay so.
-    repetitions: 200 give an interval to a tenth of its length.
-    seed: of the signs; they do not depend on where a repetition is fitted.
+    fitted: of the model to be judged; held-out records remain held out.
+    repetitions: 200 determine an interval to a tenth of its length.
+    seed: of the signs; they do not depend on where a repetition is computed.
 
     Raises
     ------
     RigctlError
-        nothing was fitted, there are fewer than two records, or hardly a repetition can be fitted.
+        nothing was fitted, there are fewer than two records, or hardly any repetition can be fitted.
     """
     if fitted.solution is None or not fitted.problem.shared:
-        raise RigctlError("nothing was fitted: there is nothing to give an interval of")
+        raise RigctlError("nothing was fitted, so there is no parameter to give an interval for")
     groups = [fitted.problem.records[index].group for index in fitted.fitted]
     by = "condition" if len(set(groups)) >= _CONDITIONS else "record"
     clusters = groups if by == "condition" else list(range(len(groups)))
     count = len(set(clusters))
     if count < 2:
-        raise RigctlError("one record cannot be drawn from", expected="two records at least, better ten")
+        raise RigctlError("one record cannot be resampled", expected="at least two records, better ten")
     work = partial(_repeated, lean(fitted), tuple(clusters), seed)
 
     def told(done: int, total: int) -> None:
@@ -151,7 +151,7 @@ def bootstrap(
     if len(ended) < min(_ENOUGH, repetitions):
         raise RigctlError(
             f"only {len(ended)} of {repetitions} repetitions could be fitted",
-            hint="The fit itself hangs by a thread: fewer free parameters, or more records",
+            hint="The fit itself is barely determined: use fewer free parameters, or more records",
             exit_code=ExitCode.FAILED,
         )
     return Bootstrap(len(ended), repetitions - len(ended), by, count, _intervals(fitted, np.array(ended)))
@@ -159,7 +159,7 @@ def bootstrap(
 
 @one_thread()
 def _repeated(fitted: FitResult, clusters: Sequence[int], seed: int, number: int) -> Floats | None:
-    """(shared) what one repetition finds; None where it cannot be fitted."""
+    """(shared) the parameters from one repetition; None if it cannot be fitted."""
     chance = np.random.default_rng(seed_of(seed, "bootstrap", number))
     weights = _weights(clusters, chance)
     problem, factor = fitted.problem, _factor(fitted, len(set(clusters)))
@@ -185,14 +185,14 @@ def _repeated(fitted: FitResult, clusters: Sequence[int], seed: int, number: int
     )
     try:
         again = fit(drawn, fitted.held_out, local=fitted.local, cost=_COST)
-    except RigctlError:  # the model has no value there
+    except RigctlError:  # the model cannot be simulated there
         return None
     found = {one.name: float(value) for one, value in zip(again.problem.shared, again.values, strict=True)}
     return np.array([found.get(one.name, one.start) for one in shared])
 
 
 def _drawn(unknown: Unknown, value: float, weight: float, start: float | None = None) -> Unknown:
-    """The unknown with what is known of it before on the other side of `value`, as its sign says."""
+    """The unknown with its prior mean moved to the other side of `value` if the weight is negative."""
     prior = unknown.prior
     if prior is not None:
         prior = Prior(value + weight * (prior.mean - value), prior.std)
@@ -201,7 +201,7 @@ def _drawn(unknown: Unknown, value: float, weight: float, start: float | None = 
 
 
 def _weights(clusters: Sequence[int] | range, chance: np.random.Generator) -> Mapping[int, float]:
-    """Of each cluster the sign, with mean 0 and variance 1; of few ones, of six sizes."""
+    """A weight for each cluster, with mean 0 and variance 1; with few clusters, of six values."""
     names = sorted(set(clusters))
     signs = chance.choice([-1.0, 1.0], len(names))
     if len(names) < _FEW:
@@ -210,7 +210,7 @@ def _weights(clusters: Sequence[int] | range, chance: np.random.Generator) -> Ma
 
 
 def _factor(fitted: FitResult, clusters: int) -> float:
-    """By how much residuals are smaller than the noise they come from: the fit has taken its part."""
+    """By how much residuals are smaller than the noise, because the fit has absorbed part of it."""
     solution = fitted.solution
     assert solution is not None  # noqa: S101 - asked before
     readings, free = solution.residual_count, solution.parameter_count

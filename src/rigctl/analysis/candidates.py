@@ -1,6 +1,7 @@
-"""The effects that a model may lack: those of the library that it has not and that do not contradict it.
+"""The effects that a model may lack: those of the library that it does not have and that do not contradict
+it.
 
-Effects that begin at a threshold are looked for over the range that the data cover.
+Thresholds are searched over the range that the data cover.
 """
 
 from __future__ import annotations
@@ -19,16 +20,16 @@ from rigctl.model.model import Model
 from rigctl.physics.derived_slots import rates_in_symbols
 from rigctl.physics.family import ModelFamily
 
-#: shares of the readings left out at either end: spikes are no range
+#: quantiles between which readings count as their range, so that spikes do not
 _ENDS = (0.005, 0.995)
 
-#: the lowest and the highest value of a state, of "reading NAME", of its span ("length of NAME"), of an
-#: input ("input NAME"), of its size ("|u|") and span ("travel of NAME"), or of a record's "time", SI
+#: the lowest and highest value, SI, of a state, of "reading NAME", of its span ("length of NAME"), of an
+#: input ("input NAME"), of its magnitude ("|u|") and span ("travel of NAME"), or of a record's "time"
 Ranges = Mapping[str, tuple[float, float]]
 
 
 def data_ranges(family: ModelFamily, measurements: Measurements) -> Ranges:
-    """The ranges of what was measured: of states that are read, of inputs' sizes, of records' lengths."""
+    """The ranges of the measurements: of measured states, of inputs' magnitudes, of records' lengths."""
     if not family.generic:
         return {}
     ranges: dict[str, tuple[float, float]] = {}
@@ -57,14 +58,14 @@ def data_ranges(family: ModelFamily, measurements: Measurements) -> Ranges:
 
 
 def _acting(record: MeasuredRecord, index: int) -> NDArray[np.float64]:
-    """What an input was in a record: its course where it changes steadily, else its commands."""
+    """The values of an input in a record: its time series if it changes continuously, else its commands."""
     if index in record.along:
         return record.lines[:, record.along.index(index)]
     return record.inputs[:, index]
 
 
 def _read_states(family: ModelFamily) -> dict[str, str]:
-    """Of each output that reads one state alone, the state."""
+    """For each output that reads a single state, that state."""
     try:
         written = rates_in_symbols(family)
     except RigctlError:
@@ -83,11 +84,11 @@ class Candidate:
     Attributes
     ----------
     effect: of the library, or a user's own.
-    columns: the parameters that switch it on, as a system knows them.
-    signs: of each column, 1 or -1 where physics allows one direction only, 0 where both.
-    shapes: values of its shapes that differ from their starts, by qualified name, SI.
-    secants: parameters that are looked at at this value, by qualified name, SI, and not at their null: the
-        effect begins at a threshold, and its slope at the null says nothing of it.
+    columns: the parameters that switch it on, by their names in the system.
+    signs: of each column, 1 or -1 if physics allows one direction only, 0 if both.
+    shapes: values of its shape parameters that differ from their starts, by qualified name, SI.
+    secants: parameters that are evaluated at this value, by qualified name, SI, instead of their null,
+        because the effect has a threshold and its slope at the null says nothing about it.
     """
 
     effect: Effect
@@ -102,7 +103,7 @@ class Candidate:
         return self.effect.name
 
     def parameter(self, column: str) -> EffectParameter:
-        """The effect's parameter that a system knows as `column`."""
+        """The effect's parameter that the system calls `column`."""
         return self.effect.parameter(column.partition(".")[2])
 
 
@@ -113,8 +114,8 @@ def candidates(
 
     Parameters
     ----------
-    excluded: names of effects that are not to be looked at.
-    ranges: of what was measured, over which thresholds are looked for.
+    excluded: names of effects that are not to be considered.
+    ranges: of the measurements, over which thresholds are searched.
     """
     present = [model.effect(name) for name in model.effects]
     impossible = {name for effect in present for name in (effect.name, *effect.instead_of)} | {*excluded}
@@ -127,7 +128,7 @@ def candidates(
 
 
 def by_effect(tried: Sequence[Candidate]) -> dict[str, tuple[int, ...]]:
-    """The places of each effect's candidates among `found`."""
+    """The indices of each effect's candidates in `tried`."""
     indices: dict[str, list[int]] = {}
     for index, candidate in enumerate(tried):
         indices.setdefault(candidate.name, []).append(index)
@@ -135,7 +136,7 @@ def by_effect(tried: Sequence[Candidate]) -> dict[str, tuple[int, ...]]:
 
 
 def at_each_shape(effect: Effect, ranges: Ranges | None = None) -> Iterator[Candidate]:
-    """An effect at every shape of its grid; thresholds over the `ranges` of what was measured."""
+    """An effect at every shape of its grid; thresholds over the `ranges` of the measurements."""
     known = ranges or {}
     switching = [parameter for parameter in effect.parameters if not parameter.shape]
     columns = tuple(qualified(effect.name, parameter.name) for parameter in switching)
@@ -155,9 +156,9 @@ def at_each_shape(effect: Effect, ranges: Ranges | None = None) -> Iterator[Cand
 
 
 def at_sizes(candidate: Candidate, count: int) -> Iterator[Candidate]:
-    """A candidate of one parameter at `count` sizes, in equal ratios between its typical one and its bound.
+    """A candidate with one parameter at `count` sizes, in equal ratios between its typical one and its bound.
 
-    None of a candidate with several parameters.
+    None for a candidate with several parameters.
     """
     if len(candidate.columns) != 1:
         return
@@ -173,7 +174,7 @@ def at_sizes(candidate: Candidate, count: int) -> Iterator[Candidate]:
 
 
 def _grid(parameter: EffectParameter, ranges: Ranges) -> tuple[float, ...]:
-    """The values of a shape that are looked at: over the measured range, where there is one."""
+    """The values of a shape that are tried: over the measured range, if there is one."""
     if parameter.within not in ranges or not parameter.shares:
         return parameter.grid
     low, high = ranges[parameter.within]

@@ -28,7 +28,7 @@ from rigctl.model.model import Model
 from rigctl.model.validity import departures
 from rigctl.units import show
 
-#: a converter's step of more sigmas than this hides the noise before it
+#: a quantisation step of more sigmas than this hides the noise
 _COARSE = 2.0
 
 
@@ -47,17 +47,17 @@ def compare(
 
     Parameters
     ----------
-    hold_out: a condition that chooses the records no fit sees, e.g. ``oil == 60 degC``.
-    only: a condition that chooses the records to look at; the noise is learned from all.
-    refit: fit each model's free parameters first, without changing its file; False takes them as they are.
-    excluded: effects of the library that are not to be looked at.
-    on_progress: called with what is being done, for a progress line.
+    hold_out: a condition that selects the records to be held out of every fit, e.g. ``oil == 60 degC``.
+    only: a condition that selects the records to be used; the noise is learned from all records.
+    refit: fit each model's free parameters first, without changing its file; False leaves them unchanged.
+    excluded: effects of the library that are not to be considered.
+    on_progress: called with a description of the current step, for a progress line.
 
     Raises
     ------
     RigctlError
-        the runs are not of the models' bench, too few values for the parameters, or a model that cannot be
-        simulated.
+        the runs do not belong to the models' bench, there are fewer values than parameters, or a model cannot
+        be simulated.
     """
     if not runs or not models:
         raise RigctlError("a comparison needs a run and a model")
@@ -75,7 +75,7 @@ def compare(
         labels = tuple(data.measurements.records[k].label for k in data.held_out)
         choice = data.choice
         fitted = fit_to_data(model, data, refit=refit, on_progress=said)
-        said(f"Looking where {model.name} fails")
+        said(f"Locating the errors of {model.name}")
         compared.append(judge(fitted, model.name, excluded=excluded, on_progress=said))
         notes += _notes(fitted)
     return Comparison(
@@ -96,12 +96,12 @@ def judge(
     locate: bool = True,
     on_progress: OnProgress | None = None,
 ) -> ModelComparison:
-    """Test a fitted model, and say where it fails.
+    """Test a fitted model, and locate its errors.
 
     Parameters
     ----------
-    excluded: effects of the library that are not to be looked at.
-    locate: False leaves the places of the error, its directions and the equations out: the tests alone.
+    excluded: effects of the library that are not to be considered.
+    locate: False leaves out the locations of the error, its trends and the equations, and only tests.
     """
     whole = fitted.problem.rebuilt(fitted.model, library=True, progress=on_progress)
     ranges = data_ranges(fitted.model.family, fitted.problem.measurements)
@@ -128,7 +128,7 @@ def judge(
 
 
 def _located(judged: ModelComparison) -> ModelComparison:
-    """With the places of the error, its directions, the equations and, of a table, its rows."""
+    """With the locations of the error, its trends, the equations and, for a table, its rows."""
     fitted, tests = judged.fit, judged.adequacy
     where = (*localise(judged.linearisation, judged.cells), *worst_stretches(fitted))
     directions, slots, rows = trends(fitted), slot_evidence(fitted), table_rows(fitted)
@@ -160,8 +160,8 @@ def _statement(
     adequate, p = tests.adequate, tests.p_value
     if tests.below_noise:
         return (
-            f"{name} is nearer to the measurements than their noise: a test sees a pattern in what is left "
-            f"({chance_text(p)}), but the noise of these readings is not what was learned: they cannot tell"
+            f"{name} is nearer to the measurements than their noise: a test sees a pattern in the residuals "
+            f"({chance_text(p)}), but the noise of these readings is not as learned, so they cannot decide"
         )
     suspicious = next((quantity.statement for quantity in quantities if quantity.statement), "")
     if adequate and suspicious:
@@ -180,7 +180,7 @@ def _statement(
 
 
 def _notes(fitted: FitResult) -> list[str]:
-    """What is to be known of the data and the fit before a verdict is believed."""
+    """What should be known about the data and the fit before a verdict is trusted."""
     problem = fitted.problem
     spikes = [
         f"{channel.masked} {'spike' if channel.masked == 1 else 'spikes'} of {channel.name} "
@@ -197,18 +197,18 @@ def _notes(fitted: FitResult) -> list[str]:
         if channel.edges
     ]
     guesses = [
-        f"the noise of {channel.name} is only guessed: no verdict that rests on it is surer than that"
+        f"the noise of {channel.name} is only guessed: no verdict that rests on it is more certain than that"
         for channel in problem.noise.channels
         if channel.guessed and not problem.measurements.table
     ]
     units = dict(zip(problem.measurements.outputs, problem.measurements.units, strict=True))
     coarse = [
         f"{channel.name} is read in steps of {show(channel.step, units[channel.name], difference=True)}, "
-        "coarser than its noise: what is finer than a step these data cannot tell"
+        "coarser than its noise: these data show nothing finer than a step"
         for channel in problem.noise.channels
         if channel.step > _COARSE * channel.sigma
     ]
-    silent = [f"{name} acts on none of these readings: it keeps its value" for name in fitted.silent]
+    silent = [f"{name} affects none of these readings and keeps its value" for name in fitted.silent]
     inputs = input_noise_notes(problem)
     noise = [problem.noise.statement, *coarse, *spikes, *edges, *guesses]
     return [*problem.measurements.notes, *inputs, *noise, *silent]

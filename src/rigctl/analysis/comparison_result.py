@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 def in_unit(error: ChannelError, unit_name: str) -> dict[str, Any]:
-    """`rmse`, `bias`, `max` and `noise` of model less measurement in `unit`, K for a temperature's."""
+    """`rmse`, `bias`, `max` and `noise` of model less measurement in `unit_name`, in K for a temperature."""
     unit = parse_unit(unit_name)
     return {
         "rmse": error.rmse / unit.factor,
@@ -49,19 +49,19 @@ class ModelComparison:
 
     Attributes
     ----------
-    name: of the model, with its version where it has one.
-    fit: its free parameters fitted, or left as they are.
+    name: of the model, with its version if it has one.
+    fit: its free parameters fitted, or unchanged.
     adequacy: the three tests.
-    where: places of the error, the worst of each kind first.
-    trends: directions of the error over the operating variables, the most wrong first.
-    slots: which equation needs a term, the most wanted first.
+    where: locations of the error, the worst of each kind first.
+    trends: trends of the error over the operating variables, the strongest first.
+    slots: the equations that may lack a term, by decreasing evidence.
     statement: one plain sentence.
-    whole: the same data with the whole library at its null, for those who look further.
-    excluded: effects that were not looked at.
-    rows: of a table, every value beside the model's; findings: what they say, a sentence each.
-    record_level: what each record has of its own, by quantity, what is evidence of something first.
+    whole: the same data with the equations of the whole library, every effect at its null.
+    excluded: effects that were not considered.
+    rows: for a table, every value beside the model's; findings: what they show, a sentence each.
+    record_level: the record-level quantities; those that are evidence of something first.
     outside: where the model leaves the ranges over which laws of its effects were learned.
-    curve_bands: how far the bands of its measured curves move its readings.
+    curve_bands: by how much the uncertainty bands of its measured curves move its readings.
     """
 
     name: str
@@ -89,11 +89,11 @@ class ModelComparison:
 
     @property
     def adequate(self) -> bool:
-        """True when the data show nothing that the model lacks."""
+        """True if the data show nothing that the model lacks."""
         return self.adequacy.adequate
 
     def channels(self) -> dict[str, dict[str, Any]]:
-        """By channel, in the channels' units."""
+        """The errors by channel, in the channels' units."""
         measurements = self.fit.problem.measurements
         shown = dict(zip(measurements.outputs, measurements.units, strict=True))
         noise = {channel.name: channel for channel in self.fit.problem.noise.channels}
@@ -140,13 +140,13 @@ class ModelComparison:
 
 @dataclass(frozen=True)
 class Choice:
-    """Which records were looked at, and what was left out.
+    """Which records were used, and which were left out.
 
     Attributes
     ----------
-    hold_out, only: the conditions by which records were held out, and chosen; "" for none.
-    assume: ``name=value`` of inputs that the runs themselves do not tell.
-    rest: the records that were not chosen, with the noise of all; None where all were.
+    hold_out, only: the conditions by which records were held out, and selected; "" for none.
+    assume: ``name=value`` of inputs that the runs themselves do not contain.
+    rest: the records that were not selected, with the noise of all; None if all were.
     """
 
     hold_out: str = ""
@@ -161,9 +161,9 @@ class Comparison:
 
     Attributes
     ----------
-    runs: the ids.
-    held_out: the records that no fit saw, by label.
-    models: in the order asked for.
+    runs: their ids.
+    held_out: labels of the records that no fit saw.
+    models: in the order in which they were given.
     notes: on the data and their noise.
     choice: of the records.
     """
@@ -175,7 +175,7 @@ class Comparison:
     choice: Choice = Choice()
 
     def document(self) -> dict[str, Any]:
-        """The machine-readable answer; with one model its fields also stand at the top level."""
+        """The machine-readable answer; for a single model its fields are also at the top level."""
         models = [model.document() for model in self.models]
         top: Mapping[str, Any] = models[0] if len(models) == 1 else {}
         return {
@@ -242,7 +242,7 @@ def _channel(
 
 
 def _growth(noise: ChannelNoise, unit: str) -> dict[str, Any] | None:
-    """How the noise grows with level and rate, in the channel's unit; None where it does not."""
+    """How the noise increases with level and rate, in the channel's unit; None if it does not."""
     law = noise.law
     if law is None:
         return None

@@ -1,4 +1,4 @@
-"""From runs to a fitted model: what was measured, which records the fit does not see, and the fit."""
+"""From runs to a fitted model: the measurements, the records that the fit does not see, and the fit."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ from rigctl.model.measured.read import read_measurements
 from rigctl.model.measured.record import Measurements
 from rigctl.model.model import Model
 
-#: called with what is being done, in words
+#: called with a description of the current step
 OnProgress = Callable[[str], None]
 
 
 def no_progress(_: str) -> None:
-    """For work that nobody waits for."""
+    """Ignore progress."""
 
 
 @dataclass(frozen=True)
 class Data:
-    """What a model is fitted to and judged by.
+    """The data to which a model is fitted and by which it is judged.
 
     Attributes
     ----------
-    measurements, noise: the records and how noisy they are.
-    held_out: the places of the records that no fit sees.
-    choice: what was asked for, and the records that are not among these.
+    measurements, noise: the records, and their noise.
+    held_out: indices of the records that no fit sees.
+    choice: the selection requested, and the records that it excludes.
     """
 
     measurements: Measurements
@@ -57,17 +57,17 @@ def read_runs(
     only: str | None = None,
     on_progress: OnProgress = no_progress,
 ) -> Data:
-    """The usable records of `runs` as `model`, and every other of its family and rig, sees them.
+    """The usable records of `runs` as seen by `model` and every other model of its family and rig.
 
     Parameters
     ----------
-    hold_out: a condition that chooses the records that no fit sees, e.g. ``oil == 60 degC``.
-    only: a condition that chooses the records to look at; the noise is learned from all.
+    hold_out: a condition that selects the records to be held out of every fit, e.g. ``oil == 60 degC``.
+    only: a condition that selects the records to be used; the noise is learned from all records.
 
     Raises
     ------
     RigctlError
-        the runs are not of the model's bench, or a condition chooses none or all of the records.
+        the runs are not of the model's bench, or a condition selects none or all of the records.
     """
     on_progress("Reading the records")
     measurements = read_measurements(model, runs)
@@ -86,12 +86,12 @@ def read_runs(
 def fit_to_data(
     model: Model, data: Data, *, refit: bool = True, on_progress: OnProgress = no_progress
 ) -> FitResult:
-    """Fit a model's free parameters; `refit` False takes them as they are.
+    """Fit a model's free parameters; with `refit` False they keep their values.
 
     Raises
     ------
     RigctlError
-        too few values for the parameters, or a model that cannot be simulated.
+        there are fewer values than parameters, or the model cannot be simulated.
     """
     on_progress(f"Fitting {model.name}" if refit else f"Simulating {model.name}")
     return fit_model(
@@ -108,7 +108,7 @@ def fit_again(
 
 
 def noise_in(fitted: FitResult) -> DataNoise:
-    """The noise that a fit was made in."""
+    """The noise assumed in a fit."""
     problem = fitted.problem
     return DataNoise(problem.noise, problem.ok, grown=problem.grown)
 
@@ -124,7 +124,8 @@ def fit_model(
 ) -> FitResult:
     """Fit a model's free parameters to measurements; see `rigctl.model.fit.fit.fit`.
 
-    Without `refit` what is the logger's and not the model's, how late it writes switches, is fitted still.
+    Without `refit` the properties of the logger are still fitted, such as the delay with which it writes
+    switches.
     """
     problem = make_problem(
         model, measurements, noise.model, noise.ok, grown=noise.grown, progress=on_progress
@@ -144,11 +145,11 @@ def fit_problem(
     on_progress: OnProgress = no_progress,
     iterated: Callable[[Iteration], None] | None = None,
 ) -> FitResult:
-    """Fit a model that is on its measurements already, and again in the noise that its residuals show.
+    """Fit a model to its measurements, and again with the noise that its residuals show.
 
-    `local` are the records' own unknowns where the fit begins near its end, and `cost` the share of it that
-    the next step would have to save, as of `rigctl.model.fit.fit.fit`. `iterated` is called with each
-    iteration; what it raises ends the fit.
+    `local` are the record-level unknowns from which the fit starts, and `cost` the relative reduction below
+    which it ends, as in `rigctl.model.fit.fit.fit`. `iterated` is called with each iteration; an exception
+    that it raises ends the fit.
     """
     if not refit:
         fitted = problem.model.fitted
@@ -180,7 +181,7 @@ def fit_in_noise(
     on_progress: OnProgress = no_progress,
     iterated: Callable[[Iteration], None] | None = None,
 ) -> FitResult:
-    """The fit made again in another noise of the same data, begun where it ended."""
+    """The fit repeated with another noise of the same data, starting where it ended."""
     problem = before.problem
     begun = dict(zip((unknown.name for unknown in problem.shared), before.values, strict=True))
     again = problem.for_model(problem.model, noise.model, noise.ok, grown=noise.grown, progress=on_progress)
@@ -192,16 +193,16 @@ def fit_in_noise(
 
 
 def require_free_parameters(model: Model) -> None:
-    """Require that the model has something to fit.
+    """Require that the model has a free parameter.
 
     Raises
     ------
     RigctlError
-        it has not.
+        it has none.
     """
     if not model.fitted:
         raise RigctlError(
-            f"the model '{model.name}' has nothing to fit: any misfit of its numbers would look like "
+            f"the model '{model.name}' has no free parameters: any error of its values would be mistaken for "
             "missing physics",
             hint="Mark the parameters that are not known exactly with 'fit: true' in the model file",
         )

@@ -1,7 +1,7 @@
 """The model on the records that no fit saw: as good as on the others, or what it still misses there.
 
-The records are judged in groups of one condition: by their error, by how it runs over the time of a record,
-and by what would make up for it.
+The records are judged in groups of one condition: by their error, by the time series of the error within a
+record, and by what would remove it.
 """
 
 from __future__ import annotations
@@ -29,30 +29,29 @@ from rigctl.units import parse_unit, show
 
 Floats = NDArray[np.float64]
 
-#: every phase is looked at in parts, finer after its beginning: what a switch starts fades out
+#: each phase is divided into parts, finer near its start, because the response to a switch decays
 _PARTS = (0.0, 1 / 27, 1 / 9, 1 / 3, 1.0)
-#: a part counts when its mean is this many standard errors, and this share of the noise, away from 0
+#: a part counts if its mean differs from 0 by this many standard errors and by this share of the noise
 _SURE, _NOTABLE = 6.0, 0.25
-#: a variable is named where the records' errors follow it at least so well
+#: least correlation between a variable and the records' errors for the variable to be named
 _FOLLOWS = 0.8
-#: another one is named instead where they follow it better by this
+#: by how much the correlation with a less related variable must be larger for it to be named instead
 _BETTER = 0.05
-#: and only where the errors at its ends differ by this share of the largest
+#: least difference of the errors at the ends of the variable's range, as a share of the largest error
 _CHANGES = 0.3
 _MOST = 3
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """A stretch of time in which the records' mean error keeps its sign; SI.
+    """A period of time in which the records' mean error keeps its sign; SI.
 
     Attributes
-    ----------
-    channel: of which reading.
-    start, end: s from the records' beginning.
-    peak: the largest mean over the records of model less measured, of any part of it.
-    weight: for ranking, squares over the noise's; a long stretch counts by the root of its length.
-    by_record: (records) the mean of each in the part of the peak; NaN where a record has none.
+    channel: the reading.
+    start, end: s from the start of the records.
+    peak: the largest mean over the records, in any part of it, of model less measured.
+    weight: for ranking: mean square over the noise's, times the square root of the number of samples.
+    by_record: (records) the mean of each record in the part with the peak; NaN if a record has none.
     """
 
     channel: str
@@ -64,7 +63,7 @@ class Stretch:
 
 
 def error_course(fit: FitResult, channel: str) -> tuple[Stretch, ...]:
-    """The stretches that matter most, in the order of time; none where there is only noise."""
+    """The stretches that matter most, in order of time; none if there is only noise."""
     column = fit.problem.measurements.outputs.index(channel)
     stretches: list[Stretch] = []
     gap = 1.5 * fit.problem.noise.spacing
@@ -111,12 +110,12 @@ def _seconds(value: float) -> str:
 
 
 def _timed(fit: FitResult) -> bool:
-    """Samples over time, not the rows of a table."""
+    """Whether the data are samples over time, not the rows of a table."""
     return not fit.problem.measurements.table
 
 
 def _parts(fit: FitResult, column: int) -> list[Stretch]:
-    """The parts of every phase in the order of time; the peak of one that does not count is 0."""
+    """The parts of every phase in order of time; the peak of an insignificant part is 0."""
     channel = fit.problem.measurements.outputs[column]
     noise = fit.problem.noise.channels[column]
     sigma = float(fit.problem.noise.sigma[column])
@@ -148,7 +147,7 @@ def _parts(fit: FitResult, column: int) -> list[Stretch]:
 def _piece(
     fit: FitResult, k: int, column: int, phase: int, part: tuple[float, float]
 ) -> tuple[Floats, float, float]:
-    """Errors of one record in a part of a phase, and when the part begins and ends."""
+    """Errors of one record in a part of a phase, and the start and end of the part."""
     record = fit.problem.records[k]
     inside = record.phase == phase
     if not inside.any():
@@ -162,7 +161,7 @@ def _piece(
 
 
 def _dependence(fit: FitResult, stretch: Stretch, factor: float, shown: str) -> str:
-    """The variable that the records' errors follow, with the error at its ends; empty where none is."""
+    """The variable that the records' errors follow, with the error at its ends; empty if there is none."""
     measurements = fit.problem.measurements
     units = variable_units(measurements)
     best, said = _FOLLOWS, ""
@@ -188,27 +187,28 @@ def _dependence(fit: FitResult, stretch: Stretch, factor: float, shown: str) -> 
     return said
 
 
-#: errors are as good as where they were fitted up to this factor
+#: an error larger than where the model was fitted, by no more than this factor, counts as equally good
 _AS_GOOD = 1.1
 _MOST_VARIABLES = 2
 
 
 @dataclass(frozen=True)
 class Unseen:
-    """A model on one group of records that were left out of its fits and of every choice.
+    """A model on one group of records that were excluded from its fits and from every choice.
 
     Attributes
     ----------
-    why: held out, or not chosen by "only".
+    why: held out, or not selected by "only".
     condition: the condition that held them out, or that they do not fulfil.
-    where: what tells them from the fitted records, e.g. ``heater_1 0 %``; "" when nothing does.
-    fit: the model there, these records being its fitted ones: its own parameters as they are, each record's
-        own unknowns fitted.
+    where: what distinguishes them from the fitted records, e.g. ``heater_1 0 %``; "" if nothing does.
+    fit: the model with these records as its fitted ones: its own parameters unchanged, the record-level
+        unknowns fitted.
     fitted: its errors where it was fitted.
-    course: how each channel's error runs over the time of a record; only where it is not as good.
-    remedies: what would make up for it, the best first.
-    slot: the equation that most wants a term there, "" when none does; `slot_meaning` in words.
-    sentences: how good the model is here; where it is worse, how, and what would make up for it.
+    course: the time series of each channel's error within a record; only if the model is worse here.
+    remedies: what would remove the error, the best first.
+    slot: the equation with the most evidence for a missing term, "" if there is none; `slot_meaning` in
+        words.
+    sentences: how good the model is here; where it is worse, how, and what would remove the error.
     """
 
     why: Literal["hold_out", "only"]
@@ -234,7 +234,7 @@ class Unseen:
 
     @property
     def as_good(self) -> bool:
-        """True when no channel is worse."""
+        """True if no channel is worse."""
         return not self.worse
 
     @property
@@ -243,7 +243,7 @@ class Unseen:
         return ". ".join(self.sentences)
 
     def called(self, label: str) -> str:
-        """A record with the operating point that tells it from the others."""
+        """A record with the operating point that distinguishes it from the others."""
         measurements = self.fit.problem.measurements
         record = {one.label: one for one in measurements.records}[label]
         known = {name: record.condition[name] for name in measurements.variables if name in record.condition}
@@ -251,7 +251,7 @@ class Unseen:
         return f"{label} ({text})" if text else label
 
     def excess(self) -> dict[str, float]:
-        """By record, its whitened squares beyond what noise makes."""
+        """By record, its sum of squared whitened residuals less what the noise contributes."""
         problem, shares = self.fit.problem, {}
         for k in self.fit.fitted:
             squares = float(np.square(whitened_residual(problem, self.fit.outputs[k], k)).sum())
@@ -300,12 +300,13 @@ def _worse(here: Mapping[str, ChannelError], fitted: Mapping[str, ChannelError])
     )
 
 
-#: one record is named where it holds so much of the misfit
+#: one record is named if it holds more than this share of the misfit
 _MOST_OF_IT = 0.4
 
 
 def unseen_sentences(evaluated: Unseen) -> tuple[str, ...]:
-    """How good the model is there; where it is worse, how its error runs, and what would make up for it."""
+    """How good the model is there; where it is worse, the time series of its error, and what would remove
+    it."""
     errors = ", ".join(
         f"{name} {one['rmse']:.3g} {one['unit']} (fitted {one['fitted_rmse']:.3g}, noise {one['noise']:.3g})"
         for name, one in evaluated.channels().items()
@@ -320,7 +321,7 @@ def unseen_sentences(evaluated: Unseen) -> tuple[str, ...]:
     parts += [_less(one) for one in evaluated.remedies[1:]]
     if evaluated.slot and still_missing(evaluated.remedies):
         parts.append(
-            f"the equation that most wants a term there: {evaluated.slot} ({evaluated.slot_meaning})"
+            f"the equation that most probably lacks a term there: {evaluated.slot} ({evaluated.slot_meaning})"
         )
     return tuple(part for part in parts if part)
 
@@ -335,7 +336,7 @@ def _which(evaluated: Unseen) -> str:
 
 
 def _one_record(evaluated: Unseen) -> str:
-    """The record that holds most of the misfit, where one does."""
+    """The record that holds most of the misfit, if one does."""
     count = len(evaluated.records)
     excess = evaluated.excess()
     largest = max(excess, key=lambda label: excess[label])
@@ -350,9 +351,9 @@ def _remedy(evaluated: Unseen, one: Remedy) -> str:
     if one.kind == "starts":
         names = " and ".join(one.names)
         return (
-            f"{share} would go away ({_errors(evaluated, one)}) if {names} did not begin at rest: these "
-            "records begin after something that they do not show, and what it left behind in the bench is "
-            "not in the model. Begin to record before the switch, or leave such records out"
+            f"{share} would disappear ({_errors(evaluated, one)}) if {names} did not start at rest: these "
+            "records start after something that they do not show, and the state in which it left the bench "
+            "is not in the model. Start recording before the switch, or leave such records out"
         )
     if one.kind == "values":
         moved = ", ".join(
@@ -360,18 +361,18 @@ def _remedy(evaluated: Unseen, one: Remedy) -> str:
             for name, before, after, unit in one.moved
         )
         return (
-            f"{share} would go away ({_errors(evaluated, one)}) with other values of the same parameters "
-            f"({moved}): what they stand for is not the same there"
+            f"{share} would disappear ({_errors(evaluated, one)}) with other values of the same parameters "
+            f"({moved}): the properties that they describe are different there"
         )
-    return f"of the library, {one.names[0]} alone would take {share} away"
+    return f"of the library, {one.names[0]} alone would remove {share}"
 
 
 def _less(one: Remedy) -> str:
     what = {
-        "starts": f"another start of {' and '.join(one.names)}",
+        "starts": f"another initial value of {' and '.join(one.names)}",
         "values": "other values of the parameters",
     }
-    return f"{what.get(one.kind, one.names[0])} alone would take {100 * one.share:.0f} % of it away"
+    return f"{what.get(one.kind, one.names[0])} alone would remove {100 * one.share:.0f} % of it"
 
 
 def _errors(evaluated: Unseen, one: Remedy) -> str:
@@ -390,7 +391,7 @@ _FEW = 4
 def unseen(
     compared: Comparison, model: ModelComparison, *, on_progress: OnProgress | None = None
 ) -> tuple[Unseen, ...]:
-    """Judge `model` on the records that `compared` left out: held out, and not chosen.
+    """Judge `model` on the records that `compared` left out: held out, or not selected.
 
     Raises
     ------
@@ -402,11 +403,11 @@ def unseen(
     inside = [problem.records[k] for k in model.fit.fitted]
     evaluated = []
     if model.fit.held_out:
-        said("Looking at the records that were held out")
+        said("Evaluating the records that were held out")
         there = replace(model.fit, fitted=model.fit.held_out, solution=None)
         evaluated.append(_group(model, inside, there, "hold_out", choice.hold_out))
     if choice.rest is not None:
-        said("Looking at the records that were not chosen")
+        said("Evaluating the records that were not selected")
         measurements, noise = choice.rest
         there = fit_model(model.fit.model, measurements, noise, refit=False)
         evaluated.append(_group(model, inside, there, "only", choice.only))
@@ -444,7 +445,7 @@ def _stated(evaluated: Unseen) -> Unseen:
 
 
 def _what(group: Sequence[MeasuredRecord], inside: Sequence[MeasuredRecord], units: Mapping[str, str]) -> str:
-    """The variables whose values the fitted records do not have, with these values."""
+    """The variables whose values do not occur in the fitted records, with these values."""
     said = []
     for name in dict.fromkeys(name for record in group for name in record.condition):
         here = {_rounded(record.condition[name]) for record in group if name in record.condition}

@@ -33,10 +33,10 @@ class Ended(StrEnum):
     """Why no further effect was added."""
 
     ADEQUATE = "adequate"  #: the data show nothing more that the model lacks
-    NOTHING_HELPS = "nothing_helps"  #: mBIC falls with no further effect
+    NOTHING_HELPS = "nothing_helps"  #: no further effect lowers mBIC
     NOT_DECIDED = "not_decided"  #: these data cannot tell whether anything is missing: `Diagnosis.doubt`
-    MAX_EFFECTS = "max_effects"  #: as many as were asked for
-    NOT_SURE = "not_sure"  #: only what is sure was to be added, and no effect is
+    MAX_EFFECTS = "max_effects"  #: the requested number has been added
+    NOT_SURE = "not_sure"  #: only certain effects were to be added, and none is
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,12 @@ class Step:
 
     Attributes
     ----------
-    effects: what was added; more than one where only both together pay.
+    effects: the effects added; more than one if they improve mBIC only together.
     diagnosis: of the model before it.
-    reason: why these effects, in words; where these data cannot tell which, it says so.
-    delta_bic: mBIC with them less that without.
+    reason: why these effects, in words; it says so if these data cannot distinguish them from others.
+    delta_bic: mBIC with them less mBIC without.
     before, after: the error.
-    version: the model's version that was saved, in which they are.
+    version: the version of the model that was saved with them.
     comparison: of the model with them.
     """
 
@@ -79,15 +79,15 @@ class Step:
 
 @dataclass(frozen=True)
 class Improvement:
-    """What the loop did.
+    """The result of `improve`.
 
     Attributes
     ----------
-    model: the file whose next versions were saved.
+    model: the file whose new versions were saved.
     steps: the additions, in order.
-    last: the diagnosis of the model as it is now.
-    ended: why it went no further.
-    unseen: the model as it is now on the records that were held out, and on those that were not chosen.
+    last: the diagnosis of the final model.
+    ended: why nothing more was added.
+    unseen: the final model on the records that were held out, and on those that were not selected.
     """
 
     model: Path
@@ -98,7 +98,7 @@ class Improvement:
 
     @property
     def first(self) -> Diagnosis:
-        """The diagnosis of the model as it was."""
+        """The diagnosis of the original model."""
         return self.steps[0].diagnosis if self.steps else self.last
 
     @property
@@ -110,18 +110,18 @@ class Improvement:
             Ended.ADEQUATE: "the model now agrees with the measurements within their noise"
             if names
             else "the model agrees with the measurements within their noise",
-            Ended.NOTHING_HELPS: "no further effect of the library pays for itself, and the model still does "
+            Ended.NOTHING_HELPS: "no further effect of the library lowers mBIC, and the model still does "
             "not agree with the measurements",
             Ended.NOT_DECIDED: f"these data cannot tell whether anything {'more ' if names else ''}is "
             f"missing: {self.last.doubt}",
             Ended.MAX_EFFECTS: "no more effects were asked for, and the model still does not agree with the "
             "measurements",
-            Ended.NOT_SURE: "no further effect is sure to be what is missing",
+            Ended.NOT_SURE: "no further effect is certain to be what is missing",
         }[self.ended]
         return f"{added}: {why}"
 
     def document(self) -> dict[str, Any]:
-        """The first diagnosis' answer, with what was added and the diagnosis of what came of it."""
+        """The answer of the first diagnosis, with the additions and the diagnosis of the result."""
         return {
             **self.first.document(),
             "steps": [step.document() for step in self.steps],
@@ -132,7 +132,7 @@ class Improvement:
         }
 
     def __repr__(self) -> str:
-        """What was added, on one line."""
+        """The additions, on one line."""
         return one_line(self, f"of {self.model.name}: {self.statement}")
 
     def frame(self) -> pd.DataFrame:
@@ -158,7 +158,7 @@ class Improvement:
         return as_html(self.summary(), self.frame())
 
     def summary(self) -> str:
-        """A line for each step, and how it ended."""
+        """One line for each step, and how it ended."""
         lines = [f"version {step.version.number}: {step.reason}" for step in self.steps]
         return "\n".join([*lines, self.statement, *(one.statement for one in self.unseen)])
 
@@ -173,19 +173,19 @@ def improve(
     unless: Callable[[Diagnosis], bool] = lambda _: False,
     on_progress: OnProgress | None = None,
 ) -> Improvement:
-    """Add to a model what it lacks, one step after the other, each saved as the file's next version.
+    """Add to a model what it lacks, one step after the other, each saved as the next version of the file.
 
-    What is added is what the diagnosis says, effect by effect, and nothing where it says that these data
-    cannot tell whether anything is missing: of a set the member that gains most by itself
-    first, or the whole at once where its members pay only together. Then the model is diagnosed again.
+    Added is the best set of the diagnosis: first the member that gains most by itself, or the whole set at
+    once if its members lower mBIC only together. Nothing is added if the data cannot tell whether anything is
+    missing. Then the model is diagnosed again.
 
     Parameters
     ----------
     compared: the model with the data; its first model is improved.
-    path: its file, or ``m.yaml@3`` where it is version 3.
-    most: effects to add altogether.
+    path: its file, or ``m.yaml@3`` for its version 3.
+    most: largest number of effects to add altogether.
     sure: add only what a verdict of ``missing_effect`` names, not the most probable of several.
-    unless: asked of the first diagnosis; where it holds nothing is added, whatever the verdict.
+    unless: called with the first diagnosis; if it returns True nothing is added, whatever the verdict.
 
     Raises
     ------
@@ -226,11 +226,12 @@ class _Choice:
 
 
 def _plan(diagnosis: Diagnosis, room: int) -> list[_Choice]:
-    """The best set's effects in the order in which they are added.
+    """The effects of the best set in the order in which they are added.
 
-    None where nothing is missing, or that is not decided; nor where the set does not pay, or has no room.
+    Empty if nothing is missing, or that is not decided; also if the set does not lower mBIC, or exceeds
+    `room`.
 
-    First the one that gains most by itself, then the set; at once where its members pay only together.
+    First the one that gains most by itself, then the set; all at once if its members improve only together.
     """
     if diagnosis.verdict is Verdict.ADEQUATE or diagnosis.doubt:
         return []
@@ -253,13 +254,13 @@ def _plan(diagnosis: Diagnosis, room: int) -> list[_Choice]:
 
 
 def _single(diagnosis: Diagnosis, member: Candidate) -> RefittedSet | None:
-    """One member of the best set by itself, refitted unless it was already."""
+    """One member of the best set by itself, refitted unless that was done already."""
     known = [trial for trial in diagnosis.trials if trial.candidates == (member,)]
     return known[0] if known else refit(diagnosis.before.fit, (member,))
 
 
 def _reason(diagnosis: Diagnosis, trial: RefittedSet, effects: tuple[str, ...], difference: float) -> str:
-    """Why `effects` are added, which are new in `trial`."""
+    """Why `effects`, the new ones in `trial`, are added."""
     described = ". ".join(
         effect_text(candidate.effect, found_parameters(trial, candidate))
         for candidate in trial.candidates
@@ -305,7 +306,7 @@ def _saved(
     source: Path,
     choice: Choice,
 ) -> Step:
-    """Save the model with the effects as the next version, and say what it did to the error."""
+    """Save the model with the effects as the next version, and report the change of the error."""
     before_error, after_error = model_error(before.fit), model_error(after.fit)
     done = Change(
         "add",

@@ -1,6 +1,6 @@
-"""Where does the model fail? By condition, phase, channel and state, with the chance of it.
+"""Where does the model fail? By condition, phase, channel and state, with p-values.
 
-The z-map has the residual of every record × phase × channel in standard deviations of chance.
+The z-map holds the residual of every record × phase × channel in its standard deviations.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ from rigctl.units import show
 Floats = NDArray[np.float64]
 
 _DRAWS = 4000
-#: with more cells than this the largest is judged by Bonferroni's bound instead of by drawing
+#: with more cells than this the largest is judged by Bonferroni's bound instead of simulation
 _MOST_DRAWN = 1500
-#: a cell of which less than this share of the variance is left says nothing
+#: a cell that retains less than this share of its variance after the fit is not judged
 _LEAST_VARIANCE = 1e-3
 
 
 @dataclass(frozen=True)
 class CellMap:
-    """Every cell, and the distribution of the largest of any of them.
+    """Every cell, and the null distribution of the largest of them.
 
     Attributes
     ----------
-    z: (records, regions) sums of the whitened residuals over a region, in standard deviations; NaN where the
+    z: (records, regions) sums of the whitened residuals over a region, in standard deviations; NaN if the
         record has no reading there, or the fit leaves none.
-    draws: (draws, cells) what chance makes of the cells that are not NaN, in order; empty when there are too
-        many of them.
-    noise_degrees: degrees of freedom behind the noise of a table, which the draws know of; 0 where it counts
-        as known.
+    draws: (draws, cells) simulated values of the cells that are not NaN, in order; empty if there are too
+        many.
+    noise_degrees: degrees of freedom of a table's noise, included in the simulation; 0 if the noise counts as
+        known.
     """
 
     z: Floats
@@ -52,18 +52,18 @@ class CellMap:
 
     @property
     def here(self) -> NDArray[np.bool_]:
-        """(records, regions) where there is a value."""
+        """(records, regions) True where there is a value."""
         return np.isfinite(self.z)
 
     @cached_property
     def _largest(self) -> Floats:
-        """(draws) the largest of all the cells."""
+        """(draws) the largest of all cells."""
         return np.asarray(np.abs(self.draws).max(axis=1))
 
     def p_value(self, chosen: NDArray[np.bool_]) -> float:
-        """How often chance alone makes any cell as large as the largest of the chosen ones is.
+        """Probability that by chance any cell is as large as the largest of the chosen ones.
 
-        Of any cell, not of the chosen ones alone: these are looked at because they are the largest of many.
+        Any cell, not only the chosen ones, because these are considered for being the largest of many.
         Parametric bootstrap.
         """
         used = chosen & self.here
@@ -82,7 +82,7 @@ class CellMap:
         return reached if reached * len(drawn) >= 20 else min(float(bound), max(reached, 20.0 / len(drawn)))
 
     def share(self, chosen: NDArray[np.bool_]) -> float:
-        """The chosen cells' share of what is systematic: ``Σ max(z² − 1, 0)`` over that of all."""
+        """The chosen cells' share of the systematic error: their ``Σ max(z² − 1, 0)`` over that of all."""
         excess = np.where(self.here, np.maximum(np.nan_to_num(self.z) ** 2 - 1.0, 0.0), 0.0)
         total = float(excess.sum())
         return float(excess[chosen].sum()) / total if total > 0.0 else 0.0
@@ -144,15 +144,15 @@ def _two_sided(z: float) -> float:
 
 @dataclass(frozen=True)
 class Place:
-    """One place and what is wrong there.
+    """One location of the error.
 
     Attributes
     ----------
-    by: what kind of place.
-    label: which.
+    by: the kind of location.
+    label: its name.
     share_of_error: its share of the systematic error.
     rmse: of the normalised residuals there; 1 is the noise.
-    p_value: how often chance alone makes as much at any such place: it holds for the worst of them too.
+    p_value: probability of as much at any such location by chance, which holds for the worst of them too.
     """
 
     by: Literal["condition", "phase", "channel", "state", "cell", "stretch"]
@@ -173,9 +173,9 @@ class Place:
 
 
 def localise(linearisation: Linearisation, cells: CellMap) -> tuple[Place, ...]:
-    """All places, those of each kind in the order of their share of the error."""
+    """All locations, those of each kind in order of their share of the error."""
     fit = linearisation.fit
-    if fit.problem.measurements.table:  # no phases, and each row is its own stretch
+    if fit.problem.measurements.table:  # no phases, each row is a stretch of its own
         places = _conditions(linearisation, cells) + _regions(linearisation, cells, 1)
         return tuple(sorted(places, key=lambda place: (_ORDER[place.by], -place.share_of_error)))
     places = _conditions(linearisation, cells) + _regions(linearisation, cells, 0)
@@ -187,7 +187,7 @@ _ORDER = {"channel": 0, "phase": 1, "cell": 2, "condition": 3, "state": 4, "stre
 
 
 def variable_units(measurements: Measurements) -> dict[str, str]:
-    """The unit that each operating variable is shown in."""
+    """The unit in which each operating variable is shown."""
     rig = measurements.rig
     units = {}
     for name in {name for record in measurements.records for name in record.condition}:
@@ -276,7 +276,7 @@ def _cells(lin: Linearisation, cells: CellMap) -> list[Place]:
 
 
 def ranges(fit: FitResult) -> list[Place]:
-    """Each channel's error over the channel's own range, in thirds."""
+    """Each channel's error in thirds of the channel's own range."""
     places = []
     normalised = list(map(fit.normalised_error, fit.fitted))
     measured = [fit.problem.records[k].values for k in fit.fitted]
@@ -303,7 +303,8 @@ def ranges(fit: FitResult) -> list[Place]:
 
 
 def worst_stretches(fit: FitResult, count: int = 5) -> tuple[Place, ...]:
-    """The record stretches (a phase of one channel) with the largest normalised error; none of a table."""
+    """The stretches (one phase of one channel in one record) with the largest normalised error; none for a
+    table."""
     if fit.problem.measurements.table:
         return ()
     places = []
@@ -324,10 +325,10 @@ def worst_stretches(fit: FitResult, count: int = 5) -> tuple[Place, ...]:
 
 
 def whitened_errors(fit: FitResult, k: int) -> Floats:
-    """(n, channels) of a record, residuals of which noise makes unit normal ones; NaN where none counts.
+    """(n, channels) residuals of a record that are standard normal for pure noise; NaN where none counts.
 
-    What a quiet stretch of a coarsely converted channel has in common, columns Q of unit size, is noise too:
-    ``(I + QQᵀ)^(−1/2)·W(f − y)``.
+    The common quantisation error of a coarsely quantised channel at rest, columns Q of unit size, is noise
+    too: ``(I + QQᵀ)^(−1/2)·W(f − y)``.
     """
     problem, outputs = fit.problem, fit.outputs[k]
     whitener = problem.whiteners[k]
@@ -342,11 +343,11 @@ def whitened_errors(fit: FitResult, k: int) -> Floats:
 
 
 def _chance(fit: FitResult, column: int, white: Floats) -> float:
-    """How often noise makes so large whitened residuals of one channel."""
+    """Probability that noise alone makes the whitened residuals of one channel so large."""
     known = fit.problem.noise.channels[column].degrees
     return chi2_tail(float(np.sum(white**2)), white.size, known)
 
 
 def _worst_of(places: list[Place]) -> list[Place]:
-    """With Bonferroni's bound for the number of places that were looked at."""
+    """With Bonferroni's bound for the number of locations examined."""
     return [replace(place, p_value=min(1.0, len(places) * place.p_value)) for place in places]

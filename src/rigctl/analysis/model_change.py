@@ -28,17 +28,17 @@ from rigctl.model.validity import Departure, departures
 
 @dataclass(frozen=True)
 class Wanted:
-    """A change that was asked for.
+    """A requested change.
 
     Attributes
     ----------
-    kind: what is done; `effect` is its name.
-    changed: makes the new model out of the old one.
-    fit: whether free parameters are fitted, those of the model before too, so that only the effect differs.
-    hold_out, only: the records to keep for the proof, and those to look at.
-    assume: ``name=value`` of inputs that the runs themselves do not tell.
+    kind: the change; `effect` is the name of its effect.
+    changed: makes the new model from the old one.
+    fit: whether free parameters are fitted, also those of the old model, so that only the effect differs.
+    hold_out, only: conditions for the records held out as proof, and for those used.
+    assume: ``name=value`` of inputs that the runs themselves do not contain.
     effect_files: of the user's own effects.
-    note: what was done, in words.
+    note: the change, in words.
     """
 
     kind: Literal["fit", "add", "remove", "set"]
@@ -54,12 +54,12 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Changed:
-    """What became of the file.
+    """The changed file.
 
     Attributes
     ----------
-    model: as it is now.
-    version: that was saved.
+    model: the new model.
+    version: the version that was saved.
     outside: where it leaves the ranges over which laws of its effects were learned.
     """
 
@@ -88,15 +88,15 @@ class Changed:
 def change_model(
     path: Path, wanted: Wanted, runs: Sequence[Run], *, on_progress: OnProgress = no_progress
 ) -> Changed:
-    """Make the change on the model file at `path`, as its next version.
+    """Make a change to the model file at `path`, saved as its next version.
 
-    Of a fit the error before is that of the values in the file, and of an effect that of the model without
-    it, fitted to the same records, if `wanted.fit`. Without runs nothing is fitted, and no error is known.
+    For a fit, the error before is that of the values in the file; for an effect, that of the model without
+    it, fitted to the same records if `wanted.fit`. Without runs nothing is fitted, and the error is unknown.
 
     Raises
     ------
     RigctlError
-        the records or the model are not fit for it, or the version cannot be saved.
+        the records or the model are not suitable, or the version cannot be saved.
     """
     model = load_model(path)
     if wanted.kind == "fit":
@@ -108,17 +108,17 @@ def change_model(
 
 
 def _unmeasured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
-    """A change that no record is asked about."""
+    """A change that needs no records."""
     for option, value in (("--hold-out", wanted.hold_out), ("--only", wanted.only)):
         if value:
-            raise RigctlError(f"{option} chooses among the records of runs, and none was named")
+            raise RigctlError(f"{option} selects among the records of runs, and no run was named")
     return wanted.changed(model), Change(wanted.kind, effect=wanted.effect, note=wanted.note)
 
 
 def _measured(
     model: Model, wanted: Wanted, runs: Sequence[Run], on_progress: OnProgress
 ) -> tuple[Model, Change, tuple[Departure, ...]]:
-    wanted.changed(model)  # refused before any work
+    wanted.changed(model)  # an invalid change is refused before any work is done
     data = read_runs(model, runs, hold_out=wanted.hold_out, only=wanted.only, on_progress=on_progress)
     refit = wanted.fit and wanted.kind != "fit"
     before = fit_to_data(model, data, refit=refit, on_progress=on_progress)

@@ -1,17 +1,15 @@
-"""What each record has of its own, and whether it is more than that: a model's misfit in disguise.
+"""Record-level nuisance parameters: do they vary by more than their priors allow, or follow the conditions?
 
-A room, a setting, a zero or a switch's time belongs to one record and has a prior. With û the estimates of
-one such quantity over the records, G its prior covariance and C the covariance of û − u, the other unknowns
-being free,
+A room temperature, a setting, a zero or the time of a switch belongs to one record and has a prior. With û
+the estimates of one such quantity over the records, G its prior covariance and C the covariance of û − u, the
+other unknowns being free,
 
     Var(û) = G − C        when the model is right,
 
-so that ``û'ᵀ(G − C)⁺û'`` is χ², and ``lᵀû'/√(lᵀ(G − C)l)`` normal for every contrast l over the records,
-û' = û less the prior's mean. The first is a test of whether the records use more than the prior allows; the
-second, with l an operating variable less its mean, of whether they follow what was commanded. Neither is
-what a room does by itself: either the prior is too narrow, or the model lacks something that they make up
-for.
-
+so that ``û'ᵀ(G − C)⁺û'`` is χ², and ``lᵀû'/√(lᵀ(G − C)l)`` standard normal for every contrast l over the
+records, û' = û less the prior's mean. The first tests whether the records vary by more than the prior allows;
+the second, with l an operating variable less its mean, whether they follow that variable. Neither happens by
+chance: either the prior is too narrow, or these quantities compensate for something that the model lacks.
 Source: Henderson, Biometrics 31 (1975) 423, on the variance of best linear unbiased predictions.
 """
 
@@ -36,21 +34,21 @@ from rigctl.units import parse_unit, show
 
 Floats = NDArray[np.float64]
 
-#: an estimate of which the data tell less than this share of the prior's variance is no evidence
+#: an estimate to which the data contribute less than this share of the prior variance is no evidence
 _LEAST_SEPARABLE = 0.02
-#: fewer records show no trend
+#: least number of records for a trend
 _FEWEST = 4
-#: so many estimates of one quantity are tested at the most
+#: largest number of estimates of one quantity that are tested
 _MOST = 400
-#: what the switches of a record are called together
+#: common name of the switch times of a record
 SWITCHES = "switches"
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A quantity of one record, SI; `std` is NaN where the fit did not see the record.
+    """A quantity of one record, SI; `std` is NaN if the record was not fitted.
 
-    `prior_mean` and `prior_std` are NaN where nothing is known of it beforehand.
+    `prior_mean` and `prior_std` are NaN if it has no prior.
     """
 
     name: str
@@ -67,13 +65,14 @@ class RecordQuantity:
 
     Attributes
     ----------
-    name, meaning: for programs, and for people.
-    unit: that it is shown in; `difference`: a temperature that is an interval.
-    estimates: of each record that has it.
-    p_value: the chance that right records use so much of their prior; NaN where that is not asked.
-    over, over_p_value: the operating variable that it follows most, and the chance of that among all of them.
-    count: how many such tests were made, over all quantities.
-    span: between what it may be where that is all that is known of it, SI.
+    name, meaning: its name in programs, and its description.
+    unit: in which it is shown; `difference`: True for a temperature difference.
+    estimates: for each record that has it.
+    p_value: probability that a right model shows so much variation; NaN if not tested.
+    over, over_p_value: the operating variable that it follows most closely, and the p-value of that among all
+        variables.
+    count: number of such tests over all quantities.
+    span: the range given for it if only a range is known, SI.
     """
 
     name: str
@@ -89,12 +88,12 @@ class RecordQuantity:
 
     @property
     def exceeds(self) -> bool:
-        """The records use more than the prior allows."""
+        """True if the records vary by more than the prior allows."""
         return self.p_value * self.count < ALPHA
 
     @property
     def follows(self) -> bool:
-        """It follows an operating variable."""
+        """True if it follows an operating variable."""
         return self.over_p_value * self.count < ALPHA
 
     @property
@@ -108,7 +107,7 @@ class RecordQuantity:
 
     @property
     def prior(self) -> str:
-        """What is known of it beforehand, in words."""
+        """The prior knowledge, in words."""
         if self.span is not None:
             return " to ".join(show(end, self.unit, difference=self.difference) for end in self.span)
         first = self.estimates[0]
@@ -121,9 +120,9 @@ class RecordQuantity:
 
     @property
     def statement(self) -> str:
-        """What it is evidence of; "" where it is what records have of their own."""
+        """What it is evidence of; "" if it is ordinary variation between records."""
         low, high = self.shown(float(self.values.min())), self.shown(float(self.values.max()))
-        span = f"{self.meaning} comes out from {low} to {high} over the records"
+        span = f"{self.meaning} ranges from {low} to {high} over the records"
         words = []
         if self.exceeds:
             words.append(f"more than its prior allows ({chance_text(min(1.0, self.p_value * self.count))})")
@@ -135,7 +134,7 @@ class RecordQuantity:
         if not words:
             return ""
         return (
-            f"{span}, {', '.join(words)}: it may be making up for something that the model lacks, or its "
+            f"{span}, {', '.join(words)}: it may be compensating for something that the model lacks, or its "
             f"prior is too narrow ({self.prior})"
         )
 
@@ -181,7 +180,7 @@ class RecordQuantity:
 
 
 def record_level(fit: FitResult) -> tuple[RecordQuantity, ...]:
-    """What each record has of its own, by quantity; those that are evidence of something first."""
+    """The record-level quantities; those that are evidence of something first."""
     indices = _places(fit)
     if not indices:
         return ()
@@ -196,7 +195,7 @@ def record_level(fit: FitResult) -> tuple[RecordQuantity, ...]:
 
 
 def _places(fit: FitResult) -> dict[str, list[tuple[int, int]]]:
-    """(record, place among its own unknowns) of each quantity; the switches of all records are one."""
+    """(record, index among its own unknowns) of each quantity; the switches of all records count as one."""
     places: dict[str, list[tuple[int, int]]] = {}
     for record, members in enumerate(fit.problem.local):
         for index, one in enumerate(members):
@@ -217,7 +216,7 @@ def _quantity(
     made = RecordQuantity(key.removeprefix("record."), meaning, unit, difference, estimates)
     span = fit.problem.records[members[0][0]].unrecorded.get(made.name)
     if local[0].unknown.prior is None or span is not None:
-        return replace(made, span=span)  # an input that nobody recorded may be anything
+        return replace(made, span=span)  # an unrecorded input may have any value
     p_value, over, over_p = _tests(fit, members, estimates, inverse, trends=key != SWITCHES)
     return replace(made, p_value=p_value, over=over, over_p_value=over_p)
 
@@ -227,7 +226,7 @@ def _estimate(fit: FitResult, one: LocalUnknown, record: int, index: int, std: f
     if one.unknown.prior is not None:
         mean, spread = one.unknown.prior.mean, one.unknown.prior.std
     for shared, common in zip(fit.problem.shared, fit.values, strict=True):
-        if shared.name == one.name and shared.prior is not None:  # what the record's deviates from
+        if shared.name == one.name and shared.prior is not None:  # the record's is a deviation from it
             value, mean, spread = (
                 value + float(common),
                 shared.prior.mean,
@@ -238,7 +237,7 @@ def _estimate(fit: FitResult, one: LocalUnknown, record: int, index: int, std: f
 
 
 def _named(fit: FitResult, key: str, one: LocalUnknown) -> tuple[str, str, bool]:
-    """(meaning, unit, difference) for people."""
+    """(meaning, unit, difference) for display."""
     problem = fit.problem
     if key == SWITCHES:
         return "the time of a switch beside its sample", "s", True
@@ -260,11 +259,11 @@ def _named(fit: FitResult, key: str, one: LocalUnknown) -> tuple[str, str, bool]
 
 @dataclass(frozen=True)
 class _Inverse:
-    """The covariance of the records' own unknowns, the shared ones being free.
+    """The covariance of the record-level unknowns, the shared ones being free.
 
-    Of records i and j it is ``δ_ij·A_i⁻¹ + B_i·S·B_jᵀ``: A_i the record's own normal matrix, B_i what a
-    change of the shared unknowns does to its own ones, S the shared ones' covariance. An unknown that is a
-    deviation from a shared one stands for their sum.
+    For records i and j it is ``δ_ij·A_i⁻¹ + B_i·S·B_jᵀ``: A_i the record's own normal matrix, B_i the change
+    of its own unknowns with the shared ones, S the covariance of the shared ones. An unknown that is a
+    deviation from a shared one represents their sum.
     """
 
     record_local: Mapping[int, Floats]
@@ -297,7 +296,7 @@ class _Inverse:
         return cls(record_local, passed, _inverted(matrix))
 
     def covariance(self, indices: Sequence[tuple[int, int]]) -> Floats:
-        """(places, places) of the unknowns at these places of these records."""
+        """(indices, indices) of the unknowns at these indices of these records."""
         rows = np.array([self.passed[record][index] for record, index in indices])
         product = rows @ self.shared @ rows.T
         together: dict[int, tuple[list[int], list[int]]] = {}
@@ -310,14 +309,15 @@ class _Inverse:
         return np.asarray(product)
 
     def std(self, record: int, index: int) -> float:
-        """Of one unknown; NaN where the fit did not see the record."""
+        """Standard deviation of one unknown; NaN if the record was not fitted."""
         if record not in self.record_local:
             return math.nan
         return float(np.sqrt(max(0.0, self.covariance([(record, index)])[0, 0])))
 
 
 def _inverted(matrix: Floats) -> Floats:
-    """The inverse of a normal matrix whose unknowns have units of many sizes, along what the data tell."""
+    """The inverse of a normal matrix with unknowns in units of very different sizes, where it has full
+    rank."""
     scale = np.sqrt(np.diag(matrix))
     scale = np.where(scale > 0.0, scale, 1.0)
     scales = np.outer(scale, scale)
@@ -332,16 +332,16 @@ def _tests(
     *,
     trends: bool,
 ) -> tuple[float, str, float]:
-    """(p of the spread, the variable that it follows most, p of that); NaN where there is nothing to ask."""
+    """(p of the spread, the variable that it follows most, p of that); NaN if there is nothing to test."""
     seen = [k for k, (record, _) in enumerate(members) if record in inverse.record_local]
     if not seen:
         return math.nan, "", math.nan
-    if len(seen) > _MOST:  # as many tell it, and the work grows with their cube
+    if len(seen) > _MOST:  # as many are enough, and the cost increases with their cube
         seen = [seen[k] for k in np.linspace(0, len(seen) - 1, _MOST).astype(int).tolist()]
     indices = [members[k] for k in seen]
     prior = np.array([estimates[k].prior_std for k in seen])
     off = np.array([estimates[k].value - estimates[k].prior_mean for k in seen])
-    # in units of the prior: what the records may differ by, as far as the data tell it
+    # in units of the prior: the variation between records that the data can show
     variance = np.eye(len(seen)) - inverse.covariance(indices) / np.outer(prior, prior)
     values, vectors = np.linalg.eigh(0.5 * (variance + variance.T))
     separable = values > _LEAST_SEPARABLE

@@ -1,7 +1,7 @@
-"""What would make up for a misfit on records that no fit saw: another start, other values, another effect.
+"""What would remove a misfit on records that no fit saw: other initial states, other values, another effect.
 
-Each is tried on those records alone, and judged by the share of the misfit that it takes away. The model
-stays as it is.
+Each is tried on those records alone, and judged by the share of the misfit that it removes. The model itself
+is not changed.
 """
 
 from __future__ import annotations
@@ -20,27 +20,28 @@ from rigctl.model.fit.problem import Problem
 from rigctl.model.fit.unknowns import LocalUnknown, shared_unknowns
 from rigctl.units import parse_unit
 
-#: less of the misfit than this is not worth a word
+#: least share of the misfit for a remedy to be reported
 _LEAST = 0.2
-#: one effect's states are enough when they do this much of what all do
+#: one effect's states are enough if they remove this share of what all states remove
 _ENOUGH = 0.95
-#: a value has moved by more than this many standard deviations, and this share of it
+#: a value has changed if it moved by more than this many standard deviations, and this share of it
 _SURE, _NOTABLE = 3.0, 0.05
 _MOST_VALUES = 3
 
 
 @dataclass(frozen=True)
 class Remedy:
-    """Something that would take a part of the misfit away.
+    """A change that would remove part of the misfit.
 
     Attributes
     ----------
-    kind: "starts": the effects' own states left free at the beginning of each record; "values": the model's
-        parameters fitted to these records alone; "effect": one more effect of the library, at first order.
+    kind: "starts": the effects' own states are free at the start of each record; "values": the model's
+        parameters are fitted to these records alone; "effect": one more effect of the library, to first
+        order.
     names: the effects, or the parameters that moved.
-    share: of the misfit beyond noise that goes away, 0 to 1.
-    rmse: by channel with it, SI; empty at first order.
-    moved: (parameter, before, after, unit) in the unit it is shown in.
+    share: of the misfit beyond noise that it removes, 0 to 1.
+    rmse: by channel with it, SI; empty to first order.
+    moved: (parameter, before, after, unit) in the unit in which it is shown.
     """
 
     kind: Literal["starts", "values", "effect"]
@@ -51,19 +52,19 @@ class Remedy:
 
 
 def remedies(fitted: FitResult, judged: ModelComparison) -> tuple[Remedy, ...]:
-    """What would help on the records of `fitted`, the best first; `judged` is the same with its tests."""
+    """The remedies on the records of `fitted`, the best first; `judged` is the same with its tests."""
     tried = [_starts(fitted), _values(fitted), _effect(fitted, judged)]
     kept = [one for one in tried if one is not None and one.share >= _LEAST]
     return tuple(sorted(kept, key=lambda one: -one.share))
 
 
 def misfit(fitted: FitResult) -> float:
-    """The squares of the errors over the noise's, beyond what noise makes: ``Σ n·(nrmse² − 1)``."""
+    """Sum of squared errors over the noise variance, beyond the noise: ``Σ n·(nrmse² − 1)``."""
     return sum(one.count * (one.nrmse**2 - 1.0) for one in fitted.errors.values())
 
 
 def _share(before: FitResult, after: FitResult, parameters: int) -> float:
-    """Of the misfit that goes away, parameters paid for by ``ln N`` each."""
+    """The share of the misfit removed, with a penalty of ``ln N`` for each parameter."""
     count = sum(one.count for one in before.errors.values())
     fall = misfit(before) - misfit(after) - parameters * math.log(max(count, 2))
     return _of(fall, misfit(before))
@@ -74,7 +75,7 @@ def _of(fall: float, whole: float) -> float:
 
 
 def _starts(fitted: FitResult) -> Remedy | None:
-    """With what the effects store free at the beginning of each record."""
+    """With the effects' own states free at the start of each record."""
     model = fitted.problem.model
     states = {name: model.effect(name).states for name in model.effects}
     stores = {name: its_states for name, its_states in states.items() if its_states}
@@ -108,14 +109,14 @@ def _with_free(fitted: FitResult, stores: dict[str, tuple[EffectState, ...]]) ->
     )
     try:
         freed = fit(replace(problem, local=local), refit=False)
-    except RigctlError:  # the model has no value there: that is no remedy
+    except RigctlError:  # the model cannot be simulated, so this is no remedy
         return None
     share = _share(fitted, freed, len(extra) * len(problem.records))
     return Remedy("starts", tuple(stores), share, _rmse(freed))
 
 
 def _alone(fitted: FitResult) -> Problem:
-    """These records alone, what all have in common being where it was fitted."""
+    """These records alone, with the shared unknowns starting where they were fitted."""
     known = _known(fitted)
     problem = fitted.problem.only(fitted.fitted)
     return problem.with_shared(
@@ -124,7 +125,7 @@ def _alone(fitted: FitResult) -> Problem:
 
 
 def _known(fitted: FitResult) -> dict[str, float]:
-    """The values of the model's parameters and of what the records have in common."""
+    """The values of the model's parameters and of all other shared unknowns."""
     names = [unknown.name for unknown in fitted.problem.shared]
     return {**fitted.problem.model.values, **dict(zip(names, fitted.values.tolist(), strict=True))}
 
@@ -145,7 +146,7 @@ def _values(fitted: FitResult) -> Remedy | None:
         return None
     try:
         freed = fit(problem.with_shared([*free, *others]), local=[fitted.local[k] for k in fitted.fitted])
-    except RigctlError:  # too few values for the parameters, or no value of the model
+    except RigctlError:  # too few values for the parameters, or the model cannot be simulated
         return None
     moved = _moved(fitted, freed)
     share = _share(fitted, freed, len(freed.problem.shared))
@@ -153,7 +154,7 @@ def _values(fitted: FitResult) -> Remedy | None:
 
 
 def _moved(before: FitResult, after: FitResult) -> tuple[tuple[str, float, float, str], ...]:
-    """The parameters that moved most for what is known of them."""
+    """The parameters that moved most relative to their uncertainty."""
     model, moved = before.problem.model, []
     known = _known(before)
     values = zip([u.name for u in after.problem.shared], after.values.tolist(), strict=True)
@@ -176,7 +177,7 @@ def _effect(fitted: FitResult, judged: ModelComparison) -> Remedy | None:
     """One more effect of the library, by its score."""
     seen = [one for one in judged.screening.scores if one.effect not in judged.screening.untestable]
     best = max(seen, key=lambda score: score.gain, default=None)
-    if best is None or fitted.problem.measurements.table:  # a few values have room for every effect
+    if best is None or fitted.problem.measurements.table:  # a few values are compatible with every effect
         return None
     whitened = sum(one.count * (one.chi2_reduced - 1.0) for one in fitted.errors.values())
     return Remedy("effect", (best.effect,), _of(best.gain, whitened), {})
@@ -187,5 +188,5 @@ def _rmse(fitted: FitResult) -> dict[str, float]:
 
 
 def still_missing(tried: Sequence[Remedy]) -> bool:
-    """True when none of them takes most of the misfit away."""
+    """True if no remedy removes most of the misfit."""
     return not tried or tried[0].share < 0.5

@@ -1,4 +1,4 @@
-"""A fit as it is sent to other processes."""
+"""A fit in the form in which it is sent to other processes."""
 
 from __future__ import annotations
 
@@ -8,5 +8,5 @@ from rigctl.model.fit.fit import FitResult
 
 
 def lean(fitted: FitResult) -> FitResult:
-    """The fit without what was computed from it, which whoever gets it computes again where it is needed."""
+    """The fit without derived results, which the receiver recomputes if needed."""
     return replace(fitted, problem=replace(fitted.problem))

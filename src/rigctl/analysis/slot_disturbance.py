@@ -1,11 +1,11 @@
-"""What an unknown disturbance at each slot does to the readings of every record.
+"""The changes of every record's readings by an unknown disturbance at each slot.
 
-It is declared like an effect whose amplitudes are at their null; the engine's derivatives are its columns.
-At a slot of the process or of a command it is ``w(t) = Σ_k a_k·Λ(t/h − k)``, tents Λ at K knots that are h
-apart. At a slot of which only the readings depend it is a level: no motion follows, so that one derivative
-says what any course of it does.
+The disturbance is declared like an effect whose amplitudes are at their null; the engine's derivatives are
+its columns. At a slot of the process or of a command it is ``w(t) = Σ_k a_k·Λ(t/h − k)``, with hat functions
+Λ (linear B-splines) at K knots that are h apart. At a slot on which only the readings depend it is a
+constant: no motion follows from it, so that one derivative describes any time series of the disturbance.
 
-An error of a sensor is a function of time, of what is read, and of how fast that changes.
+An error of a sensor is a function of time, of the reading, and of its rate of change.
 """
 
 from __future__ import annotations
@@ -29,33 +29,33 @@ from rigctl.model.measured.record import MeasuredRecord
 from rigctl.physics.family import ModelFamily, Slot
 from rigctl.physics.scope import Scope
 
-#: what the hidden effect is called
+#: name of the hidden effect
 DISTURBANCE = "disturbance"
-#: its parameter that sets the time between two knots, s
+#: its parameter for the time between two knots, s
 SPACING = qualified(DISTURBANCE, "spacing")
-#: how sharp a tent's corners are, in knots
+#: width over which a hat function's corners are rounded, in knots
 _CORNER = 1e-3
-#: amplitudes stay at their null, so that bounds do not matter
+#: amplitudes stay at their null, so bounds are irrelevant
 _BOUND = 1e12
 
 
 def amplitude(slot: Slot, knot: int) -> str:
-    """The parameter of a slot's disturbance at a knot, as a system knows it."""
+    """The system's name of the parameter of a slot's disturbance at a knot."""
     return qualified(DISTURBANCE, f"{slot.name}_{knot}")
 
 
 def level(slot: Slot) -> str:
-    """The parameter of a slot's disturbance that does not change."""
+    """The system's name of the parameter of a slot's constant disturbance."""
     return qualified(DISTURBANCE, f"{slot.name}_level")
 
 
 def disturbed_system(problem: Problem, moving: Sequence[Slot], reading: Sequence[Slot], knots: int) -> System:
-    """The model of `problem` with tents at the slots `moving` and levels at the slots `reading`.
+    """The model of `problem` with hat functions at the slots `moving` and constants at the slots `reading`.
 
     Raises
     ------
     RigctlError
-        a slot takes no term.
+        a slot accepts no term.
     """
     model, level_effect = problem.model, problem.level.effect
     effect = _effect(model.family, moving, reading, knots)
@@ -71,7 +71,7 @@ def disturbed_system(problem: Problem, moving: Sequence[Slot], reading: Sequence
 
 
 def sort_slots(problem: Problem) -> tuple[tuple[Slot, ...], tuple[Slot, ...]]:
-    """The slots of which a state or a switch time depends, and those of which only measured readings do."""
+    """The slots on which a state or a switch time depends, and those on which only measured readings do."""
     slots = problem.model.family.slots
     system = disturbed_system(problem, (), slots, 0)
     measured = set(problem.measurements.outputs)
@@ -120,7 +120,7 @@ def _tents(slot: Slot, knots: int, _: Scope, p: Own) -> Scalar:
 
 @lru_cache(maxsize=1)
 def _shapes(position: Scalar, knots: int) -> tuple[Scalar, ...]:
-    """Tents at 0, 1, … of ``place``, each a second difference of ramps; every slot has the same."""
+    """Hat functions at 0, 1, … of `position`, each a second difference of ramps; shared by all slots."""
     ramps = [positive_part(position - float(k), _CORNER) for k in range(-1, knots + 1)]
     return tuple(ramps[k] - 2.0 * ramps[k + 1] + ramps[k + 2] for k in range(knots))
 
@@ -131,18 +131,19 @@ def _level(slot: Slot, _: Scope, p: Own) -> Scalar:
 
 
 Floats = NDArray[np.float64]
-#: what a disturbance depends on; in a table, "time" is its inputs
+#: the argument of a disturbance; for a table, "time" means its inputs
 View: TypeAlias = Literal["time", "reading", "rate"]
 
 
 def reading_bases(
     records: Sequence[MeasuredRecord], read: Sequence[Floats], knots: int, spacing: float
 ) -> dict[View, list[Floats]]:
-    """(n, functions) of each record for every view of an error of one channel, of which `read` is said.
+    """(n, functions) for each record: the basis of each view of an error of one channel with readings `read`.
 
-    - "time": tents at the knots; of a table, whose `spacing` is 0, tents over each input that varies;
-    - "reading": an offset, a gain and a bend over the range that the channel covers;
-    - "rate": the time derivative, which a lag multiplies; a table has none.
+    - "time": hat functions at the knots; for a table, whose `spacing` is 0, hat functions over each input
+      that varies;
+    - "reading": a constant, a linear and a quadratic term over the range that the channel covers;
+    - "rate": the time derivative, which a lag multiplies; not for a table.
     """
     low, high = min(float(x.min()) for x in read), max(float(x.max()) for x in read)
     position = [(2.0 * x - low - high) / ((high - low) or 1.0) for x in read]
@@ -165,13 +166,13 @@ def reading_bases(
 
 
 def tents(x: Floats, knots: int, spacing: float) -> Floats:
-    """(n, knots): ``max(0, 1 − |x/spacing − k|)``."""
+    """(n, knots) hat functions: ``max(0, 1 − |x/spacing − k|)``."""
     distance = np.abs(x[:, None] / spacing - np.arange(knots))
     return np.maximum(1.0 - distance, 0.0)
 
 
 def _inputs(records: Sequence[MeasuredRecord]) -> list[Floats]:
-    """(n, varying inputs) of each record at its samples, from 0 to 1."""
+    """(n, varying inputs) of each record at its samples, scaled to 0 … 1."""
     values = [
         record.inputs[np.searchsorted(record.switch_times, record.times, side="right") - 1]
         for record in records
@@ -183,17 +184,17 @@ def _inputs(records: Sequence[MeasuredRecord]) -> list[Floats]:
 
 
 Places = NDArray[np.intp]
-#: samples of a record beyond which derivatives are worked out at some of them and interpolated
+#: in records with more samples, derivatives are computed at some of them and interpolated
 _SAMPLES = 500
-#: samples from a switch on that are none of them left out: what a delay does is sharp
+#: number of samples after a switch that are always included: the action of a delay is sharp
 _ABOUT = 12
 
 
 @dataclass(frozen=True)
 class Part:
-    """Columns that belong together: a slot, and what its disturbance depends on there.
+    """Columns that belong together: a slot, and the argument of its disturbance.
 
-    `knots` is the number of neighbouring columns that are alike; 0 for columns without an order.
+    `knots` is the number of neighbouring columns with a smooth prior; 0 for columns without an order.
     """
 
     slot: Slot
@@ -208,9 +209,9 @@ class DisturbanceColumns:
 
     Attributes
     ----------
-    parts: what the columns are.
-    readings: (n, channels, columns) of each record: the change of the readings.
-    courses: (n, columns) of each record: the disturbance itself.
+    parts: the meaning of the columns.
+    readings: (n, channels, columns) for each record: the change of the readings.
+    courses: (n, columns) for each record: the disturbance itself.
     """
 
     parts: tuple[Part, ...]
@@ -229,7 +230,7 @@ class Disturbed:
 
 
 def disturbed(problem: Problem, knots: int, progress: Progress | None = None) -> Disturbed:
-    """The model of `problem`, each disturbance with so many knots over a record."""
+    """The model of `problem`, each disturbance with `knots` knots over a record."""
     moving, reading = sort_slots(problem)
     compiled = compile_system(disturbed_system(problem, moving, reading, knots), progress=progress)
     return Disturbed(moving, reading, knots, compiled)
@@ -277,13 +278,13 @@ def disturbance_columns(fit: FitResult, problem: Problem, model: Disturbed) -> D
 
 
 def _shown_on(problem: Problem, steps: Sequence[Floats]) -> int:
-    """The channel on which a reading's disturbance shows most, in units of the noise."""
+    """The channel most affected by a disturbance of a reading, in units of the noise."""
     shown = np.sum([np.abs(step).sum(axis=0) for step in steps], axis=0) / problem.noise.sigma
     return int(np.argmax(shown))
 
 
 def _slopes(fit: FitResult, problem: Problem, names: Sequence[str]) -> list[Floats]:
-    """(n, channels, names) of each record: worked out at few samples, on straight lines between them."""
+    """(n, channels, names) of each record: computed at few samples, interpolated linearly between them."""
     slopes: list[Floats] = []
     for part in problem.parts(len(names)):
         some = problem.only(part)
@@ -318,7 +319,8 @@ def with_system(problem: Problem, fit: FitResult, compiled: CompiledSystem, spac
 
 
 def _few(record: MeasuredRecord) -> Places:
-    """Samples of a record that tell the others: every so many, and all about each switch."""
+    """Samples of a record from which the others are interpolated: equally spaced, and all after each
+    switch."""
     count = record.times.size
     if count <= _SAMPLES:
         return np.arange(count, dtype=np.intp)
@@ -330,7 +332,7 @@ def _few(record: MeasuredRecord) -> Places:
 
 
 def _interpolated(array: Floats, places: Places, times: Floats) -> Floats:
-    """(samples, channels, columns) between the chosen samples, on straight lines."""
+    """(samples, channels, columns) interpolated linearly between the chosen samples."""
     if places.size == times.size:
         return array
     right = np.clip(np.searchsorted(places, np.arange(times.size), side="left"), 1, places.size - 1)

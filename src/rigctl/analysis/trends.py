@@ -1,4 +1,4 @@
-"""The direction of the error against each operating variable, in words."""
+"""Trends over each operating variable, as measured and as modelled, in words."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Trend:
-    """How a quantity changes over one operating variable, as measured and as the model says.
+    """The change of a quantity over one operating variable, as measured and as modelled.
 
     Attributes
     ----------
     quantity: what changes, e.g. ``stroke``.
     variable: the operating variable; low, high its ends, SI.
-    measured, predicted: change of the quantity from low to high as a share of its mean at low; of a
-        temperature in kelvin, as its zero is no absence of anything.
+    measured, predicted: change of the quantity from low to high as a share of its mean at low; for a
+        temperature in kelvin, because its zero is arbitrary.
     unit: of the two, "1" or "K".
     z: the difference of the two in standard deviations.
-    wrong_sign: the model has the wrong direction, and not by chance.
+    wrong_sign: the modelled trend has the wrong sign, significantly.
     """
 
     quantity: str
@@ -44,13 +44,14 @@ class Trend:
 
     @property
     def matters(self) -> bool:
-        """The model is off by more than a third of a per cent; of a temperature, of the change itself."""
+        """True if the model is off by more than a third of a per cent; for a temperature, of the change
+        itself."""
         whole = 1.0 if self.unit == "1" else max(abs(self.measured), abs(self.predicted))
         return abs(self.measured - self.predicted) > whole / 300
 
     @property
     def wrong_sign(self) -> bool:
-        """Both changes are there and go opposite ways."""
+        """True if both changes are significant and have opposite signs."""
         return self.measured * self.predicted < 0.0 and abs(self.z) > 3.0
 
     def document(self) -> dict[str, Any]:
@@ -68,7 +69,7 @@ class Trend:
 
 
 def trends(fit: FitResult) -> tuple[Trend, ...]:
-    """Of every quantity over every operating variable, the most wrong first."""
+    """The trends of every quantity over every operating variable, the worst modelled first."""
     measurements = fit.problem.measurements
     units = variable_units(measurements)
     seen = []
@@ -161,13 +162,13 @@ def _trend(
 
 
 def _moves(change: float, *, kelvin: bool = False) -> str:
-    """``rises 4.8 %``, or ``rises 3.2 K``: per cent of an absolute temperature mean nothing."""
+    """``rises 4.8 %``, or ``rises 3.2 K``: percentages of an absolute temperature have no meaning."""
     least, shown = (5e-3, f"{abs(change):.2g} K") if kelvin else (5e-4, f"{abs(change) * 100:.2g} %")
     return "stays the same" if abs(change) < least else f"{'rises' if change > 0.0 else 'falls'} {shown}"
 
 
 def sentence(seen: Sequence[Trend], notable: float = 5.0) -> str:
-    """The most wrong direction in one sentence; empty when none is wrong."""
+    """The worst modelled trend in one sentence; empty if none is wrong."""
     wrong = [trend for trend in seen if trend.wrong_sign and abs(trend.z) > notable and trend.matters]
     worst = wrong or [trend for trend in seen if abs(trend.z) > notable and trend.matters]
     if not worst:

@@ -1,6 +1,6 @@
-"""How large a change of the readings is to a model, and which effects it looks like.
+"""The size, to a model, of a change of the readings, and the effects whose signatures resemble it.
 
-λ = ‖(I − P)·W·Δy‖, P the projection on all that the fitted parameters and the records' own unknowns can do.
+λ = ‖(I − P)·W·Δy‖, with P the projection on the columns of the fitted parameters and record-level unknowns.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Unexplained:
     Attributes
     ----------
     problem: the fitted records.
-    candidates: the effects whose signatures are known, `starts` the place of each one's first.
+    candidates: the effects whose signatures are known; `starts` the index of the first column of each.
     """
 
     problem: Problem = field(repr=False)
@@ -40,7 +40,7 @@ class Unexplained:
     _signatures: Floats = field(repr=False)
 
     def of(self, changes: Sequence[Floats]) -> Floats:
-        """(rows) what is left of changes of the readings, each (n, outputs), SI, in the records' order."""
+        """(rows) the projected changes of the readings, each (n, outputs), SI, in the records' order."""
         rows = [
             _off_record_local(whitener(np.where(ok, change, 0.0)), record_local)
             for whitener, ok, change, record_local in zip(
@@ -56,7 +56,8 @@ class Unexplained:
         return float(np.linalg.norm(self.of(changes)))
 
     def cosines(self, left: Floats) -> dict[str, float]:
-        """How well each effect alone, of the right signs and any size, would explain what is left: 0 … 1."""
+        """How well each effect alone, with the right signs and any size, would explain what is left: 0 …
+        1."""
         length = float(np.linalg.norm(left))
         by_name: dict[str, float] = {}
         for index, candidate in enumerate(self.candidates):
@@ -66,7 +67,7 @@ class Unexplained:
         return by_name
 
     def share_of(self, effect: str, left: Floats) -> tuple[Candidate, Floats] | None:
-        """An effect in the shape that explains most of what is left, and (rows) what it explains; None where
+        """The shape of an effect that explains most of what is left, and (rows) what it explains; None if
         that is nothing."""
         indices = [index for index, candidate in enumerate(self.candidates) if candidate.name == effect]
         explained = {index: self._explained(index, left) for index in indices}
@@ -76,7 +77,7 @@ class Unexplained:
         return self.candidates[best], explained[best][1]
 
     def _explained(self, index: int, left: Floats) -> tuple[float, Floats]:
-        """(squares, rows) that one candidate explains of what is left, its signs as physics allows."""
+        """(squares, rows) explained by one candidate, its signs as physics allows."""
         candidate = self.candidates[index]
         columns = slice(self.starts[index], self.starts[index] + len(candidate.columns))
         matrix = self._signatures[:, columns]
@@ -91,7 +92,7 @@ class Unexplained:
 
 
 def unexplained(linearisation: Linearisation, whole: Problem) -> Unexplained:
-    """The projection of a linearisation; `whole` is what it was made with.
+    """The projection of a linearisation; `whole` is the problem from which it was made.
 
     Raises
     ------
@@ -125,7 +126,7 @@ def unexplained(linearisation: Linearisation, whole: Problem) -> Unexplained:
 
 
 def _off_record_local(rows: Floats, record_local: Floats) -> Floats:
-    """Without what the record's own unknowns can do; the rows of their priors are added below."""
+    """Projected off the record's own unknowns; rows for their priors are appended."""
     padded = np.concatenate([rows, np.zeros((record_local.shape[0] - rows.shape[0], *rows.shape[1:]))])
     return np.asarray(padded - record_local @ (record_local.T @ padded))
 

@@ -49,32 +49,30 @@ def said(monkeypatch: pytest.MonkeyPatch):
 
 def test_a_channel_in_which_all_differ_is_said_to_tell_all(said: Any) -> None:
     (text,) = said(leak=(1e-3, 1e5), friction=(1e-3, 6e5), air=(1e-3, -4e5))
-    assert (
-        text == "record pressure_a over time: it tells all of them apart, which differ there by up to 10 bar"
-    )
+    assert text == "record pressure_a over time: it distinguishes all of them, by up to 10 bar"
 
 
 def test_one_that_differs_from_two_others_is_told_from_them_and_the_two_are_never_parted(said: Any) -> None:
     text, never = said(leak=(1e-3, 1e5), friction=(1e-3, 1.5e5), air=(5e-3, 1e5))
     assert text == (
-        "record position over time instead of one number: it tells air from the others, by up to 4 mm"
+        "record position over time instead of one number: it distinguishes air from the others, by up to 4 mm"
     )
     assert never == (
-        "measure the stroke a second time, independently of the bench's sensor: leak and friction would stay "
-        "alike in every channel of the bench"
+        "measure the stroke a second time, independently of the bench's sensor: leak and friction cannot "
+        "be distinguished by any channel of the bench"
     )
 
 
 def test_each_channel_may_tell_another_pair(said: Any) -> None:
     found = said(leak=(1e-3, 1e5), friction=(1e-3, 9e5), air=(5e-3, 1e5))
     assert [text.partition(" over")[0] for text in found] == ["record position", "record pressure_a"]
-    assert "tells air from the others" in found[0]
-    assert "tells friction from the others" in found[1]
+    assert "distinguishes air from the others" in found[0]
+    assert "distinguishes friction from the others" in found[1]
 
 
 def test_what_differs_by_less_than_ten_times_the_noise_is_not_told(said: Any) -> None:
     (never,) = said(leak=(1e-3, 1e5), friction=(1.9e-3, 1.9e5))
-    assert never.endswith("leak and friction would stay alike in every channel of the bench")
+    assert never.endswith("leak and friction cannot be distinguished by any channel of the bench")
 
 
 def test_nothing_is_said_without_rivals_a_trend_or_a_record_to_try() -> None:

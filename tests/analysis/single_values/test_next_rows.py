@@ -26,7 +26,7 @@ def test_a_variable_that_never_changes_is_to_be_varied_and_one_of_two_values_nee
     conditions = [{"oil": 293.15, "load": load} for load in (10.0, 10.0, 40.0)]
     assert next_rows(before(conditions)) == [
         "vary oil: every row is at 20 degC",
-        "take more values of load than 10 N and 40 N: with two, any course in between fits",
+        "take more values of load than 10 N and 40 N: any curve passes through two",
     ]
 
 

@@ -1,4 +1,4 @@
-"""An FMU of someone else's beside a model, on the same records."""
+"""A third party's FMU compared with a model, on the same records."""
 
 from rigctl.analysis.fmu_rival.judge import FmuRival, judge_fmu
 

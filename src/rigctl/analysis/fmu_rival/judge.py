@@ -1,11 +1,10 @@
-"""Which of the two is nearer to the measurements, an FMU or a fitted model, and whether these records tell.
+"""Which of an FMU and a fitted model is nearer to the measurements, and whether these records can tell.
 
-No test of adequacy is made of an FMU: its unknowns (where it begins, when its valve switches) cannot be
-fitted as a model's can, and a right one that begins a noise's width beside the truth would be called wrong.
+An FMU is not tested for adequacy: its unknowns (initial states, switch times) cannot be fitted as a model's
+can, and a right FMU that starts one standard deviation of the noise beside the truth would be rejected.
 
-For the same reason a record counts only where the two differ by more than a fit can take up. With k free
-values in a record, its own and its part of the shared ones, a fit lowers χ² by k ± √(2k) although nothing is
-better.
+For the same reason a record counts only if the two differ by more than a fit can absorb. With k free values
+in a record, its own and its part of the shared ones, a fit lowers χ² by k ± √(2k) although nothing is better.
 """
 
 from __future__ import annotations
@@ -31,18 +30,18 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FmuRival:
-    """An FMU beside a model, on the records that no fit saw where there are any.
+    """An FMU compared with a model, on the records that no fit saw if there are any.
 
     Attributes
     ----------
     name: of the file; `model` that of the model.
     channels: the FMU's errors, by channel; `beside` those of the model on the same readings.
     units: of the channels, as they are shown.
-    records: how many records were compared. In `nearer` of them the FMU is nearer, in `further` the model; in
-        the others the difference is no more than a fit takes up.
-    p_value: of the sign test on these two, two-sided: how often chance divides records so unevenly.
+    records: number of records compared. In `nearer` of them the FMU is nearer, in `further` the model; in the
+        others the difference is no more than a fit absorbs.
+    p_value: of the two-sided sign test on these two numbers.
     held_out: the records are those that no fit saw.
-    missing: channels that the FMU does not have; `begins` those whose start could not be set.
+    missing: channels that the FMU does not have; `begins` those whose initial value could be set.
     """
 
     name: str
@@ -60,7 +59,7 @@ class FmuRival:
 
     @property
     def decided(self) -> bool:
-        """Whether these records tell which of the two is nearer."""
+        """Whether these records show which of the two is nearer."""
         return self.p_value < ALPHA
 
     @property
@@ -70,7 +69,7 @@ class FmuRival:
         sure = f"sign test, p = {self.p_value:.2g}"
         if not self.decided:
             return (
-                f"these {self.records} records do not tell which of the two is better ({seen}): "
+                f"these {self.records} records do not show which of the two is better ({seen}): "
                 f"{self.name} is nearer in {self.nearer} and {self.model} in {self.further} ({sure})"
             )
         one, other, count = self.name, self.model, self.nearer
@@ -99,7 +98,7 @@ class FmuRival:
 
 
 def judge_fmu(path: Path, fitted: FitResult, model: str) -> FmuRival:
-    """Run an FMU on the records of a fit, and say which of the two is nearer to what was measured.
+    """Run an FMU on the records of a fit, and decide which of the two is nearer to the measurements.
 
     Raises
     ------
@@ -108,7 +107,7 @@ def judge_fmu(path: Path, fitted: FitResult, model: str) -> FmuRival:
     """
     problem = fitted.problem
     if problem.measurements.table:
-        raise RigctlError("an FMU needs records with a course in time", value="a table")
+        raise RigctlError("an FMU needs records over time", value="a table")
     said = run_fmu(path, fitted)
     indices = fitted.held_out or fitted.fitted
     theirs, ours = _alike(fitted, said)
@@ -133,7 +132,7 @@ def judge_fmu(path: Path, fitted: FitResult, model: str) -> FmuRival:
 
 
 def sign_test(nearer: int, count: int) -> float:
-    """How often a fair coin divides `count` throws at least as unevenly, two-sided; 1 for none."""
+    """Two-sided p-value of `nearer` successes in `count` throws of a fair coin; 1 for none."""
     fewer = min(nearer, count - nearer)
     tail = sum(math.comb(count, k) for k in range(fewer + 1))
     return min(1.0, 2.0 * tail / 2**count) if count else 1.0
@@ -150,7 +149,7 @@ def _alike(fitted: FitResult, said: FmuOutputs) -> tuple[Sequence[Floats], Seque
 
 
 def _difference(fitted: FitResult, theirs: Sequence[Floats], ours: Sequence[Floats], index: int) -> int:
-    """-1 where the FMU is nearer in a record, 1 where the model is, 0 where a fit can make the difference."""
+    """-1 if the FMU is nearer in a record, 1 if the model is, 0 if a fit could cause the difference."""
     problem = fitted.problem
     there, here = (
         float(np.square(whitened_residual(problem, outputs[index], index)).sum())

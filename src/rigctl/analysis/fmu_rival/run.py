@@ -1,4 +1,4 @@
-"""Hands records to the process that runs an FMU, and takes what it says of them."""
+"""Hands records to the process that runs an FMU, and reads its answer."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from rigctl.model.fit.problem import Problem
 
 Floats = NDArray[np.float64]
 
-#: sigmas by which a start is moved to see what it does
+#: shift of an initial value for its derivative, in sigmas
 _BESIDE: Final = 5.0
-#: s that an FMU may take for all records
+#: time allowed to an FMU for all records, s
 _PATIENCE: Final = 600.0
 
 
 @dataclass(frozen=True)
 class FmuOutputs:
-    """What an FMU says: of each record (samples, outputs) in SI, NaN in columns that it does not have.
+    """The outputs of an FMU: for each record (samples, outputs) in SI, NaN in columns that it does not have.
 
-    `begun` names the channels whose start could be set.
+    `begun` names the channels whose initial value could be set.
     """
 
     outputs: tuple[str, ...]
@@ -41,11 +41,12 @@ class FmuOutputs:
 
 
 def run_fmu(path: Path, fitted: FitResult) -> FmuOutputs:
-    """Simulate every record of a fit with an FMU, each begun where the FMU itself fits the readings best.
+    """Simulate every record of a fit with an FMU, from the initial values at which the FMU fits the readings
+    best.
 
-    A fitted model's own starts would be those of its mistakes, and a single reading has noise. Where the FMU
-    lets a channel's start be set, it is simulated from the first readings and from beside each of them, and
-    once more from where the whitened error is least by these derivatives.
+    The initial values of a fitted model would carry that model's errors, and a single reading has noise. For
+    channels whose initial value can be set in the FMU, it is simulated from the first readings and from a
+    shifted value of each, and once more from where the whitened error is least by these derivatives.
 
     Raises
     ------
@@ -76,7 +77,7 @@ def run_fmu(path: Path, fitted: FitResult) -> FmuOutputs:
 
 
 def _first_readings(problem: Problem, index: int) -> Floats:
-    """The first reading of each channel that counts; NaN where none does."""
+    """The first valid reading of each channel; NaN if there is none."""
     values, good = problem.records[index].values, problem.ok[index]
     return np.array(
         [values[np.argmax(good[:, k]), k] if good[:, k].any() else np.nan for k in range(good.shape[1])]
@@ -86,7 +87,8 @@ def _first_readings(problem: Problem, index: int) -> Floats:
 def _shift(
     problem: Problem, index: int, runs: Sequence[Floats], step: Floats, columns: Sequence[int]
 ) -> Floats:
-    """By how much a record's starts have to move, from the runs from the start and from beside it."""
+    """By how much a record's initial values must move, from the runs at the first readings and beside
+    them."""
     values = problem.records[index].values
     base, *beside = (np.where(np.isnan(outputs), values, outputs) for outputs in runs)
     residual = whitened_residual(problem, base, index)
@@ -98,7 +100,7 @@ def _shift(
 
 
 def _asked(path: Path, fitted: FitResult, starts: Sequence[Sequence[Floats]]) -> dict[str, Any]:
-    """What the process says of every record from each of its starts."""
+    """The outputs of the process for every record from each of its initial values."""
     with TemporaryDirectory(prefix="rigctl-fmu-") as folder:
         job, answer = Path(folder) / "job.json", Path(folder) / "answer.json"
         job.write_text(json.dumps(_job(path, fitted, starts)), "utf-8")
@@ -109,7 +111,7 @@ def _asked(path: Path, fitted: FitResult, starts: Sequence[Sequence[Floats]]) ->
             )
         except subprocess.TimeoutExpired as problem:
             raise RigctlError(
-                "the FMU did not come to an end", value=path.name, exit_code=ExitCode.FAILED
+                "the FMU did not finish", value=path.name, exit_code=ExitCode.FAILED
             ) from problem
         if not answer.exists():
             raise RigctlError(

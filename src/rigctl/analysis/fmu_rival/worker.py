@@ -1,7 +1,7 @@
-"""Runs an FMU on records, in a process of its own: ``python -m rigctl.analysis.fmu_rival.worker JOB ANSWER``.
+"""Runs an FMU on records, in a separate process: ``python -m rigctl.analysis.fmu_rival.worker JOB ANSWER``.
 
-An FMU is a compiled program. One that crashes or never returns takes this process with it, and nothing else.
-Only FMI 2.0 for co-simulation is spoken, through FMPy.
+An FMU is a compiled program. If it crashes or never returns, only this process is lost.
+Only FMI 2.0 for co-simulation is supported, through FMPy.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from typing import Any
 from rigctl.errors import RigctlError, nearest_name
 from rigctl.units import parse_unit
 
-#: how a variable is called that sets where a channel begins
+#: possible names of the variable that sets a channel's initial value
 _STARTS = ("state.{}", "{}_start", "{}_0")
-#: s, by which two times are one
+#: two times closer than this are equal, s
 _SAME = 1e-12
 
 
 class _Fmu:
-    """An FMU's variables by name, with the units that they are read and written in."""
+    """An FMU's variables by name, with the units in which they are read and written."""
 
     def __init__(self, path: Path, folder: str) -> None:
         from fmpy import extract, read_model_description
@@ -33,10 +33,10 @@ class _Fmu:
         try:
             self.description: Any = read_model_description(str(path))
         except Exception as problem:
-            raise RigctlError(f"this is no FMU: {problem}", value=path.name) from problem
+            raise RigctlError(f"not an FMU: {problem}", value=path.name) from problem
         if self.description.fmiVersion != "2.0" or self.description.coSimulation is None:
             raise RigctlError(
-                "an FMU of another kind",
+                "an unsupported kind of FMU",
                 value=f"FMI {self.description.fmiVersion}",
                 expected="2.0, co-simulation",
             )
@@ -48,7 +48,7 @@ class _Fmu:
         return [name for name, one in self._by_name.items() if one.causality == causality]
 
     def start_of(self, channel: str) -> str | None:
-        """The variable that sets where a channel begins; None where there is none."""
+        """The variable that sets a channel's initial value; None if there is none."""
         for pattern in _STARTS:
             one = self._by_name.get(pattern.format(channel))
             if one is not None and (one.causality == "parameter" or one.initial == "exact"):
@@ -60,7 +60,7 @@ class _Fmu:
         return int(self._by_name[name].valueReference)
 
     def to_si(self, name: str, value: float) -> float:
-        """A value of a variable in SI; one without a unit is in SI."""
+        """A variable's value in SI; one without a unit is in SI already."""
         return float(self._unit(name).to_si(value))
 
     def from_si(self, name: str, value: float) -> float:
@@ -74,19 +74,19 @@ class _Fmu:
 
 
 def simulate(job: Mapping[str, Any], folder: str) -> dict[str, Any]:
-    """The outputs of every record: by record, by sample, in the order of the outputs that the FMU has.
+    """The outputs of every record: by record, by sample, in the order of the FMU's outputs.
 
     Raises
     ------
     RigctlError
-        it is no such FMU, none of its outputs is a channel, an input is unknown, or a step fails.
+        the FMU is not supported, none of its outputs is a channel, an input is unknown, or a step fails.
     """
     fmu = _Fmu(Path(job["fmu"]), folder)
     inputs = fmu.named("input")
     for name in inputs:
         if name not in job["inputs"]:
             raise RigctlError(
-                "the FMU wants an input that the data do not have",
+                "the FMU needs an input that the data do not have",
                 value=name,
                 expected=f"inputs among {', '.join(job['inputs'])}",
                 nearest=nearest_name(name, job["inputs"]),
@@ -135,7 +135,7 @@ def _record(
             if point > time + _SAME:
                 slave.doStep(currentCommunicationPoint=time, communicationStepSize=point - time)
                 time = point
-            if point in wanted:  # a sample at a switch shows what was before it
+            if point in wanted:  # a sample at a switch shows the state before it
                 row = slave.getReal(read)
                 values.append([fmu.to_si(name, value) for name, value in zip(outputs, row, strict=True)])
             _set(slave, fmu, written, inputs, signal.at(time))
@@ -157,7 +157,7 @@ def _set(
 
 
 class _Signal:
-    """The inputs of a record over time: held, or along straight lines."""
+    """The inputs of a record over time: held constant, or interpolated linearly."""
 
     def __init__(self, names: Sequence[str], record: Mapping[str, Any]) -> None:
         self._names = names
@@ -170,7 +170,7 @@ class _Signal:
         self.edges = (*self._times, *self._knots)
 
     def at(self, time: float) -> dict[str, float]:
-        """What holds from a time on, by name, SI."""
+        """The inputs from a time on, by name, SI."""
         row = list(self._inputs[max(bisect_right(self._times, time + _SAME) - 1, 0)])
         for place, column in enumerate(self._along):
             row[column] = self._line(time, place)
@@ -186,7 +186,7 @@ class _Signal:
 
 
 def main(job: str, answer: str) -> None:
-    """Read the job, write the answer: what was simulated, or what was wrong."""
+    """Read the job and write the answer: the results, or the error."""
     folder = mkdtemp(prefix="rigctl-fmu-")
     try:
         try:

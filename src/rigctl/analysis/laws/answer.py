@@ -1,4 +1,4 @@
-"""What a diagnosis says of the laws of the effects that it names, or that its model has."""
+"""The laws of the effects that a diagnosis names, or that its model has, as the data support them."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ from rigctl.units import parse_unit, with_uncertainty
 
 Floats = NDArray[np.float64]
 
-#: standard deviations of a 95 % interval
+#: half-width of a 95 % interval, in standard deviations
 _BAND = 1.96
-#: an exponent that is known no better than this is hardly known
+#: an exponent with a larger standard deviation than this is hardly determined
 _ROUGH = 0.4
-#: the share of a misfit that a law must take away to be said where no effect is named
+#: least share of a misfit that a law must remove to be reported if no effect is named
 _NEARLY = 0.8
-#: what the rounding of laws near the zero of their driver makes of an exponent
+#: error of an exponent by the rounding of laws near the zero of their variable
 _ROUNDING = 5e-4
-#: and one that is known no better than this is not said
+#: an exponent with a larger standard deviation than this is not reported
 _UNKNOWN = 10.0
 
 
 @dataclass(frozen=True)
 class LawAnswer:
-    """The law of one effect over one driver.
+    """The law of one effect over one of its explanatory variables.
 
     Attributes
     ----------
-    law: that which is drawn; at the fitted power where there is one, else at the effect as it was fitted.
-    unit: that the driver is shown in; `value_unit` of the term.
+    law: the curve that is drawn; at the fitted power if there is one, else at the effect as fitted.
+    unit: in which the variable is shown; `value_unit` that of the term.
     assumed: (points) the term by the library's law.
-    differs: the data ask for another law.
-    exponent, exponent_std: of the driver, or of a further power where the assumed law is no power of it;
+    differs: the data support another law.
+    exponent, exponent_std: of the variable, or of a further power if the assumed law is not a power;
         `assumed_exponent` is None then.
-    model: that it was found beside.
-    power: fitted, where the data ask for another law and one could be written.
-    follows: the data ask for nothing beyond that power.
+    model: the model with which it was found.
+    power: fitted, if the data support another law and one could be written.
+    follows: the data show nothing beyond that power.
     statement: in words.
-    file: the effect file that it was written to; None where it was not.
+    file: the effect file to which it was written; None if it was not.
     """
 
     effect: str
@@ -69,23 +69,23 @@ class LawAnswer:
 
     @property
     def formula(self) -> str | None:
-        """The term that the data ask for, as an effect file has it; None where they ask for none."""
+        """The term that the data support, as in an effect file; None if there is none."""
         return None if self.power is None else "; ".join(self.power.terms.values())
 
     @property
     def constant(self) -> bool:
-        """Whether the data do not want the term to change with the driver, as the assumed law does.
+        """Whether, by the data, the term does not change with the variable as the assumed law does.
 
-        Its exponent is fitted, and is 0 within its uncertainty or within what laws may be bent.
+        Its exponent is fitted, and is 0 within its uncertainty or within the shape tolerance.
         """
         fitted = self.power is not None
         return fitted and _hardly_changes(self.assumed_exponent, self.exponent, self.exponent_std)
 
     @property
     def offered(self) -> Literal["power", "curve", ""]:
-        """What an effect file can have of it: the fitted power where that is all of it, or the only way.
+        """What an effect file can contain: the fitted power if that is the whole law, or the only option.
 
-        Else it is the curve itself, of an effect that is one term over one driver.
+        Else the curve itself, for an effect that is a single term over a single variable.
         """
         alone = self.differs and not self.law.others and len(self.law.effect.terms) == 1
         drawn = np.isfinite([self.law.low, self.law.high]).all() and bool(np.any(self.law.asked))
@@ -95,11 +95,11 @@ class LawAnswer:
 
     @property
     def x(self) -> Floats:
-        """(points) the driver, in its unit."""
+        """(points) the variable, in its unit."""
         return self._driver(self.law.x)
 
     def document(self) -> dict[str, Any]:
-        """Its machine-readable form; the values of the term in SI of its slot."""
+        """Its machine-readable form; the values of the term in SI units of its slot."""
         low, high = (self.exponent + side * _BAND * self.exponent_std for side in (-1.0, 1.0))
         known = self.exponent_std < _UNKNOWN
         return {
@@ -134,18 +134,18 @@ class LawAnswer:
 
 
 def _listed(values: Floats) -> list[float | None]:
-    """For programs: no value is null."""
+    """For programs: missing values are null."""
     return [value if math.isfinite(value) else None for value in values.tolist()]
 
 
 def law_answers(search: Search, best: RefittedSet) -> tuple[LawAnswer, ...]:
-    """The laws of all effects in the best set's model: those that are named, and those that were there.
+    """The laws of all effects in the best set's model, both those named and those already there.
 
-    One whose law the data do not tell from another costs no fit.
+    A law that the data do not distinguish from another needs no fit.
     """
     try:
         asked = asked_laws(search, best)
-    except RigctlError:  # the model has no value where its laws are bent: nothing to draw
+    except RigctlError:  # the model cannot be simulated with deviating laws, so nothing can be drawn
         return ()
     by_effect: dict[str, list[AskedLaw]] = {}
     for law in asked:
@@ -154,9 +154,9 @@ def law_answers(search: Search, best: RefittedSet) -> tuple[LawAnswer, ...]:
 
 
 def laws_instead(search: Search) -> tuple[LawAnswer, ...]:
-    """The laws that take nearly all of a misfit away that no further effect explains; none where none does.
+    """The laws that remove nearly all of a misfit that no further effect explains; none if there are none.
 
-    Asked of the effects that the model has: a second effect would leave more than the tests see.
+    Only effects already in the model are tried: a second effect would leave more than the tests see.
     """
     here = search.none
     try:
@@ -174,19 +174,19 @@ def laws_instead(search: Search) -> tuple[LawAnswer, ...]:
 
 
 def _takes_all(one: LawAnswer, here: RefittedSet, count: int) -> bool:
-    """Whether a fitted power is all of its law, and leaves next to nothing of the misfit."""
+    """Whether a fitted power is the whole law, and leaves next to nothing of the misfit."""
     if one.power is None or not one.follows:
         return False
     return one.power.gain > _NEARLY * (here.chi2 - count)
 
 
 def _of_effect(search: Search, best: RefittedSet, laws: list[AskedLaw]) -> list[LawAnswer]:
-    """The answers of one effect: the driver that explains most is fitted with a power."""
+    """The answers for one effect: a power of the variable that explains most is fitted."""
     asking = [law for law in laws if law.differs or law.clear]
     if not asking:
         return [_plain(law, best) for law in laws]
     first = max(asking, key=lambda law: law.explained)
-    search.on_progress(f"Asking for the law of {first.effect.name} over {first.driver.name}")
+    search.on_progress(f"Estimating the law of {first.effect.name} over {first.driver.name}")
     power = fit_power(first, best)
     if power is None:
         return [_plain(law, best) for law in laws]
@@ -203,7 +203,7 @@ def _of_effect(search: Search, best: RefittedSet, laws: list[AskedLaw]) -> list[
 
 
 def _beside(law: AskedLaw, after: AskedLaw | None) -> AskedLaw:
-    """The law over another driver, as far as the power of the first one leaves something to ask for."""
+    """The law over another variable, as far as the power of the first one leaves anything."""
     if after is None:
         return law
     return replace(law, differs=law.differs and after.differs, clear=law.clear and after.clear)
@@ -235,7 +235,7 @@ def _fitted(law: AskedLaw, after: AskedLaw, power: PowerLaw, best: RefittedSet) 
 
 
 def _plain(law: AskedLaw, best: RefittedSet) -> LawAnswer:
-    """The law as far as the linear problem tells it."""
+    """The law as far as the linear problem determines it."""
     assumed = law.assumed_exponent
     return LawAnswer(
         effect=law.effect.name,
@@ -255,7 +255,7 @@ def _plain(law: AskedLaw, best: RefittedSet) -> LawAnswer:
 
 
 def _fitted_shape(law: AskedLaw, best: RefittedSet) -> bool:
-    """Whether a fit changes the shape of the law already, its exponent, say."""
+    """Whether a fit already changes the shape of the law, for example its exponent."""
     values = best.fit.problem.model.effects[law.effect.name]
     return any(one.shape and values[one.name].fit for one in law.effect.parameters)
 
@@ -270,7 +270,8 @@ def _over(law: AskedLaw) -> str:
 
 
 def _hardly_changes(assumed: float | None, exponent: float, std: float) -> bool:
-    """Whether a power that is assumed to change with its driver is none: an exponent that may be 0."""
+    """Whether a power that is assumed to change with its variable may be constant: an exponent that may be
+    0."""
     return bool(assumed) and abs(exponent) < max(SHAPE_TOLERANCE, AT_LIMIT * std)
 
 
@@ -278,7 +279,7 @@ def _told(law: AskedLaw, exponent: float, std: float, *, follows: bool) -> str:
     name, over, n = law.effect.name, _over(law), with_uncertainty(exponent, std)
     if _hardly_changes(law.assumed_exponent, exponent, std):
         return (
-            f"the data do not want the term at {law.slot} to change with {over}: of {name} the exponent "
+            f"by the data, the term at {law.slot} does not change with {over}: the exponent of {name} "
             f"is {n} there, not {law.assumed_exponent:.3g}"
         )
     if law.assumed_exponent is None:
@@ -287,28 +288,28 @@ def _told(law: AskedLaw, exponent: float, std: float, *, follows: bool) -> str:
         verb = "grows" if exponent > 0.0 else "falls"
         said = f"{name} {verb} as {over}^({n}), not as {over}^{law.assumed_exponent:.3g}"
     if follows:
-        return f"{said}: over what these data visit they ask for nothing beyond it"
-    return f"{said}, roughly: no power is all of it, see the curve"
+        return f"{said}: over the range of these data nothing beyond it is needed"
+    return f"{said}, approximately: no power describes it completely, see the curve"
 
 
 def _not_told(law: AskedLaw, *, fitted: bool) -> str:
     name, over, std = law.effect.name, _over(law), law.change_std
     if law.differs:
         return (
-            f"the data ask for another law of {name} over {over} than the assumed one, and no power of it is "
-            "told: see the curve"
+            f"the data support another law of {name} over {over} than the assumed one, but do not determine "
+            "a power: see the curve"
         )
     if fitted:
-        return f"the law of {name} over {over} is fitted, and the data ask for nothing beyond it"
+        return f"the law of {name} over {over} is fitted, and the data show nothing beyond it"
     if not std < _ROUGH:
-        return f"the data hardly tell the law of {name} over {over}"
+        return f"the data hardly determine the law of {name} over {over}"
     if law.assumed_exponent is None:
         return (
-            f"the data do not tell the law of {name} over {over} from the assumed one: a further power of it "
-            f"would be {with_uncertainty(law.change, std)}"
+            f"the data do not distinguish the law of {name} over {over} from the assumed one: "
+            f"a further power of it would be {with_uncertainty(law.change, std)}"
         )
     exponent = law.assumed_exponent + law.change
     return (
-        f"the data do not tell the law of {name} from {over}^{law.assumed_exponent:.3g}: its exponent is "
-        f"{with_uncertainty(exponent, std)}"
+        f"the data do not distinguish the law of {name} from {over}^{law.assumed_exponent:.3g}: its "
+        f"exponent is {with_uncertainty(exponent, std)}"
     )

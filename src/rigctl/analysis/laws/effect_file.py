@@ -1,4 +1,4 @@
-"""The law that the data ask for, as an effect file: a candidate like any other."""
+"""The law that the data support as an effect file, which is a candidate like any other."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from rigctl.units import parse_unit
 def write_law(
     answer: LawAnswer, folder: Path, runs: Sequence[str], model: str, now: datetime | None = None
 ) -> LawAnswer:
-    """Write the effect of a fitted law into `folder`, and say where; an answer without one is as it was.
+    """Write the effect of a fitted law into `folder`; an answer without a law is returned unchanged.
 
-    Nothing is overwritten: a name that is taken there gets a number.
+    Nothing is overwritten: if the name is taken, a number is appended.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def write_law(
     made = _power_text if answer.offered == "power" else _curve_text
     text = made(answer, folder, path.stem, said)
     folder.mkdir(parents=True, exist_ok=True)
-    parse_effect(text, path)  # what is offered is sound
+    parse_effect(text, path)  # a file that is offered must be valid
     write_text(path, text)
     return replace(answer, file=path)
 
@@ -74,7 +74,7 @@ def _power_text(answer: LawAnswer, folder: Path, name: str, said: Provenance) ->
     return effect_file_text(effect, power.terms, family_reference(model, folder), name)
 
 
-#: of the points of a law, those that its curve goes through
+#: every n-th point of a law is a point of its curve
 _EVERY = 2
 
 
@@ -116,7 +116,7 @@ def _free(folder: Path, name: str) -> Path:
 
 
 def _fitted(effect: Effect, model: Model) -> Effect:
-    """The effect whose parameters start where the fit found them."""
+    """The effect with its parameters starting at their fitted values."""
     values = {name: value.si for name, value in model.effects[effect.name].items()}
     return replace(
         effect, parameters=tuple(replace(one, start=values[one.name]) for one in effect.parameters)

@@ -1,12 +1,13 @@
-"""The law of an effect that the data ask for: its term bent over what drives it, with its band.
+"""The law of an effect that the data support: its term with a discrepancy over its variables, and a band.
 
     T(x)·(1 + Σ_k b_k·B_k(x)),   b ~ N(0, τ²·K)   (`rigctl.analysis.laws.shape_tolerance`)
 
-The amplitudes of the bends and everything that the fit found are one linear problem with a normal prior on
-the bends, whose posterior is a curve with a band. τ is the most likely of a few, the tolerance the least.
-Whether the data ask for another law at all is asked of the evidence, and how a power of x would have to
-differ of the direction ``T·ln|x|``: ``T·|x|^δ`` to first order. What it comes to by a fit, and whether a
-power is the law, is `rigctl.analysis.laws.power_law`'s to say.
+The amplitudes of the discrepancies and all fitted unknowns form one linear problem with a normal prior on the
+discrepancies; its posterior is a curve with a band. τ is the most likely of a few values, of which the shape
+tolerance is the smallest. The evidence decides whether the data support another law at all. By how much the
+exponent of a power of x would have to differ is estimated from the direction ``T·ln|x|``: ``T·|x|^δ`` to
+first order. `rigctl.analysis.laws.power_law` fits the exponent, and decides whether a power describes the
+law.
 
 Source: C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning (2006), chapter 2.
 """
@@ -34,36 +35,36 @@ from rigctl.model.fit.fit import FitResult
 
 Floats = NDArray[np.float64]
 
-#: standard deviations of a bend that are looked at
+#: standard deviations of a discrepancy that are tried
 _WIDTHS = tuple(SHAPE_TOLERANCE * 2.0**k for k in range(5))
 #: points of a curve
 _POINTS = 41
 #: standard normal quantile of a 95 % band
 _BAND = 1.96
-#: of a driver's largest size, within which its logarithm is rounded
+#: share of a variable's largest magnitude within which its logarithm is rounded
 _CORNER = 0.01
 
 
 @dataclass(frozen=True)
 class AskedLaw:
-    """The law of one effect over one of its drivers; SI.
+    """The law of one effect over one of its explanatory variables; SI.
 
     Attributes
     ----------
-    effect, driver: of what, over what.
+    effect, driver: the effect, and the variable.
     slot: of the term that is drawn.
-    x: (points) over the range that the data visit; `assumed` the term as it was fitted; `asked` the term that
-        the data ask for, between `low` and `high` in 95 of 100 cases.
-    differs: the data ask for another law than the assumed one.
-    width: τ, the standard deviation of a bend.
-    change, change_std: by how much an exponent of the driver would have to differ, to first order.
-    clear: that exponent is no chance, at the family-wise level.
-    explained: the fall of χ² that the bend makes.
-    noise: variance of the whitened residuals that all of this is judged by, no less than 1.
-    degrees: of freedom of that noise; 0 where it counts as known.
-    tried: laws that were asked about together.
-    visited: the lowest and the highest value of the driver.
-    others: of the effect's other drivers the same.
+    x: (points) over the range that the data cover; `assumed` the term as fitted; `asked` the term that the
+        data support, between `low` and `high` with a probability of 95 %.
+    differs: the data support another law than the assumed one.
+    width: τ, the standard deviation of the discrepancy.
+    change, change_std: by how much an exponent of the variable would have to differ, to first order.
+    clear: that exponent is significant at the family-wise level.
+    explained: the reduction of χ² by the discrepancy.
+    noise: variance of the whitened residuals on which all of this is based, at least 1.
+    degrees: of freedom of that noise; 0 if it counts as known.
+    tried: number of laws that were tested together.
+    visited: the lowest and the highest value of the variable.
+    others: the same for the effect's other variables.
     term: the term itself, to be drawn and written.
     """
 
@@ -90,14 +91,14 @@ class AskedLaw:
 
     @property
     def assumed_exponent(self) -> float | None:
-        """n of ``T ∝ |x|^n`` where the assumed law is such a power; None where it is none."""
+        """n of ``T ∝ |x|^n`` if the assumed law is such a power; else None."""
         return _exponent(self.x, self.assumed)
 
 
 def asked_laws(search: Search, trial: RefittedSet) -> tuple[AskedLaw, ...]:
-    """The law that the data ask for of every effect in a trial's model, over each of its drivers.
+    """The law that the data support for every effect in a trial's model, over each of its variables.
 
-    Nothing where no term can be bent: of effects without drivers, or with drivers that do not vary.
+    Empty if no term has a discrepancy: for effects without variables, or with variables that do not vary.
     """
     point = search.at(trial)
     if not point.shapes.bends:
@@ -107,7 +108,7 @@ def asked_laws(search: Search, trial: RefittedSet) -> tuple[AskedLaw, ...]:
 
 
 def laws_of(fit: FitResult, effects: Sequence[Effect]) -> tuple[AskedLaw, ...]:
-    """As `asked_laws`, of `effects` in the model of any fit.
+    """As `asked_laws`, for `effects` in the model of any fit.
 
     Raises
     ------
@@ -141,7 +142,7 @@ def _laws(
 
 
 class _Course:
-    """The fitted records as they run: the ranges of drivers, and what every variable is on the average."""
+    """The fitted records' time series: the ranges of variables, and the average of each."""
 
     def __init__(self, fit: FitResult) -> None:
         self._inner = fit.problem.only(fit.fitted)
@@ -149,7 +150,7 @@ class _Course:
         self._fit = fit
 
     def range(self, driver: Driver) -> tuple[float, float]:
-        """The lowest and the highest value of a driver, SI."""
+        """The lowest and the highest value of a variable, SI."""
         values = self._values(driver)
         return float(values.min()), float(values.max())
 
@@ -171,9 +172,9 @@ class _Course:
 
 
 def _law(shaped: Linearisation, bend: Bend, term: LawTerm, count: int, noise: float | None) -> AskedLaw:
-    """One effect over one driver, the other bends free within the tolerance beside it.
+    """One effect over one variable, with the other discrepancies free within the tolerance.
 
-    `noise` is the variance of whitened residuals; where it is None, what the widest bend leaves of them says.
+    `noise` is the variance of whitened residuals; if None, that which the widest discrepancy leaves.
     """
     of_bend = np.zeros(len(shaped.shapes), dtype=bool)
     of_bend[bend.columns] = True
@@ -222,7 +223,7 @@ def _law(shaped: Linearisation, bend: Bend, term: LawTerm, count: int, noise: fl
 
 @dataclass(frozen=True)
 class _Rows:
-    """Everything that was fitted beside the bends, as one linear problem."""
+    """Everything that was fitted beside the discrepancies, as one linear problem."""
 
     names: tuple[str, ...]
     nuisance: Floats
@@ -241,7 +242,7 @@ def _rows(shaped: Linearisation, weights: Floats) -> _Rows:
 
 
 def _with_other_bends(shaped: Linearisation, of_bend: NDArray[np.bool_]) -> Linearisation:
-    """The bends of the other laws among the nuisances, within the tolerance."""
+    """The discrepancies of the other laws among the nuisances, within the tolerance."""
     others = np.flatnonzero(~of_bend)
     weight, prior = shaped.prior
     more = others.size
@@ -261,7 +262,7 @@ def _with_other_bends(shaped: Linearisation, of_bend: NDArray[np.bool_]) -> Line
 
 
 def _evidence(columns: Floats, residual: Floats) -> tuple[float, float]:
-    """``−gᵀ(I + A)⁻¹g + ln|I + A|``, and the first part of it, the fall of χ²."""
+    """``−gᵀ(I + A)⁻¹g + ln|I + A|``, and the first part of it, the reduction of χ²."""
     matrix = columns.T @ columns + np.eye(columns.shape[1])
     slope = columns.T @ residual
     explained = float(slope @ np.linalg.solve(matrix, slope))
@@ -278,8 +279,8 @@ def _posterior(
     x: Floats,
     assumed: Floats,
 ) -> tuple[Floats, Floats]:
-    """(points) The term that the data ask for and its standard deviation: what the fitted sizes of the effect
-    and the bend do to it together, all else free as well."""
+    """(points) The term that the data support and its standard deviation: the combined result of the effect's
+    fitted sizes and the discrepancy, with all other unknowns free as well."""
     shapes = np.where(of_bend, width, 1.0) * rows.shapes
     joint = np.hstack([rows.nuisance, shapes]) / math.sqrt(noise)
     scale = np.linalg.norm(joint, axis=0)
@@ -293,7 +294,7 @@ def _posterior(
     acts = np.zeros((x.size, scale.size))
     for index, name in enumerate(rows.names):
         acts[:, index] = term.slope(name, x)
-    # what bends the term: the splines' amplitudes are L·a, a = width·(this unknown)
+    # discrepancy of the term: the splines' amplitudes are L·a, a = width·(this unknown)
     acts[:, first + np.flatnonzero(of_bend)] = assumed[:, None] * (_basis(bend, x) @ bend.root) * width
     acts = acts / scale
     spread = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", acts, covariance, acts), 0.0))
@@ -310,7 +311,7 @@ def _basis(bend: Bend, x: Floats) -> Floats:
 
 
 def _power_change(columns: Floats, residual: Floats, bend: Bend, x: Floats) -> tuple[float, float]:
-    """δ of ``T·|x|^δ`` and its standard deviation, to first order; 0 and infinite where nothing shows it."""
+    """δ of ``T·|x|^δ`` and its standard deviation, to first order; 0 and infinite if nothing shows it."""
     largest = float(np.abs(x).max())
     wanted = 0.5 * np.log(np.square(x / largest) + _CORNER**2)
     coefficients = np.linalg.lstsq(_basis(bend, x), wanted, rcond=None)[0]
@@ -322,7 +323,7 @@ def _power_change(columns: Floats, residual: Floats, bend: Bend, x: Floats) -> t
 
 
 def chance_of(z: float, degrees: int) -> float:
-    """Two-sided, that chance differs by z standard deviations; Student's where the noise has few degrees."""
+    """Two-sided p-value of z standard deviations; by Student's t if the noise has few degrees of freedom."""
     if not math.isfinite(z):
         return 1.0
     if not degrees:
@@ -332,9 +333,9 @@ def chance_of(z: float, degrees: int) -> float:
     return 2.0 * float(stdtr(degrees, -abs(z)))
 
 
-#: of its largest size, above which an exponent of a driver is read off
+#: share of a variable's largest magnitude above which its exponent is determined
 _FROM = 0.2
-#: exponents that differ by no more than this over that range are one
+#: exponents that differ by no more than this over that range count as equal
 _SAME = 0.05
 
 

@@ -1,8 +1,8 @@
-"""A power of its driver as the law of an effect: fitted, judged, and written as an effect of one's own.
+"""A power of a variable as the law of an effect: fitted, judged, and written as a user's effect.
 
-The term T of an effect becomes ``T·(√(x² + c²)/x_0)^(n − n_0)``: its law over x is then a power with the
-exponent n where T is one with n_0, and T times a power where it is none. What the data ask for beyond such a
-power is asked again at that fit, where the problem is as linear as it can be.
+The term T of an effect becomes ``T·(√(x² + c²)/x_0)^(n − n_0)``: a power of x with exponent n if T is a power
+with exponent n_0, and T times a power otherwise. What the data show beyond such a power is determined again
+at that fit, where the linearisation is most accurate.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from rigctl.model.model import Model, Value
 from rigctl.physics.family import ModelFamily
 from rigctl.units import parse_unit
 
-#: an exponent may differ by so much from the assumed one
+#: largest difference of an exponent from the assumed one
 _FURTHEST = 2.5
-#: and begins no further off than this
+#: largest difference at which the fit starts
 _BEGIN = 0.6
-#: of a driver's largest size, within which a power of it is rounded
+#: share of a variable's largest magnitude within which a power of it is rounded
 _ROUNDED = 1e-3
 #: the fit ends when the next step would lower its cost by less than this share; a parameter may double
 _COST, _STEP = 1e-6, 1.0
@@ -42,16 +42,16 @@ _COST, _STEP = 1e-6, 1.0
 
 @dataclass(frozen=True)
 class PowerLaw:
-    """An effect with a power of one of its drivers, fitted.
+    """An effect with a power of one of its variables, fitted.
 
     Attributes
     ----------
-    effect: as a user's file would have it.
+    effect: as declared in a user's file.
     terms: the text of each of its terms.
-    exponent: n, or n − n_0 where the assumed law is no power.
-    std: of the exponent, in the noise that the fit leaves.
-    fit: of the model with this effect in place of the other.
-    gain: the fall of χ².
+    exponent: n, or n − n_0 if the assumed law is not a power.
+    std: of the exponent, with the noise that the fit leaves.
+    fit: of the model with this effect in place of the original one.
+    gain: the reduction of χ².
     """
 
     effect: Effect
@@ -63,7 +63,7 @@ class PowerLaw:
 
 
 def fit_power(law: AskedLaw, trial: RefittedSet) -> PowerLaw | None:
-    """The power that a law comes to; None where its term cannot be written in a file, or not be fitted."""
+    """The power fitted to a law; None if its term cannot be written in a file, or not be fitted."""
     made = power_effect(law, trial.fit.model)
     if made is None:
         return None
@@ -72,7 +72,7 @@ def fit_power(law: AskedLaw, trial: RefittedSet) -> PowerLaw | None:
     begin = base + float(np.clip(law.change, -_BEGIN, _BEGIN))
     try:
         again = _fitted(trial.fit, law.effect, effect, begin)
-    except RigctlError:  # the model has no value there
+    except RigctlError:  # the model cannot be simulated there
         return None
     name = qualified(effect.name, EXPONENT)
     names = [unknown.name for unknown in again.problem.shared]
@@ -88,12 +88,12 @@ def fit_power(law: AskedLaw, trial: RefittedSet) -> PowerLaw | None:
     )
 
 
-#: the parameter that a power has
+#: name of a power's parameter
 EXPONENT = "exponent"
 
 
 def power_effect(law: AskedLaw, model: Model) -> tuple[Effect, dict[str, str]] | None:
-    """The effect with a power of the law's driver, and the text of its terms; None where none can be."""
+    """The effect with a power of the law's variable, and the text of its terms; None if impossible."""
     old, family = law.effect, model.family
     if old.states or EXPONENT in ({p.name for p in old.parameters} | taken_names(family)):
         return None
@@ -103,7 +103,7 @@ def power_effect(law: AskedLaw, model: Model) -> tuple[Effect, dict[str, str]] |
         read: tuple[tuple[str, Term], ...] = tuple(
             (slot, read_term(text, family, family.slot(slot), parameters)) for slot, text in terms.items()
         )
-    except (RigctlError, TypeError):  # a rate of change, a look-up table: no formula of a file
+    except (RigctlError, TypeError):  # a rate of change or a look-up table cannot be written in a file
         return None
     effect = Effect(
         name=f"{old.name}_power",
@@ -123,7 +123,7 @@ def power_effect(law: AskedLaw, model: Model) -> tuple[Effect, dict[str, str]] |
 
 
 def _old_parameters(effect: Effect, model: Model) -> tuple[EffectParameter, ...]:
-    """The effect's own, which begin as they were fitted."""
+    """The effect's own parameters, which start at their fitted values."""
     parameters = []
     for one in effect.parameters:
         value = model.effects[effect.name][one.name].si
@@ -169,7 +169,7 @@ def _terms(law: AskedLaw, family: ModelFamily) -> dict[str, str]:
 
 
 def _power_text(law: AskedLaw, points: set[str]) -> str:
-    """``(absolute(x, c)/(x_0))^(exponent - n_0)``, 1 where x is as large as it gets."""
+    """``(absolute(x, c)/(x_0))^(exponent - n_0)``, which is 1 at the largest x."""
     base, dimension = law.assumed_exponent, parse_unit(law.driver.unit).dimension
     largest = float(f"{np.abs(law.x).max():.3g}")
     width, reference = (number_text(value, dimension) for value in (_ROUNDED * largest, largest))
@@ -179,12 +179,12 @@ def _power_text(law: AskedLaw, points: set[str]) -> str:
 
 
 def driver_text(driver: Driver, points: set[str] | frozenset[str] = frozenset()) -> str:
-    """A driver as a formula of a file."""
+    """A variable as a formula in a file."""
     single = len(driver.weights) == 1 and driver.weights[0][1] == 1.0
     if single or all(name not in points for name, _ in driver.weights):
         return driver.name if all(abs(w) == 1.0 for _, w in driver.weights) else _weighted(driver)
     if sorted(weight for _, weight in driver.weights) == [-1.0, 1.0]:
-        return driver.name  # a difference of two points is an interval
+        return driver.name  # the difference of two temperatures is an interval
     return _weighted(driver, points)
 
 
@@ -197,7 +197,7 @@ def _weighted(driver: Driver, points: set[str] | frozenset[str] = frozenset()) -
 
 
 def _fitted(before: FitResult, old: Effect, new: Effect, begin: float) -> FitResult:
-    """The model with the new effect in place of the old one, fitted from where that one was."""
+    """The model with the new effect in place of the old one, fitted from where the old one ended."""
     model = before.model
     known = {name: value.si for name, value in model.effects[old.name].items()}
     free = {name for name, value in model.effects[old.name].items() if value.fit}
@@ -222,6 +222,6 @@ def _fitted(before: FitResult, old: Effect, new: Effect, begin: float) -> FitRes
 
 
 def shown_unit(law: AskedLaw, fitted: FitResult) -> str:
-    """The unit that the law's driver is shown in: that of a channel of its dimension, else SI."""
+    """The unit in which the law's variable is shown: that of a channel of its dimension, else SI."""
     interval = len(law.driver.weights) > 1
     return fitted.problem.measurements.unit_for(law.driver.unit, interval=interval)

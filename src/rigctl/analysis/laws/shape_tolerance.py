@@ -1,12 +1,13 @@
-"""A tolerance for the shape of an effect's law, beside the noise.
+"""A tolerance for the shape of an effect's law, in addition to the noise: a model discrepancy.
 
-No effect of a library has a bench's exact law. Its term T may therefore be bent over each of its drivers x:
+No effect of a library has a bench's exact law. Its term T may therefore deviate over each of its variables x:
 
     T·(1 + Σ_k b_k·B_k(x)),   b ~ N(0, τ²·K),   K_ij = exp(−(i − j)²/(2ℓ²)),   τ = `SHAPE_TOLERANCE`
 
-with cubic B-splines B over the range that the data visit. What the b do to the readings are further columns
-of the linearisation, with a prior: a right effect in another shape needs little of it, a stand-in much, and
-pays for it. The size of a bend is said of the effect's parameters where its term is no multiple of them.
+with cubic B-splines B over the range that the data cover. The changes of the readings with b are further
+columns of the linearisation, with a prior: the right effect with a slightly different law needs little of it,
+an effect that only resembles it needs much, at a cost in evidence. If the term is not a multiple of the
+effect's parameters, the discrepancy multiplies the parameters.
 
 Source: M. C. Kennedy, A. O'Hagan, J. R. Stat. Soc. B 63 (2001) 425, the discrepancy inside the equations;
 C. de Boor, A Practical Guide to Splines (1978).
@@ -30,28 +31,28 @@ from rigctl.model.fit.problem import Problem
 
 Floats = NDArray[np.float64]
 
-#: splines over each driver
+#: number of splines over each variable
 FUNCTIONS = 8
 #: ℓ, in splines
 _SMOOTH = 1.5
-#: the ends of a driver's range, as shares of the samples
+#: the ends of a variable's range, as quantiles of the samples
 _ENDS = (0.002, 0.998)
-#: of the range, the least distance of two knots
+#: least distance of two knots, as a share of the range
 _APART = 0.02
-#: a driver that changes by less than this share of its size is a constant
+#: a variable that changes by less than this share of its magnitude counts as constant
 _VARIES = 0.005
 
 
 @dataclass(frozen=True)
 class Bend:
-    """The splines over one driver of one effect.
+    """The splines over one variable of one effect: a discrepancy of its law.
 
     Attributes
     ----------
     effect: its name.
-    driver: over what.
+    driver: the variable.
     knots: (functions + 4) of the splines, SI.
-    columns: their places among all of a set's.
+    columns: their indices among all columns of a set.
     root: (functions, functions) L of ``K = L·Lᵀ``: the coefficients are ``b = L·a``, a ~ N(0, τ²).
     """
 
@@ -71,12 +72,12 @@ class Bend:
 
 @dataclass(frozen=True)
 class ShapeColumns:
-    """What bending the laws of some effects does to the readings.
+    """The changes of the readings by discrepancies of the laws of some effects.
 
     Attributes
     ----------
-    bends: which columns are what.
-    readings: (n, channels, columns) of each record, the derivatives by the amplitudes a.
+    bends: the meaning of the columns.
+    readings: (n, channels, columns) for each record, the derivatives by the amplitudes a.
     """
 
     bends: tuple[Bend, ...]
@@ -84,7 +85,7 @@ class ShapeColumns:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """One of each column."""
+        """A name for each column."""
         return tuple(
             f"shape of {bend.effect} over {bend.driver.name}, {k}"
             for bend in self.bends
@@ -94,7 +95,7 @@ class ShapeColumns:
 
 def shape_columns(fit: FitResult, problem: Problem, effects: Sequence[Effect]) -> ShapeColumns:
     """The columns of `effects` at a fit that has them, on its fitted records; `problem` is the same data with
-    the whole library.
+    the equations of the whole library.
 
     Raises
     ------
@@ -139,7 +140,7 @@ def shape_columns(fit: FitResult, problem: Problem, effects: Sequence[Effect]) -
 
 
 def _carried(effect: Effect, problem: Problem, base: Floats) -> dict[str, float]:
-    """The parameters that switch an effect on, each with its distance from its null where that is not 0."""
+    """The parameters that switch an effect on, each with its distance from its null, if that is not 0."""
     names = problem.compiled.system.parameter_names
     values = {}
     for one in effect.parameters:
@@ -151,7 +152,7 @@ def _carried(effect: Effect, problem: Problem, base: Floats) -> dict[str, float]
 
 
 def courses(problem: Problem, simulated: Trajectories, driver: Driver) -> list[Floats]:
-    """(n) of each record: the driver at its samples, SI."""
+    """(n) for each record: the variable at its samples, SI."""
     states, inputs = problem.compiled.system.state_names, problem.compiled.system.input_names
     result = []
     for record, known in zip(problem.records, simulated.states, strict=True):
@@ -166,7 +167,7 @@ def courses(problem: Problem, simulated: Trajectories, driver: Driver) -> list[F
 
 
 def knots_of(values_of: Sequence[Floats], functions: int = FUNCTIONS) -> Floats | None:
-    """Knots between which lie equal numbers of samples, as far as they keep apart; None of a constant."""
+    """Knots with equal numbers of samples between them, subject to a least distance; None for a constant."""
     values = np.concatenate(values_of) if values_of else np.empty(0)
     values = values[np.isfinite(values)]
     if not values.size:

@@ -1,8 +1,9 @@
-"""Whether the data need all of an effect's law, or a simpler one that it holds as a limit does as well.
+"""Whether the data need the whole of an effect's law, or a simpler law that is a limiting case of it
+suffices.
 
-Where such a law is an effect of the library by itself, the two are rivals. Where it is none, nothing else
-asks: an effect with a parameter to spare stands in for the simpler law and fits as well, which says nothing
-for its own.
+If the simpler law is an effect of the library, the two are rivals. If it is not, nothing else tests this: an
+effect with a superfluous parameter imitates the simpler law and fits as well, which is no evidence for its
+own.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ from rigctl.physics.scope import Scope
 
 
 def simpler_does(search: Search, best: RefittedSet, member: Candidate) -> bool:
-    """Whether a simpler law in the place of a member of the best set does as well.
+    """Whether a simpler law fits as well in place of a member of the best set.
 
-    That is one with a parameter less: equal to the one that it is never below, or held at the value at which
-    the effect is said to become another one. Not asked where the search has tried a simpler law of the same
-    place and driver in its place already.
+    The simpler law has one parameter less: one parameter equals the other that is its lower limit, or is held
+    at the value at which the effect becomes another one by declaration. Not tested if the search has already
+    tried a simpler law of the same slot and variable in its place.
     """
     rest = [one for one in best.candidates if one is not member]
     if _was_tried(search, rest, member):
@@ -44,7 +45,7 @@ def simpler_does(search: Search, best: RefittedSet, member: Candidate) -> bool:
 
 
 def simpler_laws(effect: Effect) -> Iterator[Effect]:
-    """The effect with a parameter less: equal to the one that it is never below."""
+    """The effect with one parameter less, which equals the other that is its lower limit."""
     for parameter in effect.parameters:
         if parameter.at_least is not None:
             tied = {parameter.name: parameter.at_least}
@@ -61,7 +62,7 @@ def simpler_laws(effect: Effect) -> Iterator[Effect]:
 
 
 class _Tied:
-    """An effect's own parameters and states, some of which are others."""
+    """An effect's own parameters and states, of which some are replaced by others."""
 
     def __init__(self, own: Own, tied: Mapping[str, str]) -> None:
         self._own, self._tied = own, tied

@@ -1,14 +1,14 @@
-"""The tolerance of an effect that nothing drives: its size differs from record to record.
+"""The tolerance of an effect without explanatory variables: its size differs from record to record.
 
-The law of an effect is bent over what drives it (`rigctl.analysis.laws.shape_tolerance`). A delay, a constant
-load or an offset has no driver, and on no bench the same size twice. In record k, and of a delay at each
-switch of it, it is
+The law of an effect has a discrepancy over its variables (`rigctl.analysis.laws.shape_tolerance`). A delay, a
+constant load or an offset has no variable, and never has exactly the same size twice. In record k, and for a
+delay at each switch of it, the size is
 
     φ·(1 + b_k),   b_k ~ N(0, τ²)
 
-whose column is what the effect does to the readings of that record, and nothing elsewhere; of a delay what
-that switch does. What scatters so follows no operating point: a size that does depends on something, whatever
-the effect's law says.
+with a column that is the effect's signature in that record and 0 elsewhere; for a delay, the signature of
+that switch. Such scatter follows no operating point: a size that does depends on something, whatever the
+effect's law says.
 
 Source: N. M. Laird, J. H. Ware, Biometrics 38 (1982) 963, random effects beside fixed ones.
 """
@@ -32,22 +32,22 @@ from rigctl.model.measured.record import MeasuredRecord
 
 Floats = NDArray[np.float64]
 
-#: of more records no column each is made: their scatter averages out, and it would be most of the matrix
+#: with more records no columns are added: their scatter averages out, and would take most of the matrix
 _MOST_RECORDS = 100
-#: standard deviations of a size that are looked at
+#: standard deviations of a size that are tried
 _WIDTHS = tuple(SHAPE_TOLERANCE * 2.0**k for k in range(4))
 _RANK = 1e-9
-#: of what an effect does in a record, the share that its switches may leave and do the same
+#: largest relative difference between an effect's signature and the sum of its switches' in a record
 _SAME = 0.02
-#: half-width from which on the time of a switch counts as unknown, s
+#: half-width above which the time of a switch counts as unknown, s
 _LEAST_HALF = 3e-4
 
 
 def switch_columns(fit: FitResult, problem: Problem) -> tuple[list[str], list[Floats]]:
-    """Names and (n, channels, switches) of each fitted record: what each of its commands would do later.
+    """Names and (n, channels, switches) for each fitted record: derivatives by the time of each command.
 
-    A delay is another one at each switch. None where records have many switches, or a command has no delay.
-    `problem` is the same data with the whole library.
+    A delay may differ at each switch. Empty if records have many switches, or a command has no delay.
+    `problem` is the same data with the equations of the whole library.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def switch_columns(fit: FitResult, problem: Problem) -> tuple[list[str], list[Fl
 
 
 def _rough(record: MeasuredRecord) -> Floats:
-    """Half-widths of switches whose times count as unknown, next to nothing of those that are exact."""
+    """Half-widths of the switches' times, raised to the least at which a time counts as unknown."""
     return np.asarray(np.maximum(record.switch_half, _LEAST_HALF))
 
 
@@ -78,12 +78,12 @@ def with_scatter(
 ) -> Linearisation:
     """A linearisation with columns for the size of each effect in each record, after its other shapes.
 
-    What its switches would do to a record as well, each by itself, is one column for each of them.
+    If switches at other times have the same signature in a record, there is one column for each switch.
 
     Parameters
     ----------
     effects: the name of each, and (nuisances + columns of S) the amplitudes of its parameters.
-    switches: so many of the last columns of S are those of `switch_columns`: they are taken out.
+    switches: number of the last columns of S that are those of `switch_columns`: they are removed.
     """
     count = len(lin.records)
     plain = _without_last(lin, switches)
@@ -126,7 +126,7 @@ def _without_last(lin: Linearisation, columns: int) -> Linearisation:
 
 
 def _parts(acts: Floats, moved: Floats) -> Floats:
-    """(rows, parts) what an effect does in a record: at each of its switches where that is all of it."""
+    """(rows, parts) an effect's signature in a record: by switches if these are all of it."""
     lengths = np.linalg.norm(moved, axis=0)
     length = float(np.linalg.norm(acts))
     shown = np.flatnonzero(lengths > 0.0)
@@ -141,7 +141,7 @@ def _parts(acts: Floats, moved: Floats) -> Floats:
 
 
 def column_name(effect: str, record: int, part: int = 0) -> str:
-    """What a column of one effect in one record is called."""
+    """The name of a column of one effect in one record."""
     return f"size of {effect} in record {record}, {part}"
 
 
@@ -155,13 +155,14 @@ def _records_of(lin: Linearisation, effect: str) -> dict[str, int]:
 
 @dataclass(frozen=True)
 class SizeScatter:
-    """How much the size of an effect that nothing drives differs from record to record.
+    """How much the size of an effect without explanatory variables differs from record to record.
 
     Attributes
     ----------
     effect: its name.
-    width: standard deviation of b that is the most likely of a few, the tolerance the least.
-    asked: the data ask for it: its evidence is a hundred to one.
+    width: standard deviation of b, the most likely of a few values, of which the shape tolerance is the
+        smallest.
+    asked: the data support it: its evidence is a hundred to one.
     follows: the sizes follow the operating point, so that the effect depends on something.
     """
 
@@ -172,17 +173,15 @@ class SizeScatter:
 
     @property
     def statement(self) -> str:
-        """In words; "" where nothing of it is seen."""
+        """In words; "" if the scatter is not significant."""
         if self.follows:
-            return (
-                f"the size of {self.effect} changes with the operating point: its law has nothing that does"
-            )
+            return f"the size of {self.effect} changes with the operating point, but its law does not"
         share = f"{100.0 * self.width:.0f} %"
         return f"the size of {self.effect} scatters from record to record, by about {share}" * self.asked
 
 
 def size_scatter(lin: Linearisation, effect: str) -> SizeScatter | None:
-    """The scatter of one effect's size; None where it has no such columns.
+    """The scatter of one effect's size; None if it has no such columns.
 
     Parameters
     ----------
@@ -211,9 +210,9 @@ def _evidence(matrix: Floats, slope: Floats) -> float:
 
 
 def _trend_chance(sizes: Floats, weights: Floats, conditions: Floats) -> float:
-    """The chance that sizes follow the operating variables as they do, by an F test against what is left.
+    """p-value of the sizes' dependence on the operating variables, by an F test against what is left.
 
-    Each counts as much as the readings tell of it.
+    Each size is weighted by the information that the readings contain about it.
     """
     from scipy.special import fdtrc
 

@@ -1,4 +1,4 @@
-"""The term of an effect as a function of one of its drivers, all else as the data have it on the average."""
+"""The term of an effect as a function of one of its variables, the others at their averages in the data."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rigctl.engine.symbols import Expr, evaluate, variables_of
 
 Floats = NDArray[np.float64]
 
-#: of a parameter's size, by which it is moved for a slope
+#: step of a parameter for a numerical slope, as a share of its magnitude
 _STEP = 1e-4
 
 
@@ -25,9 +25,9 @@ class LawTerm:
 
     Attributes
     ----------
-    slot: where it acts; of an effect with several the first that depends on the driver.
+    slot: where it acts; for an effect with several slots, the first that depends on the variable.
     known: every other variable of the term, SI: parameters as fitted, states and inputs as their median.
-    nothing: the term where the effect is off: 1 where the slot multiplies.
+    nothing: the term when the effect is off: 1 if the slot multiplies.
     """
 
     effect: Effect
@@ -38,7 +38,7 @@ class LawTerm:
     nothing: float = 0.0
 
     def values(self, x: Floats, changed: Mapping[str, float] | None = None) -> Floats:
-        """(points) what the term adds where the driver is x; of a factor, what it is beyond 1."""
+        """(points) what the term adds at x; for a factor, its difference from 1."""
         known = {**self.known, **(changed or {})}
         weights = dict(self.driver.weights)
         at = sum(weight * known[name] for name, weight in weights.items())
@@ -61,9 +61,9 @@ class LawTerm:
 
 
 def law_term(known: Mapping[str, float], effect: Effect, driver: Driver) -> LawTerm | None:
-    """The term of `effect` that `driver` drives, all other variables as `known`; None where it has no curve.
+    """The term of `effect` that depends on `driver`, all other variables as `known`; None if it has no curve.
 
-    That is a term which depends on a rate of change or on a state of the effect's own, which have a memory.
+    That is a term which depends on a rate of change or on a state of the effect itself, and so has a memory.
     """
     family = effect.model_family
     for slot, uses in write_out(effect, family, rates=False).terms.items():

@@ -1,1 +1,1 @@
-"""What tables without time are told besides the verdict: rows, what they exclude, what to measure next."""
+"""What is reported for tables without time besides the verdict: rows, exclusions, what to measure next."""

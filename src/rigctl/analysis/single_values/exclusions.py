@@ -1,8 +1,8 @@
-"""What a table excludes: effects that by themselves cannot make the model follow what was measured.
+"""Effects excluded by a table: by themselves they cannot make the model follow the measurements.
 
-Judged by the direction of the misfit: how a quantity changes over an operating variable. An effect, fitted
-together with the model's own parameters, is asked what it makes of that change without the help of what
-differs from row to row.
+They are judged by the trend of the misfit: the change of a quantity over an operating variable. Each effect
+is fitted together with the model's own parameters, and its contribution to that change is computed without
+the help of the unknowns that differ from row to row.
 """
 
 from __future__ import annotations
@@ -18,33 +18,33 @@ from rigctl.analysis.single_values.rows import TableRow, table_rows
 from rigctl.analysis.trends import Trend, trends
 from rigctl.model.fit.fit import FitResult
 
-#: an effect that reaches less than this share of the change that is missing does not turn it
+#: an effect that makes less than this share of the missing change does not explain it
 _TURNS = 0.25
-#: at one setting alone, it is there when it reaches this share
+#: least share of the change at a single setting for it to count there
 _THERE = 0.5
 
 
 def main_trend(before: ModelComparison) -> Trend | None:
-    """The change that a model gets most wrong; None where it gets none wrong that matters."""
+    """The change that a model gets most wrong; None if it gets none wrong that matters."""
     wrong = [trend for trend in before.trends if trend.matters and abs(trend.z) > 3.0]
     return wrong[0] if wrong else None
 
 
 def _missed(trend: Trend) -> bool:
-    """Whether the model makes less than half of a change, or far too much of it, or the wrong way."""
+    """Whether the model makes less than half of a change, far too much of it, or one of the wrong sign."""
     return not 0.5 < trend.predicted / trend.measured < 1.5 if trend.measured else True
 
 
 def exclusions(
     before: ModelComparison, kept: Collection[str], chi2: float, alone: Mapping[str, Alone | None]
 ) -> tuple[Exclusion, ...]:
-    """The effects of the library that cannot turn the main misfit of a table, or do so much less well.
+    """The effects of the library that cannot explain the main misfit of a table, or do so much less well.
 
-    None for an adequate model, for measurements with a course in time, and where no direction is wrong.
+    None for an adequate model, for measurements over time, and if no trend is wrong.
 
     Parameters
     ----------
-    kept: the effects that can, of which nothing is asked.
+    kept: the effects that can, which are not tested.
     chi2: what the best of them leaves.
     alone: every effect of the library, fitted by itself.
     """
@@ -66,7 +66,7 @@ def exclusions(
 
 
 def exclusion_text(excluded: Sequence[Exclusion], trend: Trend) -> list[str]:
-    """Which effects change nothing or the wrong way, which do so in places, and which fit less well."""
+    """Which effects change nothing or in the wrong direction, which act in places, and which fit worse."""
     never = [one.effect for one in excluded if not one.only and one.at_most < _TURNS]
     unfit = [one.effect for one in excluded if not one.only and one.reached < _TURNS <= one.at_most]
     want = "rise" if trend.measured > 0.0 else "fall"
@@ -97,13 +97,13 @@ def _reached(trend: Trend, fit: FitResult) -> float:
     """The share of the missing change that a fit makes."""
     trend_of = {(one.quantity, one.variable): one for one in trends(fit)}
     with_it = trend_of.get((trend.quantity, trend.variable))
-    if with_it is None:  # with the effect there is no such change to speak of
+    if with_it is None:  # with the effect there is no significant change
         return 0.0
     return (with_it.predicted - trend.predicted) / (trend.measured - trend.predicted)
 
 
 def _only(before: ModelComparison, trend: Trend, fit: FitResult) -> tuple[str, ...]:
-    """The conditions at which a fit makes half of the change, where these are some and not all."""
+    """The conditions at which a fit makes half of the change, if these are some and not all."""
     had, has = _changes(before, trend, before.rows), _changes(before, trend, table_rows(fit))
     there = [
         label

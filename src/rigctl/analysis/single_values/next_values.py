@@ -1,8 +1,8 @@
-"""What to measure next beside a table, in words: other channels, points beyond its ends or between, repeats.
+"""What to measure next after a table, in words: other channels, points beyond its ends or between, repeats.
 
-The effects that explain a table equally well are asked what else they would change, in readings that were
-not taken. Differences that the fitted parameters could still make up for are not subtracted: what is named
-here separates them at best.
+For the effects that explain a table equally well, the changes that they would make to further readings are
+compared. Differences for which the fitted parameters could compensate are not subtracted: what is named here
+separates the effects at best.
 """
 
 from __future__ import annotations
@@ -28,17 +28,18 @@ from rigctl.units import show
 
 Floats = NDArray[np.float64]
 
-#: readings this many times their noise apart are told by eye
+#: readings that differ by this many times their noise are distinguished by eye
 _PLAIN = 10.0
-#: samples of a record that is tried
+#: number of samples of a simulated record
 _SAMPLES = 150
-#: noise of a channel that neither the rig nor another channel of its unit tells, as a share of its change
+#: noise of a channel that is known neither from the rig nor from a channel of the same unit, as a share of
+#: its change
 _UNKNOWN = 0.01
 
 
 @dataclass(frozen=True)
 class _Part:
-    """One channel: how the effects fall into groups by what it would read, and by how much these differ."""
+    """One channel: the groups of effects that it would distinguish, and by how much these differ."""
 
     channel: str
     groups: tuple[tuple[str, ...], ...]
@@ -49,12 +50,12 @@ class _Part:
 def next_channels(
     before: ModelComparison, trend: Trend | None, members: Mapping[str, FitResult]
 ) -> list[str]:
-    """Sentences on channels that would part effects which a table does not tell apart.
+    """Sentences on channels that would distinguish effects which a table does not.
 
     Parameters
     ----------
     trend: the change that all of them explain.
-    members: each one's fit.
+    members: the fit of each effect.
     """
     problem = before.fit.problem
     if len(members) < 2 or trend is None or problem.model.family.standard_record is None:
@@ -69,7 +70,7 @@ def next_channels(
 
 
 def _parts(before: ModelComparison, trend: Trend, members: Mapping[str, FitResult]) -> list[_Part]:
-    """Of every channel that the bench could have, by the change over the trend's variable."""
+    """For every channel that the bench could have, the groups by their change over the trend's variable."""
     channels = _channels(before.fit.problem)
     changes = {name: _changes(fit, trend, channels) for name, fit in members.items()}
     parts = []
@@ -86,14 +87,14 @@ def _parts(before: ModelComparison, trend: Trend, members: Mapping[str, FitResul
 
 
 def _channels(problem: Problem) -> tuple[str, ...]:
-    """The channels of the bench, then those that the family knows and that read one of its states."""
+    """The channels of the bench, then those known to the family that read one of its states."""
     system = problem.compiled.system
     more = [item.name for item in problem.model.family.outputs if item.name not in system.output_names]
     return (*system.output_names, *(name for name in more if name in system.state_names))
 
 
 def _changes(fit: FitResult, trend: Trend, channels: Sequence[str]) -> Floats:
-    """(other conditions, samples, channels): at the variable's high end less at its low end."""
+    """(other conditions, samples, channels) readings at the variable's high end less those at its low end."""
     problem = fit.problem
     length = float(problem.records[0].switch_times[-1]) + 1.0
     times = np.linspace(0.0, length, _SAMPLES)[1:]
@@ -127,7 +128,8 @@ def _changes(fit: FitResult, trend: Trend, channels: Sequence[str]) -> Floats:
 
 
 def _noise(before: ModelComparison, output: str, changes: Sequence[Floats]) -> float:
-    """Of a channel, SI: by the rig, else of a channel of the same unit, else a share of its change."""
+    """The noise of a channel, SI: from the rig, else from a channel of the same unit, else a share of its
+    change."""
     rig = before.fit.problem.measurements.rig
     units = {item.name: item.unit for item in before.fit.problem.model.family.outputs}
     if rig is not None:
@@ -152,7 +154,7 @@ def _unit(before: ModelComparison, output: str) -> str:
 
 
 def _groups(names: list[str], separable: Mapping[tuple[str, str], bool]) -> tuple[tuple[str, ...], ...]:
-    """Names that are alike, directly or by way of others, in one group."""
+    """Groups of names that are indistinguishable, directly or through others."""
     groups: list[list[str]] = []
     for name in names:
         near = [group for group in groups if any(not separable[(name, other)] for other in group)]
@@ -167,10 +169,10 @@ def _part_text(part: _Part, once: bool) -> str:
     apart = show(part.apart, part.unit, difference=True, digits=2)
     what = f"record {part.channel} over time{' instead of one number' if once else ''}"
     if not rest:
-        return f"{what}: it tells all of them apart, which differ there by up to {apart}"
+        return f"{what}: it distinguishes all of them, by up to {apart}"
     if not single:
-        return f"{what}: it tells {' from '.join(map(_listed, rest))}, by up to {apart}"
-    return f"{what}: it tells {_listed(single)} from the others, by up to {apart}"
+        return f"{what}: it distinguishes {' from '.join(map(_listed, rest))}, by up to {apart}"
+    return f"{what}: it distinguishes {_listed(single)} from the others, by up to {apart}"
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -178,29 +180,30 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _never_parted(parts: Sequence[_Part], names: list[str], quantity: str) -> list[str]:
-    """Effects that no channel of the bench would tell apart."""
+    """Effects that no channel of the bench would distinguish."""
     separable = {
         (one, other): any(not any(one in group and other in group for group in part.groups) for part in parts)
         for one in names
         for other in names
     }
     return [
-        f"measure the {quantity} a second time, independently of the bench's sensor: {_listed(group)} would "
-        "stay alike in every channel of the bench"
+        f"measure the {quantity} a second time, independently of the bench's sensor: {_listed(group)} "
+        "cannot be distinguished by any channel of the bench"
         for group in _groups(names, separable)
         if len(group) > 1
     ]
 
 
-#: a reading shows what changes it by so many standard deviations
+#: a reading shows a change of this many standard deviations
 _SEEN = 3.0
-#: chance to miss what repeats are meant to show
+#: probability that repeats miss what they are meant to show
 _MISSED = 0.1
 _MOST_REPEATS = 20
 
 
 def next_against_chance(before: ModelComparison) -> list[str]:
-    """Sentences on readings that would tell what brings a model closer to a table, though as chance does."""
+    """Sentences on readings that would show whether an effect that improves the fit insignificantly is
+    real."""
     lines = []
     for score in near_chance(before.screening):
         lines += _elsewhere(before, score)
@@ -242,9 +245,9 @@ def _elsewhere(before: ModelComparison, score: Score) -> list[str]:
 
 
 def _other_points(problem: Problem) -> list[dict[str, float]]:
-    """Operating points of the family's standard record that lie next to the table's, and not in it.
+    """Operating points of the family's standard record next to those of the table, and not in it.
 
-    None of a table over several variables, nor of one whose rows have unknowns of their own.
+    None for a table over several variables, or one whose rows have unknowns of their own.
     """
     standard = problem.model.family.standard_record
     names = problem.measurements.variables
@@ -259,7 +262,7 @@ def _other_points(problem: Problem) -> list[dict[str, float]]:
 
 
 def _at(fit: FitResult, points: Sequence[Mapping[str, float]]) -> Floats:
-    """(points) the first channel as a fitted model predicts it at other operating points."""
+    """(points) the first channel as predicted by a fitted model at other operating points."""
     problem = fit.problem
     first = problem.records[0]
     names = list(problem.measurements.inputs)
@@ -281,7 +284,8 @@ def _at(fit: FitResult, points: Sequence[Mapping[str, float]]) -> Floats:
 
 
 def _repeats(before: ModelComparison, score: Score) -> int:
-    """How often each row must be read for an effect of its size to be told; 0 where that is out of reach."""
+    """How often each row must be read for an effect of its size to be significant; 0 if that is out of
+    reach."""
     from scipy.special import ndtri, stdtrit
 
     channel = before.fit.problem.noise.channels[0]
@@ -297,7 +301,7 @@ def _repeats(before: ModelComparison, score: Score) -> int:
 
 
 def next_rows(before: ModelComparison) -> list[str]:
-    """Sentences on rows that would say more of any effect."""
+    """Sentences on rows that would give more information about any effect."""
     measurements = before.fit.problem.measurements
     units = variable_units(measurements)
     lines = []
@@ -308,9 +312,7 @@ def next_rows(before: ModelComparison) -> list[str]:
             lines.append(f"vary {name}: every row is at {show(points[0], units[name], digits=3)}")
         if len(points) == 2:
             low, high = (show(point, units[name], digits=3) for point in points)
-            lines.append(
-                f"take more values of {name} than {low} and {high}: with two, any course in between fits"
-            )
+            lines.append(f"take more values of {name} than {low} and {high}: any curve passes through two")
     if any(channel.guessed for channel in before.fit.problem.noise.channels):
         lines.append("repeat each condition three times: so far the noise is only guessed")
     return lines

@@ -1,4 +1,4 @@
-"""What a diagnosis of a table says besides its verdict: what is excluded, and what to measure next."""
+"""What a diagnosis of a table reports besides its verdict: what is excluded, and what to measure next."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from rigctl.analysis.text import parameters_text
 
 @dataclass(frozen=True)
 class TableRemarks:
-    """Sentences that go with a verdict on a table; none for measurements with a course in time.
+    """Sentences that accompany a verdict on a table; none for measurements over time.
 
     Attributes
     ----------
-    statement: in place of the usual one; "" to keep that.
-    excluded: effects that cannot be it alone; `why` a sentence for each reason.
+    statement: replaces the usual one; "" to keep that.
+    excluded: effects that alone cannot explain it; `why` a sentence for each reason.
     next_steps: what to measure next.
     """
 
@@ -65,7 +65,7 @@ def table_remarks(
 def _ambiguous(
     before: ModelComparison, best: RefittedSet, rivals: Sequence[Rival], ranking: Sequence[Ranked]
 ) -> str:
-    """All that explain a table, in one sentence each; "" where it is no matter of single effects."""
+    """All effects that explain a table, in one sentence each; "" if not a matter of single effects."""
     close = [rival for rival in rivals if not rival.separable]
     if len(best.candidates) != 1 or not close:
         return ""

@@ -1,4 +1,4 @@
-"""A table beside a model: every value that was read, and what the model says there."""
+"""A table beside a model: every value that was read, and the model's prediction of it."""
 
 from __future__ import annotations
 
@@ -16,22 +16,23 @@ from rigctl.units import parse_unit, show
 
 Floats = NDArray[np.float64]
 
-#: a model that is this far off somewhere, in standard deviations, had no values but starts in its file
+#: if the model's file misses a value by more standard deviations than this, its parameters were mere starting
+#: values
 _START = 12.0
 
 
 @dataclass(frozen=True)
 class TableRow:
-    """One value of a table; numbers in the unit that the file has them in.
+    """One value of a table; numbers in the unit of the file.
 
     Attributes
     ----------
-    record: its index; fitted: the fit saw it.
+    record: its index; fitted: whether the fit saw it.
     condition: where it was read, e.g. ``60 degC, 30 bar``.
     quantity: the file's column.
     measured, predicted: by the table and by the model; `noise` the standard deviation of the reading.
-    unfitted: what the model says with the parameters of its file; None where it was not fitted.
-    beside: other columns of the file that speak of the same quantity, e.g. somebody else's law.
+    unfitted: the prediction with the parameters of the model's file; None if it was not fitted.
+    beside: other columns of the file for the same quantity, e.g. values from another law.
     """
 
     record: int
@@ -56,7 +57,7 @@ class TableRow:
         return None if self.unfitted is None else (self.unfitted - self.measured) / self.noise
 
     def share(self, value: float) -> float:
-        """How far a value lies above what was measured, as a share of that; NaN where that is 0."""
+        """How far a value lies above the measured one, as a share of that; NaN if that is 0."""
         return (value - self.measured) / self.measured if self.measured else math.nan
 
     def document(self) -> dict[str, Any]:
@@ -76,7 +77,7 @@ class TableRow:
 
 
 def table_rows(fit: FitResult) -> tuple[TableRow, ...]:
-    """Every value of a table, quantity after quantity, in the file's order; none where there is no table."""
+    """Every value of a table, quantity by quantity, in the file's order; none if there is no table."""
     measurements = fit.problem.measurements
     if not measurements.table:
         return ()
@@ -113,7 +114,8 @@ def table_rows(fit: FitResult) -> tuple[TableRow, ...]:
 
 
 def _of_one_kind(rows: Sequence[TableRow]) -> list[TableRow]:
-    """Beside a value stands what is of its size in every row: another law's value, and not a difference."""
+    """Keep only columns whose values are of similar magnitude in every row: another law's values, not
+    differences."""
     names = dict.fromkeys(name for row in rows for name in row.beside)
     kept = {
         name
@@ -131,13 +133,13 @@ def _of_one_kind(rows: Sequence[TableRow]) -> list[TableRow]:
 
 
 def shows_unfitted(rows: Sequence[TableRow]) -> bool:
-    """Whether the parameters of the model's file are worth showing: they were no mere start for the fit."""
+    """Whether the parameters of the model's file are worth showing: they were no mere starting values."""
     scores = [abs(row.z_unfitted) if row.z_unfitted is not None else math.inf for row in rows]
     return max(scores, default=math.inf) < _START
 
 
 def unfitted_outputs(fit: FitResult) -> tuple[Floats, ...] | None:
-    """(n, outputs) of each record with the parameters as the model's file has them; None without a fit."""
+    """(n, outputs) of each record with the parameters of the model's file; None without a fit."""
     problem = fit.problem
     if fit.solution is None:
         return None

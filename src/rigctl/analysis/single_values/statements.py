@@ -1,6 +1,7 @@
-"""What a table says of a model, in sentences: how far off it is where, and what so few values can tell.
+"""What a table shows about a model, in sentences: how far off it is and where, and what so few values can
+show.
 
-It names the effects that would bring the model closer, though not by more than chance does.
+Effects that would improve the fit, though not significantly, are named.
 """
 
 from __future__ import annotations
@@ -20,22 +21,23 @@ from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.table import curve_variable, set_variable
 from rigctl.units import show
 
-#: effects that lower the misfit by so many standard deviations are worth a word
+#: least reduction of the misfit, in standard deviations, for an effect to be mentioned
 _NOTABLE = 2.5
-#: of a signature of which the fitted parameters imitate all but this share, nothing is said
+#: an effect is not mentioned if less than this share of its signature cannot be imitated by the fitted
+#: parameters
 _OWN = 0.05
 
 
 def near_chance(screening: Screening) -> list[Score]:
-    """The scores worth a word in a table that no effect explains for certain, the best first."""
+    """The scores worth mentioning for a table that no effect explains with certainty, best first."""
     return [score for score in screening.scores if score.z > _NOTABLE and score.kappa > _OWN]
 
 
-#: standard deviations beyond which a single value is worth a word, and below which it is none
+#: standard deviations beyond which a single value is mentioned, and below which it is unremarkable
 _FAR, _NEAR = 3.0, 2.0
-#: what chance does more often than this needs no figure
+#: a larger p-value than this is not given as a number
 _USUAL = 0.2
-#: with more than this share of it left, a misfit has not been taken away
+#: with more than this share of it left, a misfit counts as not removed
 _MOST = 0.7
 
 
@@ -55,7 +57,8 @@ def table_statement(name: str, adequacy: Adequacy, rows: Sequence[TableRow], dir
 def table_findings(
     linearisation: Linearisation, adequacy: Adequacy, screening: Screening, every: Sequence[TableRow]
 ) -> tuple[str, ...]:
-    """Sentences on the ends of the table, on the model as its file has it, and on what cannot be told."""
+    """Sentences on the ends of the table, on the model as given in its file, and on what remains
+    undecided."""
     fit, lines = linearisation.fit, []
     rows = [row for row in every if row.fitted]
     for quantity in dict.fromkeys(row.quantity for row in rows):
@@ -88,7 +91,7 @@ def _how_far(row: TableRow, predicted: float, value: str = "value") -> str:
 
 
 def _ends(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
-    """The two ends of the curve, where a law that is slightly wrong shows first."""
+    """The two ends of the curve, where a slightly wrong law shows first."""
     over = curve_variable(fit.problem.measurements)
     if over is None or len(fit.problem.measurements.variables) > 1:
         return []
@@ -102,10 +105,10 @@ def _ends(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
 
 
 def end_left_out(linearisation: Linearisation, rows: Sequence[TableRow]) -> list[str]:
-    """Whether a curve that is fitted to the other rows leads to those at an end of it.
+    """Whether a curve fitted to the other rows predicts those at an end of the table.
 
-    With J and r the whitened derivatives and residuals, those of the rows left out are off by
-    ``e = r₂ − J₂·J₁⁺·r₁``, which has the covariance ``I + J₂·(J₁ᵀJ₁)⁻¹·J₂ᵀ`` by chance.
+    With J and r the whitened derivatives and residuals, the rows left out deviate by ``e = r₂ − J₂·J₁⁺·r₁``,
+    whose covariance by chance is ``I + J₂·(J₁ᵀJ₁)⁻¹·J₂ᵀ``.
     """
     fit, records = linearisation.fit, linearisation.records
     over = curve_variable(fit.problem.measurements)
@@ -116,7 +119,7 @@ def end_left_out(linearisation: Linearisation, rows: Sequence[TableRow]) -> list
         return []
     if len(fit.problem.measurements.variables) > 1 or linearisation.prior[0].any():
         return []
-    # rows stand quantity by quantity, the linearisation record by record
+    # rows are ordered by quantity, the linearisation by record
     by_record = [at[k] for k in range(len(records))]
     points = [fit.problem.records[row.record].condition[over] for row in by_record]
     order = np.argsort(points, kind="stable").tolist()
@@ -124,7 +127,8 @@ def end_left_out(linearisation: Linearisation, rows: Sequence[TableRow]) -> list
 
 
 def _end_off(linearisation: Linearisation, rows: Sequence[TableRow], out: Sequence[int]) -> str:
-    """What a fit to the other rows predicts of those at `out`; `rows` in the order of the linearisation."""
+    """The prediction of the rows at `out` by a fit to the others; `rows` in the order of the
+    linearisation."""
     matrix = np.vstack([one.nuisance for one in linearisation.records])
     residual = np.concatenate([one.residual for one in linearisation.records])
     matrix = matrix / np.where((norms := np.linalg.norm(matrix, axis=0)) > 0.0, norms, 1.0)
@@ -150,10 +154,10 @@ def _end_off(linearisation: Linearisation, rows: Sequence[TableRow], out: Sequen
 def _often(chance: float) -> str:
     """A p-value in words."""
     if chance > _USUAL:
-        return "no more than chance does"
+        return "no more than by chance"
     if chance < 1e-6:
-        return "chance does so in less than one table of a million"
-    return f"chance does so in {100 * chance:.2g} % of such tables"
+        return "by chance, less than one table in a million does so"
+    return f"by chance, {100 * chance:.2g} % of such tables do so"
 
 
 def _held_out(rows: Sequence[TableRow]) -> list[str]:
@@ -164,7 +168,7 @@ def _held_out(rows: Sequence[TableRow]) -> list[str]:
 
 
 def _before(rows: Sequence[TableRow]) -> list[str]:
-    """What fitting the constants again has done to the misfit that those of the file have."""
+    """The effect of refitting the constants on the misfit that the file's values have."""
     if not shows_unfitted(rows):
         return []
     far = [row for row in rows if row.z_unfitted is not None and abs(row.z_unfitted) > _FAR]
@@ -180,12 +184,12 @@ def _before(rows: Sequence[TableRow]) -> list[str]:
             "the constants, and no evidence against the law"
         ]
     if abs(worst.z) > _MOST * abs(worst.z_unfitted or 1.0):
-        return [f"{text}, and fitting its constants again does not take that away"]
+        return [f"{text}, and refitting its constants does not remove that"]
     return []
 
 
 def _levels(fit: FitResult) -> list[str]:
-    """How far the settings of a table are off one another, where each has a level of its own."""
+    """By how much the settings of a table differ, if each has its own level."""
     problem = fit.problem
     if fit.solution is None or not problem.level.settings:
         return []
@@ -201,13 +205,13 @@ def _levels(fit: FitResult) -> list[str]:
         for point, value in zip(problem.level.settings, parts, strict=True)
     )
     return [
-        f"The rows of one {name} have a level of their own, as if it had been set off by so much of what was "
-        f"written down, from their mean: {said}. What is judged is what changes at one setting"
+        f"The rows of each {name} share an offset, as if it had been set differently from what was written "
+        f"down, by so much relative to their mean: {said}. What is judged is what changes at one setting"
     ]
 
 
 def _power(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
-    """How many values there are for how many constants, and what that asks of an effect."""
+    """How many values there are for how many constants, and what that requires of an effect."""
     known = fit.problem.model.fitted
     free = [u.name for u in fit.problem.shared if u.name in known and u.prior is None]
     if fit.solution is None or not free:
@@ -219,24 +223,24 @@ def _power(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
         many += f" and a level for each of {levels} settings"
     degrees = min((channel.degrees for channel in fit.problem.noise.channels if channel.degrees), default=0)
     if not degrees:
-        return [f"{many}, and the noise is only guessed: no verdict is surer than that guess"]
+        return [f"{many}, and the noise is only guessed: no verdict is more certain than that guess"]
     from scipy.special import stdtrit
 
     needed = -float(stdtrit(degrees, 0.5 * ALPHA))
     return [
-        f"{many} leave {left} to judge by, and their noise is itself known to about "
-        f"{100 / math.sqrt(2 * degrees):.0f} % only: an effect would have to stand out by {needed:.1f} sigma "
-        f"to be told, where {-stdtrit(1e9, 0.5 * ALPHA):.1f} would do if the noise were known"
+        f"{many} leave {left} to judge by, and their noise is itself known only to about "
+        f"{100 / math.sqrt(2 * degrees):.0f} %: an effect is significant above {needed:.1f} sigma, "
+        f"which would be {-stdtrit(1e9, 0.5 * ALPHA):.1f} if the noise were known"
     ]
 
 
 def _undecided(screening: Screening) -> list[str]:
-    """Effects that would make the misfit smaller, though chance does as much."""
+    """Effects that would reduce the misfit, though not significantly."""
     near = near_chance(screening)
     if not near:
         return []
     named = ", ".join(f"{score.effect} (by {score.z:.1f} sigma: {_often(score.p_value)})" for score in near)
-    return [f"What would bring the model closer, and cannot be told from chance: {named}"]
+    return [f"Effects that would improve the fit, but not significantly: {named}"]
 
 
 def _quantities(rows: Sequence[TableRow]) -> str:
