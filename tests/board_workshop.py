@@ -16,7 +16,7 @@ from rigctl.clock import Clock, VirtualClock
 from rigctl.dataset import open_run, verify
 from rigctl.errors import ExitCode
 from rigctl.files.shipped import shipped
-from rigctl.rig import Rig, load_rig
+from rigctl.rig import Rig, load_rig, parse_rig
 from run_workshop import Done, Workshop
 
 #: a line from the board, at bench time -> the lines that arrive
@@ -81,8 +81,21 @@ class BoardWorkshop:
     monkeypatch: pytest.MonkeyPatch
     script: Script = field(default_factory=Script)
 
+    driven: bool = False  # the relief valve is a proportional one, on the board's PWM
+
     def rig(self) -> Rig:
-        return load_rig(shipped("rigs", "hl32-bench-uno.yaml"))
+        path = shipped("rigs", "hl32-bench-uno.yaml")
+        if not self.driven:
+            return load_rig(path)
+        text = path.read_text(encoding="utf-8")
+        for old, new in (
+            ("    kind: level\n    by: operator\n", "    kind: level\n"),
+            ("    prompt: Turn the relief valve until the supply pressure reads\n", ""),
+            ("  valve: neutral\n", "  valve: neutral\n  relief_valve: 10 bar\n"),
+        ):
+            assert text.count(old) == 1
+            text = text.replace(old, new)
+        return parse_rig(text)
 
     def bench(self, **options: object) -> ArduinoBench:
         """A bench on the board, not yet open."""

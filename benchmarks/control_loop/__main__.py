@@ -1,7 +1,8 @@
-"""How evenly a closed loop runs on this computer: ``python -m benchmarks.control_loop``.
+"""How evenly a closed loop runs, on this computer and on the board: ``python -m benchmarks.control_loop``.
 
-A whole run with its recording, interlocks and log, of a simulated bench in real time: the heater board, 100
-updates a second. The jitter is the one that the run itself keeps. A line to a real bench comes on top.
+On the computer: a whole run with its recording, interlocks and log, of a simulated bench in real time: the
+heater board, 100 updates a second. The jitter is the one that the run itself keeps; a real line adds its own.
+On the board: `benchmarks.control_loop.board`; ``--board`` measures that alone.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.board.real_time import go_first
+from benchmarks.control_loop.board import all_loads
+from benchmarks.control_loop.board import rows as rows_of_board
 from benchmarks.record import keep, table
 from rigctl.backends.registry import create_backend
 from rigctl.clock import real_clock
@@ -34,6 +37,15 @@ steps:
 
 
 def main() -> None:
+    on_board = all_loads()
+    table("a closed loop on the board; 200 us were asked for", rows_of_board(on_board))
+    print(f"\nkept in {keep(FOLDER, on_board, name='board')}")
+    if "--board" not in sys.argv[1:]:
+        on_host()
+
+
+def on_host() -> None:
+    """Thirty seconds as any process, and thirty at the head of the scheduler's queue."""
     results: dict[str, Any] = {"updates": 100 * SECONDS}
     bench_file = shipped("rigs", "heater-board.yaml")
     for name, first in (("as any process", False), ("at the head of the queue", True)):

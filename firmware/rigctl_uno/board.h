@@ -3,6 +3,8 @@
  *   A0 supply pressure   A1 position   A2 oil temperature     (0..5 V, reference AVCC)
  *   D4 (PD4) heater relay   D7 (PD7) solenoid extend   D8 (PB0) solenoid retract   (high = on)
  *   D9 (PB1, OC1A) 10-bit PWM, 15.6 kHz: proportional relief valve, where the bench has one
+ *
+ * Timer 0 is the clock, timer 1 the PWM, timer 2 the period of the closed loop.
  */
 #ifndef BOARD_H
 #define BOARD_H
@@ -58,11 +60,25 @@ int16_t valve_set(int8_t position, uint32_t duration_us); /* 0: until told other
 int16_t pressure_set(uint16_t counts);
 int8_t valve_position(void);
 bool heater_on(void);
+bool pressure_regulate(uint16_t counts); /* by the closed loop; false, and nothing moves, while a trip is latched */
 uint16_t pressure_counts(void);
+uint16_t pressure_since(uint32_t *us); /* the counts, and when they last changed */
 uint8_t outputs_bits(void); /* bit 0 heater, 1 extend, 2 retract, 3 PWM */
 bool outputs_active(void);  /* anything on, or about to be */
 uint16_t heater_credit(void);
 void valve_times(uint32_t *on_us, uint32_t *off_us);
+
+/* control.c: a closed loop from an input to the PWM */
+enum { CONTROL_FIGURES = 10 };
+bool control_running(void);
+void control_halt(void); /* with interrupts off; the output stays as it is */
+int16_t control_clear(void);
+int16_t control_input(uint8_t number);
+int16_t control_period(uint16_t ms);
+int16_t control_parameter(char *text);
+int16_t control_start(bool from_here, bool clamped);
+void control_figures(uint32_t *figures);
+void control_state(float *wanted, float *output);
 
 /* trips.c: latched until SYST:TRIP:CLE, through resets too */
 enum {

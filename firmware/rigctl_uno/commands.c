@@ -6,7 +6,9 @@
 #include <avr/pgmspace.h>
 #include <avr/wdt.h>
 #include <ctype.h>
+#include <stdlib.h>
 #include <string.h>
+#include <util/atomic.h>
 
 #include "board.h"
 
@@ -305,6 +307,78 @@ static int16_t tell_pressure(char *arg) {
     return E_NONE;
 }
 
+static int16_t clear_control(char *arg) {
+    (void)arg;
+    return control_clear();
+}
+
+static int16_t input_of_control(char *arg) {
+    uint32_t number;
+    int16_t error = whole(arg, 2, &number);
+    return error ? error : control_input(number);
+}
+
+static int16_t period_of_control(char *arg) {
+    uint32_t ms;
+    int16_t error = whole(arg, 60000, &ms);
+    if (!error && !ms)
+        error = E_RANGE;
+    return error ? error : control_period(ms);
+}
+
+static int16_t start_control(char *arg) {
+    char *comma = strchr(arg, ',');
+    if (comma)
+        *comma++ = 0;
+    bool clamped = comma && is(comma, PSTR("CLAM"), PSTR("CLAMPING"));
+    if (comma && !clamped)
+        return E_DATA_TYPE;
+    if (is(arg, PSTR("BUMP"), PSTR("BUMPLESS")))
+        return control_start(true, clamped);
+    if (is(arg, PSTR("ZERO"), PSTR("ZERO")))
+        return control_start(false, clamped);
+    return E_DATA_TYPE;
+}
+
+static int16_t stop_control(char *arg) {
+    (void)arg;
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { control_halt(); }
+    return E_NONE;
+}
+
+static void put_float(float value) {
+    char text[16];
+    dtostre(value, text, 7, DTOSTR_UPPERCASE);
+    for (char *c = text; *c; c++)
+        put(*c);
+}
+
+static int16_t tell_control(char *arg) {
+    (void)arg;
+    float setpoint, output;
+    control_state(&setpoint, &output);
+    put(control_running() ? '1' : '0');
+    put(',');
+    put_unsigned(pressure_counts());
+    put(',');
+    put_float(setpoint);
+    put(',');
+    put_float(output);
+    return E_NONE;
+}
+
+static int16_t tell_figures(char *arg) {
+    (void)arg;
+    uint32_t figures[CONTROL_FIGURES];
+    control_figures(figures);
+    for (uint8_t i = 0; i < CONTROL_FIGURES; i++) {
+        if (i)
+            put(',');
+        put_unsigned(figures[i]);
+    }
+    return E_NONE;
+}
+
 static int16_t stream(char *arg) {
     uint32_t millihertz;
     int16_t error = thousandths(arg, 2000000UL, &millihertz);
@@ -353,6 +427,14 @@ static const command_t COMMANDS[] PROGMEM = {
     {"VALVe:TIME?", tell_switches, false},
     {"SOURce:PRESsure", pressure, true},
     {"SOURce:PRESsure?", tell_pressure, false},
+    {"CONTrol?", tell_control, false},
+    {"CONTrol:CLEar", clear_control, false},
+    {"CONTrol:INPut", input_of_control, true},
+    {"CONTrol:PERiod", period_of_control, true},
+    {"CONTrol:PARameter", control_parameter, true},
+    {"CONTrol:STARt", start_control, true},
+    {"CONTrol:STOP", stop_control, false},
+    {"CONTrol:FIGures?", tell_figures, false},
     {"STReaM", stream, true},
     {"DIAGnostic:HANG", hang, false},
 };

@@ -5,7 +5,7 @@
 
 #include "board.h"
 
-static char line[64];
+static char line[80];
 static uint8_t length;
 
 /* CRC-16/XMODEM, x^16 + x^12 + x^5 + 1, a byte at a time; avr-libc's goes bit by bit. */

@@ -16,6 +16,7 @@ static volatile uint32_t pulse_end;       /* us */
 static volatile bool pulsing, armed, rested = true, heater_rested = true;
 static volatile uint32_t heater_off_ms;
 static volatile uint16_t pwm;
+static volatile uint32_t pwm_us; /* when it last changed */
 static volatile uint16_t credit = HEATER_CREDIT_S;
 static uint16_t credit_ms;
 
@@ -62,6 +63,8 @@ static void energise(int8_t to, uint32_t duration_us) {
 }
 
 static void set_pwm(uint16_t counts) {
+    if (counts != pwm)
+        pwm_us = micros();
     pwm = counts;
     if (counts) {
         OCR1A = counts;
@@ -97,6 +100,7 @@ void outputs_start(void) {
 void outputs_off(void) {
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
         forget_pulse();
+        control_halt();
         if (heater_on())
             set_heater(false);
         if (position != NEUTRAL)
@@ -190,11 +194,31 @@ int16_t pressure_set(uint16_t counts) {
         if (counts && trips()) {
             error = E_CONFLICT;
         } else {
+            control_halt(); /* whoever sets it by hand wants no loop */
             set_pwm(counts);
             event_add(micros(), 'P', counts);
         }
     }
     return error;
+}
+
+/* Without an event: at a thousand updates a second the line could not carry them. Samples bear the output. */
+bool pressure_regulate(uint16_t counts) {
+    bool allowed = !trips();
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
+        if (allowed && counts != pwm)
+            set_pwm(counts);
+    }
+    return allowed;
+}
+
+uint16_t pressure_since(uint32_t *us) {
+    uint16_t counts;
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
+        counts = pwm;
+        *us = pwm_us;
+    }
+    return counts;
 }
 
 int8_t valve_position(void) { return position; }
@@ -209,7 +233,7 @@ uint8_t outputs_bits(void) {
     return ((PORTD >> PD4) & 1) | ((PORTD >> PD7) & 1) << 1 | (PORTB & 1) << 2 | (pwm ? 8 : 0);
 }
 
-bool outputs_active(void) { return outputs_bits() || waiting != NEUTRAL; }
+bool outputs_active(void) { return outputs_bits() || waiting != NEUTRAL || control_running(); }
 
 uint16_t heater_credit(void) {
     uint16_t left;

@@ -1,5 +1,6 @@
-/* `@sequence,us,pressure,position,temperature,outputs,trips*CRC` at a regular distance. A line that finds no room
- * is left out, and its number with it. */
+/* `@sequence,us,pressure,position,temperature,outputs,trips*CRC` at a regular distance; while a closed loop runs
+ * with `,pwm,held` before the `*`: the output, and since how many microseconds it is what it is. A line that finds no
+ * room is left out, and its number with it. */
 #include "board.h"
 
 #define LATE 8 /* periods that an answer may delay the stream by; each sample bears the time it was taken */
@@ -47,6 +48,14 @@ void stream_tick(void) {
     line_number(outputs_bits());
     line_char(',');
     line_number(trips());
+    if (control_running()) {
+        uint32_t since;
+        uint16_t counts = pressure_since(&since);
+        line_char(',');
+        line_number(counts);
+        line_char(',');
+        line_number((int32_t)(now - since) > 0 ? now - since : 0); /* it may have changed since `now` */
+    }
     if (!line_send())
         tell_overrun();
 }

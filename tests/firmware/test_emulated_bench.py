@@ -51,7 +51,7 @@ def kinds(notices: list[Notice]) -> list[str]:
 def test_it_says_what_it_is(make_bench: Make) -> None:
     identity = make_bench().identity
     assert identity["kind"] == "emulated"
-    assert identity["firmware"] == "RIG-UNO 1.0.1"
+    assert identity["firmware"] == "RIG-UNO 1.1.0"
     assert "pressure_trip=675" in identity["board"]
 
 

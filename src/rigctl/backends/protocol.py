@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
+from rigctl.plan.loop import LoopSettings, LoopState
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,4 +234,37 @@ class Backend(Protocol):
         BackendLost
             the bench cannot be reached (its own watchdog then makes it safe).
         """
+        ...
+
+
+@runtime_checkable
+class Regulator(Protocol):
+    """A bench that can carry out a closed loop by itself, one at a time, beside what every `Backend` does.
+
+    Each sample has the output that was in force when it was taken. `Backend.safe`, a trip, any command to its
+    actuator, and a loss of contact end the loop.
+    """
+
+    def cannot_regulate(self, loop: LoopSettings) -> str:
+        """Why this bench cannot carry out a loop, one sentence; empty where it can. Known once it is open."""
+        ...
+
+    def regulate(self, loop: LoopSettings) -> PendingCommand:
+        """Tell the bench to begin a loop, and wait for nothing; the receipt says that it has.
+
+        Raises
+        ------
+        OutOfReach
+            contact is lost for the moment.
+        BackendLost
+            the bench is gone for good.
+        """
+        ...
+
+    def loop_state(self, ahead: float | None = None) -> LoopState:
+        """What is known of the newest loop; `ahead`, sent when it can be, its feed-forward from now on."""
+        ...
+
+    def stop_regulating(self, actuator: str) -> PendingCommand:
+        """End a loop, its output as it is; the receipt says what that is. Raises as `regulate` does."""
         ...

@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
+from rigctl.errors import RigctlError
 from rigctl.plan.behaviour import Behaviour, Bench
 from rigctl.plan.forecast import Forecast, ForecastBench, State
 
@@ -49,6 +50,10 @@ class Action(ABC):
         StepFailed
             what was asked for could not be done; says what was seen.
         """
+
+    def refusal(self, bench: Bench) -> RigctlError | None:
+        """Why this bench cannot do it, asked before anything moves; None where it can."""
+        return None
 
     def lasting(self) -> frozenset[str]:
         """The actuators whose state it decides for good: a resumed run repeats the last action for each."""

@@ -12,6 +12,7 @@ from enum import Enum
 from typing import Protocol, TypeAlias
 
 from rigctl.expressions import Expression
+from rigctl.plan.loop import LoopSettings, LoopState
 from rigctl.plan.measured import MeasuredValue
 from rigctl.plan.outcomes import Outcome
 from rigctl.plan.statistics import Statistic, Stretch
@@ -169,6 +170,22 @@ class Bench(Protocol):
 
     def finish_pulse(self, actuator: str) -> Waiting:
         """Wait until a timed command is over; ends it from here where the bench cannot."""
+        ...
+
+    def cannot_regulate(self, loop: LoopSettings) -> str:
+        """Why the bench itself cannot carry out a closed loop; empty where it can."""
+        ...
+
+    def regulate(self, loop: LoopSettings) -> Waiting:
+        """Let the bench itself begin a closed loop, and wait until it says that it has."""
+        ...
+
+    def loop_state(self, ahead: float | None = None) -> LoopState:
+        """What is known of the loop that the bench carries out; `ahead` is its feed-forward from now on."""
+        ...
+
+    def stop_regulating(self, actuator: str) -> Waiting:
+        """End such a loop, its output as it is, and wait until the bench has said so and how it ran."""
         ...
 
     def release(self, actuator: str) -> None:

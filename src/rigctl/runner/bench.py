@@ -9,10 +9,11 @@ from dataclasses import replace
 from typing import Any
 
 from rigctl.backends.errors import OutOfReach
-from rigctl.backends.protocol import Backend, CommandReceipt, PendingCommand
+from rigctl.backends.protocol import Backend, CommandReceipt, PendingCommand, Regulator
 from rigctl.errors import RigctlError
 from rigctl.expressions import Expression, ValueType, type_of_unit
 from rigctl.plan.behaviour import Answer, OnPause, Pulse, Question, Row, Until, Waiting, every_sample
+from rigctl.plan.loop import LoopSettings, LoopState
 from rigctl.plan.measured import MeasuredValue
 from rigctl.plan.statistics import Statistic, Stretch
 from rigctl.rig import Rig
@@ -54,6 +55,7 @@ class Bench:
         self._switches: dict[str, float] = {}  # s, when each actuator was last switched, at the latest
         self._known: dict[str, float] = {}  # s, time of the newest receipt of each actuator
         self.regulated: set[str] = set()  #: what the step in progress commands anew by itself
+        self._loops: set[str] = set()  # what the bench itself commands in a closed loop
         self._changed = -1.0  # s, when a command was last given
         # the values at which nothing that a directional valve drives can move
         self._resting = {
@@ -285,6 +287,45 @@ class Bench:
                 return
             yield Until(give_up, lambda _: actuator not in self.pulses)
 
+    def cannot_regulate(self, loop: LoopSettings) -> str:
+        """Why the bench itself cannot carry out a closed loop; empty where it can."""
+        if not isinstance(self.backend, Regulator):
+            return (
+                f"a bench of the kind '{self.backend.identity.get('kind', '')}' has no controller of its own"
+            )
+        return self.backend.cannot_regulate(loop)
+
+    def regulate(self, loop: LoopSettings) -> Waiting:
+        """Let the bench itself begin a closed loop, and wait until it says that it has."""
+        yield from self.settled(loop.actuator)
+        self.doubtful[loop.actuator] = loop.high  # until it is answered, however the call ends
+        self._loops.add(loop.actuator)
+        yield from self._asked(loop.actuator, lambda bench: bench.regulate(loop))
+
+    def loop_state(self, ahead: float | None = None) -> LoopState:
+        """What is known of the loop that the bench carries out; `ahead` is its feed-forward from now on."""
+        return (
+            self.backend.loop_state(ahead) if isinstance(self.backend, Regulator) else LoopState(False, None)
+        )
+
+    def stop_regulating(self, actuator: str) -> Waiting:
+        """End such a loop, its output as it is, and wait until the bench has said so and how it ran."""
+        yield from self.settled(actuator)
+        yield from self._asked(actuator, lambda bench: bench.stop_regulating(actuator))
+        if self.reachable and actuator not in self.doubtful:
+            self._loops.discard(actuator)
+
+    def _asked(self, actuator: str, ask: Callable[[Regulator], PendingCommand]) -> Waiting:
+        """Ask the bench's own controller, and wait for its answer; a loss of contact is logged."""
+        if not isinstance(self.backend, Regulator):
+            raise RuntimeError("a bench without a controller was asked for a loop")
+        try:
+            self._sent[actuator] = (ask(self.backend), None)
+        except OutOfReach as error:
+            self.event("note", f"{actuator} could not be commanded: {error}")
+            return
+        yield from self.settled(actuator)
+
     def take_receipts(self) -> None:
         """Log the switches that the bench made by itself."""
         for receipt in self.backend.take_receipts():
@@ -309,6 +350,7 @@ class Bench:
             self.event("note", "the bench can be reached again, outputs are safe")
         self.reachable = True
         self.doubtful.clear()
+        self._loops.clear()
         self._sent.clear()  # dropped, or carried out and over
         self.take_receipts()
         for actuator, value in self.rig.safe_state.items():
@@ -325,14 +367,16 @@ class Bench:
     def unconfirmed(self) -> str | None:
         """What may be other than safe now, e.g. ``heater_1 60 %``; None when all is confirmed to be safe.
 
-        What was safe when the bench was last heard of stays so: nothing has been commanded since.
+        What was safe when the bench was last heard of stays so, as nothing has been commanded since, unless
+        the bench itself commands it in a closed loop.
         """
         if self.reachable:
             return None
         doubts = {
             name: value
             for name, value in {**self.commanded, **self.doubtful}.items()
-            if self.rig.actuators[name].by == "driven" and value != self.safe_value(name)
+            if self.rig.actuators[name].by == "driven"
+            and (value != self.safe_value(name) or name in self._loops)
         }
         return (
             ", ".join(f"{name} {self.rig.actuators[name].show(value)}" for name, value in doubts.items())

@@ -13,7 +13,7 @@ from rigctl.dataset.history import read_history
 from rigctl.dataset.judgement import Judgement, judge
 from rigctl.dataset.run_json import read_info
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.plan import Plan
+from rigctl.plan import Group, Leaf, Plan, cleanup_blocks, walk
 from rigctl.plan.outcomes import Aborted, Ending, SamplesLost, Tripped
 from rigctl.runner.aside import Watching, beside
 from rigctl.runner.bench import Bench
@@ -244,10 +244,13 @@ class _Session:
 
         Raises
         ------
+        RigctlError
+            the bench cannot carry out a step.
         Tripped
             a limit is exceeded already.
         """
         bench = self._bench
+        _refuse_impossible(self._plan, bench)
         bench.start(bench.rig.monitor_rate)
         try:
             rows = driver.watch((_ARMING_SAMPLES - 1) / bench.rate)
@@ -337,6 +340,17 @@ class _Session:
             message=self._message,
             unconfirmed=bench.unconfirmed,
         )
+
+
+def _refuse_impossible(plan: Plan, bench: Bench) -> None:
+    """Refuse a step that this bench cannot carry out; raises `RigctlError` with its place."""
+    groups = [plan.root, *(b for b in (plan.on_failure, plan.on_abort, plan.finally_) if b is not None)]
+    while groups:
+        for node in walk(groups.pop()):
+            if isinstance(node, Group):
+                groups += cleanup_blocks(node)
+            elif isinstance(node, Leaf) and (refused := node.action.refusal(bench)) is not None:
+                raise refused.at(node.where)
 
 
 def _judged(folder: Path | None) -> Judgement | None:

@@ -10,18 +10,20 @@ from rigctl.backends.arduino.board import Board, Heartbeat, trip_causes
 from rigctl.backends.arduino.handshake import handshake
 from rigctl.backends.arduino.line import Line
 from rigctl.backends.arduino.receiver import Receiver
+from rigctl.backends.arduino.regulation import Regulation, cannot_regulate
 from rigctl.backends.arduino.switching import Switching
 from rigctl.backends.arduino.translation import Translation
 from rigctl.backends.arduino.wiring import Wiring
 from rigctl.backends.commands import driven_outputs
 from rigctl.backends.errors import BenchTripped, OutOfReach
-from rigctl.backends.protocol import PendingCommand
+from rigctl.backends.protocol import CommandReceipt, PendingCommand
 from rigctl.backends.transport.bench import PortBench
 from rigctl.backends.transport.conversation import Conversation, Underway, carry_through
 from rigctl.backends.transport.port import Connect, NoAnswer, Port, PortLost, Refused
 from rigctl.backends.transport.reconnection import Meeting
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
+from rigctl.plan.loop import LoopSettings, LoopState
 from rigctl.rig import Rig
 
 HOST_SILENT = "host silent"  #: the trip that a host's coming ends
@@ -84,6 +86,7 @@ class ArduinoBench(PortBench[Board]):
         self._heartbeat: Heartbeat | None = None
         self._receiver = Receiver(self._translation, clock, self._outbox)
         self._switching = Switching(self._translation, self._outbox, clock)
+        self._regulation = Regulation(self._translation, self._receiver, clock)
         self._orders: dict[str, _Order] = {}
         self._streaming: Underway[None] | None = None
 
@@ -121,6 +124,7 @@ class ArduinoBench(PortBench[Board]):
         board.line.forget()
         self.identity = {**self.identity, **board.identity}
         self._receiver.tripped, self._over_said = "", False
+        self._regulation.forget()
         self._note_safe()
         try:
             yield from self._settling_trips(board)
@@ -160,6 +164,7 @@ class ArduinoBench(PortBench[Board]):
 
     def _make_safe(self, board: Board) -> None:
         carry_through(self._making_safe(board), board.line.take)
+        self._regulation.forget()
         self._receiver.take(board)
 
     def _let_go(self, board: Board) -> None:
@@ -200,13 +205,21 @@ class ArduinoBench(PortBench[Board]):
         self._drop_order(actuator, "another command came before the board had answered")
         self._receiver.take(board)  # what happened before is none of its doing
         pending = self._pending(actuator, value)
+        if actuator == self._regulation.actuator:  # the board ends its loop
+            self._regulation.forget()
+        return self._order(pending, self._carry_out(board, pending, duration), asked_for=asked_for)
+
+    def _order(
+        self, pending: PendingCommand, conversation: Conversation[None], *, asked_for: bool
+    ) -> PendingCommand:
+        """Begin to carry out a command; raises `OutOfReach`."""
         try:
-            underway = Underway(self._carry_out(board, pending, duration))
+            underway = Underway(conversation)
         except PortLost as error:
             self._doubt(pending)
             self._lose(error)
             raise OutOfReach(f"contact with the board is lost: {error}") from None
-        self._orders[actuator] = _Order(pending, underway, asked_for)
+        self._orders[pending.actuator] = _Order(pending, underway, asked_for)
         return pending
 
     def _carry_out(self, board: Board, pending: PendingCommand, duration: float | None) -> Conversation[None]:
@@ -253,6 +266,51 @@ class ArduinoBench(PortBench[Board]):
         for actuator in list(self._orders):
             self._drop_order(actuator, why)
 
+    # --- the closed loop on the board ---------------------------------------------------------------------
+
+    def cannot_regulate(self, loop: LoopSettings) -> str:
+        """Why this board cannot carry out a loop; empty where it can."""
+        return cannot_regulate(self.identity, self._translation, loop)
+
+    def regulate(self, loop: LoopSettings) -> PendingCommand:
+        """Tell the board to begin a loop."""
+        value = self._outbox.commanded.get(loop.actuator, loop.low)
+        board = self._free(loop.actuator)
+        return self._regulated(loop.actuator, value, self._regulation.begin(board, loop, value))
+
+    def loop_state(self, ahead: float | None = None) -> LoopState:
+        """What is known of the newest loop."""
+        return self._regulation.state(ahead)
+
+    def stop_regulating(self, actuator: str) -> PendingCommand:
+        """End a loop, its output as it is."""
+        board = self._free(actuator)
+        value = self._outbox.commanded.get(actuator, 0.0)
+        return self._regulated(actuator, value, self._regulation.end(board, actuator))
+
+    def _free(self, actuator: str) -> Board:
+        """The board, which is asked nothing else of an actuator."""
+        self._check_open()
+        board = self._check_reach()
+        self._drop_order(actuator, "another command came before the board had answered")
+        self._receiver.take(board)
+        return board
+
+    def _regulated(self, actuator: str, value: float, asked: Conversation[CommandReceipt]) -> PendingCommand:
+        pending = self._pending(actuator, value)
+
+        def conversation() -> Conversation[None]:
+            try:
+                receipt = yield from asked
+            except Refused as error:
+                hint = yield from _asking_why(self._check_reach())
+                pending.trouble = RigctlError(str(error), hint=hint, exit_code=ExitCode.FAILED)
+                return
+            self._outbox.commanded[actuator] = receipt.value
+            pending.receipt = receipt
+
+        return self._order(pending, conversation(), asked_for=True)
+
     # --- time passes --------------------------------------------------------------------------------------
 
     def _advance(self, board: Board, until: float) -> None:
@@ -264,11 +322,13 @@ class ArduinoBench(PortBench[Board]):
         board.line.take(min(until, heartbeat.due, *self._ends.values(), *self._due()))
         heartbeat.listen()
         self._go_on()
+        self._regulation.tend(board)
         self._receiver.take(board)
 
     def _due(self) -> list[float]:
         """When to go on with what the board has been asked, s."""
         due = [order.underway.until for order in self._orders.values()]
+        due += self._regulation.due
         return due if self._streaming is None else [*due, self._streaming.until]
 
     # --- losing it and finding it again -------------------------------------------------------------------
@@ -279,6 +339,9 @@ class ArduinoBench(PortBench[Board]):
     def _part(self, board: Board, error: PortLost) -> tuple[str, Port | None]:
         self._streaming = None
         self._receiver.take(board)
+        if self._regulation.actuator:
+            self._cut_off.add(self._regulation.actuator)
+        self._regulation.forget()
         damaged = self._receiver.damage_since_heard(board)
         if not isinstance(error, NoAnswer):
             board.port.close()

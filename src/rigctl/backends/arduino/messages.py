@@ -20,6 +20,8 @@ class Reading:
     counts: A0, A1, A2.
     outputs: bit 0 heater, 1 extend, 2 retract, 3 PWM.
     trips: the latched causes.
+    pwm: counts of the PWM, while a closed loop runs on the board; None while none does.
+    held_us: since how many microseconds it is that.
     """
 
     sequence: int
@@ -27,6 +29,8 @@ class Reading:
     counts: tuple[int, int, int]
     outputs: int
     trips: int
+    pwm: int | None = None
+    held_us: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +100,10 @@ def parse_line(line: bytes) -> Message | None:
 
 def _parse(kind: str, text: str) -> Message | None:
     if kind == "@":
-        sequence, micros, a0, a1, a2, outputs, trips = map(int, text.split(","))
-        return Reading(sequence, micros, (a0, a1, a2), outputs, trips)
+        sequence, micros, a0, a1, a2, outputs, trips, *loop = map(int, text.split(","))
+        if len(loop) not in (0, 2):
+            return None
+        return Reading(sequence, micros, (a0, a1, a2), outputs, trips, *loop)
     if kind == "!":
         number, at, what, value = text.split(",")
         return Switched(int(number), int(at), what, int(value))

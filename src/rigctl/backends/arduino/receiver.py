@@ -25,6 +25,7 @@ class Receiver:
     heard: when the stream was heard last, s.
     wanted: whether anybody has asked for samples.
     restarting: whether the board has been asked to begin its stream anew, and has not answered yet.
+    looping: when the newest reading was taken, s, and whether a closed loop ran on the board then.
     """
 
     def __init__(self, translation: Translation, clock: Clock, outbox: Outbox) -> None:
@@ -39,6 +40,7 @@ class Receiver:
         self.heard = 0.0
         self.wanted = False
         self.restarting = False
+        self.looping = (-math.inf, False)
 
     def restart(self, board: Board, before: int) -> None:
         """The board says that its stream has begun anew; `before` readings that wait are of the old one."""
@@ -110,6 +112,7 @@ class Receiver:
         self._sequence = reading.sequence
         if reading.trips:
             self._trip(time, reading.trips)
+        self._note_loop(board, time, reading)
         if not self.wanted or time <= self._last_time:
             return
         self._last_time = time
@@ -117,3 +120,17 @@ class Receiver:
         self._outbox.samples.append(
             Sample(time, translation.values(reading), translation.commands(reading, self._outbox.commanded))
         )
+
+    def _note_loop(self, board: Board, time: float, reading: Reading) -> None:
+        """What a closed loop on the board has made of its output, at the time at which it did."""
+        self.looping = (time, reading.pwm is not None)
+        actuator = self._translation.actuator_of("P")
+        if reading.pwm is None or actuator is None:
+            return
+        value = self._translation.value(actuator, reading.pwm)
+        if self._outbox.commanded.get(actuator) != value:
+            self._outbox.commanded[actuator] = value
+            changed = time - reading.held_us * 1e-6
+            self._outbox.receipts.append(
+                CommandReceipt(changed, actuator, value, board.clock_map.uncertainty)
+            )

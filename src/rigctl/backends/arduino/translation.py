@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from math import comb
 
 from rigctl.backends.arduino.messages import Reading
 from rigctl.backends.arduino.wiring import Wiring
+from rigctl.plan.loop import LoopSettings
 from rigctl.rig import Rig
 
 _LONGEST_PULSE = 60.0  # s that the board times by itself
@@ -13,6 +15,8 @@ _FULL = 1023  # counts of the PWM
 _EVENT_KINDS = {"heater": "H", "valve": "V", "pressure": "P"}
 _OUTPUT_OF_KIND = {kind: output for output, kind in _EVENT_KINDS.items()}
 _VALVE_WORDS = {-1: "RET", 0: "OFF", 1: "EXT"}
+_COEFFICIENTS = 4  # of the calibration that the board's loop computes with
+_ANY = 1e38  # beyond what a reading can be
 
 
 class Translation:
@@ -77,6 +81,48 @@ class Translation:
             for channel, pin in self._sensors
         )
 
+    # --- the closed loop ----------------------------------------------------------------------------------
+
+    def is_pwm(self, actuator: str) -> bool:
+        """Whether an actuator is the level on the board's PWM."""
+        return self._wiring.outputs.get("pressure") == actuator
+
+    def calibration(self, channel: str) -> tuple[float, ...]:
+        """The polynomial from the converter's counts to a channel's SI value, lowest power first."""
+        described = self._rig.channels[channel]
+        low, step = described.converter.low, described.converter.step
+        raw = described.si_coefficients  # of low + step*counts
+        found = tuple(
+            step**power * sum(raw[k] * comb(k, power) * low ** (k - power) for k in range(power, len(raw)))
+            for power in range(len(raw))
+        )
+        degree = max((power for power, value in enumerate(found) if value != 0.0), default=0)
+        return found[: degree + 1]
+
+    def loop_numbers(self, loop: LoopSettings) -> Iterator[tuple[str, float]]:
+        """The settings of the board's loop, SI, by the names that it knows them by."""
+        channel, part = self._rig.channels[loop.channel], self._rig.actuators[loop.actuator]
+        calibration = self.calibration(loop.channel)
+        for power in range(_COEFFICIENTS):
+            yield f"C{power}", calibration[power] if power < len(calibration) else 0.0
+        low, high = channel.range or (-_ANY, _ANY)
+        yield from (("RLO", float(low)), ("RHI", float(high)))
+        yield from (("ZERO", float(part.low or 0.0)), ("FULL", float(part.high or 0.0)))
+        yield from (("TO", loop.to), ("RAMP", loop.ramp), ("FF", loop.ahead))
+        yield from (("KP", loop.gain), ("KI", loop.integral), ("KD", loop.derivative))
+        yield from (("TF", loop.filter_time), ("TT", loop.tracking_time))
+        yield from (("LOW", loop.low), ("HIGH", loop.high), ("RATE", loop.rate))
+
+    def loop_texts(self, loop: LoopSettings) -> Iterator[str]:
+        """The commands that give the board the settings of its loop."""
+        names = list(self._rig.layout.channels)
+        yield f"CONT:INP {self._wiring.inputs[names.index(loop.channel)]}"
+        yield f"CONT:PER {round(loop.period * 1e3)}"
+        for name, value in self.loop_numbers(loop):
+            yield f"CONT:PAR {name},{loop_number(value)}"
+
+    # --- readings -----------------------------------------------------------------------------------------
+
     @property
     def reported(self) -> frozenset[str]:
         """Actuators whose state is in every reading; of a level only whether it is on."""
@@ -91,6 +137,13 @@ class Translation:
             now[wired["heater"]] = float(bits & 1)
         if "valve" in wired:
             now[wired["valve"]] = float((bits >> 1 & 1) - (bits >> 2 & 1))
-        if "pressure" in wired and not bits & 8:
+        if "pressure" in wired and reading.pwm is not None:
+            now[wired["pressure"]] = self.value(wired["pressure"], reading.pwm)
+        elif "pressure" in wired and not bits & 8:
             now[wired["pressure"]] = self.value(wired["pressure"], 0)
         return tuple(now[name] for name in self._rig.layout.commands)
+
+
+def loop_number(value: float) -> str:
+    """A number as the board's loop reads it: more digits than its 24 bits have."""
+    return f"{value:.9G}"

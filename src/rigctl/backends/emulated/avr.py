@@ -150,6 +150,10 @@ class Avr:
             return 0.0
         return (self._register(_OCR1AL) | self._register(_OCR1AH) << 8) / 1023
 
+    def on_pwm(self, told: Callable[[int], None]) -> None:
+        """Tell the cycle of every change of OC1A's compare register from now on."""
+        self._listen("tmr1", 0, lambda _: told(self.cycle))
+
     @property
     def _character(self) -> int:
         divisor = (self._register(_UBRR0L) | self._register(_UBRR0H) << 8) + 1

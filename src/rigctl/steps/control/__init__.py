@@ -1,5 +1,7 @@
-"""`control`: a closed loop from a channel to an actuator, carried out on the host."""
+"""`control`: a closed loop from a channel to an actuator, carried out on the host or by the bench's board."""
 
-from rigctl.steps.control.step import Control, ControlStep
+from rigctl.steps.control.action import Control
+from rigctl.steps.control.on_board import ControlOnBoard
+from rigctl.steps.control.step import ControlStep
 
-__all__ = ["Control", "ControlStep"]
+__all__ = ["Control", "ControlOnBoard", "ControlStep"]

@@ -1,24 +1,17 @@
-"""The step `control`: its fields, and how the loop is carried out."""
+"""The step `control`: its fields, checked against the rig."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import fields as fields_of
 from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.files.refusal import refusal
-from rigctl.plan.action import Action, SetPoint
-from rigctl.plan.behaviour import Behaviour, Bench, Row, Until, every_sample
 from rigctl.plan.context import Context
 from rigctl.plan.fields import Name, Part
-from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
-from rigctl.plan.measured import MeasuredValue
-from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.plan.setpoints import check_level, check_set_point
 from rigctl.plan.shown import shown_time
 from rigctl.plan.step import Step
@@ -26,22 +19,18 @@ from rigctl.plan.tree import Leaf
 from rigctl.plan.values import RATE, AnyDifference, AnyTolerance, AnyValue, Duration, Rate
 from rigctl.project import find_project
 from rigctl.rig import Actuator, Channel
+from rigctl.steps.control.action import EARLY, KEPT, Control
 from rigctl.steps.control.feed_forward import FeedForward, read_feed_forward
-from rigctl.steps.control.oscillation import OscillationDetector
-from rigctl.steps.control.pid import AntiWindup, Bounds, Gains, Pid
-from rigctl.steps.control.timing import Timing
-from rigctl.steps.readings import reading
-from rigctl.steps.settling import Settling
+from rigctl.steps.control.on_board import ControlOnBoard, whole_period
+from rigctl.steps.control.pid import AntiWindup, Bounds, Gains
 from rigctl.units import show
 
 #: share of a channel's range from which a lasting oscillation ends the step, where nothing is said
 _OSCILLATION = 0.02
-#: share of the loop's period that an update may come early, of two times on one grid
-_EARLY = 0.01
 
 
 class ControlFields(Part):
-    """A PID controller in parallel form with feed-forward; the loop runs on the host, sample by sample."""
+    """A PID controller in parallel form with feed-forward; on the host sample by sample, or on the board."""
 
     actuator: str = Field(description="what is commanded: a driven level")
     channel: str = Field(description="what is controlled")
@@ -81,8 +70,14 @@ class ControlFields(Part):
     start: Literal["bumpless", "zero"] = Field(
         default="bumpless", description="the integral begins where the output goes on, or at zero"
     )
+    where: Literal["host", "board", "auto"] = Field(
+        default="host",
+        description="what computes the output: the host, the board (in a period of whole milliseconds), or "
+        "the board if it can",
+    )
     rate: Rate = Field(
-        default=RATE.read("10 Hz"), description="updates per second; in a record not above its own"
+        default=RATE.read("10 Hz"),
+        description="updates per second; in a record not above its own, unless the board computes",
     )
     low: AnyValue | None = Field(default=None, description="least output; the actuator's own without")
     high: AnyValue | None = Field(default=None, description="greatest output; the actuator's own without")
@@ -173,7 +168,10 @@ class _Builder:
             name=fields.name,
             stay=fields.then == "stay",
         )
-        for name, unit in _KEPT.items():
+        if fields.where != "host":
+            given = {one.name: getattr(action, one.name) for one in fields_of(action)}
+            action = ControlOnBoard(**given, required=fields.where == "board")
+        for name, unit in KEPT.items():
             context.learn(f"{fields.name}_{name}", unit, "control", "name")
         shown = show(to, self._channel.unit, difference=self._channel.difference)
         return context.leaf(
@@ -195,13 +193,15 @@ class _Builder:
     def _check_period(self, period: float) -> None:
         rest, around = self._actuator.min_interval, self._context.record_rate
         with self._context.located("control", "rate"):
-            if period < rest * (1.0 - _EARLY):
+            if period < rest * (1.0 - EARLY):
                 raise RigctlError(
                     f"faster than '{self._fields.actuator}' may be commanded",
                     value=f"{1.0 / period:g} Hz",
                     expected=f"at most {1.0 / rest:g} Hz",
                 )
-            if around is not None and 1.0 / period > around * (1.0 + _EARLY):
+            if self._fields.where == "board":
+                whole_period(period)
+            elif around is not None and 1.0 / period > around * (1.0 + EARLY):
                 raise RigctlError(
                     "faster than the record's samples",
                     value=f"{1.0 / period:g} Hz",
@@ -300,179 +300,3 @@ class _Builder:
             return given
         possible = self._channel.range
         return _OSCILLATION * float(possible[1] - possible[0]) if possible is not None else math.inf
-
-
-#: what is kept of a loop, and in which unit
-_KEPT = {"jitter_p50": "ms", "jitter_p99": "ms", "latency_p99": "ms", "saturated": "%"}
-
-
-@dataclass(frozen=True, slots=True)
-class Control(Action):
-    """Control `channel` to `to` by `actuator`; SI throughout."""
-
-    actuator: str
-    channel: str
-    to: float
-    ramp: float | None  #: per s
-    gains: Gains
-    bounds: Bounds
-    feed_forward: FeedForward | None
-    bumpless: bool
-    period: float  #: s
-    duration: float | None  #: s; None: until it has settled
-    within: float | None
-    settle: float | None
-    timeout: float | None
-    oscillation: float  #: amplitude that ends the step
-    name: str
-    stay: bool
-
-    @property
-    def longest(self) -> float:
-        """When it is over at the latest, s."""
-        return self.duration if self.duration is not None else self.timeout or 0.0
-
-    def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """The time as written; where it ends by settling, at most its timeout."""
-        basis = Basis.TIMED if self.duration is not None else Basis.AT_MOST
-        after = bench.pass_time(state, self.longest)
-        heat, pressure = bench.rig.roles.heat, bench.rig.roles.set_pressure
-        if heat is not None and heat.channel == self.channel:
-            after = replace(after, temperature=self.to)
-        if pressure is not None and pressure.channel == self.channel:
-            after = replace(after, pressure=self.to)
-        return Forecast(self.longest, basis, after, {self.channel: (self.to, self.to)})
-
-    def set_point(self) -> SetPoint:
-        """Where the loop brings its channel, along the ramp."""
-        return SetPoint(self.channel, self.to, self.within, self.ramp)
-
-    def carry_out(self, bench: Bench) -> Behaviour:
-        """Run the loop; between records the bench is read at its rate for the while.
-
-        Raises
-        ------
-        StepFailed
-            it has not settled in time, or it oscillates.
-        """
-        slower = bench.rate if not bench.recording else None
-        if slower is not None:
-            bench.needed_rate = 1.0 / self.period
-            bench.start(bench.needed_rate)
-        bench.regulated.add(self.actuator)
-        timing = Timing(self.period)
-        try:
-            yield from self._loop(bench, timing)
-        finally:
-            bench.regulated.discard(self.actuator)
-            bench.needed_rate = 0.0
-            self._keep(bench, timing)
-            if slower is not None and bench.reachable:
-                bench.start(slower)
-        if not self.stay:
-            bench.release(self.actuator)
-        return Outcome.COMPLETE
-
-    def _loop(self, bench: Bench, timing: Timing) -> Generator[Until, Row | None, None]:
-        column = bench.columns[self.channel]
-        possible = bench.rig.channels[self.channel].possible
-        first = bench.commanded.get(self.actuator, bench.safe_value(self.actuator))
-        loop = _Loop(self, bench, first)
-        begin = bench.now
-        end = begin + self.longest
-        due = -math.inf
-        row: Row | None = yield from bench.fresh()
-        while True:
-            if row is not None and row[0] >= due:
-                due = row[0] + self.period * (1.0 - _EARLY)
-                if possible(row[column]) and not math.isnan(row[column]):
-                    if loop.update(row, row[column], timing):
-                        return
-                else:
-                    timing.missed += 1
-            row = yield Until(end, every_sample)
-            if row is None and bench.now >= end:
-                loop.give_up()
-                return
-
-    def _keep(self, bench: Bench, timing: Timing) -> None:
-        """Keep how the loop ran with the record or the run, of a loop that was broken off too."""
-        for name, value, unit in timing.values():
-            with suppress(RigctlError):  # a full disk ends the run at the next sample, and hides no other end
-                bench.record_measure(MeasuredValue(f"{self.name}_{name}", value, unit))
-        if timing.missed:
-            bench.event("note", f"{timing.missed} readings of {self.channel} could not be used")
-
-    def lasting(self) -> frozenset[str]:
-        """The actuator, where its last value stays."""
-        return frozenset({self.actuator}) if self.stay else frozenset()
-
-
-class _Loop:
-    """What one loop knows from update to update."""
-
-    def __init__(self, action: Control, bench: Bench, output: float) -> None:
-        self._action, self._bench = action, bench
-        self._pid = Pid(action.gains, action.bounds, output, bumpless=action.bumpless)
-        self._feed_forward = action.feed_forward.on(bench) if action.feed_forward is not None else None
-        self._ahead = 0.0  # the newest value that the formula had
-        self._detector = OscillationDetector(action.oscillation)
-        self._start: tuple[float, float] | None = None
-        self._settling: Settling | None = None
-        if action.within is not None and action.settle is not None:
-            self._settling = Settling(action.to, action.within, action.settle)
-
-    def update(self, row: Row, value: float, timing: Timing) -> bool:
-        """One update of the output; True when the reading has settled.
-
-        Raises
-        ------
-        StepFailed
-            the loop oscillates.
-        """
-        time = row[0]
-        setpoint = self._setpoint(time, value)
-        if self._feed_forward is not None:
-            ahead = self._feed_forward(row, setpoint)
-            self._ahead = self._ahead if math.isnan(ahead) else ahead
-        output = self._pid.update(time, value, setpoint, self._ahead)
-        name = self._action.actuator
-        if not self._bench.is_at(name, output):
-            self._bench.try_switch(name, output)
-        timing.add(time, self._bench.now, saturated=self._pid.saturated)
-        self._look_for_oscillation(time, setpoint - value)
-        return self._settling is not None and self._settling.add(time, value)
-
-    def give_up(self) -> None:
-        """The time is over.
-
-        Raises
-        ------
-        StepFailed
-            the reading should have settled by then.
-        """
-        if self._settling is not None:
-            action = self._action
-            reason = self._settling.gave_up(self._bench, action.channel, action.timeout or 0.0)
-            raise StepFailed(reason, outcome=Outcome.TIMED_OUT)
-
-    def _setpoint(self, time: float, value: float) -> float:
-        """Where the reading should be now: on the ramp from the first one."""
-        ramp, target = self._action.ramp, self._action.to
-        if ramp is None:
-            return target
-        if self._start is None:
-            self._start = (time, value)
-        began, first = self._start
-        way = ramp * (time - began)
-        return min(first + way, target) if target >= first else max(first - way, target)
-
-    def _look_for_oscillation(self, time: float, error: float) -> None:
-        found = self._detector.add(time, error)
-        if found is None:
-            return
-        amplitude = reading(self._bench, self._action.channel, found[0], difference=True)
-        raise StepFailed(
-            f"the loop oscillates: {self._action.channel} swings ± {amplitude} around its set-point, once in "
-            f"{found[1]:.3g} s"
-        )

@@ -41,6 +41,7 @@ class Timing:
         if jitter:
             yield "jitter_p50", _quantile(jitter, 0.5), "ms"
             yield "jitter_p99", _quantile(jitter, 0.99), "ms"
+            yield "jitter_max", jitter[-1], "ms"
         if latency:
             yield "latency_p99", _quantile(latency, 0.99), "ms"
             yield "saturated", self.saturated / len(latency), "%"

@@ -1,0 +1,62 @@
+"""A closed loop that a bench's own controller carries out: what it is told, and what it says of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class LoopSettings:
+    """A PID controller in parallel form, with the equations of `rigctl.steps.control.pid`; SI throughout."""
+
+    actuator: str  #: what is commanded
+    channel: str  #: what is controlled
+    to: float  #: the set-point
+    ramp: float  #: of the set-point from the first reading, per s; infinite: at once
+    gain: float  #: K_p
+    integral: float  #: K_i, per s
+    derivative: float  #: K_d, times s
+    filter_time: float  #: T_f, s
+    tracking_time: float  #: T_t, s; infinite without an integral
+    clamping: bool  #: anti-windup by clamping instead of back-calculation
+    low: float  #: least output
+    high: float  #: greatest output
+    rate: float  #: greatest change of the output, per s; infinite without any
+    bumpless: bool  #: the integral begins where the output goes on
+    period: float  #: s
+    ahead: float = 0.0  #: feed-forward to begin with
+
+
+@dataclass(frozen=True, slots=True)
+class LoopFigures:
+    """How a loop has run, counted and timed by the controller itself; times in s.
+
+    *Jitter* is by how much the time between two outputs differs from the loop's period, *latency* the time
+    from when an update was due until its output was set.
+    """
+
+    updates: int
+    late: int  #: updates that were left out, since the one before was still being computed
+    missed: int  #: updates that held the output, since the reading was impossible
+    saturated: int  #: updates whose output was bounded
+    jitter: tuple[float, float, float]  #: 50 %, 99 %, greatest
+    latency: tuple[float, float, float]
+
+    def values(self) -> Iterator[tuple[str, float, str]]:
+        """What is kept of them: name, SI value, unit that it is shown in."""
+        if self.updates > 1:
+            yield "jitter_p50", self.jitter[0], "ms"
+            yield "jitter_p99", self.jitter[1], "ms"
+            yield "jitter_max", self.jitter[2], "ms"
+        if self.updates:
+            yield "latency_p99", self.latency[1], "ms"
+            yield "saturated", self.saturated / self.updates, "%"
+
+
+@dataclass(frozen=True, slots=True)
+class LoopState:
+    """What is known of a loop: whether it runs, and its newest figures."""
+
+    running: bool
+    figures: LoopFigures | None

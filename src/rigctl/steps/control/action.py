@@ -1,0 +1,217 @@
+"""What the step `control` does: a closed loop on the host, sample by sample."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Iterable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+from rigctl.errors import RigctlError
+from rigctl.plan.action import Action, SetPoint
+from rigctl.plan.behaviour import Behaviour, Bench, Row, Until, every_sample
+from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
+from rigctl.plan.measured import MeasuredValue
+from rigctl.plan.outcomes import Outcome, StepFailed
+from rigctl.steps.control.feed_forward import FeedForward
+from rigctl.steps.control.oscillation import OscillationDetector
+from rigctl.steps.control.pid import Bounds, Gains, Pid
+from rigctl.steps.control.timing import Timing
+from rigctl.steps.readings import reading
+from rigctl.steps.settling import Settling
+
+#: share of the loop's period that an update may come early, of two times on one grid
+EARLY = 0.01
+#: what is kept of a loop, and in which unit
+KEPT = {"jitter_p50": "ms", "jitter_p99": "ms", "jitter_max": "ms", "latency_p99": "ms", "saturated": "%"}
+
+
+@dataclass(frozen=True, slots=True)
+class Control(Action):
+    """Control `channel` to `to` by `actuator`; SI throughout."""
+
+    actuator: str
+    channel: str
+    to: float
+    ramp: float | None  #: per s
+    gains: Gains
+    bounds: Bounds
+    feed_forward: FeedForward | None
+    bumpless: bool
+    period: float  #: s
+    duration: float | None  #: s; None: until it has settled
+    within: float | None
+    settle: float | None
+    timeout: float | None
+    oscillation: float  #: amplitude that ends the step
+    name: str
+    stay: bool
+
+    @property
+    def longest(self) -> float:
+        """When it is over at the latest, s."""
+        return self.duration if self.duration is not None else self.timeout or 0.0
+
+    def forecast(self, state: State, bench: ForecastBench) -> Forecast:
+        """The time as written; where it ends by settling, at most its timeout."""
+        basis = Basis.TIMED if self.duration is not None else Basis.AT_MOST
+        after = bench.pass_time(state, self.longest)
+        heat, pressure = bench.rig.roles.heat, bench.rig.roles.set_pressure
+        if heat is not None and heat.channel == self.channel:
+            after = replace(after, temperature=self.to)
+        if pressure is not None and pressure.channel == self.channel:
+            after = replace(after, pressure=self.to)
+        return Forecast(self.longest, basis, after, {self.channel: (self.to, self.to)})
+
+    def carry_out(self, bench: Bench) -> Behaviour:
+        """Run the loop; between records the bench is read at its rate for the while.
+
+        Raises
+        ------
+        StepFailed
+            it has not settled in time, or it oscillates.
+        """
+        slower = bench.rate if not bench.recording else None
+        if slower is not None:
+            bench.needed_rate = 1.0 / self.period
+            bench.start(bench.needed_rate)
+        bench.regulated.add(self.actuator)
+        timing = Timing(self.period)
+        try:
+            yield from self._loop(bench, timing)
+        finally:
+            bench.regulated.discard(self.actuator)
+            bench.needed_rate = 0.0
+            self.keep(bench, timing.values())
+            if timing.missed:
+                bench.event("note", f"{timing.missed} readings of {self.channel} could not be used")
+            if slower is not None and bench.reachable:
+                bench.start(slower)
+        if not self.stay:
+            bench.release(self.actuator)
+        return Outcome.COMPLETE
+
+    def _loop(self, bench: Bench, timing: Timing) -> Generator[Until, Row | None, None]:
+        column = bench.columns[self.channel]
+        possible = bench.rig.channels[self.channel].possible
+        first = bench.commanded.get(self.actuator, bench.safe_value(self.actuator))
+        loop = _Loop(self, bench, first)
+        begin = bench.now
+        end = begin + self.longest
+        due = -math.inf
+        row: Row | None = yield from bench.fresh()
+        while True:
+            if row is not None and row[0] >= due:
+                due = row[0] + self.period * (1.0 - EARLY)
+                if possible(row[column]) and not math.isnan(row[column]):
+                    if loop.update(row, row[column], timing):
+                        return
+                else:
+                    timing.missed += 1
+            row = yield Until(end, every_sample)
+            if row is None and bench.now >= end:
+                loop.watch.give_up()
+                return
+
+    def keep(self, bench: Bench, values: Iterable[tuple[str, float, str]]) -> None:
+        """Keep how the loop ran with the record or the run, of a loop that was broken off too."""
+        for name, value, unit in values:
+            with suppress(RigctlError):  # a full disk ends the run at the next sample, and hides no other end
+                bench.record_measure(MeasuredValue(f"{self.name}_{name}", value, unit))
+
+    def set_point(self) -> SetPoint:
+        """Where the loop brings its channel, along the ramp."""
+        return SetPoint(self.channel, self.to, self.within, self.ramp)
+
+    def lasting(self) -> frozenset[str]:
+        """The actuator, where its last value stays."""
+        return frozenset({self.actuator}) if self.stay else frozenset()
+
+
+class Watch:
+    """What is looked at in a loop, wherever it runs: set-point, feed-forward, settling and oscillation."""
+
+    def __init__(self, action: Control, bench: Bench) -> None:
+        self._action, self._bench = action, bench
+        self._feed_forward = action.feed_forward.on(bench) if action.feed_forward is not None else None
+        self._ahead = 0.0  # the newest value that the formula had
+        self._detector = OscillationDetector(action.oscillation)
+        self._start: tuple[float, float] | None = None
+        self._settling: Settling | None = None
+        if action.within is not None and action.settle is not None:
+            self._settling = Settling(action.to, action.within, action.settle)
+
+    def setpoint(self, time: float, value: float) -> float:
+        """Where the reading should be now: on the ramp from the first one."""
+        ramp, target = self._action.ramp, self._action.to
+        if ramp is None:
+            return target
+        if self._start is None:
+            self._start = (time, value)
+        began, first = self._start
+        way = ramp * (time - began)
+        return min(first + way, target) if target >= first else max(first - way, target)
+
+    def ahead(self, row: Row, setpoint: float) -> float:
+        """The feed-forward; where the formula has no value, the newest one that it had."""
+        if self._feed_forward is not None:
+            ahead = self._feed_forward(row, setpoint)
+            self._ahead = self._ahead if math.isnan(ahead) else ahead
+        return self._ahead
+
+    def settled(self, time: float, setpoint: float, value: float) -> bool:
+        """Whether the reading has settled.
+
+        Raises
+        ------
+        StepFailed
+            the loop oscillates.
+        """
+        found = self._detector.add(time, setpoint - value)
+        if found is not None:
+            channel = self._action.channel
+            amplitude = reading(self._bench, channel, found[0], difference=True)
+            raise StepFailed(
+                f"the loop oscillates: {channel} swings ± {amplitude} around its set-point, once in "
+                f"{found[1]:.3g} s"
+            )
+        return self._settling is not None and self._settling.add(time, value)
+
+    def give_up(self) -> None:
+        """The time is over.
+
+        Raises
+        ------
+        StepFailed
+            the reading should have settled by then.
+        """
+        if self._settling is not None:
+            action = self._action
+            reason = self._settling.gave_up(self._bench, action.channel, action.timeout or 0.0)
+            raise StepFailed(reason, outcome=Outcome.TIMED_OUT)
+
+
+class _Loop:
+    """What a loop on the host knows from update to update."""
+
+    def __init__(self, action: Control, bench: Bench, output: float) -> None:
+        self._action, self._bench = action, bench
+        self._pid = Pid(action.gains, action.bounds, output, bumpless=action.bumpless)
+        self.watch = Watch(action, bench)
+
+    def update(self, row: Row, value: float, timing: Timing) -> bool:
+        """One update of the output; True when the reading has settled.
+
+        Raises
+        ------
+        StepFailed
+            the loop oscillates.
+        """
+        time = row[0]
+        setpoint = self.watch.setpoint(time, value)
+        output = self._pid.update(time, value, setpoint, self.watch.ahead(row, setpoint))
+        name = self._action.actuator
+        if not self._bench.is_at(name, output):
+            self._bench.try_switch(name, output)
+        timing.add(time, self._bench.now, saturated=self._pid.saturated)
+        return self.watch.settled(time, setpoint, value)

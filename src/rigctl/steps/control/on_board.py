@@ -1,0 +1,158 @@
+"""What the step `control` does where the bench's own board carries out the loop.
+
+The board is told the controller's settings, computes at its own fixed period, and says with every sample what
+its output was. The host goes on looking: samples, interlocks, settling and oscillation are what they are for
+a loop on the host, and every ending makes the outputs safe first, which ends the loop on the board.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from dataclasses import dataclass
+
+from rigctl.errors import RigctlError
+from rigctl.plan.behaviour import Behaviour, Bench, Row, Until, every_sample
+from rigctl.plan.loop import LoopSettings, LoopState
+from rigctl.plan.outcomes import Outcome
+from rigctl.steps.control.action import Control, Watch
+from rigctl.steps.control.pid import AntiWindup
+from rigctl.units import show
+
+#: Hz that the bench is read with between records at most, however fast the loop is
+_WATCHED = 100.0
+_LONGEST_PERIOD = 60_000  # ms
+
+
+def whole_period(period: float) -> int:
+    """The period of a loop on the board, ms.
+
+    Raises
+    ------
+    RigctlError
+        it is not a whole number of milliseconds, or too long.
+    """
+    milliseconds = period * 1e3
+    nearest = min(max(round(milliseconds), 1), _LONGEST_PERIOD)
+    if abs(milliseconds - nearest) > 1e-6 * nearest:
+        raise RigctlError(
+            "no rate of a loop on the board, whose period is whole milliseconds",
+            value=f"{1.0 / period:g} Hz",
+            expected=f"e.g. {1e3 / nearest:.6g} Hz, {nearest} ms",
+        )
+    return nearest
+
+
+@dataclass(frozen=True, slots=True)
+class ControlOnBoard(Control):
+    """A loop that the board carries out; `required` where nothing else may."""
+
+    required: bool
+
+    def settings(self, ahead: float = 0.0) -> LoopSettings:
+        """What the board is told."""
+        gains, bounds = self.gains, self.bounds
+        return LoopSettings(
+            actuator=self.actuator,
+            channel=self.channel,
+            to=self.to,
+            ramp=self.ramp if self.ramp is not None else math.inf,
+            gain=gains.proportional,
+            integral=gains.integral,
+            derivative=gains.derivative,
+            filter_time=gains.filter_time,
+            tracking_time=gains.tracking_time,
+            clamping=gains.anti_windup is AntiWindup.CLAMPING,
+            low=bounds.low,
+            high=bounds.high,
+            rate=bounds.rate,
+            bumpless=self.bumpless,
+            period=self.period,
+            ahead=ahead,
+        )
+
+    def refusal(self, bench: Bench) -> RigctlError | None:
+        """Why the loop cannot run on this bench's board, where it has to."""
+        reason = bench.cannot_regulate(self.settings())
+        if not (self.required and reason):
+            return None
+        return RigctlError(f"'where: board': {reason}", hint="With 'where: auto' the host runs it there")
+
+    def carry_out(self, bench: Bench) -> Behaviour:
+        """Let the board run the loop and look on; where it cannot, and need not, the host does.
+
+        Raises
+        ------
+        StepFailed
+            it has not settled in time, or it oscillates.
+        """
+        reason = bench.cannot_regulate(self.settings())
+        if reason:
+            bench.event("note", f"the loop runs on the host: {reason}")
+            return (yield from Control.carry_out(self, bench))
+        slower = bench.rate if not bench.recording else None
+        if slower is not None:
+            bench.needed_rate = min(1.0 / self.period, _WATCHED)
+            bench.start(bench.needed_rate)
+        bench.regulated.add(self.actuator)
+        state = LoopState(False, None)
+        try:
+            yield from self._look_on(bench)
+            yield from bench.stop_regulating(self.actuator)
+        finally:  # whatever else ends it has made the outputs safe, and so ended the loop
+            state = bench.loop_state()
+            bench.regulated.discard(self.actuator)
+            bench.needed_rate = 0.0
+            self._keep_figures(bench, state)
+            if slower is not None and bench.reachable:
+                bench.start(slower)
+        if not self.stay:
+            bench.release(self.actuator)
+        return Outcome.COMPLETE
+
+    def _look_on(self, bench: Bench) -> Generator[Until, Row | None, None]:
+        """Begin the loop, and look at its samples until its time is over."""
+        column = bench.columns[self.channel]
+        possible = bench.rig.channels[self.channel].possible
+        watch = Watch(self, bench)
+        end = bench.now + self.longest
+        row: Row | None = yield from bench.fresh()
+        begun = 0
+        while True:
+            if row is not None and possible(row[column]):
+                value = row[column]
+                setpoint = watch.setpoint(row[0], value)
+                ahead = watch.ahead(row, setpoint)
+                if not bench.loop_state(ahead).running:  # not begun yet, or cut off by a loss of contact
+                    begun += 1
+                    yield from self._begin(bench, ahead, begun)
+                elif watch.settled(row[0], setpoint, value):
+                    return
+            row = yield Until(end, every_sample)
+            if row is None and bench.now >= end:
+                watch.give_up()
+                return
+
+    def _begin(self, bench: Bench, ahead: float, times: int) -> Generator[Until, Row | None, None]:
+        if times > 1:
+            bench.event("note", "the loop on the board begins again")
+        yield from bench.regulate(self.settings(ahead))
+        if times == 1:
+            channel = bench.rig.channels[self.channel]
+            target = show(self.to, channel.unit, difference=channel.difference)
+            bench.event(
+                "note",
+                f"the loop runs on the board: {self.channel} to {target}, once in {self.period * 1e3:g} ms",
+            )
+
+    def _keep_figures(self, bench: Bench, state: LoopState) -> None:
+        figures = state.figures
+        if figures is None:
+            return
+        self.keep(bench, figures.values())
+        for number, what in (
+            (figures.missed, "held the output: the reading was impossible"),
+            (figures.late, "were left out: the board was too busy"),
+        ):
+            if number:
+                bench.event("note", f"{number} updates on the board {what}")
