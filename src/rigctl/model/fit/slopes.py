@@ -3,11 +3,14 @@
 The derivatives are those of the steps taken. Where a fast oscillation is passed over by steps as long
 as the tolerance allows, the outputs are right and the steps' own derivatives may grow from one step to the
 next: too large by orders of magnitude in one record of many, and a fit then moves nothing any more.
+
+An oscillation that the steps do follow makes derivatives that are as large and right: what shifts its phase
+moves every sample. The two are told apart by somewhat finer steps, which leave right ones nearly as they are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, overload
 
@@ -18,17 +21,23 @@ from rigctl.engine.compile import CompiledSystem
 from rigctl.engine.excitation import Excitation
 from rigctl.engine.simulate import simulate
 from rigctl.engine.splines import NO_SPLINES, SplineColumns
-from rigctl.engine.tolerance import TIGHT
+from rigctl.engine.tolerance import DEFAULT, TIGHT, Tolerance
 from rigctl.engine.trajectories import Trajectories
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 #: times the median over the records; the conditions of a campaign make some ten
-_SPOILT = 100.0
-#: columns that are spoilt together: one alone may belong to an effect that acts in few records
+_BEYOND = 100.0
+#: columns that are beyond together: one alone may belong to an effect that acts in few records
 _TOGETHER = 2
 #: records from which on one can be told from the others
 _FEWEST = 4
+#: finer steps, half as many again, under which right derivatives stay as they are
+_FINER = Tolerance(relative=0.3 * DEFAULT.relative, absolute=0.3 * DEFAULT.absolute)
+#: share of its length by which such a column may change: right ones have changed by 0.3 at most, spoilt ones
+#: by 4 at least
+_STAYS = 0.7
 
 
 def simulate_soundly(
@@ -41,7 +50,8 @@ def simulate_soundly(
 ) -> Trajectories:
     """As `simulate`; records whose derivatives are spoilt have those of a tight integration.
 
-    That is made when one of them is first asked for: a fit that takes its step back asks for none.
+    Those that only look it have the derivatives of the finer steps that told so. Either is made when one of
+    them is first asked for: a fit that takes its step back asks for none.
     """
     how: dict[str, Any] = {
         "columns": columns,
@@ -50,24 +60,26 @@ def simulate_soundly(
         "splines": splines,
     }
     simulated = simulate(compiled, excitations, **how)
-    spoilt = spoilt_records(simulated) if simulated.ok and simulated.columns else []
-    if not spoilt:
+    suspects = beyond_the_others(simulated) if simulated.ok and simulated.columns else {}
+    if not suspects:
         return simulated
 
-    def again() -> Trajectories:
-        return simulate(compiled, [excitations[index] for index in spoilt], tolerance=TIGHT, **how)
+    def again(indices: Sequence[int], tolerance: Tolerance) -> Trajectories:
+        return simulate(compiled, [excitations[index] for index in indices], tolerance=tolerance, **how)
 
-    return replace(simulated, sensitivities=_Mended(simulated.sensitivities, spoilt, again))
+    return replace(simulated, sensitivities=_Mended(simulated.sensitivities, suspects, again))
 
 
 class _Mended(Sequence[Floats]):
-    """Derivatives of all records, of which those at `spoilt` are worked out when one is first asked for."""
+    """Derivatives of all records; those of the `suspects` are looked into when one is first asked for."""
 
     def __init__(
-        self, slopes: Sequence[Floats], spoilt: Sequence[int], again: Callable[[], Trajectories]
+        self,
+        slopes: Sequence[Floats],
+        suspects: Mapping[int, Flags],
+        again: Callable[[Sequence[int], Tolerance], Trajectories],
     ) -> None:
-        self._slopes, self._spoilt, self._again = list(slopes), frozenset(spoilt), again
-        self._order = tuple(spoilt)
+        self._slopes, self._suspects, self._again = list(slopes), dict(suspects), again
 
     def __len__(self) -> int:
         return len(self._slopes)
@@ -79,27 +91,54 @@ class _Mended(Sequence[Floats]):
     def __getitem__(self, index: int | slice) -> Floats | list[Floats]:
         if isinstance(index, slice):
             return [self[k] for k in range(*index.indices(len(self)))]
-        if self._spoilt and range(len(self))[index] in self._spoilt:
+        if range(len(self))[index] in self._suspects:
             self._mend()
         return self._slopes[index]
 
     def _mend(self) -> None:
-        found = self._again()
-        for index, slopes, failure in zip(self._order, found.sensitivities, found.failures, strict=True):
-            if failure is None:
-                self._slopes[index] = slopes
-        self._spoilt = frozenset()
+        spoilt = []
+        for index, finer in self._integrated(list(self._suspects), _FINER):
+            beyond = self._suspects[index]
+            if finer is not None and _stay(self._slopes[index][:, beyond], finer[:, beyond]):
+                self._slopes[index] = finer
+            else:
+                spoilt.append(index)
+        for index, right in self._integrated(spoilt, TIGHT):
+            if right is not None:
+                self._slopes[index] = right
+        self._suspects = {}
+
+    def _integrated(self, indices: Sequence[int], tolerance: Tolerance) -> list[tuple[int, Floats | None]]:
+        """Each with its derivatives; None where it could not be integrated."""
+        if not indices:
+            return []
+        found = self._again(indices, tolerance)
+        return [
+            (index, slopes if failure is None else None)
+            for index, slopes, failure in zip(indices, found.sensitivities, found.failures, strict=True)
+        ]
 
 
-def spoilt_records(simulated: Trajectories) -> list[int]:
-    """The places of records whose derivatives are far beyond the others', in several columns at once."""
+def _stay(coarse: Floats, finer: Floats) -> bool:
+    """Whether (samples, columns) are nearly what they are with finer steps."""
+    if not (np.isfinite(coarse).all() and np.isfinite(finer).all()):
+        return False
+    changes, lengths = (np.linalg.norm(one, axis=0) for one in (finer - coarse, finer))
+    shorter = np.minimum(lengths, np.linalg.norm(coarse, axis=0))
+    return bool(np.all(changes <= _STAYS * shorter))
+
+
+def beyond_the_others(simulated: Trajectories) -> dict[int, Flags]:
+    """The places of records whose derivatives are far beyond the others' in several columns at once, and
+    (outputs, columns) of which."""
     if len(simulated.sensitivities) < _FEWEST:
-        return []
+        return {}
     sizes = np.array([_sizes(slopes) for slopes in simulated.sensitivities])
     median = np.median(sizes, axis=0)
-    beyond = np.any((sizes > _SPOILT * median) & (median > 0.0), axis=1)
+    beyond = (sizes > _BEYOND * median) & (median > 0.0)
     wanted = min(_TOGETHER, sizes.shape[2])
-    return [int(index) for index in np.flatnonzero(np.count_nonzero(beyond, axis=1) >= wanted)]
+    found = np.flatnonzero(np.count_nonzero(beyond.any(axis=1), axis=1) >= wanted)
+    return {int(index): beyond[index] for index in found}
 
 
 def _sizes(slopes: Floats) -> Floats:
