@@ -176,7 +176,7 @@ def test_the_rig_time_is_the_preview_s(result: DesignResult) -> None:
     [
         (("--separate", "coulomb_frictoin,none"), "did you mean 'coulomb_friction'"),
         (("--separate", "coulomb_friction"), "two names are needed"),
-        (("--separate", "none,none"), "cannot be told from itself"),
+        (("--separate", "none,none"), "cannot be distinguished from itself"),
         (("--budget", "5 s"), "the budget is too small for any record"),
         (("--budget", "30 mm"), "no time"),
         (("--budget", "-3 min"), "no time is left"),

@@ -59,7 +59,7 @@ def test_a_bench_that_answers_otherwise_than_every_rival_breaks_the_promise() ->
     how = ("--from", first, "--with", "sensor_lag", "--yes", "--max-rounds", "3")
     learned = answer("learn", STEPS[0], "--model", model.as_posix(), *how)
     assert learned["ended"] == "outside_library"
-    assert "the bench answered otherwise than every rival said" in learned["statement"]
+    assert "the bench behaved differently from every rival's prediction" in learned["statement"]
     asked, answered = learned["rounds"]
     assert "radiation" in asked["classes"][0]
     assert answered["promised"]["probability"] > 0.5

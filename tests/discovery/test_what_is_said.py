@@ -84,9 +84,9 @@ def test_too_weak_says_what_would_do() -> None:
     said = _too_weak(Map((located("friction", 24.0, 0.3),), (), 210, 56.0, 8.0))
     assert "210 places" in said
     assert "friction over velocity" in said
-    assert "it would take 8.0" in said
+    assert "8.0 are needed" in said
     assert "4 times as many records" in said
-    assert "at no place" in _too_weak(Map((), (), 0, 0.0, 8.0))
+    assert "at any location" in _too_weak(Map((), (), 0, 0.0, 8.0))
 
 
 def test_one_condition_and_what_only_a_constant_of_each_record_would_be_are_said() -> None:
@@ -155,19 +155,19 @@ VELOCITY_ONLY = formula("friction", "velocity")
             made((VELOCITY_ONLY,), replace(located("friction", 400.0), alike=("load",))),
             ["friction", "load"],
             [["velocity"]],
-            ", its place not sure (friction or load), over velocity: one formula of 50, first size*veloc",
+            ", its location uncertain (friction or load), over velocity: one formula of 50, first size*veloc",
         ),
         (  # another place explains as much, though no formula of it is in the set
             made((VELOCITY_ONLY,), located("friction", 400.0), located("mass", 399.0)),
             ["friction", "mass"],
             [["velocity"]],
-            ", its place not sure (friction or mass), over velocity",
+            ", its location uncertain (friction or mass), over velocity",
         ),
         (  # two formulas of one place, of different variables
             made((VELOCITY_ONLY, formula("friction", "position")), located("friction", 400.0)),
             ["friction"],
             [["velocity"], ["position"]],
-            " at friction, not sure over what (velocity or position): 2 formulas that",
+            " at friction, its variable uncertain (velocity or position): 2 formulas that",
         ),
         (  # one formula, of which another at another place and over another variable is the same
             made(
@@ -176,13 +176,13 @@ VELOCITY_ONLY = formula("friction", "velocity")
             ),
             ["friction", "load"],
             [["velocity"], ["spool"]],
-            ", its place and what it depends on not sure (friction over velocity or load over spool): one",
+            ", its location and variable uncertain (friction over velocity or load over spool): one",
         ),
         (
             made((), located("friction", 400.0), located("mass", 399.0)),
             ["friction", "mass"],
             [["velocity"]],
-            ", its place not sure (friction or mass), over velocity; none of 50 formulas pays",
+            ", its location uncertain (friction or mass), over velocity; none of 50 formulas is worth",
         ),
     ],
 )

@@ -117,7 +117,8 @@ def test_a_drag_at_one_place_needs_two_variables_and_takes_energy_out(
     assert best.passive == "takes energy out"
     # a force on the mass does the same as a drag on it: which of the two it is, is not claimed
     said = (
-        "A term is missing, its place not sure (velocity_rate or force_input), over position and velocity: "
+        "A term is missing, its location uncertain (velocity_rate or force_input), over position and "
+        "velocity: "
     )
     assert found.statement.startswith(said)
     document = found.document()

@@ -66,7 +66,7 @@ def test_what_goes_with_the_time_has_no_formula(folder: Path) -> None:
     write_log(folder / "log.csv", bend=0.0, ripple=1.0)
     told("import", "log.csv", "--rig", "rig.yaml")
     found = answer("discover", "latest", "--model", "model.yaml", "-o", "effects")
-    assert "no formula is it" in found["statement"]
+    assert "no formula describes" in found["statement"]
     assert found["formulas"]
     assert not any(one["accepted"] or one["file"] for one in found["formulas"])
     assert found["formulas"][0]["share_left"] > 0.5

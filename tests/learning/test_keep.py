@@ -117,7 +117,7 @@ def test_only_what_more_of_it_could_change_goes_on(tmp_path: Path, ended: Ended)
 
 
 def test_there_may_be_nothing_to_go_on_with(tmp_path: Path) -> None:
-    with pytest.raises(RigctlError, match="there is nothing to go on with"):
+    with pytest.raises(RigctlError, match="there is nothing to continue"):
         Kept.find(tmp_path)
 
 

@@ -292,7 +292,7 @@ def test_a_size_is_told_as_well_as_it_was_asked_for(stand: Any) -> None:
     out = learned.rounds[-1].came_out
     assert out.sizes == {"leak.conductance": 1e-16}
     assert out.statement == (
-        "leak.conductance is known to ± 1e-16 m^3 (95 %), ± 1e-16 was expected, ± 3e-16 before"
+        "leak.conductance is known to within ± 1e-16 m^3 (95 %), expected ± 1e-16, before ± 3e-16"
     )
     assert stand([VAGUE]).learner.learn().ended is Ended.ADEQUATE  # nobody asked for its size
     blunt = design(names=("leak",), sharpened=replace(SHARPER, after=2.99e-16))

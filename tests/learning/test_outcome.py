@@ -38,7 +38,7 @@ def test_the_gain_is_the_change_of_the_margin() -> None:
     assert out.kept
     assert out.gains == {"drift": pytest.approx(25.0 - 3.0)}
     assert out.expected == {"drift": 20.0}
-    assert out.statement == "leak is told apart: its margin over drift grew by 22, 20 were expected"
+    assert out.statement == "leak is distinguished: its margin over drift increased by 22 (expected: 20)"
 
 
 def test_the_other_one_may_win() -> None:
@@ -68,7 +68,7 @@ def test_a_bench_that_answers_otherwise_than_every_rival_breaks_the_promise(foun
     out = what_came_out(promised(), found)
     assert not out.kept
     assert out.winner == ""
-    assert "answered otherwise than every rival said" in out.statement
+    assert "behaved differently from every rival's prediction" in out.statement
 
 
 def test_one_that_was_left_and_not_designed_for_is_no_surprise() -> None:

@@ -49,7 +49,7 @@ def _in_words(one: ProposedRecord) -> str:
     settings = ", ".join(f"{name} {value}" for name, value in one.settings.items())
     text = f"{settings}: {'; '.join(one.steps)}" if settings else "; ".join(one.steps)
     if one.duration:
-        text += f"; {clock_time(one.duration)} of the rig's time"
+        text += f"; {clock_time(one.duration)} of bench time"
     return text if one.widest is None else f"{text}. {one.widest.statement}"
 
 

@@ -64,9 +64,7 @@ def show_learned(learned: Learned, folder: Path, page: Path) -> None:
     out.print(
         f"  added {escape(added)}; {escape(learned.model)} is at version {learned.version}", soft_wrap=True
     )
-    out.print(
-        f"  {clock_time(learned.spent)} of the rig's time; the story: {escape(str(page))}", soft_wrap=True
-    )
+    out.print(f"  {clock_time(learned.spent)} of bench time; the story: {escape(str(page))}", soft_wrap=True)
     if learned.sensor:
         names = " and ".join(learned.sensor)
         out.print(f"  with {escape(names)} measured too, they would be told apart", soft_wrap=True)
@@ -82,7 +80,7 @@ def _lead_on(learned: Learned, folder: Path) -> None:
         discover = command(["discover", *runs, "--model", learned.model])
         show_next(discover, "looks for a formula of what no effect of the library is")
     elif learned.ended is Ended.BUDGET:
-        show_next("rigctl learn --resume --budget 1h", "goes on with more of the rig's time")
+        show_next("rigctl learn --resume --budget 1h", "continues with more bench time")
     elif learned.ended is Ended.ROUNDS:
         show_next("rigctl learn --resume --max-rounds 10", "goes on with more rounds")
     elif learned.ended is Ended.DECLINED:

@@ -1,1 +1,1 @@
-"""Using a model: the set-point that keeps a quantity where it is wanted while the operating point drifts."""
+"""Using a model: the set-point that keeps a quantity at its target while the operating point drifts."""

@@ -1,4 +1,4 @@
-"""The procedure that checks a schedule: pairs of records, with it and without, in a random order."""
+"""The procedure that checks a schedule: pairs of records, with and without it, in random order."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ from rigctl.design.rig_file import rig_reference
 from rigctl.errors import RigctlError
 from rigctl.units import parse_quantity, show
 
-#: operating points of the check, and pairs of records at each: 2⁻⁸ is the chance of the best order of eight
+#: operating points of the check, and pairs of records at each: the best order of eight pairs has probability
+#: 2⁻⁸
 _POINTS, _PAIRS = 4, 2
-#: digits of a set-point that a person turns a valve to
+#: digits of a set-point that is set by hand
 _DIGITS = 4
-#: names of the sweeps that say what a record is
+#: names of the sweeps that identify a record
 PAIR, COMPENSATED, TARGET = "pair", "compensated", "target"
 
 
@@ -32,7 +33,7 @@ def argument_of(measure: TakenMeasure, predictor: Predictor) -> str:
     Raises
     ------
     RigctlError
-        none, or several, of them had the values that were set.
+        no argument had the values that were set, or several had.
     """
     problem = predictor.fit.problem
     outputs = problem.measurements.outputs
@@ -66,9 +67,9 @@ def _is(text: str, value: float) -> bool:
 def procedure_text(
     schedule: Schedule, measure: TakenMeasure, predictor: Predictor, runs: Sequence[Run], seed: int
 ) -> str:
-    """Records with the scheduled set-point and with the fixed one, in pairs, their order drawn with `seed`.
+    """Records with the scheduled set-point and with the fixed one, in pairs, their order random with `seed`.
 
-    The operating points rise. In every record stands which pair it is of, and whether it is compensated.
+    The operating points increase. Every record states its pair, and whether it is compensated.
 
     Raises
     ------
@@ -102,13 +103,13 @@ def procedure_text(
 
 
 def _chosen(rows: Sequence[Row]) -> list[Row]:
-    """Some of the rows, the first and the last among them."""
+    """Some of the rows, including the first and the last."""
     at = np.unique(np.linspace(0, len(rows) - 1, min(_POINTS, len(rows))).round().astype(int))
     return [rows[int(k)] for k in at]
 
 
 def _brought(over: Lever, value: float) -> list[str]:
-    """The step that brings an operating point about; where no step can, the operator is asked."""
+    """The step that establishes an operating point; if no step can, a prompt to the operator."""
     text = show(value, over.unit, digits=_DIGITS)
     if over.role == "heat":
         return [f"- heat: {{to: {text}, within: 0.5 K, settle: 60 s, timeout: 4 h}}"]
@@ -127,7 +128,7 @@ def _record(schedule: Schedule, argument: str, value: float, pair: int, compensa
 
 
 def beside(schedule: Schedule, folder: Path) -> str:
-    """The procedure as it is written into a folder: what it calls is named from there, where that can be."""
+    """The procedure as written into a folder: the called procedure is named relative to it, if possible."""
     try:
         near = os.path.relpath(schedule.called, folder.absolute())
     except ValueError:  # on another drive

@@ -1,9 +1,10 @@
-"""Whether a schedule holds: records with it and without, in pairs whose order was drawn.
+"""Whether a schedule works: records with and without it, in pairs in random order.
 
 The error is the quantity less its target, the ratio that of the root mean squares with and without the
-schedule. Were the schedule's error r times the other, ``|e_with|/r`` and ``|e_without|`` of a pair could
-change places: the largest r that this is not rejected at is the ratio's upper bound, exact for any
-distribution of the errors as the order was drawn (R. A. Fisher, The Design of Experiments, 1935).
+schedule. If the schedule's error is r times the other, ``|e_with|/r`` and ``|e_without|`` of a pair are
+exchangeable: the largest r for which this is not rejected is the ratio's upper bound, exact for any
+    distribution of the errors
+because the order was randomised (R. A. Fisher, The Design of Experiments, 1935).
 """
 
 from __future__ import annotations
@@ -25,20 +26,20 @@ Floats = NDArray[np.float64]
 
 #: one-sided level of the bound
 LEVEL = 0.05
-#: orders that are all looked at; of more, so many are drawn
+#: largest number of pairs for which all orders are enumerated; for more, number of random orders
 _ALL, _DRAWN = 12, 20_000
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the pairs say of a schedule.
+    """The result of the pairs for a schedule.
 
     Attributes
     ----------
     quantity, target: SI, shown in `unit`.
-    pairs: how many.
+    pairs: number of pairs.
     with_it, without: root mean square errors, SI.
-    ratio: of the two; `bound` its upper bound at 95 %, infinite where so few pairs give none.
+    ratio: of the two; `bound` its upper bound at 95 %, infinite if there are too few pairs for one.
     accepted: the bound is below 1.
     """
 
@@ -54,7 +55,7 @@ class Verdict:
 
     @property
     def accepted(self) -> bool:
-        """Whether the schedule makes the error smaller, and not by chance."""
+        """Whether the schedule significantly reduces the error."""
         return self.bound < 1.0
 
     @property
@@ -92,12 +93,12 @@ class Verdict:
 
 
 def judge(runs: Sequence[Run]) -> Verdict:
-    """Judge the recorded pairs of a check; a pair of which a record is missing or excluded does not count.
+    """Judge the recorded pairs of a check; a pair with a missing or excluded record does not count.
 
     Raises
     ------
     RigctlError
-        these are no runs of such a check, or of different ones.
+        these are not runs of such a check, or of different ones.
     """
     quantity, target, unit = _asked(runs)
     errors: dict[tuple[str, float], dict[bool, float]] = {}
@@ -127,10 +128,10 @@ def judge(runs: Sequence[Run]) -> Verdict:
 
 
 def upper_bound(with_it: Floats, without: Floats, level: float = LEVEL) -> float:
-    """The largest ratio r that pairs of errors do not reject, of ``with_it`` over ``without``.
+    """The largest ratio r of ``with_it`` to ``without`` that pairs of errors do not reject.
 
-    p(r) is the share of all orders in which the ratio of ``|e_with|/r`` to ``|e_without|`` comes out as small
-    as it did, and falls as r grows; infinite where so few pairs reject none.
+    p(r) is the share of all orders in which the ratio of ``|e_with|/r`` to ``|e_without|`` is at most the
+    observed one; it decreases as r increases. Infinite if there are too few pairs to reject any.
     """
     a, b = np.abs(with_it), np.abs(without)
     if 0.5**a.size > level or not b.any():
@@ -157,11 +158,11 @@ def upper_bound(with_it: Floats, without: Floats, level: float = LEVEL) -> float
 
 
 def _orders(pairs: int) -> Floats:
-    """(orders, pairs) 1 where the records of a pair change places; all, or a drawn sample of them."""
+    """(orders, pairs) 1 where the records of a pair are exchanged; all orders, or a random sample."""
     if pairs <= _ALL:
         return ((np.arange(2**pairs)[:, None] >> np.arange(pairs)) & 1).astype(float)
     drawn = np.random.default_rng(0).integers(0, 2, (_DRAWN, pairs)).astype(float)
-    drawn[0] = 0.0  # as it was
+    drawn[0] = 0.0  # the observed order
     return drawn
 
 

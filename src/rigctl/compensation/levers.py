@@ -1,4 +1,4 @@
-"""What is varied, and what it is varied over: how each acts on a record, and how far the rig goes."""
+"""What is varied, and over what: how each acts on a record, and the range of the rig."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Lever:
-    """A quantity of the operating point that a record begins with.
+    """A quantity of the operating point at the start of a record.
 
     Attributes
     ----------
     name: of the channel, or of the input.
-    unit: that it is shown in.
-    low, high: how far the rig goes, SI; infinite where nothing says.
-    role: ``heat``, ``set_pressure``, or "" of an input of the model.
-    inputs: columns of a record's inputs that it sets, each with the factor to them.
+    unit: in which it is shown.
+    low, high: range of the rig, SI; infinite if not stated.
+    role: ``heat``, ``set_pressure``, or "" for an input of the model.
+    inputs: columns of a record's inputs that it sets, each with its factor.
     """
 
     name: str
@@ -40,34 +40,34 @@ class Lever:
         """Its value in a record, SI: as set, or as first read."""
         if self.inputs:
             column, factor = self.inputs[0]
-            course = record.inputs[:, column] / factor  # the last may be what is set for the next record
+            course = record.inputs[:, column] / factor  # the last value may be set for the next record
             return float(course[np.argmax(course != 0.0)])
         present = record.values[:, list(outputs).index(self.name)]
         present = present[np.isfinite(present)][:5]
         return float(np.median(present)) if present.size else float("nan")
 
     def steady(self, record: MeasuredRecord) -> bool:
-        """Whether it has one value all through a record, but for times at which it is off."""
-        inside = record.switch_times < record.times[-1] - 1e-9  # at its end the next one may be set
+        """Whether it has a single value throughout a record, apart from times at which it is off."""
+        inside = record.switch_times < record.times[-1] - 1e-9  # at its end the next value may be set
         courses = (record.inputs[inside, column] for column, _ in self.inputs)
         return all(np.unique(course[course != 0.0]).size <= 1 for course in courses)
 
     def set(self, inputs: Floats, value: float) -> None:
-        """Write it into a record's inputs, wherever they are not off."""
+        """Write it into a record's inputs, except where they are off."""
         for column, factor in self.inputs:
             course = inputs[:, column]
             on = course != 0.0 if bool(course.any()) else np.ones(course.size, dtype=bool)
             inputs[on, column] = value * factor
 
     def recipe(self, recipe: Recipe, value: float) -> Recipe:
-        """As a recipe has it."""
+        """The recipe with this value."""
         if self.role == "heat":
             return replace(recipe, temperature=value)
         return replace(recipe, pressure=value) if self.role == "set_pressure" else recipe
 
 
 def levers_of(stage: Stage, records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> dict[str, Lever]:
-    """All that a record of this rig may begin with, by name."""
+    """All quantities with which a record of this rig may start, by name."""
     rig = stage.rig
     known = {free.name: free for scheme in schemes_of(stage, records) for free in scheme.free}
     found: dict[str, Lever] = {}
@@ -107,12 +107,12 @@ def _shown(stage: Stage) -> list[tuple[str, str]]:
 
 
 def lever(known: Mapping[str, Lever], name: str, option: str) -> Lever:
-    """The one that was asked for.
+    """The requested quantity.
 
     Raises
     ------
     RigctlError
-        there is none; it says the nearest.
+        there is none; the message gives the nearest name.
     """
     if name not in known:
         if not known:

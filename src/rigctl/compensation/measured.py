@@ -1,4 +1,4 @@
-"""The quantity that is kept: a measure that the procedure of the runs takes in every record."""
+"""The quantity to be kept: a measure that the procedure of the runs computes in every record."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Target:
-    """What is to be kept: the name of a measure, its value, SI, and the unit it was written in."""
+    """The target: the name of a measure, its value, SI, and the unit in which it was written."""
 
     name: str
     value: float
@@ -38,7 +38,7 @@ class Target:
         Raises
         ------
         RigctlError
-            it is no such thing.
+            the text has another form.
         """
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals and value):
@@ -56,13 +56,13 @@ class Target:
 
 @dataclass(frozen=True)
 class TakenMeasure:
-    """A measure as the procedure takes it.
+    """A measure as computed by the procedure.
 
     Attributes
     ----------
     at: s from a record's first sample.
-    file: the procedure that makes one record, and the `arguments` it was called with in each, as written: by
-        run and index of the record.
+    file: the procedure that makes one record, and the `arguments` with which it was called in each, as
+        written: by run and index of the record.
     """
 
     measure: Measure
@@ -72,7 +72,7 @@ class TakenMeasure:
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """What it is computed from."""
+        """The channels from which it is computed."""
         return tuple(dict.fromkeys(one.channel for one in self.measure.statistics))
 
     def of(self, times: Floats, values: Mapping[str, Floats], switches: Floats) -> float:
@@ -90,12 +90,12 @@ class TakenMeasure:
 
 
 def find_measure(runs: Sequence[Run], rig: Rig, target: Target) -> TakenMeasure:
-    """The measure of that name, from the procedure that the runs were made by.
+    """The measure with that name, from the procedure by which the runs were made.
 
     Raises
     ------
     RigctlError
-        the runs have no such measure, or their procedure is not there any more, or is another one.
+        the runs have no such measure, or their procedure no longer exists or has changed.
     """
     for run in runs:
         named = sorted({str(one) for one in run.info["measures"]} | _measures_of_records(run))
@@ -127,7 +127,7 @@ def _measures_of_records(run: Run) -> set[str]:
 
 
 def _when(runs: Sequence[Run], name: str) -> float:
-    """s from a record's beginning at which it is taken, the median of all."""
+    """Time after a record's start at which it is computed, s, the median of all."""
     times = []
     for run in runs:
         begins = dict(zip(run.records["record"], run.records["start"], strict=True))
@@ -157,7 +157,7 @@ def _plan_of(run: Run, rig: Rig) -> Plan:
 
 
 def _records(node: Node, call: Group | None) -> Iterator[tuple[RecordNode, Group | None]]:
-    """Every record with the innermost call that it stands in."""
+    """Every record with the innermost call that contains it."""
     if isinstance(node, RecordNode):
         yield node, call
         return

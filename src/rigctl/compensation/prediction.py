@@ -1,4 +1,4 @@
-"""The kept quantity as a model predicts it at operating points that nobody has measured."""
+"""The kept quantity as predicted by a model at operating points that have not been measured."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rigctl.units import show
 
 Floats = NDArray[np.float64]
 
-#: standard deviations by which unknowns are moved to see what they do
+#: step of the unknowns for numerical derivatives, in standard deviations
 _STEP = 0.1
 
 
@@ -31,8 +31,8 @@ class Point:
 
     Attributes
     ----------
-    common: its standard deviation by the fitted parameters, which all records share.
-    scatter: by what each record has of its own: settings and zeros.
+    common: its standard deviation due to the fitted parameters, shared by all records.
+    scatter: that due to record-level variation of settings and zeros.
     """
 
     value: float
@@ -63,7 +63,7 @@ class Predictor:
         Raises
         ------
         RigctlError
-            the model has no value at one of them.
+            the model cannot be simulated at one of them.
         """
         outlines = self._outlines(points)
         courses = outlines.simulate()
@@ -76,12 +76,12 @@ class Predictor:
         )
 
     def with_spread(self, points: Sequence[tuple[float, float]]) -> list[Point]:
-        """The same with what is not known of it.
+        """The same with its uncertainty.
 
         Raises
         ------
         RigctlError
-            the model has no value at one of them.
+            the model cannot be simulated at one of them.
         """
         outlines = self._outlines(points)
         predicted = outlines.predicted()
@@ -102,7 +102,7 @@ class Predictor:
         )
 
     def _slopes(self, record: MeasuredRecord, outputs: Floats, slopes: Floats, widths: Floats) -> Floats:
-        """(columns) of the quantity: of statistics that pick a sample, through the samples."""
+        """(columns) derivatives of the quantity; for statistics that select a sample, through the samples."""
         found = np.zeros(slopes.shape[2])
         for k, width in enumerate(widths.tolist()):
             step = _STEP * width
@@ -112,7 +112,7 @@ class Predictor:
         return found
 
     def _covariance(self, rival: Rival) -> Floats:
-        """(p, p) of the common unknowns, each in its typical size; wider where the model leaves something."""
+        """(p, p) of the common unknowns, each in its typical size; larger if the model leaves a misfit."""
         solution, sizes = self.fit.solution, rival.sizes
         if solution is None or not sizes.size:
             return np.zeros((sizes.size, sizes.size))
@@ -124,7 +124,7 @@ class Predictor:
         return Outlines(Rival("model", trial, 0.0, 1.0), [self.record(*point) for point in points])
 
     def record(self, over: float, vary: float) -> MeasuredRecord:
-        """A record at an operating point; of its readings only the first are known."""
+        """A record at an operating point, of whose readings only the first are known."""
         template, outputs = self.template, self.fit.problem.measurements.outputs
         inputs = template.inputs.copy()
         recipe = Recipe((), 1.0)

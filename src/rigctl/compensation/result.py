@@ -1,4 +1,4 @@
-"""A set-point schedule: what to set while the operating point drifts, how sure that is, where it holds."""
+"""A set-point schedule: what to set while the operating point drifts, how certain that is, and its range."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ class Row:
     Attributes
     ----------
     over: the operating point.
-    vary: the set-point; NaN where the rig does not go so far.
-    std: its standard deviation, by the fitted parameters.
-    kept: what the quantity comes to, and `scatter`, from record to record, its standard deviation there.
-    fixed: what it would be with the set-point left where it is in the middle of the range.
+    vary: the set-point; NaN if it is beyond the rig's range.
+    std: its standard deviation, due to the fitted parameters.
+    kept: the resulting quantity, and `scatter` its standard deviation from record to record.
+    fixed: the quantity with the set-point of the middle of the range.
     """
 
     over: float
@@ -41,19 +41,19 @@ class Row:
 
 @dataclass(frozen=True)
 class Schedule:
-    """A set-point over an operating variable that keeps a quantity.
+    """A set-point over an operating variable that keeps a quantity at its target.
 
     Attributes
     ----------
-    quantity, target: what is kept, SI in `unit`.
-    vary, over: names, with the units that they are shown in.
+    quantity, target: what is kept, SI, in `unit`.
+    vary, over: names, with the units in which they are shown.
     rows: in the order of `over`.
-    fixed: the set-point that is compared with: that in the middle of the range, SI.
-    off: the largest error by interpolating between two rows, SI of the quantity.
-    valid: (name, low, high, unit) what the data visited, SI.
+    fixed: the set-point of the middle of the range, SI, used for comparison.
+    off: the largest error from interpolation between two rows, SI, of the quantity.
+    valid: (name, low, high, unit) ranges of the data, SI.
     ends: where and why the schedule ends, a sentence each.
     called: path of the procedure that makes one record.
-    procedure: text of the check by randomised records, which calls it; "" where there is none.
+    procedure: text of the check by randomised records, which calls it; "" if there is none.
     """
 
     runs: tuple[str, ...]
@@ -81,7 +81,7 @@ class Schedule:
         return tuple(row for row in self.rows if row.reached)
 
     def document(self) -> dict[str, Any]:
-        """The machine-readable answer; numbers in the units that are named."""
+        """The machine-readable answer; numbers in the stated units."""
         q, v, o = self.unit, self.vary_unit, self.over_unit
         return {
             "runs": list(self.runs),

@@ -1,8 +1,8 @@
-"""Work out the set-point that keeps a quantity over an operating variable.
+"""Compute the set-point that keeps a quantity at its target over an operating variable.
 
 At each operating point x the model's prediction q(x, u) is solved for ``q(x, u) = q*``. The set-point's
-standard deviation follows from that of the prediction by the fitted parameters, ``σ_u = √(gᵀΣg)/|∂q/∂u|``;
-what each record has of its own comes on top, of the quantity itself.
+standard deviation follows from that of the prediction due to the fitted parameters, ``σ_u =
+√(gᵀΣg)/|∂q/∂u|``; the record-level variation of the quantity itself is added separately.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from rigctl.units import parse_unit, show
 
 Floats = NDArray[np.float64]
 
-#: rows of a schedule, and set-points at which the quantity is first looked at
+#: number of rows of a schedule, and of set-points at which the quantity is first evaluated
 ROWS, _LOOKED_AT = 7, 7
-#: steps by which a set-point is found within its bracket
+#: number of iterations to find a set-point within its bracket
 _STEPS = 10
-#: a quantity that changes by less than this share of its scatter over all set-points does not depend on them
+#: a quantity depends on the set-point if it changes by at least this share of its scatter over all set-points
 _NOTHING = 0.1
 
 
@@ -55,14 +55,15 @@ def compensate(
 
     Parameters
     ----------
-    keep: ``stroke = 110 mm``: a measure that the procedure of the runs takes in its records, and its value.
-    vary: what is set, a channel with a `set_pressure` or an actuator; `over` what it is set for.
+    keep: ``stroke = 110 mm``: a measure that the procedure of the runs computes in its records, and its
+        value.
+    vary: what is set, a channel with a `set_pressure` or an actuator; `over` the operating variable.
     seed: of the random order of the records that check it.
 
     Raises
     ------
     RigctlError
-        the runs have no such measure, or the model predicts no channel of it; nothing of that name can be
+        the runs have no such measure, or the model predicts none of its channels; nothing of that name can be
         set; setting it changes nothing; the target is out of reach everywhere.
     """
     said = on_progress or (lambda _: None)
@@ -75,7 +76,7 @@ def compensate(
         raise RigctlError("these runs are of no rig, so that nothing can be set", value=runs[0].id)
     measure = find_measure(runs, rig, target)
     _require_predicted(measure, target, fit)
-    said("Looking for the set-points")
+    said("Computing the set-points")
     predictor = _predictor(fit, rig, measure, vary, over)
     found = _solved(predictor, target, _range(predictor.over, fit), max(rows, 2))
     valid = tuple((one.name, *_range(one, fit), one.unit) for one in (predictor.over, predictor.vary))
@@ -148,7 +149,7 @@ def _predictor(fit: FitResult, rig: Rig, measure: TakenMeasure, vary: str, over:
 
 
 def _range(one: Lever, fit: FitResult) -> tuple[float, float]:
-    """What the fitted records visit of it."""
+    """Its range in the fitted records."""
     outputs = fit.problem.measurements.outputs
     values = np.array([one.of(fit.problem.records[k], outputs) for k in fit.fitted])
     values = values[np.isfinite(values)]
@@ -163,8 +164,7 @@ def _range(one: Lever, fit: FitResult) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class _Solved:
-    """The rows, and what was seen on the way to them: `reach`, (rows, 2), is the quantity at the lowest and
-    at the highest set-point."""
+    """The rows, and `reach` (rows, 2), the quantity at the lowest and at the highest set-point."""
 
     rows: tuple[Row, ...]
     fixed: float
@@ -202,7 +202,7 @@ def _solved(predictor: Predictor, target: Target, span: tuple[float, float], cou
 
 
 def _roots(predictor: Predictor, at: Floats, looked: Floats, excess: Floats, target: Target) -> Floats:
-    """(points) where the quantity is the target, by regula falsi (Illinois) at all points at once; NaN where
+    """(points) where the quantity equals the target, by regula falsi (Illinois) at all points at once; NaN if
     nowhere."""
     sides: list[tuple[int, float, float, float, float]] = []
     for row, one in enumerate(excess):
@@ -247,7 +247,7 @@ def _rows(predictor: Predictor, at: Floats, set_points: Floats, fixed: float) ->
 
 
 def _between(predictor: Predictor, at: Floats, set_points: Floats, target: Target) -> float:
-    """The largest error of the quantity halfway between two rows, the set-point interpolated."""
+    """The largest error of the quantity halfway between two rows, with the set-point interpolated."""
     halfway = [
         (0.5 * float(at[k] + at[k + 1]), 0.5 * float(set_points[k] + set_points[k + 1]))
         for k in range(at.size - 1)
@@ -257,8 +257,8 @@ def _between(predictor: Predictor, at: Floats, set_points: Floats, target: Targe
 
 
 def _ends(found: _Solved, predictor: Predictor, target: Target) -> list[str]:
-    """Where the rig does not go far enough, a sentence for each stretch of operating points, and what the
-    quantity would be there."""
+    """Where the rig's range is insufficient, a sentence for each range of operating points, with the
+    resulting quantity."""
     vary, over, said = predictor.vary, predictor.over, []
     stretch: list[int] = []
     for k, row in enumerate([*found.rows, None]):
@@ -284,8 +284,8 @@ def _ends(found: _Solved, predictor: Predictor, target: Target) -> list[str]:
 
 
 def _crossing(found: _Solved, inside: int, stretch: Sequence[int], side: int, target: Target) -> float:
-    """The operating point between a row that is reached and the next, which is not, where the rig's end is
-    just enough."""
+    """The operating point between a row that is reached and the next, which is not, at which the end of the
+    rig's range is just sufficient."""
     outside = stretch[0] if inside < stretch[0] else stretch[-1]
     a, b = (float(found.reach[one, side]) - target.value for one in (inside, outside))
     x, y = found.rows[inside].over, found.rows[outside].over

@@ -1,4 +1,4 @@
-"""A schedule as files: a table for people and programs, an array for a controller."""
+"""A schedule as files: a table for people and programs, and an array for a controller."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def csv_text(schedule: Schedule) -> str:
 
 
 def header_text(schedule: Schedule) -> str:
-    """A header in C: the points of the schedule, and a function that interpolates and stops at its ends."""
+    """A header in C: the points of the schedule, and a function that interpolates and holds at its ends."""
     rows = [row for row in schedule.document()["rows"] if row["vary"] is not None]
     name = re.sub(r"\W+", "_", f"{schedule.vary}_over_{schedule.over}".casefold())
     over, vary = (", ".join(f"{row[key]:.6g}f" for row in rows) for key in ("over", "vary"))
@@ -64,5 +64,5 @@ static inline float {name}(float at)
 
 
 def _floats(text: str) -> str:
-    """With a point in every literal: ``30f`` is none in C."""
+    """With a decimal point in every literal: ``30f`` is not a literal in C."""
     return re.sub(r"(?<![\d.eE+-])(-?\d+)f\b", r"\1.0f", text)

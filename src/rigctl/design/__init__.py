@@ -1,1 +1,1 @@
-"""What to measure next: records, or a sensor, that would tell the explanations that are left apart."""
+"""What to measure next: records, or a sensor, that would distinguish the remaining explanations."""

@@ -1,7 +1,7 @@
-"""What a set of records is worth: how far apart the rivals are, or how well the one that has won is known.
+"""The worth of a set of records: how far it separates the rivals, or how precisely it determines a size.
 
-What counts is a distance as a share of that which is enough, and no more than all of it: a pair that is told
-apart for sure needs no further record, however far apart one would carry it.
+A distance counts as a share of the sufficient distance, up to 1: a pair that is distinguished reliably needs
+no further record, however far one would separate it.
 """
 
 from __future__ import annotations
@@ -22,43 +22,43 @@ from rigctl.design.rivals import Question, Rival
 from rigctl.design.so_far import Known
 
 Floats = NDArray[np.float64]
-#: places of a truth and of a rival
+#: indices of a truth and of a rival
 Pair: TypeAlias = tuple[int, int]
 
 
-#: D at draws of what is right scatters about D at the fits: what a search relies on is this part of it
+#: D at draws of the truth scatters about D at the fits: a search relies on this share of it
 _SURE = 1.0 / 1.5
-#: just below the D at which a verdict's separation is expected
+#: just below the D that corresponds to the separation required for a verdict
 _NOT_TOLD = 0.999 * (2.0 * LEAST_SEPARATION) ** 2
-#: what the mean over the rivals counts beside the least
+#: weight of the mean over the rivals, beside the least
 _OTHERS = 0.1
 
 
 class Criterion(Protocol):
-    """What is maximised, and what it promises before any draw is looked at."""
+    """The quantity that is maximised, and the probability that it predicts before any draws are used."""
 
     def worth(self, evidence: Evidence) -> float:
-        """Of all new records together: what a search maximises."""
+        """Worth of all new records together, which a search maximises."""
         ...
 
     def separation(self, evidence: Evidence) -> float:
-        """The same as people read it: D, λ², or the logarithm of a ratio of volumes."""
+        """The same as displayed: D, λ², or the logarithm of a ratio of volumes."""
         ...
 
     def promise(self, evidence: Evidence) -> float:
-        """The probability that they answer the question, at the rivals' fits."""
+        """The probability, at the rivals' fits, that the records answer the question."""
         ...
 
 
 @dataclass(frozen=True)
 class Margins:
-    """How far the data so far prefer one rival to another, and how far a verdict asks for.
+    """By how much the data so far prefer one rival to another, and the margin that a verdict requires.
 
     Attributes
     ----------
     mbic: (k) of each rival.
-    chi2: (k) what each leaves.
-    none: the place of the model without any; None where it is no rival.
+    chi2: (k) that each leaves.
+    none: the index of the model without any; None if it is not a rival.
     """
 
     mbic: Floats
@@ -67,7 +67,7 @@ class Margins:
 
     @classmethod
     def of(cls, rivals: Sequence[Rival], none: int | None) -> Margins:
-        """Of rivals that are fitted to the data so far."""
+        """For rivals that are fitted to the data so far."""
         return cls(np.array([one.mbic for one in rivals]), np.array([one.trial.chi2 for one in rivals]), none)
 
     def margin(self, truth: int, rival: int) -> float:
@@ -75,7 +75,7 @@ class Margins:
         return float(self.mbic[rival] - self.mbic[truth])
 
     def threshold(self, truth: int, distances: Floats) -> float:
-        """t, where the truth explains what it does so far and its D from the model without it more."""
+        """t, if the truth explains what it does so far, and its D from the model without it in addition."""
         if self.none is None or self.none == truth:
             return threshold_of(0.0)
         so_far = float(self.chi2[self.none] - self.chi2[truth])
@@ -84,15 +84,16 @@ class Margins:
 
 @dataclass(frozen=True)
 class Discrimination:
-    """``Σ w_i·min_j D_ij`` over the pairs that are to be told apart, each over its overdispersion.
+    """``Σ w_i·min_j D_ij`` over the pairs to be distinguished, each divided by its overdispersion.
 
-    A search maximises it with ``min(D_ij/D*_ij, 1)`` in the place of D_ij, D* being enough; a tenth of the
-    mean over j counts beside the least, so that a pair which nothing tells apart does not hide the others.
+    A search maximises it with ``min(D_ij/D*_ij, 1)`` in place of D_ij, D* being sufficient; a tenth of the
+    mean over j is added to the minimum, so that a pair which no record distinguishes does not hide the
+    others.
 
     Attributes
     ----------
-    reach: by pair, the share of the linear D that stays with the rival really refitted; 1 where nobody asked,
-        and nothing of one that contains the right one.
+    reach: by pair, the share of the linear D that remains when the rival is actually refitted; 1 if not
+        computed, and 0 for a rival that contains the right one.
     """
 
     question: Question
@@ -101,13 +102,13 @@ class Discrimination:
 
     @cached_property
     def margins(self) -> Margins:
-        """Of the rivals."""
+        """Margins of the rivals."""
         names = [one.name for one in self.question.rivals]
         return Margins.of(self.question.rivals, names.index(NONE) if NONE in names else None)
 
     @cached_property
     def rivals_of(self) -> dict[int, tuple[int, ...]]:
-        """By each possible truth, those it is to be told from."""
+        """For each possible truth, the rivals from which it is to be distinguished."""
         found: dict[int, tuple[int, ...]] = {}
         for truth, rival in self.question.pairs:
             found[truth] = (*found.get(truth, ()), rival)
@@ -115,7 +116,7 @@ class Discrimination:
 
     @cached_property
     def weights(self) -> dict[int, float]:
-        """Of the possible truths, one together."""
+        """Weights of the possible truths, with sum 1."""
         raw = {truth: self.question.rivals[truth].weight for truth in self.rivals_of}
         total = sum(raw.values()) or 1.0
         return {truth: weight / total for truth, weight in raw.items()}
@@ -129,12 +130,12 @@ class Discrimination:
         return found
 
     def separation(self, evidence: Evidence) -> float:
-        """At the rivals' fits."""
+        """The criterion at the rivals' fits."""
         found = self.distances(evidence)
         return self.together({pair: float(found[pair]) for pair in self.pairs})
 
     def worth(self, evidence: Evidence) -> float:
-        """At the rivals' fits."""
+        """The worth at the rivals' fits."""
         shares = self._shares(evidence)
         return sum(
             weight * (min(shares[truth]) + _OTHERS * sum(shares[truth]) / len(shares[truth]))
@@ -142,7 +143,7 @@ class Discrimination:
         )
 
     def _shares(self, evidence: Evidence) -> dict[int, list[float]]:
-        """By each possible truth, D of its rivals as shares of what is enough."""
+        """For each possible truth, D of its rivals as shares of what is sufficient."""
         found = self.distances(evidence)
         return {
             truth: [
@@ -153,8 +154,8 @@ class Discrimination:
         }
 
     def so_far(self, pair: Pair) -> float:
-        """D₀ of the data so far; of two that a diagnosis does not tell apart, less than what a verdict asks
-        for: by chance they may be less apart than is expected of two such rivals."""
+        """D₀ of the data so far; for two rivals that a diagnosis does not distinguish, less than a verdict
+        requires: by chance they may be less separated than is expected of two such rivals."""
         truth, rival = pair
         expected = float(self.known.distances[truth, rival])
         names = frozenset((self.question.rivals[truth].name, self.question.rivals[rival].name))
@@ -165,19 +166,19 @@ class Discrimination:
         return enough(margin, so_far, self.margins.threshold(truth, distances))
 
     def promise(self, evidence: Evidence) -> float:
-        """At the rivals' fits, less what draws may take away."""
+        """At the rivals' fits, less an allowance for draws."""
         found = _SURE * self.distances(evidence)
         gains = {pair: Gain(found[pair][None], found[pair][None]) for pair in self.pairs}
         return self.together({pair: self.of_pair(pair, one, found) for pair, one in gains.items()})
 
     def stays(self, pair: Pair) -> float:
-        """The share of a pair's linear D that its rival cannot take up."""
+        """The share of a pair's linear D that its rival cannot absorb."""
         truth, rival = (self.question.rivals[place] for place in pair)
         return 0.0 if rival.contains(truth) else self.reach.get(pair, 1.0)
 
     @property
     def pairs(self) -> tuple[tuple[int, int], ...]:
-        """Those to be told apart."""
+        """The pairs to be distinguished."""
         return self.question.pairs
 
     def of_pair(self, pair: tuple[int, int], gained: Gain, distances: Floats) -> float:
@@ -191,7 +192,7 @@ class Discrimination:
         )
 
     def together(self, of_pairs: dict[tuple[int, int], float]) -> float:
-        """The chance that what is right is told from all its rivals: ``Σ w_i·min_j P_ij``."""
+        """The probability that the right one is distinguished from all its rivals: ``Σ w_i·min_j P_ij``."""
         return sum(
             weight * min(of_pairs[truth, rival] for rival in self.rivals_of[truth])
             for truth, weight in self.weights.items()
@@ -213,7 +214,7 @@ class Detection:
 
     @property
     def none(self) -> int:
-        """The place of the model without any."""
+        """The index of the model without any of the effects."""
         return self.question.pairs[0][1]
 
     def separation(self, evidence: Evidence) -> float:
@@ -232,33 +233,34 @@ class Detection:
         return enough_seen(self.question.rivals[truth].trial.parameters, self.question.library)
 
     def of_each(self, evidence: Evidence) -> dict[int, float]:
-        """The power by effect."""
+        """The power for each effect."""
         return {
             truth: seen(value, self.question.rivals[truth].trial.parameters, self.question.library)
             for truth, value in self.noncentralities(evidence).items()
         }
 
     def promise(self, evidence: Evidence) -> float:
-        """The power, over the effects."""
+        """The power, averaged over the effects."""
         found = self.of_each(evidence)
         return sum(self.question.rivals[truth].weight * value for truth, value in found.items())
 
 
 @dataclass(frozen=True)
 class Precision:
-    """Ds: the logarithm of the ratio of the volumes that the parameters in question are known to."""
+    """Ds-optimality: logarithm of the ratio of the volumes of the confidence regions of the chosen
+    parameters."""
 
     question: Question
     known: Known
 
     @cached_property
     def places(self) -> list[int]:
-        """Of the parameters in question among the common unknowns."""
+        """Indices of the chosen parameters among the common unknowns."""
         names = [unknown.name for unknown in self.question.rivals[0].fit.problem.shared]
         return [k for k, name in enumerate(names) if name in self.question.columns]
 
     def covariance(self, evidence: Evidence | None = None) -> Floats:
-        """Of the parameters in question, scaled, now or with new records."""
+        """Covariance of the chosen parameters, scaled, now or with new records."""
         known = self.known.information[0]
         whole = known if evidence is None else known + evidence.information[0]
         return np.asarray(np.linalg.inv(whole), dtype=float)[np.ix_(self.places, self.places)]
@@ -273,5 +275,5 @@ class Precision:
         return self.worth(evidence)
 
     def promise(self, evidence: Evidence) -> float:
-        """Never so sure that no further record is worth it."""
+        """Never so certain that no further record is worthwhile."""
         return 0.0

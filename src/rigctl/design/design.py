@@ -1,7 +1,7 @@
 """Design the next experiment for a model on its runs.
 
-The explanations that a diagnosis leaves are linearised at their fits (`so_far`), records that the rig can
-make are looked for (`search`), and what the chosen ones promise is computed over draws (`promise`).
+The explanations that a diagnosis leaves are linearised at their fits (`so_far`), a search finds records that
+the rig can make (`search`), and their power is predicted over draws from the posteriors (`promise`).
 """
 
 from __future__ import annotations
@@ -41,13 +41,11 @@ from rigctl.rig.rig import Rig
 from rigctl.tasks import Workers
 from rigctl.units import parse_unit
 
-#: records in a set when nobody says how many
+#: default number of records in a set
 MOST_RECORDS = 4
-#: of records at random, candidates that are tried for each at the most
+#: for records at random, largest number of candidates tried for each
 _TRIES = 50
-_OF_TABLES = (
-    "Of a table rows are designed where effects are to be told apart; 'rigctl diagnose' says what else to do"
-)
+_OF_TABLES = "For a table, rows are designed to distinguish effects; 'rigctl diagnose' says what else to do"
 
 
 @one_thread()
@@ -68,26 +66,26 @@ def design_experiment(
     workers: Workers | None = None,
     on_progress: OnProgress | None = None,
 ) -> DesignResult:
-    """What to measure next so that the explanations which a diagnosis leaves are told apart.
+    """What to measure next to distinguish the explanations that a diagnosis leaves.
 
     Parameters
     ----------
-    budget: of the rig's time, s; without one only `records` counts.
-    records: at most so many; `MOST_RECORDS` when left out.
-    separate: the names of the two to be told apart, instead of all that the diagnosis leaves.
-    precise: effects of the model whose sizes are to be known better, instead of what the diagnosis leaves.
-    sensors: look at the channels that the bench could have, too.
+    budget: of bench time, s; without one only `records` limits the design.
+    records: largest number of records; `MOST_RECORDS` by default.
+    separate: the names of two effects to be distinguished, instead of all that the diagnosis leaves.
+    precise: effects of the model whose sizes are to be estimated better, instead.
+    sensors: also consider the channels that the bench could have.
     seed: of candidates and draws: the same seed gives the same design.
-    hold_out, only, excluded: as of `rigctl.analysis.diagnosis.diagnose`.
-    diagnosis: of the same model on the same runs, where it has been made already.
-    workers: who simulates candidates and refits rivals; the design does not depend on it. This process, on
-        all its cores, when left out.
+    hold_out, only, excluded: as in `rigctl.analysis.diagnosis.diagnose`.
+    diagnosis: of the same model on the same runs, if already made.
+    workers: processes that simulate candidates and refit rivals; the design does not depend on them. By
+        default this process, on all its cores.
 
     Raises
     ------
     RigctlError
-        nothing is left to tell apart, or no such name; the budget is too small for any record; the bench's
-        conditions cannot be set.
+        nothing is left to be distinguished, or a name is unknown; the budget is too small for any record; the
+        bench's conditions cannot be set.
     """
     tell = on_progress or (lambda _: None)
     if separate is not None:
@@ -112,7 +110,7 @@ def design_experiment(
     made = design.result(found, chosen)
     if not sensors and (made.separable or made.aim != "discrimination"):
         return made
-    tell("Looking at the sensors that the bench could have")
+    tell("Evaluating the sensors that the bench could have")
     return design.with_sensors(made, chosen)
 
 
@@ -120,14 +118,14 @@ def design_experiment(
 def random_experiment(
     runs: Sequence[Run], diagnosis: Diagnosis, *, records: int = MOST_RECORDS, seed: int = 0
 ) -> DesignResult:
-    """Records at random points of all that the bench can do, and what they promise: a design's yardstick.
+    """Records at random points of all that the bench can do, and their predicted power: a design's baseline.
 
-    They stay clear of every limit as designed ones do.
+    They keep the same distance from every limit as designed ones.
 
     Raises
     ------
     RigctlError
-        nothing is left to tell apart, or the bench's conditions cannot be set.
+        nothing is left to be distinguished, or the bench's conditions cannot be set.
     """
     question = question_of(diagnosis)
     rig = question.rivals[0].fit.problem.measurements.rig
@@ -139,7 +137,7 @@ def random_experiment(
 def with_next_experiment(
     diagnosis: Diagnosis, runs: Sequence[Run], *, seed: int = 0, on_progress: OnProgress | None = None
 ) -> tuple[Diagnosis, DesignResult | None]:
-    """A diagnosis with its `next_experiment`, and the design; as it is, and None, where nothing is left.
+    """A diagnosis with its `next_experiment`, and the design; unchanged, with None, if nothing is left.
 
     Raises
     ------
@@ -156,7 +154,7 @@ def with_next_experiment(
 
 @dataclass
 class _Design:
-    """Everything that a search and its promise stand on."""
+    """Everything on which a search and its prediction rest."""
 
     question: Question
     known: Known
@@ -173,7 +171,7 @@ class _Design:
     def on(
         cls, question: Question, rig: Rig, reference: str, seed: int, workers: Workers | None = None
     ) -> _Design:
-        """On the data that the rivals were fitted to."""
+        """On the data to which the rivals were fitted."""
         known = known_so_far(question.rivals)
         fit = question.rivals[0].fit
         stage = stage_of(fit, rig)
@@ -190,11 +188,11 @@ class _Design:
 
     @property
     def clock(self) -> RigTime:
-        """Of the rig."""
+        """The rig's clock."""
         return RigTime(self.stage.rig)
 
     def chosen(self, records: int, budget: float | None, tell: OnProgress) -> list[Proposal]:
-        """The records, in the order in which they are taken.
+        """The records, in the order in which they are to be taken.
 
         Raises
         ------
@@ -212,19 +210,19 @@ class _Design:
         search = Search(workshop, self.criterion, self.clock, self.pool, records, limit)
         found = self._acceptable(replace(search, per_minute=self._cheap_enough(search)))
         if self._refit(found):
-            tell("Looking once more, with what a rival takes up in the records left out")
+            tell("Searching again, with what a rival absorbs in the records left out")
             search = replace(search, criterion=self.criterion)
             found = self._acceptable(replace(search, per_minute=self._cheap_enough(search)))
             self._refit(found)
         return self._in_order(found)
 
     def _in_order(self, found: Sequence[Proposal]) -> list[Proposal]:
-        """In the order that takes the rig least."""
+        """In the order that takes the least bench time."""
         order = self.clock.quickest([one.recipe for one in found]).order if found else ()
         return self.workshop.one_after_the_other([found[k] for k in order])
 
     def at_random(self, records: int) -> list[Proposal]:
-        """So many records at random points of all schemes, or fewer where hardly any stays clear."""
+        """Records at random points of all schemes; fewer if hardly any keep clear of the limits."""
         schemes = schemes_of(self.stage, self.question.rivals[0].fit.problem.records)
         rng = np.random.default_rng(self.seed)
         found: list[Proposal] = []
@@ -239,24 +237,25 @@ class _Design:
         return self._in_order(found)
 
     def _refit(self, found: Sequence[Proposal]) -> bool:
-        """Take down what a real refit leaves of the distances; whether that is far less than looked for."""
+        """Reduce the distances to what an actual refit leaves; return whether that is far less than
+        expected."""
         if not isinstance(self.criterion, Discrimination):
             return False
         self.criterion = as_refitted(self.criterion, self.draws, found, self.workshop.workers)
         return min(self.criterion.reach.values(), default=1.0) < TAKEN_UP
 
     def _cheap_enough(self, search: Search) -> bool:
-        """Whether the records that tell most for each minute tell enough; else the most telling are taken."""
+        """Whether the records with the most worth per minute suffice; else the most informative are taken."""
         if isinstance(self.criterion, Precision):
             return True
         cheap, telling = (
             self._promise(replace(search, per_minute=one, exchange=False).best_set()) for one in (True, False)
         )
-        # of sets that reach less, the most telling one is looked for, however long it takes
+        # among sets that reach less, the most informative one is chosen, however long it takes
         return cheap >= HALF or cheap >= telling
 
     def _acceptable(self, search: Search) -> list[Proposal]:
-        """The best set of records that stay clear of every limit for every draw, and that the rig takes."""
+        """The best set of records that keep clear of every limit for every draw, and that the rig accepts."""
         while True:
             found = search.best_set()
             refused = self._refused(found)
@@ -265,7 +264,7 @@ class _Design:
             search = search.without(refused)
 
     def _refused(self, found: Sequence[Proposal]) -> list[Proposal]:
-        """Those that come near a limit for some draw, or that the rig does not take."""
+        """Records that come near a limit for some draw, or that the rig does not accept."""
         return [
             one
             for one in found
@@ -286,7 +285,7 @@ class _Design:
     def _promise(self, chosen: Sequence[Proposal]) -> float:
         return self.criterion.promise(together(chosen)) if chosen else 0.0
 
-    # --- what is said of the records
+    # --- description of the records
 
     def result(self, diagnosis: Diagnosis, chosen: Sequence[Proposal]) -> DesignResult:
         """The answer."""
@@ -321,7 +320,7 @@ class _Design:
         return f"{self.workshop.tried} records were simulated {with_each}"
 
     def sensor_instead(self, refused: NothingToSet) -> NothingToSet:
-        """Say which sensor would tell the rivals apart where no condition can be set, if one would."""
+        """Say which sensor would distinguish the rivals if no condition can be set, if one would."""
         if isinstance(self.criterion, Discrimination):
             best = best_sensor(sensor_sets(self.criterion, self.equipment, self._so_far))
             if best is not None:
@@ -335,10 +334,10 @@ class _Design:
         return [fit.problem.records[k] for k in fit.fitted]
 
     def with_sensors(self, made: DesignResult, chosen: Sequence[Proposal]) -> DesignResult:
-        """The answer with what other sensors would tell; unchanged where the rig names none that could."""
+        """The answer with the power of other sensors; unchanged if the rig names none that could help."""
         if not isinstance(self.criterion, Discrimination):
             return replace(
-                made, notes=(*made.notes, "sensors are looked at where rivals are to be told apart")
+                made, notes=(*made.notes, "sensors are evaluated only if rivals are to be distinguished")
             )
         taken = [*self._so_far, *(one.record for one in chosen)]
         sets = sensor_sets(self.criterion, self.equipment, taken)
@@ -348,12 +347,12 @@ class _Design:
 
     @property
     def equipment(self) -> Rig:
-        """The rig file as it is now, which may know of sensors that it did not when the data were taken."""
+        """The current rig file, which may name sensors that it did not when the data were taken."""
         now = self.question.rivals[0].fit.problem.model.rig
         return now if now is not None and now.could_have else self.stage.rig
 
     def written(self, made: DesignResult, chosen: Sequence[Proposal]) -> DesignResult:
-        """With the procedure, as commented as the answer is."""
+        """With the procedure, commented like the answer."""
         reasons = [reason(made, number) for number in range(len(made.records))]
         text = self.writer.text(
             [one.recipe for one in chosen],
@@ -365,7 +364,7 @@ class _Design:
         return replace(made, procedure=text if made.records else "")
 
     def _after(self, chosen: Sequence[Proposal]) -> Promise:
-        """What records promise together."""
+        """The predicted power of records together."""
         criterion = self.criterion
         if isinstance(criterion, Discrimination):
             return promised(criterion, self.draws, chosen)
@@ -407,7 +406,7 @@ class _Design:
         )
 
     def _of_repeat(self, others: Sequence[Proposal]) -> float:
-        """What the best repeat of a record taken already would add to these."""
+        """What the best repeat of an earlier record would add to these."""
         repeats = [one for one in self.known.repeats if one is not None]
         base = self.criterion.separation(together(others)) if others else 0.0
         if isinstance(self.criterion, Detection) and not others:
@@ -416,7 +415,7 @@ class _Design:
         return max((self.criterion.separation(one) - base for one in whole), default=0.0)
 
     def _of_random(self) -> float:
-        """The median of what the candidates are worth that a search began with, one record each."""
+        """The median worth of the candidates with which a search started, one record each."""
         return float(np.median([self.criterion.separation(one) for one in self.first])) if self.first else 0.0
 
     def _predictions(self, proposal: Proposal) -> tuple[Prediction, ...]:
@@ -434,7 +433,7 @@ class _Design:
         return tuple(found)
 
     def _sharpened(self, chosen: Sequence[Proposal]) -> tuple[Sharpened, ...]:
-        """How well the parameters of what has won are known, before and after."""
+        """The precision of the parameters of the accepted effect, before and after."""
         if not isinstance(self.criterion, Precision) or not chosen:
             return ()
         rival = self.question.rivals[0]

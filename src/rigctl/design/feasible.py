@@ -1,4 +1,5 @@
-"""Whether a record stays clear of every limit of the rig, and where the model is known, for every rival."""
+"""Whether a record keeps clear of every limit of the rig, and within the model's validity, for every
+rival."""
 
 from __future__ import annotations
 
@@ -17,16 +18,16 @@ from rigctl.rig.rig import Rig
 
 Floats = NDArray[np.float64]
 
-#: of times, as shares
+#: of times, relative
 _ROUNDING = 1e-9
-#: standard deviations that a reading keeps from every limit
+#: distance that a reading keeps from every limit, in standard deviations
 CLEARANCE = 3.0
 
 
 def clear_of_limits(
     rig: Rig, channels: Sequence[str], times: Floats, outputs: Floats, spread: Floats
 ) -> bool:
-    """Whether readings (n, channels) of this standard deviation, SI, keep `CLEARANCE` from every limit."""
+    """Whether readings (n, channels) with this standard deviation, SI, keep `CLEARANCE` from every limit."""
     room = CLEARANCE * spread
     return all(
         _clear(limit, times, outputs[:, place], room[:, place])
@@ -45,8 +46,8 @@ def _clear(limit: Limit, times: Floats, course: Floats, room: Floats) -> bool:
 
 
 def _rates(times: Floats, course: Floats, room: Floats, over: float) -> tuple[Floats, Floats]:
-    """Rates of change over a stretch, and what noise adds to them."""
-    # at the last sample that is so long ago: of samples further apart, the one before
+    """Rates of change over a period, and the contribution of noise to them."""
+    # at the latest sample that is at least so long ago
     before = np.searchsorted(times, times - over * (1.0 - _ROUNDING), side="right") - 1
     later = np.flatnonzero(before >= 0)
     if not later.size:
@@ -65,7 +66,7 @@ def _possible(rig: Rig, name: str, course: Floats, room: Floats) -> bool:
 
 
 def keeps_clear(rig: Rig, channels: Sequence[str], scene: Scene, covariances: Sequence[Floats]) -> bool:
-    """Whether every rival keeps clear, what is not known of its parameters counted as part of the noise."""
+    """Whether every rival keeps clear, with the uncertainty of its parameters added to the noise."""
     for predicted, covariance in zip(scene.predicted, covariances, strict=True):
         spread = np.hypot(scene.sigma, predicted.spread(covariance))
         if not np.all(np.isfinite(predicted.outputs)):
@@ -76,7 +77,7 @@ def keeps_clear(rig: Rig, channels: Sequence[str], scene: Scene, covariances: Se
 
 
 def inside_validity(rivals: Sequence[Rival], records: Sequence[MeasuredRecord]) -> list[bool]:
-    """Of each record, whether the laws of every rival's effects were learned where it goes."""
+    """For each record, whether it stays within the ranges over which every rival's laws were learned."""
     from rigctl.design.virtual_records import Outlines
 
     good = [True] * len(records)

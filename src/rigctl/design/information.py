@@ -1,16 +1,17 @@
-"""How far apart two rivals are in a record once one of them has been refitted, and what a record teaches.
+"""The distance of two rivals in a record after one of them has been refitted, and the information in a
+record.
 
-With Δ the whitened difference of what two rivals predict, J the derivatives of the second one's common
-parameters and L those of what the record has of its own, scaled to one standard deviation of its prior,
+With Δ the whitened difference of two rivals' predictions, J the derivatives by the second one's common
+parameters and L those by the record-level unknowns, scaled to one standard deviation of their priors,
 
-    P = 1 − L·(1 + LᵀL)⁻¹·Lᵀ            what the record's own unknowns leave
+    P = 1 − L·(1 + LᵀL)⁻¹·Lᵀ            residual after the record-level unknowns
     D = ΔᵀPΔ − bᵀ·(I + JᵀPJ)⁻¹·b,       b = JᵀPΔ
 
-with I the information that the data so far have on the second one. All of it adds up over records but for the
-last step, so that the D of any set of records is that of their sums (`Evidence`).
+with I the information of the data so far about the second one. All terms except the last step are sums over
+records, so that the D of any set of records follows from their sums (`Evidence`).
 
-Source: W. G. Hunter, A. M. Reiner, Technometrics 7 (1965) 307, for the difference; profiled over what is
-refitted.
+Source: W. G. Hunter, A. M. Reiner, Technometrics 7 (1965) 307, for the difference; profiled over the refitted
+parameters.
 """
 
 from __future__ import annotations
@@ -26,13 +27,13 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Response:
-    """What one rival says of one record, whitened.
+    """One rival's prediction of one record, whitened.
 
     Attributes
     ----------
     predicted: (rows).
     shared: (rows, p) derivatives by its common parameters, each times its typical size.
-    own: (rows, l) by what the record has of its own, each times the standard deviation of its prior.
+    own: (rows, l) by the record-level unknowns, each times the standard deviation of its prior.
     """
 
     predicted: Floats
@@ -40,7 +41,7 @@ class Response:
     own: Floats
 
     def left(self, columns: Floats) -> Floats:
-        """``P·columns``: what the record's own unknowns cannot imitate."""
+        """``P·columns``: the part that the record-level unknowns cannot imitate."""
         if not self.own.shape[1]:
             return columns
         inner = np.eye(self.own.shape[1]) + self.own.T @ self.own
@@ -49,13 +50,13 @@ class Response:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What records say of k rivals.
+    """The information in records about k rivals.
 
     Attributes
     ----------
-    squares: (k, k) ``ΔᵀPΔ`` with P of the second, the one that is refitted.
-    slopes: of each second rival, (k, p) ``JᵀPΔ`` by the first.
-    information: of each rival, (p, p) ``JᵀPJ``.
+    squares: (k, k) ``ΔᵀPΔ`` with P of the second rival, the one that is refitted.
+    slopes: for each second rival, (k, p) ``JᵀPΔ`` by the first.
+    information: for each rival, (p, p) ``JᵀPJ``.
     """
 
     squares: Floats
@@ -64,7 +65,7 @@ class Evidence:
 
     @classmethod
     def of(cls, responses: Sequence[Response]) -> Evidence:
-        """Of one record, by every rival's response to it."""
+        """For one record, from every rival's response to it."""
         predicted = np.stack([one.predicted for one in responses], axis=1)
         squares = np.zeros((len(responses), len(responses)))
         slopes, information = [], []
@@ -79,7 +80,7 @@ class Evidence:
 
     @classmethod
     def total(cls, found: Iterable[Evidence]) -> Evidence:
-        """Of several records together."""
+        """For several records together."""
         every = list(found)
         return cls(
             np.sum([one.squares for one in every], axis=0),
@@ -91,7 +92,7 @@ class Evidence:
         return Evidence.total((self, other))
 
     def scaled(self, factor: float) -> Evidence:
-        """So many times of it; 0 is no record at all."""
+        """Multiplied by a factor; 0 is no record at all."""
         return Evidence(
             factor * self.squares,
             tuple(factor * one for one in self.slopes),
@@ -110,10 +111,10 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Refit:
-    """How a rival that knows the data so far takes up what new records show: ``S = 1 + A·Aᵀ``.
+    """How a rival with the information so far absorbs new records: ``S = 1 + A·Aᵀ``.
 
-    A holds the derivatives of all its unknowns there, each times one standard deviation of what is known of
-    it: S is the covariance of what it predicts of the records, in units of the noise.
+    A holds the derivatives by all its unknowns there, each times its standard deviation so far: S is the
+    covariance of its prediction of the records, in units of the noise.
 
     Attributes
     ----------
@@ -124,7 +125,7 @@ class Refit:
 
     @classmethod
     def of(cls, responses: Sequence[Response], known: Floats) -> Refit:
-        """Of new records together: the common parameters are the same in all, the records' own are not."""
+        """For new records together: the common parameters are shared, the record-level ones are not."""
         root = np.linalg.cholesky(np.linalg.inv(known)) if known.size else np.zeros((0, 0))
         shared = np.vstack([one.shared for one in responses]) @ root
         rows = [one.predicted.size for one in responses]

@@ -1,11 +1,12 @@
-"""The chance that a verdict names the right one, and that an effect is seen at all.
+"""The probability that a verdict names the right one of two rivals, and that an effect is detected at all.
 
-The gain of 2·ln L by new records is about normal. Were the first of two rivals right at parameters θ, and Δ
-and δ what θ predicts less what the second and the first one predict at their fits,
+The deviance (twice the log-likelihood ratio) of new records is approximately normal. If the first of two
+rivals is right with parameters θ, and Δ and δ are the prediction at θ less that of the second and of the
+first one at their fits,
 
     D = Δᵀ·S₂⁻¹·Δ − δᵀ·S₁⁻¹·δ          V = |S₂⁻¹·Δ − S₁⁻¹·δ|²          gain ~ N(D, 4·V)
 
-as both are refitted. Where the data so far leave no doubt of θ, V = D.
+as both are refitted. If the data so far determine θ exactly, V = D.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Gain:
-    """The gain of 2·ln L at draws of what is right.
+    """The deviance (gain of 2·ln L) at draws of the truth.
 
     Attributes
     ----------
@@ -42,16 +43,17 @@ class Gain:
     variance: Floats
 
     def scaled(self, factor: float) -> Gain:
-        """For noise whose variance is `factor` times as large."""
+        """For noise with a variance `factor` times as large."""
         return Gain(self.mean / factor, self.variance / factor)
 
 
 def gain(from_right: Floats, left_right: Floats, from_rival: Floats, left_rival: Floats) -> Gain:
-    """The gain at each draw.
+    """The deviance at each draw.
 
     Parameters
     ----------
-    from_right, from_rival: δ and Δ, (rows, draws): what the draws predict less what the two do at their fits.
+    from_right, from_rival: δ and Δ, (rows, draws): predictions at the draws less those of the two at their
+        fits.
     left_right, left_rival: ``S₁⁻¹·δ`` and ``S₂⁻¹·Δ``.
     """
     mean = np.einsum("nk,nk->k", from_rival, left_rival) - np.einsum("nk,nk->k", from_right, left_right)
@@ -59,10 +61,11 @@ def gain(from_right: Floats, left_right: Floats, from_rival: Floats, left_rival:
 
 
 def told_apart(gained: Gain, margin: float, so_far: float, threshold: float = LEAST_DIFFERENCE) -> float:
-    """The chance that a verdict tells two rivals apart: ``P = Φ((L₀ + D − t)/(2·√V))``, the mean over draws.
+    """The probability that a verdict distinguishes two rivals: ``P = Φ((L₀ + D − t)/(2·√V))``, mean over
+    draws.
 
-    A verdict asks for odds, t, and for a separation d of the two, which is expected to be ``√(D₀ + D)/2``;
-    where that is too small, for what the refits' own separation needs.
+    A verdict requires odds, t, and a separation d of the two, whose expectation is ``√(D₀ + D)/2``; if that
+    is too small, the separation from refits must suffice.
 
     Parameters
     ----------
@@ -83,34 +86,34 @@ def told_apart(gained: Gain, margin: float, so_far: float, threshold: float = LE
 
 
 def enough(margin: float, so_far: float, threshold: float) -> float:
-    """D* that tells two rivals apart in 99 cases of 100: ``√D* = z + √(z² + t − L₀)``, and as much as the
-    separation asks for; arguments as of `told_apart`."""
+    """D* that distinguishes two rivals with probability 0.99: ``√D* = z + √(z² + t − L₀)``, and at least what
+    the separation requires; arguments as in `told_apart`."""
     lacking = max(threshold - margin, 0.0)
     by_odds = (QUANTILE + math.sqrt(QUANTILE**2 + lacking)) ** 2
     return max(by_odds, (2.0 * LEAST_SEPARATION) ** 2 - so_far)
 
 
 def threshold_of(explained: float) -> float:
-    """t: the margin that a verdict asks for where an effect explains so much, in χ²: a difference within the
-    tolerance of its law tells nothing."""
+    """t: the margin that a verdict requires if an effect explains so much, in χ²: a difference within the
+    shape tolerance of its law is no evidence."""
     return max(LEAST_DIFFERENCE, TOLERANCE**2 * explained)
 
 
 def enough_seen(parameters: int, library: int) -> float:
-    """λ² at which an effect is seen in 99 cases of 100, nearly: ``(√χ²_α + z)²``."""
+    """λ² at which an effect is detected with probability of about 0.99: ``(√χ²_α + z)²``."""
     from scipy.stats import chi2
 
     return float((math.sqrt(chi2.isf(ALPHA / max(library, 1), parameters)) + QUANTILE) ** 2)
 
 
 def seen(noncentrality: float | Floats, parameters: int, library: int) -> float:
-    """The chance that an effect stands out of a library: the power of χ² at the family-wise level.
+    """The probability that an effect is detected in a library: the power of χ² at the family-wise level.
 
     Parameters
     ----------
-    noncentrality: λ², of one or of several draws.
-    parameters: of the effect.
-    library: K, how many effects are looked through.
+    noncentrality: λ², for one or several draws.
+    parameters: number of parameters of the effect.
+    library: K, the number of effects searched.
     """
     from scipy.stats import chi2, ncx2
 

@@ -1,4 +1,4 @@
-"""A set of records as a procedure that anyone can read, and `rigctl check` and `rigctl run` take as it is."""
+"""A set of records as a readable procedure, which `rigctl check` and `rigctl run` accept unchanged."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from rigctl.design.recipe import Recipe, Stage, levels_text, lines_of, seconds, 
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.rig.rig import Rig
 
-#: how near a move home has to come, as a share of the stroke, and in standard deviations of a reading
+#: how near to home a move must come, as a share of the stroke, and in standard deviations of a reading
 _HOME_SHARE, _HOME_SIGMAS = 0.004, 5.0
-#: of a pressure's range, the tolerance that it is set with
+#: tolerance with which a pressure is set, as a share of its range
 _WITHIN = 0.01
-#: as wide as a comment may be
+#: largest width of a comment
 _WIDTH = 112
 
 
 @dataclass(frozen=True)
 class Patience:
-    """How an operating point is brought about: the tolerance (SI), the time to settle and the time-out, s."""
+    """How an operating point is established: the tolerance (SI), the settling time and the time-out, s."""
 
     within: float
     settle: float
@@ -33,11 +33,11 @@ HOME = Patience(0.0, 0.0, 30.0)
 
 @dataclass(frozen=True)
 class Called:
-    """What the conditions were called in the data so far: the sweeps that the records stand under.
+    """The names of the sweeps over the conditions in the data so far.
 
     Attributes
     ----------
-    temperature, pressure: "" where no sweep was of it.
+    temperature, pressure: "" if there was no such sweep.
     """
 
     temperature: str = ""
@@ -45,7 +45,7 @@ class Called:
 
 
 def called_so_far(records: Sequence[MeasuredRecord], stage: Stage) -> Called:
-    """The names of the sweeps whose values are what was set."""
+    """The names of the sweeps whose values are the ones that were set."""
     pressures = [source.input for source in stage.sources if _is_pressure(stage.rig, source.actuators)]
     place = [source.input for source in stage.sources].index(pressures[0]) if pressures else -1
     heat = stage.rig.roles.heat
@@ -77,7 +77,7 @@ class Writer:
 
     Attributes
     ----------
-    rig_reference: what the procedure calls its rig file; "" leaves it to the command.
+    rig_reference: the path by which the procedure refers to its rig file; "" leaves it to the command.
     called: the names of sweeps.
     """
 
@@ -94,7 +94,7 @@ class Writer:
         why: Sequence[str] = (),
         reasons: Sequence[Sequence[str]] = (),
     ) -> str:
-        """The procedure; `why` heads it, and `reasons` stand above each record."""
+        """The procedure, headed by `why`, with `reasons` above each record."""
         lines = [*_comment(why, ""), f"procedure: {title}"]
         if description:
             lines.append(f"description: {_plain(description)}")
@@ -122,7 +122,7 @@ class Writer:
         return [*lines, f"  - for: {{{points}}}", *zipped, "    do:", *(f"      {line}" for line in made)]
 
     def _swept(self, recipe: Recipe) -> dict[str, tuple[str, str]]:
-        """By what is set, the sweep's name and its value."""
+        """For each quantity that is set, the sweep's name and its value."""
         roles, found = self.rig.roles, {}
         if recipe.temperature is not None and roles.heat is not None and self.called.temperature:
             unit = self.rig.channels[roles.heat.channel].unit
@@ -133,7 +133,7 @@ class Writer:
         return found
 
     def _before(self, recipe: Recipe, swept: Mapping[str, tuple[str, str]], *, heat: bool) -> list[str]:
-        """What brings the operating point about, and the bench home."""
+        """The steps that establish the operating point and bring the bench home."""
         roles, found = self.rig.roles, []
         if recipe.temperature is not None and roles.heat is not None and heat:
             to = self._to(recipe.temperature, roles.heat.channel, swept.get("temperature"))
@@ -199,7 +199,7 @@ def _comment(sentences: Sequence[str], indent: str) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    """A text as one YAML scalar."""
+    """A text as a YAML scalar."""
     import json
 
     return json.dumps(text, ensure_ascii=False)

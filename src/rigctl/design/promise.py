@@ -1,4 +1,4 @@
-"""What a set of records promises, over draws of what may be right."""
+"""The predicted power of a set of records, over draws of what may be right."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from rigctl.tasks import Workers
 
 Floats = NDArray[np.float64]
 
-#: draws of each rival's parameters
+#: number of draws of each rival's parameters
 DRAWS = 100
-#: rivals that are further apart than this are told apart whatever one of them refits
+#: rivals at a larger distance than this are distinguished whatever one of them refits
 _FAR = 400.0
-#: a share of a gain that is as good as none
+#: a smaller share of a gain than this counts as none
 _NOTHING = 1e-9
-#: a rival less probable than this share is not drawn from: as a truth it counts for nothing
+#: a less probable rival than this is not drawn from, as it counts for nothing as a truth
 _COUNTS = 1e-3
 
 
 def drawn(rival: Rival, covariance: Floats, seed: int, count: int = DRAWS) -> Floats:
     """(draws, p) common unknowns, SI, from their posterior, kept inside their bounds.
 
-    `covariance` is of the unknowns over their typical sizes, for noise as it is stated; it is widened by the
+    `covariance` is that of the unknowns over their typical sizes, for the stated noise; it is widened by the
     rival's overdispersion.
     """
     rng = np.random.default_rng(seed)
@@ -50,11 +50,11 @@ def drawn(rival: Rival, covariance: Floats, seed: int, count: int = DRAWS) -> Fl
 
 @dataclass
 class Draws:
-    """What draws of every rival predict of proposals; each is simulated once.
+    """The predictions of proposals at draws of every rival; each is simulated once.
 
     Attributes
     ----------
-    known: of each rival's common unknowns.
+    known: covariance of each rival's common unknowns.
     workshop: where the proposals were made.
     """
 
@@ -69,14 +69,14 @@ class Draws:
 
     @property
     def rivals(self) -> Sequence[Rival]:
-        """Those that are drawn from."""
+        """The rivals from which draws are made."""
         return self.workshop.rivals
 
     def outputs(self, place: int, proposal: Proposal) -> Floats:
-        """(draws, n, outputs) SI of one rival; NaN where a draw has no value."""
+        """(draws, n, outputs) SI for one rival; NaN if a draw cannot be simulated."""
         key = (place, id(proposal))
         if key not in self._outputs:
-            self._kept.append(proposal)  # its identity stays its own
+            self._kept.append(proposal)  # so that its id stays unique
             self._outputs[key] = self._simulated(place, proposal)
         return self._outputs[key]
 
@@ -93,7 +93,7 @@ class Draws:
         return found
 
     def keeps_clear(self, rig: Rig, proposal: Proposal) -> bool:
-        """Whether every draw of every rival that counts stays clear of every limit."""
+        """Whether every draw of every rival that counts keeps clear of every limit."""
         sigma, times = self.workshop.scene(proposal).sigma, proposal.record.times
         channels = self.rivals[0].fit.problem.measurements.outputs
         for place, rival in enumerate(self.rivals):
@@ -107,7 +107,7 @@ class Draws:
         return True
 
     def gain(self, pair: Pair, chosen: Sequence[Proposal]) -> Gain:
-        """Of records together, were the first of the pair right."""
+        """The gain of records together, if the first of the pair is right."""
         truth, rival = pair
         right = self._right_of(truth, chosen)
         refit, fit = self._refit(rival, chosen)
@@ -119,9 +119,9 @@ class Draws:
     def reach(
         self, linear: Mapping[Pair, float], chosen: Sequence[Proposal], workers: Workers | None
     ) -> dict[Pair, float]:
-        """The share of a linear problem's D that stays when the rival is really refitted, no more than 1.
+        """The share of a linear problem's D that remains when the rival is actually refitted, at most 1.
 
-        Only where the two are near enough that it may matter.
+        Computed only if the two are near enough for it to matter.
         """
         near = [pair for pair, distance in linear.items() if 0.0 < distance < _FAR]
         scenes = [self.workshop.scene(one) for one in chosen]
@@ -134,7 +134,7 @@ class Draws:
         }
 
     def _right_of(self, truth: int, chosen: Sequence[Proposal]) -> _Right:
-        """Kept for one set of records at a time: there are many draws of many rows."""
+        """Kept for one set of records at a time, as there are many draws with many rows."""
         names = tuple(map(id, chosen))
         if names != self._of:
             self._of, self._right = names, {}
@@ -152,7 +152,7 @@ class Draws:
         return _Right(truths, from_fit, refit.left(from_fit))
 
     def _refit(self, place: int, chosen: Sequence[Proposal]) -> tuple[Refit, Floats]:
-        """How a rival takes records up, and what it predicts of them at its fit, whitened."""
+        """How a rival absorbs records, and its prediction of them at its fit, whitened."""
         responses = [
             scene.predicted[place].response(scene.whitener) for scene in map(self.workshop.scene, chosen)
         ]
@@ -166,9 +166,9 @@ class _Right:
 
     Attributes
     ----------
-    truths: (rows, draws) what they predict.
-    from_fit: the same less what the rival itself predicts at its fit.
-    left: what stays of that after it is refitted.
+    truths: (rows, draws) their predictions.
+    from_fit: the same less the prediction of the rival itself at its fit.
+    left: the part of that which remains after it is refitted.
     """
 
     truths: Floats
@@ -178,13 +178,13 @@ class _Right:
 
 @dataclass(frozen=True)
 class Promise:
-    """What some records come to.
+    """The predicted result of some records.
 
     Attributes
     ----------
-    outlooks: of every pair.
+    outlooks: for every pair.
     separation: Σ w_i·min_j D_ij, the mean over draws.
-    probability: that what is right is told from all its rivals.
+    probability: that the right one is distinguished from all its rivals.
     """
 
     outlooks: tuple[Outlook, ...]
@@ -195,7 +195,7 @@ class Promise:
 def as_refitted(
     criterion: Discrimination, draws: Draws, chosen: Sequence[Proposal], workers: Workers | None = None
 ) -> Discrimination:
-    """The criterion with what stays of the linear D of these records when the rivals are really refitted."""
+    """The criterion with the share of the linear D of these records that remains after actual refits."""
     if not chosen:
         return criterion
     linear = replace(criterion, reach={})
@@ -205,7 +205,7 @@ def as_refitted(
 
 
 def promised(criterion: Discrimination, draws: Draws, chosen: Sequence[Proposal]) -> Promise:
-    """What records promise together; no records, what the data so far do."""
+    """The predicted result of records together; with no records, that of the data so far."""
     nothing = Gain(np.zeros(1), np.zeros(1))
     rivals = criterion.question.rivals
     evidence: Evidence | None = together(chosen) if chosen else None

@@ -1,4 +1,4 @@
-"""A record as a bench can be told to make it: the operating point, where it begins, what is done in it."""
+"""A record as instructions for a bench: the operating point, the initial state, and the steps."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from rigctl.model.inputs import InputSource, input_values
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit, show
 
-#: at the most so often a bench is looked at while levels hold before a record
+#: upper limit on the number of samples while levels hold before a record
 _LOOKS = 2000.0
-#: what a step of a record does
+#: the action of a step of a record
 Verb = Literal["wait", "extend", "retract", "set"]
 
 
 @dataclass(frozen=True)
 class Step:
-    """One step of a record: a move or a wait for a time, or levels that hold for it.
+    """One step of a record: a move or a wait for a time, or levels that are held.
 
     Attributes
     ----------
-    seconds: how long.
-    levels: of `set`, by actuator, SI.
+    seconds: its duration.
+    levels: for `set`, by actuator, SI.
     """
 
     verb: Verb
@@ -40,10 +40,10 @@ class Recipe:
 
     Attributes
     ----------
-    temperature: that the oil, or what is heated, is brought to before, SI; None where no step does that.
-    pressure: that is set before, SI; None where no step does that.
+    temperature: to which the oil, or the heated part, is brought before, SI; None if no step does that.
+    pressure: set before, SI; None if no step does that.
     before: levels that hold before the record, by actuator, SI.
-    rest: s that these hold.
+    rest: time for which they hold, s.
     steps: in the record.
     rate: Hz.
     """
@@ -57,16 +57,16 @@ class Recipe:
 
     @property
     def length(self) -> float:
-        """s that are recorded."""
+        """Recorded time, s."""
         return sum(step.seconds for step in self.steps)
 
     @property
     def moves(self) -> bool:
-        """Whether something moves in it, which has to be brought home before."""
+        """Whether something moves in it and must be brought home before."""
         return any(step.verb in ("extend", "retract") for step in self.steps)
 
     def settings(self, rig: Rig) -> dict[str, str]:
-        """The operating point by channel or actuator, as it is written."""
+        """The operating point by channel or actuator, as displayed."""
         found = {}
         for value, role in ((self.temperature, rig.roles.heat), (self.pressure, rig.roles.set_pressure)):
             if value is not None and role is not None:
@@ -88,13 +88,13 @@ def seconds(value: float) -> str:
 
 @dataclass(frozen=True)
 class Stage:
-    """Where recipes are made: the rig, and what its commands mean to the model.
+    """Where recipes are carried out: the rig, and the meaning of its commands to the model.
 
     Attributes
     ----------
     sources: of the model's inputs, in order.
-    standing: values of the inputs that nothing commands, as they were in the data so far, SI.
-    readings: what channels first read in the record that recipes are built from, SI.
+    standing: values of the inputs that nothing commands, as in the data so far, SI.
+    readings: first readings of the channels in the record from which recipes are built, SI.
     """
 
     rig: Rig
@@ -103,7 +103,7 @@ class Stage:
     readings: Mapping[str, float]
 
     def course(self, recipe: Recipe, label: str = "designed") -> Course:
-        """What acts on the model in a recipe's record, and what the channels first read."""
+        """The inputs of a recipe's record, and the first readings of the channels."""
         commands = self.commands_before(recipe)
         times, rows = [0.0], [self.inputs(commands)]
         clock = 0.0
@@ -120,14 +120,14 @@ class Stage:
         return Course(np.array(times), np.array(rows), clock, recipe.rate, self.first(recipe), label)
 
     def standing_course(self, recipe: Recipe, readings: Mapping[str, float] | None = None) -> Course:
-        """What acts before the record, while the levels hold, begun at these readings or those so far."""
+        """The inputs before the record, while the levels hold, starting at these readings or those so far."""
         row = self.inputs(self.commands_before(recipe))
         begun = self.readings if readings is None else readings
         rate = min(recipe.rate, _LOOKS / recipe.rest)
         return Course(np.zeros(1), np.array([row]), recipe.rest, rate, dict(begun), "rest")
 
     def first(self, recipe: Recipe) -> dict[str, float]:
-        """What the channels first read: what was set, else what they read in the data so far."""
+        """The first readings of the channels: the value set, else that in the data so far."""
         found = dict(self.readings)
         roles = self.rig.roles
         if recipe.temperature is not None and roles.heat is not None:
@@ -145,7 +145,7 @@ class Stage:
         ]
 
     def commands_before(self, recipe: Recipe) -> dict[str, float]:
-        """Every actuator as it stands when the record begins: safe, but for what was set."""
+        """Every actuator's value at the start of the record: safe, except what was set."""
         found = {
             name: actuator.read(self.rig.safe_state[name].text) if name in self.rig.safe_state else 0.0
             for name, actuator in self.rig.actuators.items()
@@ -164,13 +164,13 @@ class Stage:
         return {role.actuator: self.rig.actuators[role.actuator].read(role.value.text)}
 
     def _after(self, step: Step) -> dict[str, float]:
-        """A move ends with its actuator safe; a level stays."""
+        """A move ends with its actuator safe; a level remains."""
         if step.verb not in ("extend", "retract"):
             return {}
         return {name: self.commands_before(Recipe((), 1.0))[name] for name in self._commanded(step)}
 
     def _scaled_to(self, found: dict[str, float], channel: str, pressure: float) -> None:
-        """Pressures stand before a record in proportion to what is set."""
+        """Before a record, pressures are in proportion to the set one."""
         known = found.get(channel, 0.0)
         for name, value in list(found.items()):
             same = name in self.rig.channels and self.rig.channels[name].quantity == "pressure"
@@ -180,13 +180,13 @@ class Stage:
 
 
 def rounded(value: float, unit: str, step: float) -> float:
-    """An SI value at a whole number of steps in the unit that it is written in."""
+    """An SI value at a whole number of steps in the unit in which it is written."""
     shown = parse_unit(unit)
     return float(shown.to_si(round(shown.from_si(value) / step) * step))
 
 
 def lines_of(recipe: Recipe, rig: Rig) -> tuple[str, ...]:
-    """What is done in the record, a line each, as a procedure says it without its dashes."""
+    """The steps of the record, one line each, as in a procedure without its dashes."""
     found: list[str] = []
     for step in recipe.steps:
         if step.verb == "set":
@@ -198,14 +198,14 @@ def lines_of(recipe: Recipe, rig: Rig) -> tuple[str, ...]:
 
 
 def levels_text(levels: Mapping[str, float], rig: Rig) -> str:
-    """Levels as a procedure states them: ``{heater_1: 40 %}``."""
+    """Levels as written in a procedure: ``{heater_1: 40 %}``."""
     return (
         "{" + ", ".join(f"{name}: {rig.actuators[name].show(value)}" for name, value in levels.items()) + "}"
     )
 
 
 def same_commands(one: Sequence[Step], other: Sequence[Step]) -> bool:
-    """Whether two records do the same things in the same order, however long each takes."""
+    """Whether two records have the same steps in the same order, however long each takes."""
     return [(step.verb, tuple(step.levels)) for step in one] == [
         (step.verb, tuple(step.levels)) for step in other
     ]

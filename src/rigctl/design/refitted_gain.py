@@ -1,9 +1,9 @@
-"""The gain that is expected of records with the rival really refitted, as far as its parameters have to go.
+"""The expected gain of records with the rival actually refitted, however far its parameters have to move.
 
-A rival linearised at its fit is taken for as stiff as it is there. One that becomes the other law at some
-value of its parameters (a static friction that falls to the sliding one) may take up everything by going
-there, and what the linear problem promises is then not to be had. So the rival is fitted to the data so far
-and to the new records as the right one predicts them, without noise: what its χ² grows by is D.
+A rival linearised at its fit is as stiff as it is there. A rival that becomes the other law at some value of
+its parameters (a static friction that falls to the Coulomb one) may absorb everything by moving there, and
+the gain predicted by the linear problem is then not real. So the rival is fitted to the data so far and to
+the new records as the right one predicts them, without noise: the increase of its χ² is D.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from rigctl.tasks import Workers, map_tasks
 
 Floats = NDArray[np.float64]
 
-#: a rival that leaves a smaller share of a linear distance has been looked for in vain
+#: if a smaller share of a linear distance remains after the refit, a search for it was in vain
 TAKEN_UP = 0.5
 #: the fit ends when the next step would lower its cost by less than this share
 _COST = 1e-4
@@ -37,11 +37,12 @@ _STEP = 1.0
 
 
 def refitted_gain(rival: Rival, truth: int, scenes: Sequence[Scene]) -> float:
-    """D in the rival's own noise: what its χ² grows by; infinite where the model has no value on the way.
+    """D in the rival's own noise: the increase of its χ²; infinite if the model cannot be simulated on the
+    way.
 
     Parameters
     ----------
-    truth: the place of the right one among the scenes' predictions.
+    truth: the index of the right one among the scenes' predictions.
     """
     new = [replace(scene.record, values=scene.predicted[truth].outputs) for scene in scenes]
     problem, local = _with_records(rival, new, scenes)
@@ -59,14 +60,15 @@ def refitted_gains(
     scenes: Sequence[Scene],
     workers: Workers | None = None,
 ) -> list[float]:
-    """D of each pair of places (right one, rival), see `refitted_gain`; by this process when left out."""
+    """D of each pair of indices (right one, rival), see `refitted_gain`; in this process if `workers` is
+    None."""
     work = partial(_gain_of, tuple(map(sent, rivals)), tuple(scenes))
     found = dict(map_tasks(work, list(pairs), workers or Workers(1)))
     return [found[k] for k in range(len(pairs))]
 
 
 def sent(rival: Rival) -> Rival:
-    """A rival as it is sent to other processes: without what was computed from its fit."""
+    """A rival in the form in which it is sent to other processes: without results derived from its fit."""
     return replace(rival, trial=replace(rival.trial, fit=lean(rival.trial.fit)))
 
 
@@ -79,7 +81,8 @@ def _gain_of(rivals: Sequence[Rival], scenes: Sequence[Scene], pair: tuple[int, 
 def _with_records(
     rival: Rival, new: Sequence[MeasuredRecord], scenes: Sequence[Scene]
 ) -> tuple[Problem, list[Floats]]:
-    """The data so far and new records as one problem begun at the rival's fit; where local unknowns begin."""
+    """The data so far and new records as one problem starting at the rival's fit; and the local unknowns'
+    starts."""
     fitted = rival.fit
     so_far, added = fitted.problem.only(fitted.fitted), Outlines(rival, new).problem
     count, outputs = len(new), len(so_far.measurements.outputs)

@@ -1,4 +1,4 @@
-"""Why there is no next experiment, for those who go on without one."""
+"""Reasons why there is no next experiment, for callers that continue without one."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ class TooLittleTime(RigctlError):
 
 
 class NothingLeft(RigctlError):
-    """Nothing is left to tell apart, or nothing that these records could."""
+    """Nothing is left to be distinguished, or nothing that these records could distinguish."""
 
 
 class NothingToSet(RigctlError):
-    """Nothing on a rig sets the conditions of a record.
+    """No actuator of a rig sets the conditions of a record.
 
     Attributes
     ----------
-    sensors: channels that would tell the rivals apart in the records so far, taken again.
+    sensors: channels that would distinguish the rivals in the records so far, taken again.
     """
 
     sensors: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""What a designed experiment is: the rivals, the records to take, and what is promised of them."""
+"""A designed experiment: the rivals, the records to take, and their predicted power."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-#: what a design is for: telling rivals apart, seeing one effect at all, or knowing its parameters better
+#: the aim of a design: distinguish rivals, detect an effect at all, or estimate its parameters better
 Aim = Literal["discrimination", "detection", "precision"]
-#: what the model without any of the effects in question is called
+#: name of the model without any of the effects in question
 NONE = "none"
 
 
@@ -33,11 +33,11 @@ class DesignRival:
     ----------
     name: of the effect in question; ``none`` for the model without.
     effects: all effects that are added to the model for it.
-    weight: ``exp(−ΔmBIC/2)`` over the sum of all rivals'.
+    weight: ``exp(−ΔmBIC/2)`` divided by the sum over all rivals.
     parameters: of `effects`, as refitted to all data so far.
-    chi2: what it leaves, whitened, with the priors' share.
-    chi2_reduced: for each degree of freedom; distances count less by it where it is above 1.
-    std: standard deviations of all shared unknowns, SI: the information that the data so far have.
+    chi2: whitened squares that it leaves, including the priors'.
+    chi2_reduced: per degree of freedom; distances are divided by it if it exceeds 1.
+    std: standard deviations of all shared unknowns, SI, from the data so far.
     """
 
     name: str
@@ -65,16 +65,17 @@ class DesignRival:
 
 @dataclass(frozen=True)
 class Outlook:
-    """What is promised of telling one rival from another, were the first one right.
+    """The predicted power to distinguish one rival from another, if the first is right.
 
     Attributes
     ----------
     truth, rival: names.
     margin: L₀, by which the data so far prefer the first, in mBIC.
-    threshold: t, what a verdict asks of the margin.
-    separation: D, the expected gain of 2·ln L by the proposed records, the rival refitted.
+    threshold: t, the margin that a verdict requires.
+    separation: D, the expected deviance by the proposed records, with the rival refitted.
     spread: standard deviation of D over the posteriors.
-    before, after: probability that a verdict tells the two apart, with the data so far and with the records.
+    before, after: probability that a verdict distinguishes the two, with the data so far and with the
+        records.
     """
 
     truth: str
@@ -106,7 +107,7 @@ class Prediction:
 
     Attributes
     ----------
-    channel, unit: `unit` is the one it is shown in; every number below is in it.
+    channel, unit: `unit` is the one in which it is shown; every number below is in it.
     times: (n) s from the first sample.
     by_rival: (n) by the rival's name.
     sigma: (n) standard deviation of a reading.
@@ -125,7 +126,7 @@ class Apart:
 
     Attributes
     ----------
-    sigmas: by how many standard deviations of a reading, at the most.
+    sigmas: the largest difference, in standard deviations of a reading.
     """
 
     channel: str
@@ -148,14 +149,14 @@ class ProposedRecord:
 
     Attributes
     ----------
-    settings: the operating point by name, with its unit, as it is written: ``{"oil": "60 degC"}``.
-    steps: what is done while it is recorded, a line each.
-    why: in words, what it shows.
-    separation: Σ w_i·min_j D_ij that it adds to those before it.
-    of_repeat: the same of the best repeat of a record taken already, in its place.
-    before, after: probability that the rivals are told apart, without it and with it.
-    duration: s of the rig's time, heating and settling in it.
-    recorded: s that are recorded, at `rate` Hz.
+    settings: the operating point by name, with its unit, as displayed: ``{"oil": "60 degC"}``.
+    steps: the actions during the recording, a line each.
+    why: what it shows, in words.
+    separation: Σ w_i·min_j D_ij that it adds to the records before it.
+    of_repeat: the same for the best repeat of an earlier record, in its place.
+    before, after: probability that the rivals are distinguished, without it and with it.
+    duration: bench time including heating and settling, s.
+    recorded: recorded time, s, at `rate` Hz.
     """
 
     settings: Mapping[str, str]
@@ -172,7 +173,7 @@ class ProposedRecord:
 
     @property
     def widest(self) -> Apart | None:
-        """Where two rivals differ most; None where there are not two."""
+        """Where two rivals differ most; None if there are not two."""
         found = [
             Apart(
                 one.channel,
@@ -203,16 +204,17 @@ class ProposedRecord:
 
 @dataclass(frozen=True)
 class SensorSet:
-    """Channels that the bench could have, and what the same would come to with them.
+    """Channels that the bench could have, and the predicted power with them.
 
     Attributes
     ----------
     channels: one or two of the rig file's `could_have`.
-    price: as it is written there, summed; None where one has none.
+    price: as in the rig file, summed; None if one has none.
     currency: of the price.
-    told: pairs of rivals that would be told apart with a probability of a half at least; `of` all pairs.
-    separation, probability: as of the design, with them in the bench for the proposed records.
-    splits: the pairs that are told apart with them and not without.
+    told: number of pairs of rivals that would be distinguished with a probability of at least a half; `of`
+        all.
+    separation, probability: as for the design, with the channels added for the proposed records.
+    splits: the pairs that are distinguished with them and not without.
     """
 
     channels: tuple[str, ...]
@@ -240,7 +242,7 @@ class SensorSet:
 
 @dataclass(frozen=True)
 class Sharpened:
-    """How well a parameter is known, in the unit it is shown in: half widths of 95 % intervals."""
+    """The precision of a parameter, in the unit in which it is shown: half-widths of 95 % intervals."""
 
     name: str
     unit: str
@@ -258,19 +260,21 @@ class DesignResult:
 
     Attributes
     ----------
-    aim: what it is for.
+    aim: of the design.
     rivals: the most probable first.
-    outlooks: of every ordered pair in question.
-    records: in the order in which they are taken; none where nothing on this bench tells the rivals apart.
+    outlooks: for every ordered pair in question.
+    records: in the order in which they are to be taken; none if nothing on this bench distinguishes the
+        rivals.
     separation: D, Σ w_i·min_j D_ij of all records together.
-    before, after: probability that a verdict tells what is right from all others, now and with the records.
-    duration: s of the rig's time.
-    procedure: the text of a procedure that `rigctl check` and `rigctl run` take; "" without records.
-    sensor: the one worth most where no record reaches a probability of a half, or that was asked for.
-    sensors: every set that was looked at, the cheapest first.
-    sharpened: of aim ``precision``, the parameters.
-    of_random: what the median of the records is worth that the search began with, as `separation`: any
-        that the bench can make, one at a time.
+    before, after: probability that a verdict distinguishes the right one from all others, now and with the
+        records.
+    duration: bench time, s.
+    procedure: the text of a procedure for `rigctl check` and `rigctl run`; "" without records.
+    sensor: the most useful one if no record reaches a probability of a half, or if requested.
+    sensors: every set that was evaluated, the cheapest first.
+    sharpened: for aim ``precision``, the parameters.
+    of_random: the median worth, as `separation`, of the records with which the search started: any that the
+        bench can make, one at a time.
     statement: in words; `notes` a sentence each.
     """
 
@@ -303,11 +307,11 @@ class DesignResult:
 
     @property
     def separable(self) -> bool:
-        """Whether the records, as the bench is, tell the rivals apart with a probability of a half."""
+        """Whether the records distinguish the rivals with a probability of a half on the bench as it is."""
         return bool(self.records) and self.after >= 0.5
 
     def next_experiment(self) -> dict[str, Any]:
-        """What a diagnosis says of it to programs."""
+        """The part of it in the machine-readable answer of a diagnosis."""
         return {
             "procedure": self.procedure or None,
             "separates": [list(pair) for pair in self.separates],
@@ -336,7 +340,7 @@ class DesignResult:
         }
 
     def summary(self) -> str:
-        """What to do, and what it promises, in a few lines."""
+        """The records, and their predicted power, in a few lines."""
         lines = [self.statement]
         lines += [
             f"  {', '.join(f'{name} {value}' for name, value in one.settings.items())}: "
@@ -352,7 +356,7 @@ class DesignResult:
         return pd.DataFrame([{**one.settings, **_numbers(one)} for one in self.records])
 
     def __repr__(self) -> str:
-        """What is proposed, on one line."""
+        """The proposal, on one line."""
         count = len(self.records)
         return one_line(self, f"{count} record{'' if count == 1 else 's'}, P {self.after:.2g}")
 

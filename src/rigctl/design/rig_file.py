@@ -1,4 +1,4 @@
-"""What a designed procedure calls the rig file of its runs."""
+"""How a designed procedure refers to the rig file of its runs."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from rigctl.rig.rig import Rig
 
 
 def rig_reference(runs: Sequence[Run], rig: Rig) -> str:
-    """The path of the rig file as a procedure in the project names it; "" where it is no longer there.
+    """The path of the rig file as a procedure in the project names it; "" if the file no longer exists.
 
-    A rig file of another project than the current one is named by its whole path.
+    A rig file outside the current project is named by its absolute path.
     """
     written = next((run.header.rig.path for run in runs if run.header.rig.path), "")
     path = Path(written) if written else rig.path

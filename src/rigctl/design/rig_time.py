@@ -1,7 +1,7 @@
-"""What records cost: the rig's time with heating, settling and recording, and the order in which it is least.
+"""The cost of records: bench time for heating, settling and recording, and the order in which it is least.
 
-Hundreds of candidates are timed by the forecasts of the steps that they are made of; the records that are
-proposed by the preview of their procedure, as `rigctl check` shows it.
+Hundreds of candidates are timed by the forecasts of their steps; the proposed records by the preview of their
+procedure, as shown by `rigctl check`.
 """
 
 from __future__ import annotations
@@ -26,41 +26,41 @@ from rigctl.steps.move import Move
 from rigctl.steps.set_pressure import SetLevel
 from rigctl.steps.wait import Wait
 
-#: of so many records every order is tried
+#: up to this number of records every order is tried
 _EVERY_ORDER = 4
 
 
 @dataclass(frozen=True)
 class Ordered:
-    """Records in an order, and what each takes of the rig's time with all that is done before it, s."""
+    """Records in an order, and the bench time of each including all that precedes it, s."""
 
     order: tuple[int, ...]
     each: tuple[float, ...]
 
     @property
     def seconds(self) -> float:
-        """Of all together."""
+        """Of all records together."""
         return sum(self.each)
 
 
 @dataclass(frozen=True)
 class RigTime:
-    """Times records on one rig, from where the rig file says that the bench stands at first."""
+    """Times records on one rig, starting from the state given in the rig file."""
 
     rig: Rig
 
     @cached_property
     def bench(self) -> Bench:
-        """As forecasts see it."""
+        """The bench as used by forecasts."""
         return bench_of(self.rig)
 
     @cached_property
     def start(self) -> State:
-        """Where the bench stands at first."""
+        """The initial state of the bench."""
         return initial_state(self.bench)
 
     def in_order(self, recipes: Sequence[Recipe]) -> tuple[float, ...]:
-        """What each takes, one after the other."""
+        """The time of each, one after the other."""
         state, at, each = self.start, None, []
         for recipe in recipes:
             spent = 0.0
@@ -72,13 +72,13 @@ class RigTime:
         return tuple(each)
 
     def rising(self, recipes: Sequence[Recipe]) -> Ordered:
-        """The coldest first: what a tank is slow at is cooling."""
+        """The coldest first, because a tank is slow to cool."""
         return self._ordered(
             recipes, sorted(range(len(recipes)), key=lambda k: recipes[k].temperature or 0.0)
         )
 
     def quickest(self, recipes: Sequence[Recipe]) -> Ordered:
-        """In the order that takes the rig least; of many records, the warmest last."""
+        """In the order that takes the least bench time; of many records, the warmest last."""
         rising = self.rising(recipes)
         if len(recipes) > _EVERY_ORDER:
             return rising
@@ -89,7 +89,7 @@ class RigTime:
         return Ordered(tuple(order), self.in_order([recipes[k] for k in order]))
 
     def _actions(self, recipe: Recipe, *, heat: bool) -> list[Action]:
-        """What `Writer` writes, as the steps' own actions."""
+        """What `Writer` writes, as the actions of the steps."""
         roles, found = self.rig.roles, list[Action]()
         if recipe.temperature is not None and roles.heat is not None and heat:
             role = roles.heat
@@ -116,7 +116,7 @@ class RigTime:
 
 
 def forecast(writer: Writer, recipes: Sequence[Recipe]) -> Preview | None:
-    """What is expected of a procedure; None where the rig refuses it, or it will most likely not work."""
+    """The preview of a procedure; None if the rig refuses it, or it will most probably fail."""
     try:
         found = preview(expand(parse_procedure(writer.text(recipes)), writer.rig))
     except RigctlError:

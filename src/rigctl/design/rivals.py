@@ -1,4 +1,4 @@
-"""The explanations that the data so far leave: which they are, how probable, and what is known of each."""
+"""The remaining explanations: which they are, how probable, and how well each is determined."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from rigctl.units import parse_unit
 
 Floats = NDArray[np.float64]
 
-#: rivals that are designed for, `none` among them; the least probable are left out
+#: largest number of rivals in a design, including `none`; the least probable are left out
 MOST_RIVALS = 5
-#: a pair that somebody asked for counts no less than this
+#: least weight of a pair that was requested
 _LEAST_WEIGHT = 0.1
-#: an effect that leads with this probability is taken for right: its parameters are what is left to know
+#: an effect with at least this probability is accepted: what remains is to determine its parameters
 _WON = 0.95
-#: what is known of an unknown without a prior beside the data: so many of its typical sizes
+#: standard deviation of an unknown without a prior, as a multiple of its typical size
 _VAGUE = 100.0
 
 
@@ -45,10 +45,10 @@ class Rival:
     ----------
     name: of the effect in question, or ``none``.
     trial: the set of effects, refitted.
-    mbic: its criterion.
+    mbic: of the trial.
     weight: its probability among the rivals.
-    noise: χ² for each degree of freedom that the noise is judged by; that of its own fit when left out. Of an
-        effect at its usual size, which is not fitted, it is that of the model without.
+    noise: χ² per degree of freedom by which the noise is scaled; by default that of its own fit. For an
+        effect at its usual size, which is not fitted, that of the model without it.
     """
 
     name: str
@@ -64,16 +64,16 @@ class Rival:
 
     @property
     def overdispersion(self) -> float:
-        """χ² for each degree of freedom, no less than 1."""
+        """χ² per degree of freedom, at least 1."""
         return max(1.0, self.fit.chi2_reduced if self.noise is None else self.noise)
 
     @property
     def sizes(self) -> Floats:
-        """(p) typical sizes of the common unknowns, SI: their derivatives are scaled by these."""
+        """(p) typical sizes of the common unknowns, SI, by which their derivatives are scaled."""
         return np.array([unknown.size for unknown in self.fit.problem.shared])
 
     def contains(self, other: Rival) -> bool:
-        """Whether it is the other one at a limit of its parameters: then no data tell the other from it."""
+        """Whether it becomes the other one at a limit of its parameters: then no data distinguish them."""
         mine, others = {*self.trial.effects}, {*other.trial.effects}
         if others <= mine:
             return True
@@ -82,11 +82,11 @@ class Rival:
         return rest == [""] and len(known) == 1 and known <= set(laws)
 
     def prior_information(self) -> Floats:
-        """(p, p) what was known of the common unknowns before any data, scaled by `sizes`."""
+        """(p, p) prior information about the common unknowns, scaled by `sizes`."""
         return np.diag([(unknown.size / _spread(unknown)) ** 2 for unknown in self.fit.problem.shared])
 
     def described(self) -> DesignRival:
-        """As a result shows it."""
+        """As shown in a result."""
         found = self.fit
         return DesignRival(
             name=self.name,
@@ -101,16 +101,16 @@ class Rival:
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of the next experiment.
+    """The question for the next experiment.
 
     Attributes
     ----------
-    aim: what it is for.
+    aim: of the design.
     rivals: the most probable first.
-    pairs: (truth, rival) places of the rivals that are to be told apart.
-    library: K, how many effects were looked through.
-    columns: of aim ``precision``, the unknowns that are to be known better.
-    alike: pairs of names that the data so far do not tell apart, as the diagnosis says.
+    pairs: (truth, rival) indices of the rivals to be distinguished.
+    library: K, the number of effects searched.
+    columns: for aim ``precision``, the unknowns to be estimated better.
+    alike: pairs of names that the data so far do not distinguish, according to the diagnosis.
     """
 
     aim: Aim
@@ -128,13 +128,13 @@ def question_of(
 
     Parameters
     ----------
-    separate: two names to be told apart instead.
-    precise: effects that the model has, whose sizes are to be known better instead.
+    separate: two names to be distinguished instead.
+    precise: effects of the model whose sizes are to be estimated better instead.
 
     Raises
     ------
     NothingLeft
-        nothing.
+        nothing is left open.
     RigctlError
         `separate` names no effect of the library, or `precise` none of the model's.
     """
@@ -144,7 +144,7 @@ def question_of(
 
 
 def _left_open(diagnosis: Diagnosis) -> Question:
-    """What follows from the verdict."""
+    """The question that follows from the verdict."""
     classes = [names for names in diagnosis.classes if len(names) > 1]
     if classes:
         return _between(diagnosis, "discrimination", {name for names in classes for name in names})
@@ -156,28 +156,30 @@ def _left_open(diagnosis: Diagnosis) -> Question:
     tried = {name for trial in diagnosis.trials for name in trial.effects}
     names = {*diagnosis.best.effects, *(n for n in likely if n in tried)}
     if diagnosis.verdict is Verdict.AMBIGUOUS and len(names) < 2:
-        return _size_of_best(diagnosis)  # it has no rival: what is left to ask is whether it predicts
+        return _size_of_best(diagnosis)  # without rivals, what remains to be tested is its prediction
     return _between(diagnosis, "discrimination", names)
 
 
 def require_names(model: Model, separate: tuple[str, str]) -> None:
-    """Refuse what cannot be told apart, before any work is done.
+    """Refuse names that cannot be distinguished, before any work is done.
 
     Raises
     ------
     RigctlError
-        a name that is no effect which the model may lack, or twice the same.
+        a name is no effect that the model may lack, or the same is given twice.
     """
     known = [NONE, *dict.fromkeys(one.name for one in candidates(model))]
     for name in separate:
         if name not in known:
             raise unknown_name("effect", name, known)
     if separate[0] == separate[1]:
-        raise RigctlError("an effect cannot be told from itself", value=separate[0], expected="two names")
+        raise RigctlError(
+            "an effect cannot be distinguished from itself", value=separate[0], expected="two names"
+        )
 
 
 def _size_of_best(diagnosis: Diagnosis) -> Question:
-    """How large what has won is: its parameters, as the data so far and the model with it know them."""
+    """The size of the accepted effects: their parameters, given the data so far and the model with them."""
     best = _rival_of(diagnosis, " + ".join(diagnosis.best.effects), diagnosis.best)
     free = {unknown.name for unknown in best.fit.problem.shared}
     columns = tuple(
@@ -187,7 +189,7 @@ def _size_of_best(diagnosis: Diagnosis) -> Question:
 
 
 def _sizes_of(diagnosis: Diagnosis, names: Collection[str]) -> Question:
-    """How large effects are that the model has already."""
+    """The sizes of effects that the model already has."""
     fitted = diagnosis.before.fit
     model = fitted.problem.model
     for name in names:
@@ -200,7 +202,7 @@ def _sizes_of(diagnosis: Diagnosis, names: Collection[str]) -> Question:
     )
     if not columns:
         raise NothingLeft(
-            f"nothing of {' and '.join(names)} is fitted, so that no record tells its size better",
+            f"nothing of {' and '.join(names)} is fitted, so that no record improves its estimate",
             value=diagnosis.model,
             hint="'fit: true' beside a parameter in the model file lets it be fitted",
         )
@@ -214,7 +216,7 @@ def _leads(diagnosis: Diagnosis) -> bool:
 
 
 def _between(diagnosis: Diagnosis, aim: Aim, names: Collection[str]) -> Question:
-    """Each of `names` in its best set, and the model without: all against all that are not told apart yet."""
+    """Each of `names` in its best set, and the model without: all pairs that are not yet distinguished."""
     found = [_rival_of(diagnosis, name, _trial_of(diagnosis, name)) for name in sorted(names)]
     found.append(_rival_of(diagnosis, NONE, _without(diagnosis, names)))
     rivals = _weighed(found)
@@ -237,7 +239,7 @@ def _alike(diagnosis: Diagnosis) -> frozenset[frozenset[str]]:
 
 
 def _asked(diagnosis: Diagnosis, separate: tuple[str, str]) -> Question:
-    """Two that somebody wants told apart, whatever the diagnosis says of them."""
+    """Two names requested to be distinguished, whatever the diagnosis says about them."""
     found = []
     for name in separate:
         trial = plain(diagnosis.before.fit) if name == NONE else _trial_of(diagnosis, name)
@@ -248,7 +250,7 @@ def _asked(diagnosis: Diagnosis, separate: tuple[str, str]) -> Question:
 
 
 def _unseen(diagnosis: Diagnosis) -> Question:
-    """Effects that might be there at their usual size without being seen: each against none."""
+    """Effects that might be present at their usual size without being detected: each against none."""
     hidden = hidden_at_typical_size(diagnosis.before.projected)
     silent = set(diagnosis.before.screening.untestable)
     scores = sorted(diagnosis.before.screening.scores, key=lambda one: one.p_value)
@@ -268,7 +270,7 @@ def _unseen(diagnosis: Diagnosis) -> Question:
 def nothing_left(
     diagnosis: Diagnosis, hint: str = "'--separate A,B' designs for two effects of your choice"
 ) -> NothingLeft:
-    """The refusal of a diagnosis that leaves nothing open."""
+    """The refusal if a diagnosis leaves nothing open."""
     return NothingLeft(
         f"nothing is left to tell apart: {diagnosis.title.lower()}",
         value=diagnosis.model,
@@ -277,7 +279,7 @@ def nothing_left(
 
 
 def _trial_of(diagnosis: Diagnosis, name: str) -> RefittedSet:
-    """The best of the sets in which an effect stands; fitted now where none was."""
+    """The best of the sets that contain an effect; fitted now if none was."""
     base = set(diagnosis.best.effects)
     holding = [one for one in (diagnosis.best, *diagnosis.trials) if name in one.effects]
     beside = [one for one in holding if len({*one.effects} - base - {name}) == 0] or holding
@@ -293,7 +295,7 @@ def _trial_of(diagnosis: Diagnosis, name: str) -> RefittedSet:
 
 
 def _without(diagnosis: Diagnosis, names: Collection[str]) -> RefittedSet:
-    """The best set that has none of `names`."""
+    """The best set without any of `names`."""
     samples, library = _price(diagnosis)
     rest = {*diagnosis.best.effects} - {*names}
     kept = [one for one in diagnosis.trials if {*one.effects} == rest] if rest else []
@@ -301,10 +303,10 @@ def _without(diagnosis: Diagnosis, names: Collection[str]) -> RefittedSet:
 
 
 def at_usual_size(before: ModelComparison, name: str) -> RefittedSet | None:
-    """An effect at its usual size in the model as it was fitted, not refitted: nothing is seen of it.
+    """An effect at its usual size in the model as fitted, not refitted, because it is not visible.
 
-    Unknowns that the fit left out, as they act on nothing that was measured, are what the model says here
-    too. None where the model has no value there.
+    Unknowns that the fit left out because they act on no measurement keep the model's values. None if the
+    model cannot be simulated there.
     """
     candidate = {one.name: one for one in reversed(_candidates(before))}[name]
     fitted = before.fit
@@ -351,12 +353,12 @@ def _library(diagnosis: Diagnosis) -> int:
 
 
 def _price(diagnosis: Diagnosis) -> tuple[float, int]:
-    """What mBIC asks: the effective sample size, and the number of effects looked through."""
+    """The arguments of mBIC: the effective sample size, and the number of effects searched."""
     return effective_samples(diagnosis.before.fit), _library(diagnosis)
 
 
 def _spread(unknown: Unknown) -> float:
-    """What is known of an unknown beside the data, as a standard deviation."""
+    """The prior standard deviation of an unknown."""
     if unknown.prior is not None:
         return unknown.prior.std
     width = unknown.upper - unknown.lower

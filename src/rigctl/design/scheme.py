@@ -1,7 +1,7 @@
 """What may be varied: recipes of one kind as functions of a few free numbers, built from records so far.
 
-A bench that moves is told in the order that it was told before, and in orders that begin or end elsewhere;
-one that is set to levels is given staircases of them, and slow ramps where they are continuous.
+A bench that moves gets the order of moves of earlier records, and orders that start or end elsewhere; a bench
+that is set to levels gets staircases of them, and slow ramps if they are continuous.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from rigctl.units import parse_unit
 
 Floats = NDArray[np.float64]
 
-#: a step is varied from this share of the shortest one taken so far to this multiple of the longest
+#: range of a step's duration, as multiples of the shortest and of the longest one so far
 _SHORTER, _LONGER = 0.5, 2.0
-#: a time is written to this share of the shortest step
+#: times are rounded to this share of the shortest step
 _ROUNDING = 0.05
-#: levels of a staircase
+#: number of levels of a staircase
 _LEVELS = 4
-#: steps of a ramp, there and back each
+#: number of steps of a ramp, in each direction
 _RAMP = 6
-#: of a level's range, and of a time's digits: what is written is what is simulated
+#: resolution of a level's range, and of a time's digits: what is written is what is simulated
 _PARTS = 100.0
-#: the moves of a record, and those of others that a bench which can make them can make too
+#: possible sequences of moves in a record, for benches that have these moves
 _MOVES: tuple[tuple[Verb, ...], ...] = (
     ("wait", "extend", "wait", "extend", "wait", "retract"),
     ("wait", "extend", "wait", "retract", "wait", "extend", "wait"),
@@ -49,7 +49,7 @@ class Free:
     Attributes
     ----------
     low, high: SI.
-    unit, step: it is written in whole numbers of steps in this unit.
+    unit, step: it is written as a whole number of steps in this unit.
     """
 
     name: str
@@ -59,7 +59,7 @@ class Free:
     step: float
 
     def at(self, share: float) -> float:
-        """SI, at a share of the way from `low` to `high`, as it would be written."""
+        """SI, at a share of the way from `low` to `high`, rounded as it would be written."""
         return min(
             max(rounded(self.low + share * (self.high - self.low), self.unit, self.step), self.low), self.high
         )
@@ -71,9 +71,9 @@ class Scheme:
 
     Attributes
     ----------
-    name: for people.
-    free: what is varied.
-    build: a recipe of the free numbers, SI.
+    name: for display.
+    free: the numbers that are varied.
+    build: makes a recipe from the free numbers, SI.
     """
 
     name: str
@@ -81,12 +81,12 @@ class Scheme:
     build: Callable[[Mapping[str, float]], Recipe]
 
     def recipe(self, point: Sequence[float]) -> Recipe:
-        """At a point of the unit cube."""
+        """The recipe at a point of the unit cube."""
         return self.build({one.name: one.at(float(x)) for one, x in zip(self.free, point, strict=True)})
 
 
 def stage_of(fit: FitResult, rig: Rig) -> Stage:
-    """Where records are made, standing as it stood in the data so far."""
+    """The conditions for new records, as in the data so far."""
     problem = fit.problem
     model, measurements = problem.model, problem.measurements
     given = {name: value for name, value in model.values.items() if name in measurements.inputs}
@@ -158,7 +158,7 @@ def _move_scheme(
 
 
 def _moves_taken(stage: Stage) -> Callable[[MeasuredRecord], list[Step]]:
-    """What a record's commands were, as steps."""
+    """The commands of a record, as steps."""
     names = [source.input for source in stage.sources]
     (move,) = _moves(stage)[:1]
     place = names.index(move.input)
@@ -180,7 +180,7 @@ def _moves_taken(stage: Stage) -> Callable[[MeasuredRecord], list[Step]]:
 
 
 def _lengths(steps: Sequence[Step]) -> dict[Verb, tuple[float, float]]:
-    """The shortest and the longest time of each verb."""
+    """The shortest and the longest duration of each verb."""
     found: dict[Verb, tuple[float, float]] = {}
     for step in steps:
         low, high = found.get(step.verb, (math.inf, 0.0))
@@ -231,7 +231,8 @@ def _staircase(
 def _ramp(
     stage: Stage, levels: Sequence[Free], point: Sequence[Free], time: Free, rate: float, rest: float
 ) -> Scheme:
-    """From one level to another and back, in small equal steps; levels that switch stay as they are safe."""
+    """From one level to another and back, in small equal steps; levels that switch stay at their safe
+    values."""
     free = [replace(one, name=f"{one.name} {end}") for end in ("begin", "top", "end") for one in levels]
     along = np.linspace(0.0, 1.0, _RAMP + 1)[1:]
 
@@ -250,12 +251,12 @@ def _ramp(
 
 
 def _on_the_way(level: Free, begin: float, to: float, share: float) -> float:
-    """Of a ramp, as it would be written."""
+    """A level on the way of a ramp, rounded as it would be written."""
     return min(max(rounded(begin + share * (to - begin), level.unit, level.step), level.low), level.high)
 
 
 def _levels(stage: Stage) -> list[Free]:
-    """The levels that a procedure can set while a record goes on; what a role sets is set before it."""
+    """The levels that a procedure can set during a record; levels with a role are set before it."""
     roles = stage.rig.roles
     before = {role.actuator for role in (roles.heat, roles.set_pressure) if role is not None}
     found = []
@@ -274,7 +275,7 @@ def _levels(stage: Stage) -> list[Free]:
 
 
 def _dwells(records: Sequence[MeasuredRecord]) -> list[float]:
-    """The longest time that each record's commands held."""
+    """The longest time for which each record's commands held."""
     return [
         float(np.max(np.diff([*record.switch_times.clip(min=0.0), record.times[-1]]))) for record in records
     ]
@@ -284,7 +285,7 @@ def _dwells(records: Sequence[MeasuredRecord]) -> list[float]:
 
 
 def _operating_point(stage: Stage) -> list[Free]:
-    """What is brought about before a record: a temperature, a pressure."""
+    """What is established before a record: a temperature, a pressure."""
     rig, inputs = stage.rig, {name for source in stage.sources for name, _ in source.actuators}
     found = []
     heat, pressure = rig.roles.heat, rig.roles.set_pressure
@@ -302,14 +303,14 @@ def _operating_point(stage: Stage) -> list[Free]:
 
 
 def _coldest(rig: Rig) -> float:
-    """What the oil cools to by itself in a time worth waiting for."""
+    """The temperature to which the oil cools by itself in an acceptable time."""
     room = float(rig.constants.get("ambient_temperature", rig.simulation.ambient_temperature))
     start = rig.simulation.initial.get(rig.roles.heat.channel) if rig.roles.heat is not None else None
     return room if start is None else min(room, float(start))
 
 
 def allowed(rig: Rig, channel: str, low: float, high: float) -> tuple[float, float]:
-    """The part of a range in which no limit of the rig trips, and the channel can read."""
+    """The part of a range in which no limit of the rig trips, and that the channel can measure."""
     described = rig.channels[channel]
     if described.range is not None:
         low, high = max(low, float(described.range[0])), min(high, float(described.range[1]))
@@ -323,7 +324,7 @@ def allowed(rig: Rig, channel: str, low: float, high: float) -> tuple[float, flo
 
 
 def tenth(width: float) -> float:
-    """The power of ten, or half of one, that is not larger than a width."""
+    """The largest power of ten, or half of one, that does not exceed a width."""
     power = 10.0 ** math.floor(math.log10(width))
     return 5.0 * power if width >= 5.0 * power else power
 

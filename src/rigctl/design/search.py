@@ -1,8 +1,9 @@
-"""Look for the records to take: many candidates at first, then one number after the other, record by record.
+"""Search for the records to take: many candidates first, then one free number after the other, record by
+record.
 
-A set grows greedily, what its records teach counted for the next one. Of the candidates some 300 are spread
-evenly over all that the rig can do (Sobol's sequence); the best one is improved in two sweeps over its free
-numbers, each tried at seven values.
+A set grows greedily, with the information in its records counted for the next one. Some 300 candidates are
+spread evenly over all that the rig can do (Sobol sequence); the best one is improved in two sweeps over its
+free numbers (coordinate exchange), each tried at seven values.
 """
 
 from __future__ import annotations
@@ -31,25 +32,25 @@ from rigctl.tasks import Workers, map_tasks
 
 Floats = NDArray[np.float64]
 
-#: candidates that a search begins with, of all schemes together
+#: number of candidates with which a search starts, of all schemes together
 CANDIDATES = 300
-#: sweeps of an exchange, and values that each free number is tried at
+#: number of sweeps of an exchange, and of values at which each free number is tried
 SWEEPS, VALUES = 2, 7
-#: a sweep that makes a record no better than by this share is the last
+#: the exchange ends with a sweep that improves a record by less than this share
 _GAIN = 0.05
 #: one in so many candidates needs no heating
 _AT_START = 4
 #: a set is complete at this probability
 ENOUGH = 0.95
-#: a record that adds a smaller share of what a set is worth is not worth the rig's time
+#: a record that adds a smaller share of a set's worth than this is not worth the bench time
 _ADDS = 0.005
-#: least worth of a record at all
+#: least worth of a record
 _LEAST = 1e-4
-#: numbers of a prediction held at once: more candidates are gone through in parts
+#: largest number of values of a prediction in memory: more candidates are processed in parts
 _AT_ONCE = 64
 
 
-#: a record as it is predicted, and what it teaches
+#: a predicted record, and the information in it
 Shown = tuple[MeasuredRecord, Evidence]
 
 
@@ -59,7 +60,7 @@ class Proposal:
 
     Attributes
     ----------
-    record: its values are what the most probable rival predicts.
+    record: its values are the predictions of the most probable rival.
     """
 
     scheme: Scheme
@@ -71,13 +72,13 @@ class Proposal:
 
 @dataclass
 class Workshop:
-    """Makes proposals: whatever comes out of it can be carried out, stays clear of every limit, and every
-    rival has a value there.
+    """Makes proposals: each can be carried out, keeps clear of every limit, and can be simulated with every
+    rival.
 
     Attributes
     ----------
-    workers: who simulates candidates and refits rivals; this process when left out.
-    tried: how many recipes were simulated.
+    workers: processes that simulate candidates and refit rivals; this process if None.
+    tried: number of recipes simulated.
     """
 
     rivals: Sequence[Rival]
@@ -89,7 +90,7 @@ class Workshop:
     _shown: dict[int, tuple[Proposal, Scene]] = field(default_factory=dict)
 
     def propose(self, points: Sequence[tuple[Scheme, Sequence[float]]]) -> list[Proposal | None]:
-        """A proposal for each point of a scheme; None where it is not to be proposed."""
+        """A proposal for each point of a scheme; None if the point is not acceptable."""
         recipes = [scheme.recipe(point) for scheme, point in points]
         fresh = {_key(one): k for k, one in enumerate(recipes) if _key(one) not in self._made}
         places = list(fresh.values())
@@ -105,7 +106,7 @@ class Workshop:
         return [self._made[_key(one)] for one in recipes]
 
     def _judged(self, parts: Sequence[Sequence[Recipe]]) -> list[list[Shown | None]]:
-        """What each part shows, in order; the same parts wherever they are simulated."""
+        """The results of each part, in order; the parts do not depend on where they are simulated."""
         if self.workers is None or len(parts) < 2:
             return [self.judge(part) for part in parts]
         work = Workshop(tuple(map(sent, self.rivals)), self.known, self.stage).judge
@@ -114,12 +115,12 @@ class Workshop:
 
     @one_thread()
     def judge(self, recipes: Sequence[Recipe]) -> list[Shown | None]:
-        """The record of each recipe and what it teaches; None of one that is not to be proposed."""
+        """The record of each recipe and its information; None for one that is not acceptable."""
         scenes = self._scenes(recipes)
         return [None if one is None else (one.record, Evidence.of(one.responses)) for one in scenes]
 
     def scene(self, proposal: Proposal) -> Scene:
-        """Every rival's prediction of a record; made again, as those of all candidates take gigabytes."""
+        """Every rival's prediction of a record; recomputed, as those of all candidates take gigabytes."""
         if id(proposal) not in self._shown:
             (found,) = predict(self.rivals, [proposal.record])
             if found is None:
@@ -128,12 +129,12 @@ class Workshop:
         return self._shown[id(proposal)][1]
 
     def forget(self) -> None:
-        """What was made so far: it may be proposed again."""
+        """Forget the proposals made so far, so that they may be proposed again."""
         self._made.clear()
         self._shown.clear()
 
     def refuse(self, proposal: Proposal) -> None:
-        """Never make it again."""
+        """Never propose it again."""
         self._made[_key(proposal.recipe)] = None
 
     def _scenes(self, recipes: Sequence[Recipe]) -> list[Scene | None]:
@@ -157,7 +158,7 @@ class Workshop:
     def _begun(
         self, recipes: Sequence[Recipe], readings: Mapping[str, float] | None = None
     ) -> list[Course | None]:
-        """The courses of the records, each begun where what holds before it leaves the bench; None where that
+        """The inputs of the records, each starting where the preceding levels leave the bench; None if that
         comes near a limit."""
         courses: list[Course | None] = [self.stage.course(one) for one in recipes]
         resting = [k for k, one in enumerate(recipes) if one.rest > 0.0]
@@ -174,7 +175,7 @@ class Workshop:
         return courses
 
     def one_after_the_other(self, chosen: Sequence[Proposal]) -> list[Proposal]:
-        """Those that stay clear of every limit when each begins where the one before it left the bench."""
+        """Those that keep clear of every limit when each starts where the one before it left the bench."""
         outputs = self.rivals[0].fit.problem.measurements.outputs
         kept: list[Proposal] = []
         for one in chosen:
@@ -186,7 +187,7 @@ class Workshop:
 
 
 def _ends(record: MeasuredRecord, outputs: Sequence[str]) -> dict[str, float]:
-    """What the channels read at the end of a record, as the most probable rival says."""
+    """The channels' readings at the end of a record, as predicted by the most probable rival."""
     return dict(zip(outputs, record.values[-1].tolist(), strict=True))
 
 
@@ -199,7 +200,7 @@ def _key(recipe: Recipe) -> object:
 
 
 def _some_at_once(scheme: Scheme, points: Floats) -> Floats:
-    """Every fourth where the bench is already: what takes the rig's time is heating."""
+    """Every fourth at the bench's current state, because heating takes most of the bench time."""
     for k, one in enumerate(scheme.free):
         if one.name == "temperature":
             points[::_AT_START, k] = 0.0
@@ -222,7 +223,7 @@ def first_candidates(workshop: Workshop, schemes: Sequence[Scheme], seed: int) -
 
 @dataclass(frozen=True)
 class _Taken:
-    """What the records chosen so far come to."""
+    """The state of the set of records chosen so far."""
 
     recipes: tuple[Recipe, ...]
     evidence: Evidence | None
@@ -243,9 +244,9 @@ class Search:
 
     Attributes
     ----------
-    pool: all proposals so far; those that improve the best ones join.
-    per_minute: whether worth counts for each minute of the rig's time, or for itself.
-    exchange: whether what leads is improved, or taken as it is.
+    pool: all proposals so far; improved ones are added.
+    per_minute: whether worth counts per minute of bench time, or by itself.
+    exchange: whether the leading candidate is improved, or used unchanged.
     """
 
     workshop: Workshop
@@ -270,26 +271,26 @@ class Search:
         return chosen
 
     def _next(self, chosen: Sequence[Proposal]) -> Proposal | None:
-        """The proposal that adds most, improved; None where none adds anything, or the budget is spent."""
+        """The proposal that adds most, improved; None if none adds anything, or the budget is spent."""
         best = self._leader(chosen, self.pool)
         return best if best is None or not self.exchange else self._exchanged(chosen, best)
 
     def without(self, refused: Sequence[Proposal]) -> Search:
-        """The same, these never to be made again."""
+        """The same search, with these proposals excluded."""
         for one in refused:
             self.workshop.refuse(one)
         names = set(map(id, refused))
         return replace(self, pool=[one for one in self.pool if id(one) not in names])
 
     def _leader(self, chosen: Sequence[Proposal], among: Sequence[Proposal]) -> Proposal | None:
-        """The one that adds most to `chosen` within the budget; None where none adds anything."""
+        """The proposal that adds most to `chosen` within the budget; None if none adds anything."""
         before = _Taken.of(chosen, self.criterion, self.clock)
         rated = [(self._rate(before, one), -k) for k, one in enumerate(among)]
         value, k = max(rated, default=(0.0, 0))
         return among[-k] if value > 0.0 else None
 
     def _rate(self, before: _Taken, one: Proposal) -> float:
-        """What it adds, for each minute where that counts; 0 where it adds nothing or the budget is spent."""
+        """What it adds, per minute if that counts; 0 if it adds nothing or the budget is spent."""
         whole = one.evidence if before.evidence is None else before.evidence + one.evidence
         added = self.criterion.worth(whole) - before.worth
         if added < _LEAST:
@@ -300,7 +301,7 @@ class Search:
         return added / max(spent - before.seconds, 1.0) * 60.0 if self.per_minute else added
 
     def _exchanged(self, chosen: Sequence[Proposal], best: Proposal) -> Proposal:
-        """Its free numbers changed one after the other where that makes it better."""
+        """Its free numbers changed one after the other as long as that improves it."""
         taken = _Taken.of(chosen, self.criterion, self.clock)
         for _ in range(SWEEPS):
             before = self._rate(taken, best)
@@ -322,5 +323,5 @@ class Search:
 
 
 def together(chosen: Sequence[Proposal]) -> Evidence:
-    """What proposals say together."""
+    """The information in proposals together."""
     return Evidence.total(one.evidence for one in chosen)

@@ -1,7 +1,7 @@
-"""Which sensor would tell the rivals apart: the same distances with channels that the bench could have.
+"""Which sensor would distinguish the rivals: the same distances with channels that the bench could have.
 
-The records are those proposed, and the ones so far taken again: what is told of both with a sensor beside
-what is told of them without.
+The records are the proposed ones and a repetition of the earlier ones: the power with a sensor is compared
+with that without.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from rigctl.rig.rig import Rig
 
 Floats = NDArray[np.float64]
 
-#: sensors in one set
+#: largest number of sensors in one set
 _TOGETHER = 2
-#: a pair counts as told apart from this probability on
+#: a pair counts as distinguished from this probability on
 _TOLD = 0.5
 
 
@@ -46,12 +46,12 @@ def sensor_sets(
 
     Parameters
     ----------
-    records: with what is read of them in the channels that there are.
+    records: with their readings in the existing channels.
 
     Raises
     ------
     RigctlError
-        the model has nothing that a sensor says it reads.
+        the model lacks the quantity that a sensor is declared to measure.
     """
     names = tuple(name for name in rig.could_have if name not in rig.channels)
     if not names:
@@ -72,9 +72,10 @@ def sensor_sets(
 def _with_every_sensor(
     criterion: Discrimination, rivals: Sequence[Rival], scenes: Sequence[Scene]
 ) -> Discrimination:
-    """The criterion, with what rivals that took up a distance without sensors take up with all of them.
+    """The criterion, with the share of each distance that rivals leave with all sensors, if they absorb it
+    without any.
 
-    What all sensors together do not tell, none does.
+    A pair that is not distinguished with all sensors is not distinguished with any subset.
     """
     linear = replace(criterion, reach={}).distances(
         Evidence.total(Evidence.of(one.responses) for one in scenes)
@@ -89,7 +90,7 @@ def _with_every_sensor(
 
 
 def best_sensor(sets: Sequence[SensorSet]) -> SensorSet | None:
-    """The set that names what is right most surely; of those that do so about as surely, the cheapest."""
+    """The set with the largest probability; of those with nearly the same, the cheapest."""
     if not sets:
         return None
     most = max(one.probability for one in sets)
@@ -99,7 +100,7 @@ def best_sensor(sets: Sequence[SensorSet]) -> SensorSet | None:
 
 
 def _choices(names: Sequence[str], present: int, count: int) -> list[tuple[tuple[str, ...], tuple[int, ...]]]:
-    """(names, their places among the channels) of every set of so many."""
+    """(names, their indices among the channels) of every set of this size."""
     return [
         (tuple(names[k] for k in chosen), tuple(present + k for k in chosen))
         for chosen in combinations(range(len(names)), count)
@@ -144,7 +145,7 @@ def _told(criterion: Discrimination, evidence: Evidence) -> dict[tuple[int, int]
 
 
 def _pairs(told: dict[tuple[int, int], float]) -> dict[tuple[int, int], bool]:
-    """Each pair once: whether it is told apart, whichever of the two is right."""
+    """Each pair once: whether it is distinguished, whichever of the two is right."""
     return {
         (one, other): min(told[one, other], told[other, one]) >= _TOLD
         for one, other in told
@@ -153,7 +154,7 @@ def _pairs(told: dict[tuple[int, int], float]) -> dict[tuple[int, int], bool]:
 
 
 def _evidence(scenes: Sequence[Scene | None], first: Rival, channels: Sequence[int]) -> Evidence:
-    """Of all records, by some of their channels."""
+    """For all records, by some of their channels."""
     places = list(channels)
     noise = first.fit.problem.noise
     some = replace(noise, channels=tuple(noise.channels[k] for k in places))
@@ -173,7 +174,7 @@ def _evidence(scenes: Sequence[Scene | None], first: Rival, channels: Sequence[i
 
 
 def _equipped(rival: Rival, rig: Rig, names: Sequence[str]) -> Rival:
-    """The rival on a bench that has these sensors too."""
+    """The rival on a bench that also has these sensors."""
     sensors = {name: rig.could_have[name] for name in names}
     known = rival.fit.problem
     model = _with_outputs(known.model, sensors)
@@ -193,14 +194,14 @@ def _equipped(rival: Rival, rig: Rig, names: Sequence[str]) -> Rival:
 
 
 def _values_of(made: Problem, known: Problem) -> Floats:
-    """The parameters of a system with more outputs: it has the same."""
+    """The parameters for a system with more outputs, which has the same ones."""
     at = dict(zip(known.compiled.system.parameter_names, known.base.tolist(), strict=True))
     names = made.compiled.system.parameter_names
     return np.array([at.get(name, value) for name, value in zip(names, made.base.tolist(), strict=True)])
 
 
 def _with_outputs(model: Model, sensors: dict[str, PossibleChannel]) -> Model:
-    """The model of a family whose outputs the sensors are, each with exact derivatives like any other."""
+    """The model with a family that has the sensors as outputs, with exact derivatives like any other."""
     known = {output.name for output in model.family.outputs}
     more = [
         OutputVariable(name, *_read(model.family, name, sensor))
@@ -213,10 +214,10 @@ def _with_outputs(model: Model, sensors: dict[str, PossibleChannel]) -> Model:
 
 
 def _read(family: ModelFamily, name: str, sensor: PossibleChannel) -> tuple[str, Formula, str]:
-    """Unit, formula and meaning of what a sensor reads."""
+    """Unit, formula and meaning of a sensor's reading."""
     wanted = sensor.reads or name
     read = {output.name: output for output in family.outputs}
-    if wanted in read:  # a second sensor of the same reading
+    if wanted in read:  # a second sensor for the same reading
         return si_unit(read[wanted].unit), read[wanted].formula, sensor.description
     units = {state.name: state.unit for state in family.states}
     units |= {item.name: item.unit for item in family.inputs}
@@ -241,6 +242,6 @@ def _with_channels(measurements: Measurements, rig: Rig, sensors: dict[str, Poss
 
 
 def _wider(record: MeasuredRecord, count: int) -> MeasuredRecord:
-    """A record with columns of channels that nobody has read."""
+    """A record with additional columns for channels that were not read."""
     nothing = np.full((len(record.values), count), np.nan)
     return replace(record, values=np.hstack([record.values, nothing]))

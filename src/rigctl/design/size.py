@@ -1,4 +1,4 @@
-"""How well the size of an effect is known: half widths of 95 % intervals, in the units that are shown."""
+"""The precision of the size of an effect: half-widths of 95 % intervals, in display units."""
 
 from __future__ import annotations
 
@@ -9,34 +9,33 @@ from rigctl.model.fit.fit import FitResult
 from rigctl.model.model import Model
 from rigctl.units import parse_unit
 
-#: quantile of a normal distribution, of an interval that holds 95 %
+#: quantile of the normal distribution for a 95 % interval
 _QUANTILE = 1.96
 
 
 def unit_of(model: Model, column: str) -> str:
-    """The unit that a parameter of one of the model's effects is shown in."""
+    """The unit in which a parameter of one of the model's effects is shown."""
     effect, _, name = column.partition(".")
     return model.effect(effect).parameter(name).unit
 
 
 def half_width(model: Model, column: str, std: float) -> float:
-    """Of a standard deviation, SI, in the unit that the parameter is shown in."""
+    """The half-width for a standard deviation, SI, in the unit in which the parameter is shown."""
     return _QUANTILE * std / parse_unit(unit_of(model, column)).factor
 
 
 def known_to(fitted: FitResult, columns: Iterable[str]) -> dict[str, float]:
-    """The half widths that a fit knows parameters of its model's effects to; those that it does not fit left
-    out."""
+    """The half-widths with which a fit determines the parameters of its model's effects; those that it does
+    not fit are left out."""
     model, factor = fitted.problem.model, _widened(fitted)
     free = {unknown.name for unknown in fitted.problem.shared}
     return {name: half_width(model, name, factor * fitted.std[name]) for name in columns if name in free}
 
 
 def relative_width(fitted: FitResult, effects: Iterable[str]) -> float:
-    """The largest half width as a share of its parameter's value, over all fitted sizes of these effects.
+    """The largest half-width as a share of its parameter's value, over all fitted sizes of these effects.
 
-    What only forms an effect (its width, a velocity) is not its size and does not count. 0 where nothing is
-    fitted.
+    Shape parameters (a width, a velocity) are not sizes and do not count. 0 if nothing is fitted.
     """
     wanted, model, factor = set(effects), fitted.problem.model, _QUANTILE * _widened(fitted)
     shares = [0.0]
@@ -49,5 +48,5 @@ def relative_width(fitted: FitResult, effects: Iterable[str]) -> float:
 
 
 def _widened(fitted: FitResult) -> float:
-    """By how much what a fit leaves beyond the noise widens its intervals."""
+    """The factor by which the misfit beyond the noise widens a fit's intervals."""
     return math.sqrt(max(1.0, fitted.chi2_reduced))

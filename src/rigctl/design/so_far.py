@@ -1,4 +1,5 @@
-"""What the data so far say of the rivals: how far they are apart in them, and what is known of each."""
+"""The information in the data so far: the distances of the rivals in them, and how well each is
+determined."""
 
 from __future__ import annotations
 
@@ -23,9 +24,9 @@ class Known:
 
     Attributes
     ----------
-    information: of each rival, (p, p), priors in it, by its common unknowns scaled by their typical sizes.
+    information: for each rival, (p, p), with priors, about its common unknowns scaled by their typical sizes.
     prior: the same without any data.
-    repeats: of each fitted record, what a repeat of it would say; None where a rival has no value.
+    repeats: for each fitted record, the evidence of a repeat of it; None if a rival cannot be simulated.
     """
 
     information: tuple[Floats, ...]
@@ -34,12 +35,12 @@ class Known:
 
     @cached_property
     def covariances(self) -> tuple[Floats, ...]:
-        """Of each rival's common unknowns, scaled."""
+        """Covariance of each rival's common unknowns, scaled."""
         return tuple(np.asarray(np.linalg.inv(one), dtype=float) for one in self.information)
 
     @cached_property
     def evidence(self) -> Evidence:
-        """Of all repeats: as much as the data so far can be expected to say."""
+        """Of all repeats: the expected evidence of the data so far."""
         return Evidence.total(one for one in self.repeats if one is not None)
 
     @cached_property
@@ -49,7 +50,7 @@ class Known:
 
 
 def known_so_far(rivals: Sequence[Rival]) -> Known:
-    """Linearise every rival at its fit to the data so far, what each record has of its own free in it."""
+    """Linearise every rival at its fit to the data so far, with its record-level unknowns free."""
     information = []
     for rival in rivals:
         data = [one.shared.T @ one.left(one.shared) for one in _responses(rival, rivals[0])]
@@ -64,7 +65,7 @@ def known_so_far(rivals: Sequence[Rival]) -> Known:
 
 
 def _responses(rival: Rival, first: Rival) -> list[Response]:
-    """Of every fitted record, in the noise of `first`."""
+    """For every fitted record, in the noise of `first`."""
     fit = rival.fit
     problem = fit.problem.only(fit.fitted)
     columns = tuple(dict.fromkeys([*(u.name for u in problem.shared), *problem.local_names]))

@@ -1,7 +1,7 @@
 """The rows to add to a table of single values: operating points at which the rivals differ most.
 
-What is read at an operating point is one value, so that nothing is varied but the point. A row has no
-procedure and no time of the rig's: how it was taken, nobody recorded.
+A row is a single value at an operating point, so nothing but the point is varied. A row has no procedure and
+no bench time, because how it was taken was not recorded.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit, show
 
-#: values of each variable that are tried, and how far beyond the table's own, as a share of their width
+#: number of values of each variable, and how far they go beyond the table's range, as a share of its width
 _VALUES, _BEYOND = 9, 0.25
 #: a set is complete at this probability
 _ENOUGH = 0.95
@@ -37,16 +37,16 @@ _ENOUGH = 0.95
 
 @dataclass(frozen=True)
 class _Row:
-    """A row that nobody has read."""
+    """A row that has not been measured."""
 
     point: Mapping[str, float]
     evidence: Evidence
 
 
 def design_rows(diagnosis: Diagnosis, question: Question, most: int) -> DesignResult:
-    """The rows that tell most, one after the other, each with what those before it teach.
+    """The most informative rows, one after the other, each given the information in those before it.
 
-    Only for rivals that are to be told apart.
+    Only for rivals that are to be distinguished.
     """
     known = known_so_far(question.rivals)
     criterion = Discrimination(question, known)
@@ -95,7 +95,7 @@ def design_rows(diagnosis: Diagnosis, question: Question, most: int) -> DesignRe
 
 
 def _candidates(question: Question, measurements: Measurements) -> list[_Row]:
-    """Rows over a grid of the table's variables; those of which every rival has a value."""
+    """Rows over a grid of the table's variables, as far as every rival can be simulated."""
     fit = question.rivals[0].fit
     rows = [measurements.records[k] for k in fit.fitted]
     grid = [(name, _values(name, rows, measurements)) for name in measurements.variables]
@@ -110,7 +110,7 @@ def _candidates(question: Question, measurements: Measurements) -> list[_Row]:
 
 
 def _values(name: str, rows: Sequence[MeasuredRecord], measurements: Measurements) -> list[float]:
-    """Of one variable, over the table's range and a little beyond, inside what the rig allows."""
+    """The values of one variable, over the table's range and a little beyond, within the rig's limits."""
     here = [row.condition[name] for row in rows if name in row.condition]
     width = max(here) - min(here)
     low, high = _allowed(name, min(here) - _BEYOND * width, max(here) + _BEYOND * width, measurements.rig)
@@ -130,7 +130,7 @@ def _allowed(name: str, low: float, high: float, rig: Rig | None) -> tuple[float
 
 
 def _nearest(point: Mapping[str, float], rows: Sequence[MeasuredRecord]) -> MeasuredRecord:
-    """The row of the table that a new one is most like: it says all that its own point does not."""
+    """The row of the table nearest to a new one: it supplies all that the new point does not."""
 
     def distance(row: MeasuredRecord) -> float:
         return sum(
@@ -141,7 +141,7 @@ def _nearest(point: Mapping[str, float], rows: Sequence[MeasuredRecord]) -> Meas
 
 
 def _row(point: Mapping[str, float], like: MeasuredRecord, question: Question) -> MeasuredRecord:
-    """A row at another operating point: the inputs that set it, and what else its condition says."""
+    """A row at another operating point: the inputs that set it, and the rest of its condition."""
     problem = question.rivals[0].fit.problem
     model, measurements = problem.model, problem.measurements
     inputs = like.inputs.copy()
@@ -159,7 +159,7 @@ def _row(point: Mapping[str, float], like: MeasuredRecord, question: Question) -
 
 
 def _chosen(criterion: Discrimination, candidates: Sequence[_Row], most: int) -> list[_Row]:
-    """Greedily, until what is right would surely be named."""
+    """Greedily, until the right one would be named reliably."""
     chosen: list[_Row] = []
     while len(chosen) < most and candidates:
         so_far = _evidence(chosen)

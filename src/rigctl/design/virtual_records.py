@@ -1,4 +1,4 @@
-"""Records that nobody has taken yet, as every rival predicts them."""
+"""Records not yet taken, as every rival predicts them."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from rigctl.noise.whitening import Whitener, whiten
 
 Floats = NDArray[np.float64]
 
-#: what is known of an unknown of a record that has no prior: so many of its typical sizes
+#: standard deviation of a record-level unknown without a prior, as a multiple of its typical size
 _VAGUE = 100.0
 
 
 @dataclass(frozen=True)
 class Course:
-    """What is done in a record: commands, and where the bench stands when it begins; all SI.
+    """The commands of a record, and the bench's state at its start; all SI.
 
     Attributes
     ----------
@@ -34,8 +34,8 @@ class Course:
     inputs: (k, inputs) from each of these times on.
     length: s.
     rate: Hz.
-    readings: what channels read at first, of those that are known.
-    label: what messages call it.
+    readings: first readings of those channels for which they are known.
+    label: its name in messages.
     """
 
     switch_times: Floats
@@ -51,7 +51,7 @@ class Course:
         return np.arange(round(self.length * self.rate) + 1) / self.rate
 
     def record(self, measurements: Measurements, group: int = 0) -> MeasuredRecord:
-        """As the analysis takes a record; of its readings only the first are known."""
+        """As a record for the analysis, of whose readings only the first are known."""
         times = self.times
         values = np.full((times.size, len(measurements.outputs)), np.nan)
         for k, name in enumerate(measurements.outputs):
@@ -80,9 +80,9 @@ class Predicted:
     ----------
     outputs: (n, outputs) SI.
     slopes: (n, outputs, p) by the common unknowns, each times its typical size.
-    own: (n, outputs, l) by the record's own, each times the standard deviation of its prior.
-    scattering: the first so many of these vary from record to record: settings and zeros. The others, its
-        starts, are where the bench was brought to.
+    own: (n, outputs, l) by the record-level unknowns, each times the standard deviation of its prior.
+    scattering: the first this many of these vary from record to record: settings and zeros. The others, its
+        initial states, are set by the bench.
     """
 
     outputs: Floats
@@ -102,7 +102,7 @@ class Predicted:
         )
 
     def spread(self, covariance: Floats) -> Floats:
-        """(n, outputs) standard deviation of what is predicted, SI; `covariance` (p, p) of the scaled common
+        """(n, outputs) standard deviation of the prediction, SI; `covariance` (p, p) of the scaled common
         unknowns."""
         common = np.einsum("nop,pq,noq->no", self.slopes, covariance, self.slopes)
         scattered = self.own[:, :, : self.scattering]
@@ -115,7 +115,7 @@ class Scene:
 
     Attributes
     ----------
-    record: its values are what the most probable rival predicts.
+    record: its values are the predictions of the most probable rival.
     sigma: (n, outputs) SI.
     """
 
@@ -126,12 +126,12 @@ class Scene:
 
     @property
     def responses(self) -> list[Response]:
-        """Of every rival, whitened."""
+        """The responses of every rival, whitened."""
         return [one.response(self.whitener) for one in self.predicted]
 
 
 def predict(rivals: Sequence[Rival], records: Sequence[MeasuredRecord]) -> list[Scene | None]:
-    """Every record with every rival; None where one of them has no value."""
+    """Every record with every rival; None if it cannot be simulated with one of them."""
     first = Outlines(rivals[0], records)
     courses = first.simulate()
     good = [k for k, failure in enumerate(courses.failures) if failure is None]
@@ -157,9 +157,9 @@ def predict(rivals: Sequence[Rival], records: Sequence[MeasuredRecord]) -> list[
 
 @dataclass(frozen=True)
 class Outlines:
-    """One rival's equations on records that nobody has taken.
+    """One rival's equations on records not yet taken.
 
-    What a record has of its own is where it is expected to be: its zeros, settings and starts.
+    Record-level unknowns have their expected values: zeros, settings and initial states.
     """
 
     rival: Rival
@@ -167,7 +167,7 @@ class Outlines:
 
     @property
     def problem(self) -> Problem:
-        """The rival's model on these records, its common unknowns as they are known from the data so far."""
+        """The rival's model on these records, with its common unknowns as determined by the data so far."""
         known = self.rival.fit.problem
         model = known.model
         measurements = replace(known.measurements, records=tuple(self.records))
@@ -206,7 +206,7 @@ class Outlines:
         return problem.simulate(self.rival.fit.values, [_expected(own) for own in problem.local])
 
     def at_draws(self, values: Floats) -> Trajectories:
-        """The first record at each of the common unknowns (draws, p) given, all at once."""
+        """The first record at each of the given common unknowns (draws, p), all at once."""
         problem = self.problem
         expected = _expected(problem.local[0])
         return simulate(problem.compiled, [problem.excitation(0, one, expected) for one in values])
@@ -221,7 +221,7 @@ class Outlines:
         return found
 
     def with_derivatives(self, columns: tuple[str, ...]) -> list[Predicted | None]:
-        """By these of its unknowns and by the records' starts, all at once."""
+        """By these of its unknowns and by the records' initial states, all at once."""
         problem = self.problem
         expected = [_expected(own) for own in problem.local]
         courses = problem.simulate(self.rival.fit.values, expected, columns, initial=True)
@@ -232,7 +232,7 @@ class Outlines:
 
 
 def predicted_of(rival: Rival, courses: Trajectories, place: int, own: Sequence[LocalUnknown]) -> Predicted:
-    """One of the records that were simulated with derivatives; `own` are its own unknowns."""
+    """One of the records that were simulated with derivatives; `own` are its record-level unknowns."""
     at = {name: k for k, name in enumerate(courses.columns)}
     problem = rival.fit.problem
     slopes = np.take(courses.sensitivities[place], problem.channels, axis=1)
@@ -246,7 +246,7 @@ def predicted_of(rival: Rival, courses: Trajectories, place: int, own: Sequence[
 
 
 def scatters(one: LocalUnknown) -> bool:
-    """Whether it differs from record to record by chance: a setting, a zero."""
+    """Whether it differs from record to record by chance, as a setting or a zero does."""
     return one.kind == "parameter" and one.unknown.prior is not None
 
 
@@ -255,6 +255,6 @@ def _expected(own: Sequence[LocalUnknown]) -> Floats:
 
 
 def known_to(one: LocalUnknown) -> float:
-    """The standard deviation that it is known to beside the data, SI."""
+    """Its prior standard deviation, SI."""
     unknown = one.unknown
     return _VAGUE * unknown.size if unknown.prior is None else unknown.prior.std

@@ -1,4 +1,4 @@
-"""A designed experiment in words: what it tells apart, how surely, and why each record is taken."""
+"""A designed experiment in words: what it distinguishes, how reliably, and why each record is taken."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from collections.abc import Sequence
 from rigctl.design.result import DesignResult, Outlook, SensorSet
 from rigctl.planning.outline import clock_time
 
-#: below this probability a set is no answer
+#: a set with a lower probability than this is no answer
 HALF = 0.5
 
 
 def share(probability: float) -> str:
-    """A probability in per cent, rounded to whole ones; never none, and never all."""
+    """A probability in per cent, rounded to whole numbers, but never to 0 or 100."""
     if probability > 0.99:
         return "over 99 %"
     return f"{100.0 * probability:.0f} %" if probability >= 0.01 else "under 1 %"
 
 
 def title(found: DesignResult) -> str:
-    """The answer in two or three words."""
+    """The answer as a short title."""
     if found.aim == "precision":
         return "To know its size"
     return "Next" if found.separable else "Not to be told apart on this bench"
@@ -33,38 +33,38 @@ def statement(found: DesignResult) -> str:
         return _detection(found)
     names = _listed(list(dict.fromkeys(name for pair in found.separates for name in pair)))
     if not found.records:
-        return f"no record that it can make differs for {names}{_sensor(found)}"
+        return f"no record that this bench can make distinguishes {names}{_sensor(found)}"
     together = [pair for pair in found.separates if _least(found, pair) < HALF]
     chance = f"with a probability of {share(found.after)}, now {share(found.before)}"
     if found.separable:
         tells = "tells" if len(found.records) == 1 else "tell"
         return f"{_amount(found)} {tells} {names} apart {chance}"
-    what = f"of {names}, what is right would be named alone {chance}, by {_amount(found)}"
+    what = f"the right one of {names} would be identified {chance}, by {_amount(found)}"
     left = f"; {_left(found, together)}" if together else ""
     return f"{what}{left}{_sensor(found)}"
 
 
 def _sensor(found: DesignResult) -> str:
-    """What a sensor would tell, of those that the rig file names."""
+    """What a sensor would add, of those that the rig file names."""
     one = found.sensor
     if one is None:
         return ""
     tells = f"with {_named(one)} the same records, and those so far taken again, would"
     if one.probability < HALF:
-        return f"; nor would a sensor that it could have: {tells} reach {share(one.probability)}"
-    return f"; {tells} name it with a probability of {share(one.probability)}"
+        return f"; an additional sensor would not suffice either: {tells} reach {share(one.probability)}"
+    return f"; {tells} identify it with a probability of {share(one.probability)}"
 
 
 def _least(found: DesignResult, pair: tuple[str, str]) -> float:
-    """The smaller of the chances that the two are told apart, whichever of them is right."""
+    """The smaller of the probabilities that the two are distinguished, whichever of them is right."""
     return min(one.after for one in found.outlooks if {one.truth, one.rival} == set(pair))
 
 
 def _left(found: DesignResult, together: Sequence[tuple[str, str]]) -> str:
     pairs = ", ".join(f"{one} and {other}" for one, other in together)
     told = len(found.separates) - len(together)
-    others = f"; the other {told} pairs would be told apart" if told > 1 else ""
-    return f"not to be told apart for sure: {pairs}{others}"
+    others = f"; the other {told} pairs would be distinguished" if told > 1 else ""
+    return f"not reliably distinguished: {pairs}{others}"
 
 
 def _named(one: SensorSet) -> str:
@@ -73,19 +73,18 @@ def _named(one: SensorSet) -> str:
 
 
 def repeats_with(one: SensorSet) -> str:
-    """What the records so far, taken again, would tell with a sensor."""
-    tells = (
-        f"with {_named(one)} the records so far, taken again, would name what is right with a probability of "
-    )
+    """The power of the records so far, taken again with a sensor."""
+    tells = f"with {_named(one)} the records so far, taken again, would identify the right one "
+    tells += "with a probability of "
     if one.probability < HALF:
-        return f"Nor would a sensor that it could have tell: {tells}{share(one.probability)}"
+        return f"An additional sensor would not suffice either: {tells}{share(one.probability)}"
     return f"{tells[0].upper()}{tells[1:]}{share(one.probability)}"
 
 
 def _detection(found: DesignResult) -> str:
     names = " or ".join(one.truth for one in found.outlooks)
     if not found.records:
-        return f"no record that it can make shows {names} at its usual size"
+        return f"no record that this bench can make shows {names} at its usual size"
     shows = "shows" if len(found.records) == 1 else "show"
     return (
         f"{_amount(found)} {shows} {names}, at its usual size, with a probability of {share(found.after)}, "
@@ -98,23 +97,23 @@ def _precision(found: DesignResult) -> str:
     name = " and ".join(names or found.rivals[0].name.split(" + "))
     begun = f"{name} {'is' if len(names) < 2 else 'are'} what is missing; " if names else ""
     if not found.records:
-        return f"{begun}no record that this bench can make tells the size of {name} better"
+        return f"{begun}no record that this bench can make improves the estimate of the size of {name}"
     gains = ", ".join(
         f"{one.name.partition('.')[2]} ± {one.before:.3g} {one.unit} becomes ± {one.after:.3g} {one.unit}"
         for one in found.sharpened
     )
-    tells = "tells" if len(found.records) == 1 else "tell"
-    return f"{begun}{_amount(found)} {tells} the size of {name} better: {gains} (95 %)"
+    improves = "improves" if len(found.records) == 1 else "improve"
+    return f"{begun}{_amount(found)} {improves} the estimate of the size of {name}: {gains} (95 %)"
 
 
 def _amount(found: DesignResult) -> str:
     count, rows = len(found.records), not found.duration
     what = f"{count} {'row' if rows else 'record'}{'' if count == 1 else 's'}"
-    return what if rows else f"{what} of {clock_time(found.duration)} of the rig's time"
+    return what if rows else f"{what} of {clock_time(found.duration)} of bench time"
 
 
 def header(found: DesignResult) -> list[str]:
-    """What stands above the procedure."""
+    """The comment at the head of the procedure."""
     runs = ", ".join(found.runs)
     answer = f"{title(found)}: {found.statement}."
     lines = ["Written by 'rigctl design'.", answer, f"Designed for the model '{found.model}' on {runs}."]
@@ -122,27 +121,28 @@ def header(found: DesignResult) -> list[str]:
 
 
 def outlook_text(one: Outlook) -> str:
-    """What is promised of one pair."""
+    """The prediction for one pair."""
     return (
-        f"Were {one.truth} right, it would be told from {one.rival} with {share(one.after)}: "
+        f"If {one.truth} is right, it is distinguished from {one.rival} with {share(one.after)}: "
         f"expected gain D = {one.separation:.3g} ± {one.spread:.2g}."
     )
 
 
 def reason(found: DesignResult, number: int) -> list[str]:
-    """What stands above a record of the procedure: what it adds, beside a repeat of what was done."""
+    """The comment above a record of the procedure: what it adds, compared with a repeat."""
     one = found.records[number]
     first = f"Record {number + 1}: {one.why}."
     if found.aim == "precision":
         return [first]
-    chance = f"The probability goes from {share(one.before)} to {share(one.after)}"
-    return [first, f"{chance}; {clock_time(one.duration)} of the rig's time."]
+    chance = f"The probability changes from {share(one.before)} to {share(one.after)}"
+    return [first, f"{chance}; {clock_time(one.duration)} of bench time."]
 
 
 def added(separation: float, of_repeat: float, *, precision: bool) -> str:
-    """What a record adds, beside a repeat of what was done."""
-    what = "the logarithm of what is known of the size" if precision else "D"
-    return f"{what} grows by {separation:.3g}, by the best repeat of a record so far by {of_repeat:.3g}"
+    """What a record adds, compared with a repeat of an earlier one."""
+    what = "the logarithm of the precision of the size" if precision else "D"
+    repeat = f"the best repeat of an earlier record would add {of_repeat:.3g}"
+    return f"{what} increases by {separation:.3g}; {repeat}"
 
 
 def _listed(names: Sequence[str]) -> str:

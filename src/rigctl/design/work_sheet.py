@@ -1,4 +1,4 @@
-"""A designed procedure as a sheet of paper: for a bench whose operator has a pencil and no rigctl."""
+"""A designed procedure as a printed sheet, for a bench whose operator works without rigctl."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _WIDTH = 96
 
 
 def work_sheet(found: DesignResult) -> str:
-    """What is to be set, done and written down, record by record, in plain text that prints on any printer.
+    """What is to be set, done and written down, record by record, as plain text for any printer.
 
     The steps are those of the designed procedure, in its order; boxes are ticked by hand.
     """

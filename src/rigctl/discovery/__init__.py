@@ -1,1 +1,1 @@
-"""What no library has: where a model wants a term, its curve over what drives it, and formulas for it."""
+"""Beyond any library: where a model lacks a term, its curve over its variables, and formulas for it."""

@@ -1,13 +1,12 @@
-"""How often chance alone makes the best of everything that was searched look as good: a family-wise p-value.
+"""Family-wise p-value: how often the best of everything searched looks as good by chance alone.
 
-Of hypotheses k with orthonormal columns U_k, chance makes ``z ~ N(0, M)``, M = UᵀU over all of them together,
-and ``χ²_k = |z_k|²``. The smallest p-value of all is drawn so many times: hypotheses that are alike count
-once, by as much as they are alike.
+For hypotheses k with orthonormal columns U_k, by chance ``z ~ N(0, M)``, M = UᵀU over all of them together,
+and ``χ²_k = |z_k|²``. The null distribution of the smallest p-value is simulated, so that similar hypotheses
+count according to their correlation.
 
-The noise of readings is whitened, but not all of it is known. What is left beside the best term is therefore
-also drawn as it is, with a random sign for each record (the blocks of a bootstrap): where that varies more
-than white noise does, it counts.
-
+The noise of the readings is whitened, but not all of it is known. The residuals beside the best term are
+therefore also resampled, with a random sign for each record (a block bootstrap): if they vary more than white
+noise, the larger p-value counts.
 Source: J. Westfall, S. S. Young, Resampling-Based Multiple Testing (1993); R. Davidson, E. Flachaire,
 J. Econometrics 146 (2008) 162, for the signs.
 """
@@ -25,19 +24,19 @@ from rigctl.analysis.nuisance_projection import HIDDEN, Projected
 
 Floats = NDArray[np.float64]
 
-#: draws of what chance does
+#: number of draws of the null distribution
 DRAWS = 20_000
-#: at so few records the signs of all have no more than some dozens of outcomes
+#: up to this number of records, random signs have no more than some dozens of outcomes
 _FEW_RECORDS = 7
 _BATCH = 2000
-#: of a set of columns, directions shorter than this share of the longest are none
+#: directions of a set of columns that are shorter than this share of the longest are dropped
 _RANK = 1e-3
-#: of M, directions that are no more than rounding
+#: directions of M below this are rounding errors
 _ROUNDING = 1e-9
 
 
 def span(projected: Projected, chosen: slice) -> Floats:
-    """(rows, dof) orthonormal basis of some of the columns; without what the fitted unknowns can do."""
+    """(rows, dof) orthonormal basis of some of the columns, with the fitted unknowns projected off."""
     usable = projected.usable[chosen]
     columns = projected.signatures[:, chosen][:, usable]
     if not columns.shape[1]:
@@ -49,14 +48,15 @@ def span(projected: Projected, chosen: slice) -> Floats:
 
 @dataclass(frozen=True)
 class Chance:
-    """What chance makes of the smallest p-value of a search.
+    """Null distribution of the smallest p-value of a search.
 
     Attributes
     ----------
-    tests: how many hypotheses were searched.
-    least: (draws) the smallest p-value of each draw of white noise, in order.
-    left: the same of what is left beside the best term with random signs; None where it was not drawn.
-    more: hypotheses that were searched besides and not drawn: they count in full, by Bonferroni's bound.
+    tests: number of hypotheses searched.
+    least: (draws) the smallest p-value of each draw of white noise, sorted.
+    left: the same for the residuals beside the best term with random signs; None if not drawn.
+    more: number of further hypotheses that were searched but not simulated: they count in full, by
+        Bonferroni's bound.
     """
 
     tests: int
@@ -65,9 +65,9 @@ class Chance:
     more: int = 0
 
     def family_wise(self, p_value: float) -> float:
-        """The p-value of one hypothesis, chosen from all for its p-value.
+        """The p-value of one hypothesis selected from all for its p-value.
 
-        The share of draws that are as small; where none is, no more than Bonferroni's bound says.
+        The share of draws with as small a value; if there is none, at most Bonferroni's bound.
         """
         white = min(_share(self.least, p_value), self.tests * p_value)
         drawn = max(white, 0.0 if self.left is None else _share(self.left, p_value))
@@ -75,7 +75,7 @@ class Chance:
 
     @property
     def independent(self) -> float:
-        """As how many independent tests the search behaves, at a level of 1 %."""
+        """The number of independent tests to which the search is equivalent, at a level of 1 %."""
         level = float(np.quantile(self.least, 0.01))
         drawn = float(np.log1p(-0.01) / np.log1p(-level)) if 0.0 < level < 1.0 else float(self.tests)
         return drawn + self.more
@@ -86,7 +86,7 @@ def _share(drawn: Floats, p_value: float) -> float:
 
 
 def draw_chance(projected: Projected, groups: Sequence[slice], seed: int = 0) -> Chance:
-    """What chance makes of a search over groups of columns."""
+    """The null distribution of a search over groups of columns."""
     bases = [span(projected, group) for group in groups]
     bases = [basis for basis in bases if basis.shape[1]]
     rng = np.random.Generator(np.random.PCG64(seed))
@@ -105,7 +105,7 @@ def draw_chance(projected: Projected, groups: Sequence[slice], seed: int = 0) ->
 def _of_what_is_left(
     projected: Projected, bases: Sequence[Floats], ends: NDArray[np.intp], rng: np.random.Generator
 ) -> Floats | None:
-    """Draws of the smallest p-value with a random sign for what is left in each record."""
+    """Draws of the smallest p-value with a random sign for the residuals of each record."""
     counts = [one.residual.size for one in projected.linearisation.records]
     if len(counts) < _FEW_RECORDS:
         return None
@@ -126,7 +126,7 @@ def _least(
     for first in range(0, DRAWS, _BATCH):
         squares = np.square(draw(_BATCH))
         sums = np.add.reduceat(squares, [0, *ends[:-1]], axis=1)
-        if known:  # the noise is a guess itself
+        if known:  # the noise is itself an estimate
             sums = sums / (rng.chisquare(known, (_BATCH, 1)) / known)
         least = np.ones(_BATCH)
         for dof in np.unique(dofs):

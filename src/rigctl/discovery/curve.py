@@ -1,11 +1,11 @@
-"""The term as a curve with its band, over the range that the data visit and nowhere else.
+"""The term as a curve with its band, over the range that the data cover and nowhere else.
 
     w(x) = Σ_k b_k·B_k(x),   b ~ N(0, τ²·K),   K_ij = exp(−(i − j)²/(2ℓ²))
     r̃ = S̃·b + e,   e ~ N(0, I)
 
-τ and ℓ are what makes the data most probable. Where the fitted unknowns would do the same, or no sample
-lies, the band is as wide as the prior: nothing is claimed there. Of a term of two variables it is the curve
-over the one, times what the best formula has of the other.
+τ and ℓ maximise the marginal likelihood. Where the fitted unknowns can do the same, or there is no sample,
+the band is as wide as the prior: nothing is claimed there. For a term of two variables it is the curve over
+one of them, times the factor of the other in the best formula.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ _POINTS = 41
 _FUNCTIONS = 20
 #: ℓ, in splines
 _SMOOTH = (1.5, 3.0, 6.0)
-#: τ times the length of the longest column
+#: grid of τ, times the length of the longest column
 _SIZES = np.geomspace(1.0, 1e5, 26)
-#: a normal distribution's two-sided 95 %
+#: two-sided 95 % quantile of the normal distribution
 _WIDTH = 1.96
 
 
@@ -43,9 +43,9 @@ _WIDTH = 1.96
 class Curve:
     """A term over one variable, SI; `low` and `high` are the ends of its 95 % band.
 
-    `unit` is that of the variable, and `shown` the one that this bench has for it.
-    `times` is the factor of another variable that it stands beside, "" where there is none. `free` says how
-    many directions are left out, a constant say, that the fit takes up: of any size, for all the data say.
+    `unit` is that of the variable, and `shown` the one that this bench uses for it. `times` is the factor of
+    another variable by which it is multiplied, "" if there is none. `free` is the number of directions left
+    out, such as a constant, that the fit absorbs: they may have any size.
     """
 
     slot: Slot
@@ -75,7 +75,7 @@ class Curve:
 
 @one_thread()
 def curve_of(opened: OpenSlots, slot: Slot, over: Driver, beside: Factor | None = None) -> Curve | None:
-    """The curve at a slot over a variable; None where it cannot be told.
+    """The curve at a slot over a variable; None if it cannot be determined.
 
     Parameters
     ----------
@@ -106,7 +106,8 @@ def curve_of(opened: OpenSlots, slot: Slot, over: Driver, beside: Factor | None 
 def _readings(
     opened: OpenSlots, slot: Slot, over: Driver, knots: Floats, beside: Factor | None
 ) -> list[Floats] | None:
-    """(n, channels, functions) of each record: what the splines over a variable do, times a factor."""
+    """(n, channels, functions) for each record: the signatures of the splines over a variable, times a
+    factor."""
     argument = SplineArgument(dict(over.weights), knots)
     if beside is None:
         return opened.readings(splines_at([(slot, argument)]))
@@ -123,7 +124,7 @@ def _readings(
 def curves_of(
     opened: OpenSlots, formulas: Sequence[Formula], located: Sequence[Located], most: int
 ) -> tuple[Curve, ...]:
-    """The curves of the set of formulas, then of the places that are wanted most, over one variable each."""
+    """The curves of the set of formulas, then of the most probable locations, over one variable each."""
     asked: list[tuple[Slot, Driver, Factor | None]] = []
     for one in formulas:
         first, *others = one.factors
@@ -140,10 +141,10 @@ def curves_of(
 
 
 def _known(mean: Floats, covariance: Floats) -> tuple[Floats, Floats, int]:
-    """The curve and half its band without what is not known at all, and how many directions that are.
+    """The curve and its half band without undetermined directions, and the number of these.
 
-    Those are eigenvectors of the covariance along which the curve is not told from none, and which are wider
-    than all that is known of it.
+    They are eigenvectors of the covariance along which the curve does not differ significantly from 0, and
+    which are wider than everything that is determined.
     """
     variances, directions = np.linalg.eigh(covariance)
     spreads = np.sqrt(np.maximum(variances, 0.0))
@@ -157,7 +158,7 @@ def _known(mean: Floats, covariance: Floats) -> tuple[Floats, Floats, int]:
 
 
 def _evidence(square: Floats, along: Floats) -> float:
-    """Of amplitudes of unit size: twice the logarithm, but for a constant."""
+    """Twice the log evidence for amplitudes of unit size, up to a constant."""
     matrix = np.eye(along.size) + square
     return float(along @ np.linalg.solve(matrix, along) - np.linalg.slogdet(matrix)[1])
 

@@ -1,7 +1,7 @@
-"""Which formulas need no number with a dimension beside what the model declares (Buckingham's theorem).
+"""Which formulas need no dimensional number besides the model's declared parameters (Buckingham's theorem).
 
 Tier A: a pure number times a product of powers of declared parameters has the dimension that the formula
-needs; tier B: one coefficient with a dimension of its own, which any formula can be made consistent with.
+needs; tier B: one coefficient with a dimension of its own, with which any formula can be made consistent.
 Tier B is the weaker claim.
 """
 
@@ -18,10 +18,10 @@ from rigctl.discovery.grammar import DISTANCES
 from rigctl.model.model import Model
 from rigctl.units import Dimension, parse_unit
 
-#: exponents that groups are made of, and parameters in a group: with more, any number could be made
+#: exponents in groups, and number of parameters in a group: with more, any number could be made
 _EXPONENTS = (-2.0, -1.0, -0.5, 0.5, 1.0, 2.0)
 _MOST = 2
-#: a pure number of physics is within these
+#: range of a pure number in physics
 _LEAST, _LARGEST = 0.01, 100.0
 
 _POWERS = {
@@ -38,11 +38,11 @@ _POWERS = {
 
 @dataclass(frozen=True)
 class Tier:
-    """How strong a formula's claim is.
+    """The strength of a formula's claim.
 
     Attributes
     ----------
-    coefficient: in front of the group, a pure number; of tier B in the unit that `group` says.
+    coefficient: in front of the group, a pure number; for tier B in the unit given by `group`.
     group: ``mass*stiffness^0.5``, or the unit of the coefficient.
     statement: in words.
     """
@@ -54,7 +54,7 @@ class Tier:
 
 
 def tier_of(formula: Formula, model: Model) -> Tier:
-    """The tier of a formula whose size and scales are the fitted ones."""
+    """The tier of a formula with fitted size and scales."""
     size, dimension, unit = _coefficient(formula)
     scales = [
         (one.argument.scale_si(kind, x), parse_unit(one.argument.driver.unit).dimension)
@@ -79,7 +79,7 @@ def tier_of(formula: Formula, model: Model) -> Tier:
 
 
 def _coefficient(formula: Formula) -> tuple[float, Dimension, str]:
-    """What stands in front once powers of a variable are written without their references."""
+    """The coefficient when powers of a variable are written without their references."""
     value, dimension = formula.size, parse_unit(formula.slot.unit).dimension
     unit = formula.slot.unit
     for one in formula.factors:
@@ -92,7 +92,7 @@ def _coefficient(formula: Formula) -> tuple[float, Dimension, str]:
 
 
 def _group(value: float, dimension: Dimension, model: Model) -> tuple[float, str] | None:
-    """The simplest product of powers of parameters of a dimension, and the number in front of it."""
+    """The simplest product of powers of parameters with a dimension, and the number in front of it."""
     if dimension.dimensionless:
         return value, ""
     best: tuple[float, float, str] | None = None
@@ -104,7 +104,7 @@ def _group(value: float, dimension: Dimension, model: Model) -> tuple[float, str
 
 
 def _products(dimension: Dimension, model: Model) -> Iterator[tuple[int, float, float, str]]:
-    """How many parameters, how unlike 1 their exponents are, the value and the text of each product."""
+    """For each product: number of parameters, deviation of their exponents from 1, its value and its text."""
     known = _parameters(model)
     powers = {
         (name, power): tuple(float(one) for one in (of**power).exponents)

@@ -1,4 +1,5 @@
-"""Look for what no library has: where, over which variable, as a curve, and by which formulas."""
+"""Search beyond the library: where a term is missing, over which variable, as a curve, and by which
+formulas."""
 
 from __future__ import annotations
 
@@ -36,13 +37,14 @@ from rigctl.model.model import Model
 from rigctl.physics.family import ModelFamily
 from rigctl.tasks import Workers
 
-#: places over one variable whose formulas are looked at, and of the first places pairs of variables
+#: number of locations over one variable whose formulas are tried, and of pairs of variables at the first
+#: locations
 _SINGLES, _PAIRS = 4, (4, 2, 1)
-#: other places that are named
+#: number of other locations that are named
 _RIVALS = 5
-#: curves that are drawn
+#: number of curves that are drawn
 _CURVES = 3
-#: of a range that the data visit, what is added at either end
+#: extension of the data's range at either end, as a share of it
 _ROOM = 0.01
 
 
@@ -56,19 +58,19 @@ def discover(
     workers: Workers | None = None,
     on_progress: OnProgress | None = None,
 ) -> Discovery:
-    """Look for a formula of what a model lacks on the usable records of `runs`; see `Discovery`.
+    """Search for a formula for what a model lacks, on the usable records of `runs`; see `Discovery`.
 
     Parameters
     ----------
-    hold_out: a condition that chooses records which nothing here sees.
-    only: a condition that chooses the records to look at.
-    slot: the one place to look at.
-    workers: who refits the formulas; this process when left out.
+    hold_out: a condition that selects the records to be held out; nothing here sees them.
+    only: a condition that selects the records to be used.
+    slot: restricts the search to one slot.
+    workers: processes that refit the formulas; this process by default.
 
     Raises
     ------
     RigctlError
-        as `rigctl.analysis.comparison.compare`; the model has nothing to fit, or no such slot.
+        as `rigctl.analysis.comparison.compare`; the model has no free parameters, or no such slot.
     """
     require_free_parameters(model)
     require_slot(model.family, slot)
@@ -86,7 +88,7 @@ def require_slot(family: ModelFamily, slot: str | None) -> None:
     Raises
     ------
     RigctlError
-        it names the nearest.
+        the message gives the nearest name.
     """
     names = [one.name for one in family.slots]
     if not names:
@@ -103,7 +105,7 @@ def discover_beside(
     workers: Workers | None = None,
     on_progress: OnProgress | None = None,
 ) -> Discovery:
-    """Look for a formula where a diagnosis found nothing that is sure.
+    """Search for a formula where a diagnosis found nothing with certainty.
 
     Raises
     ------
@@ -139,8 +141,8 @@ def discover_beside(
 
 
 def _most_wanted(searched: Map) -> list[Located]:
-    """Of the places over one variable the first, and over two the first of several places: what a place wants
-    may be hidden in several pairs that change together.
+    """For one variable, the best location; for two, the best of several locations, because what is missing at
+    a location may be hidden in several pairs of variables that change together.
     """
     seen = [one for one in searched.located if one.p_value < ALPHA]
     single = [one for one in seen if len(one.over) == 1]
@@ -174,14 +176,14 @@ def _found(one: Fitted, best: Fitted, opened: OpenSlots, before: RefittedSet) ->
 
 
 def _left(after: Adequacy, explained: float) -> float:
-    """The share of the squared misfit that stays with a formula; 0 where the tests find nothing any more."""
+    """The share of the squared misfit that a formula leaves; 0 if the tests find nothing any more."""
     excess = 0.0 if after.agrees else max(test.excess for test in after.tests.values())
     return excess / max(excess + explained, 1e-300)
 
 
 def visited(opened: OpenSlots, driver: Driver) -> tuple[str, float, float, str]:
-    """A variable, its range over the fitted records, SI, and a little more, as a refit moves its course, and
-    the unit that it is shown in."""
+    """A variable, its range over the fitted records, SI, slightly extended, as a refit changes its time
+    series; and the unit in which it is shown."""
     values = opened.values(driver)
     low, high = float(values.min()), float(values.max())
     room = _ROOM * (high - low)
@@ -206,27 +208,27 @@ def _notes(before: ModelComparison, searched: Map) -> Iterator[str]:
     lin = before.linearisation
     if len(set(lin.regions.groups)) < 2:
         yield (
-            "All records are at one condition: what is found holds there, and no other condition has "
-            "tested it. Record at a second one"
+            "All records are at one condition: the result holds there, and has not been tested at any other. "
+            "Record at a second one"
         )
     if searched.hidden:
         names = ", ".join(one.name for one in searched.hidden[:4])
         more = f" and {len(searched.hidden) - 4} more" if len(searched.hidden) > 4 else ""
         yield (
-            f"Not testable with these data: {names}{more}: there a term is what each record has of its own, "
-            "or what the fit takes up"
+            f"Not testable with these data: {names}{more}: a term there is equivalent to "
+            "record-level variation or to a change of the fitted parameters"
         )
 
 
 def _too_weak(searched: Map) -> str:
     if not searched.located:
-        return "Something is missing, but at no place would a term show in these data"
+        return "Something is missing, but a term would not be visible in these data at any location"
     best = searched.located[0]
     factor = max((searched.needed / best.size) ** 2 if best.size else math.inf, 1.1)
     more = f", or about {factor:.2g} times as many records like these" if factor < 100.0 else ""
     return (
-        f"Too weak to discover: the best of {searched.tests} places, {best.name}, stands out by "
-        f"{best.size:.1f} sigma (p = {best.p_value:.2g}); it would take {searched.needed:.1f}{more}"
+        f"Too weak to discover: the best of {searched.tests} places, {best.name}, has a size of "
+        f"{best.size:.1f} sigma (p = {best.p_value:.2g}); {searched.needed:.1f} are needed{more}"
     )
 
 
@@ -234,41 +236,43 @@ def _statement(made: Discovery) -> str:
     where = f"A term is missing{_where(made.where)}"
     if not made.formulas:
         return (
-            f"{where}; none of {made.tried} formulas pays for itself there: its curve is what these data say"
+            f"{where}; none of {made.tried} formulas is worth its cost there, and the curve is all that "
+            "these data show"
         )
     first, count = made.formulas[0], len(made.formulas)
-    same = "one formula" if count == 1 else f"{count} formulas that these data do not tell apart"
+    same = "one formula" if count == 1 else f"{count} formulas that these data do not distinguish"
     text = f"{where}: {same} of {made.tried}, first {first.term}"
     if len({one.slot for one in made.where}) > 1:
         text += f" at {first.slot}"
     if first.alike:
-        text += f" ({len(first.alike)} more do the same here)"
+        text += f" ({len(first.alike)} more are equivalent here)"
     if first.left > STAND_IN:
         over = " and ".join(row[0] for row in first.valid)
         return (
-            f"Something is missing, and no formula is it: the nearest of {made.tried} acts at {first.slot} "
-            f"over {over} and leaves {share_text(first.left)} of the misfit. What is missing may go with the "
-            "time or with what is not recorded, or act at several places"
+            f"Something is missing that no formula describes: the nearest of {made.tried} acts at "
+            f"{first.slot} over {over} and leaves {share_text(first.left)} of the misfit. What is missing "
+            "may depend on time or on something that is not recorded, or act at several places"
         )
     if not first.accepted:
-        text += ". It does not predict the conditions left out, and is not to be relied on"
+        text += ". It does not predict the conditions left out, and should not be relied on"
     if first.p_value_after < ALPHA:
-        text += ". The model with it still does not agree with the data: something is left beside it"
+        text += ". The model with it still does not agree with the data: something else is missing"
     return text
 
 
 def _where(where: Sequence[Where]) -> str:
-    """At which slot and over what, where these are sure; else between which these data do not tell."""
+    """The slot and the variables if they are certain; else the alternatives that these data do not
+    distinguish."""
     slots = list(dict.fromkeys(one.slot for one in where))
     drivers = list(dict.fromkeys(" and ".join(one.over) for one in where))
     if len(slots) > 1 and len(drivers) > 1:
-        return f", its place and what it depends on not sure ({_or([str(one) for one in where])})"
-    at = f" at {slots[0]}" if len(slots) == 1 else f", its place not sure ({_or(slots)}),"
-    over = f" over {drivers[0]}" if len(drivers) == 1 else f", not sure over what ({_or(drivers)})"
+        return f", its location and variable uncertain ({_or([str(one) for one in where])})"
+    at = f" at {slots[0]}" if len(slots) == 1 else f", its location uncertain ({_or(slots)}),"
+    over = f" over {drivers[0]}" if len(drivers) == 1 else f", its variable uncertain ({_or(drivers)})"
     return at + over
 
 
 def _or(names: Sequence[str]) -> str:
-    """Some of several, and how many more."""
+    """Some of several names, and the number of the rest."""
     shown, more = names[: _RIVALS + 1], len(names) - _RIVALS - 1
     return f"{', '.join(shown)} or {more} more" if more > 0 else " or ".join(shown)

@@ -1,4 +1,4 @@
-"""A formula as a user's effect file: term, parameters, where it holds and what it was learned from."""
+"""A formula as a user's effect file: term, parameters, range of validity and origin."""
 
 from __future__ import annotations
 
@@ -19,15 +19,16 @@ from rigctl.model.model import Model
 from rigctl.physics.families import FAMILIES, using_families
 from rigctl.physics.family import ModelFamily
 
-#: bounds of a size, times what was found; of a distance, times its start; of a place, ranges beyond the data
+#: bounds: of a size, times the fitted one; of a distance, times its start; of a position, in ranges beyond
+#: the data
 _FAR, _SCALE, _BEYOND = 100.0, 10.0, 0.5
-#: a function's argument may get so large at the most: exp(40) is 2e17
+#: largest argument of a function: exp(40) is 2e17
 _LARGEST = 40.0
 
 
 @dataclass(frozen=True)
 class ScaleParameter:
-    """A scale of a formula as a parameter of its effect: SI, and as the file writes it."""
+    """A scale of a formula as a parameter of its effect: SI, and as written in the file."""
 
     name: str
     factor: Factor
@@ -52,7 +53,7 @@ _MEANINGS = {
 
 
 def scale_parameters(formula: Formula, family: ModelFamily) -> tuple[ScaleParameter, ...]:
-    """The parameters besides the size, with names that mean nothing else in the model."""
+    """The parameters besides the size, with names not otherwise used in the model."""
     taken = {*taken_names(family), "size"}
     parameters = []
     for factor in formula.factors:
@@ -86,7 +87,7 @@ def factor_text(factor: Factor) -> str:
 
 
 def term_of(formula: Formula, scales: Sequence[ScaleParameter]) -> str:
-    """As an effect file has it."""
+    """The term as written in an effect file."""
     text = "size"
     for factor in formula.factors:
         names = [one.name for one in scales if one.factor is factor]
@@ -132,7 +133,7 @@ def _summary(formula: Formula) -> str:
 
 @dataclass(frozen=True)
 class Origin:
-    """What a formula was learned from.
+    """The origin of a formula.
 
     Attributes
     ----------
@@ -155,13 +156,13 @@ def file_text(
     folder: Path,
     origin: Origin,
 ) -> str:
-    """The effect file of a formula whose size and scales are the fitted ones.
+    """The effect file of a formula with fitted size and scales.
 
     Parameters
     ----------
     name: of the effect.
     valid: (variable, lowest, highest, unit) of each factor, SI.
-    folder: where it will lie: a family of the user's is named from there.
+    folder: where it will be: a user's family is named relative to it.
     """
     lines = [f"effect: {name}", f"family: {family_reference(model, folder)}"]
     lines += _body(formula, model.family)

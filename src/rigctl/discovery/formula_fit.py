@@ -1,7 +1,7 @@
-"""Formulas in the model: refitted together with everything that it frees, and what they predict unseen.
+"""Formulas in the model: refitted together with all free parameters, and their predictions of unseen records.
 
-The linear problem says what a formula promises; only a refit says what it keeps, as the scales of a formula
-and the model's parameters move. Each scale of the best is begun at three values or more.
+The linear problem predicts the gain of a formula; only a refit shows the actual gain, as the scales of the
+formula and the model's parameters change. Each scale of the best formulas is started at three or more values.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from rigctl.engine.one_thread import one_thread
 from rigctl.model.fit.fit import FitResult
 from rigctl.tasks import Workers, map_tasks
 
-#: formulas that are refitted, and of these those that are begun at several scales
+#: number of formulas that are refitted, and of those that are started at several scales
 FIRST, SEVERAL = 12, 4
-#: besides, the best formulas of so many other places
+#: number of other locations whose best formulas are refitted as well
 _PLACES = 3
-#: formulas that cost no more than this above the best are in the set
+#: formulas whose cost exceeds that of the best by no more than this are in the set
 DELTA = 6.0
-#: a formula that promises less than this share of what the best does is not refitted, and a refit that is
-#: this far behind the best, in shares of what that explains and in χ², is not begun again
+#: a formula whose predicted gain is less than this share of the best one's is not refitted; a refit that is
+#: this far behind the best, as a share of what that explains and in χ², is not repeated from other scales
 _PROMISING, _BEHIND, _APART = 0.6, 0.03, 20.0
 
 
@@ -47,7 +47,7 @@ class Fitted:
     Attributes
     ----------
     formula: size and scales as fitted.
-    cost: χ² and what the formula costs.
+    cost: χ² plus the penalty of the formula.
     """
 
     formula: Formula
@@ -56,7 +56,7 @@ class Fitted:
 
     @property
     def size_std(self) -> float:
-        """Standard deviation of its size, SI; NaN where it is not known."""
+        """Standard deviation of its size, SI; NaN if unknown."""
         return self.trial.value(qualified(self.formula.name, "size"))[1]
 
 
@@ -69,13 +69,13 @@ def refit_formulas(
     on_progress: OnProgress,
     workers: Workers | None = None,
 ) -> tuple[Fitted, ...]:
-    """The best formulas in the model, the cheapest first.
+    """The best formulas in the model, the one with the least cost first.
 
     Parameters
     ----------
-    formulas: the cheapest first, as the linear problem sees them.
-    samples: N_eff; `tried` how many formulas were looked at.
-    workers: who refits them; this process, one after the other, when left out.
+    formulas: by increasing cost, according to the linear problem.
+    samples: N_eff; `tried` the number of formulas tried.
+    workers: processes that refit them; by default this process, one after the other.
     """
     work = partial(_refitted, lean(fit), samples, tried)
 
@@ -115,7 +115,8 @@ def refit_formulas(
 
 
 def _chosen(formulas: Sequence[Formula]) -> list[Formula]:
-    """The cheapest, and the cheapest at each other place: a place is told from others by refits too."""
+    """Those with the least cost, and the best at each other location, because refits must compare locations
+    too."""
     promising = [one for one in formulas if one.gain > _PROMISING * formulas[0].gain]
     first = promising[:FIRST]
     places = {one.slot.name for one in first}
@@ -132,7 +133,7 @@ def _left_text(seconds: float) -> str:
 
 @one_thread()
 def _refitted(fit: FitResult, samples: float, tried: int, piece: tuple[Formula, Formula]) -> Fitted | None:
-    """A formula in the model, begun at the scales of another of its kind; None where it cannot be fitted."""
+    """A formula in the model, started at the scales of another of its kind; None if it cannot be fitted."""
     formula, start = piece
     family = fit.problem.model.family
     effect = effect_of(formula, family)
@@ -155,7 +156,7 @@ def _refitted(fit: FitResult, samples: float, tried: int, piece: tuple[Formula, 
 
 
 def _other_scales(formula: Formula) -> Iterator[Formula]:
-    """The same begun at a half and twice of each distance, and a tenth of the range beside each place."""
+    """The same started at half and twice each distance, and a tenth of the range beside each position."""
     kinds = [(kind, one.argument) for one in formula.factors for kind in one.form.scales]
     for index, (kind, argument) in enumerate(kinds):
         for sign in (-1.0, 1.0):
@@ -169,9 +170,9 @@ def _other_scales(formula: Formula) -> Iterator[Formula]:
 
 
 def within(fitted: Sequence[Fitted]) -> tuple[Fitted, ...]:
-    """The set: all formulas that cost no more than `DELTA` above the best.
+    """The set: all formulas whose cost exceeds that of the best by no more than `DELTA`.
 
-    What the best one leaves makes differences count less, by its variance factor.
+    Differences are divided by the variance factor of what the best one leaves.
     """
     if not fitted:
         return ()
@@ -181,7 +182,7 @@ def within(fitted: Sequence[Fitted]) -> tuple[Fitted, ...]:
 
 
 def left_out(one: Fitted) -> CrossValidation:
-    """What a formula predicts of each condition that it was not fitted to."""
+    """Cross-validation of a formula over the conditions."""
     fit = one.trial.fit
     column = qualified(one.formula.name, "size")
     lin = linearise(fit, fit.problem, ())

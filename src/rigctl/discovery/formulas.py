@@ -1,8 +1,8 @@
-"""Formulas for what is left, scored through the trajectories: never through differentiated data.
+"""Formulas for what is left, scored through the trajectories, never on differentiated data.
 
-The columns of fine splines at a slot say what any smooth function of the variable there does to the readings:
+The columns of fine splines at a slot give the signature of any smooth function of the variable there:
 ``g(x) = Σ_k c_k·B_k(x)``, ``s = Σ_k c_k·s̃_k``. A formula explains ``(s·r̃)²/s·s`` of χ², and costs
-``p·ln N_eff + 2·ln K + 2·C``, p its parameters, K the formulas that were tried and C its operations.
+``p·ln N_eff + 2·ln K + 2·C``, with p its parameters, K the number of formulas tried and C its operations.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from rigctl.physics.family import Slot
 
 Floats = NDArray[np.float64]
 
-#: splines that stand for a function of one variable, and for each of a product's
+#: number of splines for a function of one variable, and for each factor of a product
 FINE, FINE_PRODUCT = 24, 11
-#: points between two knots at which a function is followed
+#: number of points between two knots at which a function is approximated
 _POINTS = 15
-#: formulas whose scales are refined, and whose columns are compared
+#: number of formulas whose scales are refined, and whose columns are compared
 _FIRST = 40
-#: two formulas as alike as this are one
+#: two formulas with a larger cosine than this are equivalent
 SAME = 0.99
-#: of those that are one the simplest stands for them, unless it costs more than this above the cheapest
+#: of equivalent formulas the simplest is kept, unless its cost exceeds the least by more than this
 _SIMPLER = 6.0
-#: at most two scales in a formula
+#: largest number of scales in a formula
 _SCALES = 2
-#: of a range, how far a place is moved at first
+#: initial step of a position, as a share of the range
 _NEAR = 0.1
-#: letters of a name
+#: largest length of a name
 _LONGEST = 60
 
 
@@ -53,21 +53,21 @@ class Factor:
     scales: tuple[float, ...] = ()
 
     def of(self, z: Floats) -> Floats:
-        """(n) at values of the driver, SI."""
+        """(n) its values at values of the variable, SI."""
         return self.form.of(self.argument.of(z), *self.scales)
 
 
 @dataclass(frozen=True)
 class Formula:
-    """One formula at one slot, as the linear problem sees it.
+    """One formula at one slot, evaluated on the linear problem.
 
     Attributes
     ----------
     factors: one, or two for a product.
-    gain: of χ².
+    gain: reduction of χ².
     size: in the slot's unit, SI; the term is size·Π factors.
-    cost: what it costs less what it explains; less is better.
-    same: other formulas that do the same to these data.
+    cost: its penalty less what it explains; less is better.
+    same: other formulas that are equivalent for these data.
     """
 
     slot: Slot
@@ -79,7 +79,7 @@ class Formula:
 
     @property
     def key(self) -> str:
-        """What it is, whatever its scales."""
+        """Its form, whatever its scales."""
         product = " times ".join(f"{one.form.name} of {one.argument.driver.name}" for one in self.factors)
         return f"{self.slot.name}: {product}"
 
@@ -90,22 +90,22 @@ class Formula:
 
     @property
     def over(self) -> tuple[str, ...]:
-        """What it depends on."""
+        """The variables on which it depends."""
         return tuple(sorted(one.argument.driver.name for one in self.factors))
 
     @property
     def scales(self) -> tuple[float, ...]:
-        """Of all factors."""
+        """The scales of all factors."""
         return tuple(scale for one in self.factors for scale in one.scales)
 
     @property
     def parameters(self) -> int:
-        """Its size and scales."""
+        """The number of its parameters: size and scales."""
         return 1 + len(self.scales)
 
     @property
     def complexity(self) -> int:
-        """Operations and constants."""
+        """The number of operations and constants."""
         return sum(one.form.complexity for one in self.factors) + len(self.factors) - 1
 
     def with_scales(self, scales: Sequence[float]) -> Formula:
@@ -118,13 +118,13 @@ class Formula:
         return replace(self, factors=tuple(chosen))
 
     def price(self, samples: float, tried: int) -> float:
-        """What it has to explain to pay for itself, in χ²."""
+        """The reduction of χ² that it must exceed, its penalty."""
         return mbic(0.0, self.parameters, 1, samples, tried) + 2.0 * self.complexity
 
 
 @dataclass(frozen=True)
 class Scored:
-    """The formulas that were tried: `formulas` the best of each form, the cheapest first; `tried` of all."""
+    """The formulas tried: `formulas` the best of each form, by increasing cost; `tried` their number."""
 
     formulas: tuple[Formula, ...]
     tried: int
@@ -132,10 +132,10 @@ class Scored:
 
 @dataclass(frozen=True)
 class _Basis:
-    """Splines at one slot over one variable or the products over two, and what they do to the readings.
+    """Splines at one slot over one variable, or their products over two, and their signatures.
 
     `square` and `along` are ``S̃ᵀS̃`` and ``S̃ᵀr̃``; `grids` are points of each variable, SI, and `follow`
-    (functions, points) what makes a function's spline of its values there.
+    (functions, points) maps a function's values there to its spline coefficients.
     """
 
     located: Located
@@ -147,7 +147,7 @@ class _Basis:
     follow: tuple[Floats, ...] = field(repr=False)
 
     def weights(self, chosen: Sequence[Factor]) -> Floats:
-        """The splines' coefficients of a product of factors, one of each variable."""
+        """The spline coefficients of a product of factors, one of each variable."""
         parts = []
         for wanted, grid, follow in zip(self.arguments, self.grids, self.follow, strict=True):
             (factor,) = (one for one in chosen if one.argument is wanted)
@@ -155,7 +155,7 @@ class _Basis:
         return parts[0] if len(parts) == 1 else np.outer(parts[0], parts[1]).ravel()
 
     def score(self, weights: Floats) -> tuple[float, float]:
-        """The gain of χ² and the size that a column has."""
+        """The reduction of χ² by a column, and its size."""
         length = float(weights @ self.square @ weights)
         along = float(weights @ self.along)
         if not length > 0.0 or not math.isfinite(length) or not math.isfinite(along):
@@ -223,14 +223,15 @@ def _basis(opened: OpenSlots, one: Located) -> _Basis | None:
 
 
 def points_over(knots: Floats) -> Floats:
-    """Points over a range, as many between any two knots."""
+    """Points over a range, equally many between any two knots."""
     inner = knots[3:-3]
     parts = [np.linspace(a, b, _POINTS, endpoint=False) for a, b in pairwise(inner.tolist())]
     return np.concatenate([*parts, [np.nextafter(inner[-1], inner[0])]])
 
 
 def following(grid: Floats, knots: Floats) -> Floats:
-    """(functions, points) what makes a function's spline of its values at the points."""
+    """(functions, points) the matrix that maps a function's values at the points to its spline
+    coefficients."""
     from scipy.interpolate import BSpline
 
     return np.asarray(np.linalg.pinv(BSpline.design_matrix(grid, knots, 3).toarray()))
@@ -243,7 +244,7 @@ def _every(basis: _Basis) -> Iterator[Formula]:
 
 
 def _choices(arguments: Sequence[Argument]) -> Iterator[tuple[Factor, ...]]:
-    """A form of the one variable, or of either of two with a factor of the other."""
+    """A form of the single variable, or of either of two with a factor of the other."""
     for index, chosen in enumerate(arguments):
         inner = list(_factors(chosen, forms))
         outer = list(_factors(arguments[1 - index], factors)) if len(arguments) == 2 else []
@@ -263,7 +264,7 @@ def _factors(argument: Argument, kinds: Callable[[float, float], Iterator[Form]]
 
 
 def _refined(formula: Formula, basis: _Basis) -> Formula:
-    """Its scales where the linear problem likes them best, near where they began."""
+    """With its scales at a local optimum of the linear problem, near their starts."""
     if not formula.scales:
         return formula
     from scipy.optimize import minimize
@@ -290,7 +291,8 @@ def _refined(formula: Formula, basis: _Basis) -> Formula:
 
 
 def _merged(opened: OpenSlots, scored: Sequence[tuple[Formula, _Basis]]) -> Iterator[Formula]:
-    """One of all that do the same to the data: ``|cos| > 0.99``, the simplest, which names the others."""
+    """One formula of each group of equivalent ones, ``|cos| > 0.99``: the simplest, which lists the
+    others."""
     if not scored:
         return
     readings: list[list[Floats]] = []

@@ -1,7 +1,7 @@
-"""When is it worth looking for a formula? Where something is missing that no effect is sure to be.
+"""When is a search for a formula worthwhile? If something is missing and no effect is certain to be it.
 
-Closed where the model agrees, where these data cannot tell, where the library has an answer, and where
-records of one condition differ from each other: that is no term of the model's variables.
+The gate is closed if the model agrees, if these data cannot tell, if the library has an answer, or if records
+of one condition differ from each other, which no term of the model's variables explains.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.levels import ALPHA
 from rigctl.analysis.linearisation import Linearisation
 
-#: of the misfit, the share that differs between records of one condition and closes the gate
+#: the gate is closed if more than this share of the misfit differs between records of one condition
 _IRREPRODUCIBLE = 0.5
 
 
 @dataclass(frozen=True)
 class Gate:
-    """Whether to look, and why or why not.
+    """Whether to search, and why or why not.
 
     Attributes
     ----------
-    reason: ``outside_library`` where it is open; ``adequate``, ``undecided``, ``library`` or ``replicates``.
+    reason: ``outside_library`` if it is open; ``adequate``, ``undecided``, ``library`` or ``replicates``.
     statement: in words.
     """
 
@@ -45,13 +45,13 @@ def gate_of(diagnosis: Diagnosis) -> Gate:
     before = diagnosis.before
     if diagnosis.verdict is Verdict.ADEQUATE:
         if before.adequacy.below_noise:
-            return Gate(False, "undecided", f"Nothing is looked for: {before.statement}")
+            return Gate(False, "undecided", f"No search was made: {before.statement}")
         return Gate(False, "adequate", f"There is nothing to discover: {diagnosis.statement}")
     if diagnosis.doubt:
         return Gate(
             False,
             "undecided",
-            f"Nothing is looked for, as these data do not tell whether anything is missing: "
+            f"No search was made, because these data cannot tell whether anything is missing: "
             f"{diagnosis.doubt}",
         )
     if diagnosis.verdict is Verdict.MISSING_EFFECT or (
@@ -64,12 +64,12 @@ def gate_of(diagnosis: Diagnosis) -> Gate:
     return Gate(
         True,
         "outside_library",
-        "Something is missing, and no effect of the library is sure to be it, whatever its shape",
+        "Something is missing, and no effect of the library is certain to be it, whatever its shape",
     )
 
 
 def _sure(diagnosis: Diagnosis) -> bool:
-    """Whether a class of effects is sure; else what is nearest fails on records left out, or is unusual."""
+    """Whether a class of effects is certain; if not, the nearest fails cross-validation, or is unusual."""
     return any(one.place_sure for one in diagnosis.levels)
 
 
@@ -79,22 +79,22 @@ def _library(diagnosis: Diagnosis) -> str:
         others = sorted({name for group in diagnosis.classes for name in group} - set(diagnosis.effects))
         which = f" (or {', '.join(others)})" if others else ""
         return (
-            f"Nothing is looked for: the library explains it by {names}{which}, and what is not known is "
-            "which of these it is: 'rigctl diagnose' says what would tell"
+            f"No search was made: the library explains it by {names}{which}, and these data do not show "
+            "which of these it is: 'rigctl diagnose' says what would distinguish them"
         )
     if diagnosis.remainder is not None:
         return (
-            f"Nothing is looked for yet: {names} is missing for sure, and it is not all: add it "
-            "('rigctl diagnose … --apply'), then look for what is left beside it"
+            f"No search was made yet: {names} is certainly missing, but it is not all: add it "
+            "('rigctl diagnose … --apply'), then search for the rest"
         )
-    return f"Nothing is looked for: the library has it, {names}: 'rigctl diagnose … --apply' adds it"
+    return f"No search was made: the library contains it, {names}: 'rigctl diagnose … --apply' adds it"
 
 
 def _replicates_differ(before: ModelComparison) -> str:
     """That records of one condition differ by more than the noise, and by most of the misfit; "" if not.
 
-    The whitened residuals of each phase and channel are summed, ``z ~ N(0, 1)`` each; what these differ by
-    between the records of one condition no term of the model's variables explains.
+    The whitened residuals of each phase and channel are summed, ``z ~ N(0, 1)`` each; no term of the model's
+    variables explains their differences between the records of one condition.
     """
     tested = replicate_test(before.linearisation)
     if tested is None:
@@ -103,16 +103,16 @@ def _replicates_differ(before: ModelComparison) -> str:
     if p_value >= ALPHA or share < _IRREPRODUCIBLE:
         return ""
     return (
-        f"Nothing is looked for: records of one condition differ from each other, by {share:.0%} of what the "
+        f"No search was made: records of one condition differ from each other, by {share:.0%} of what the "
         f"model leaves (p = {p_value:.2g}): something changes from record to record that no variable of the "
-        "model says. Find out what, or record it"
+        "model describes. Find out what, or record it"
     )
 
 
 def replicate_test(lin: Linearisation) -> tuple[float, float] | None:
-    """The p-value that records of one condition agree, and the share of the misfit by which they do not.
+    """The p-value that records of one condition agree, and the share of the misfit by which they differ.
 
-    None where no condition has two records.
+    None if no condition has two records.
     """
     sums = np.array([record.regions.T @ record.residual for record in lin.records])
     groups = np.array([lin.regions.groups[k] for k in range(len(lin.records))])

@@ -1,4 +1,5 @@
-"""Formulas that a term may be, over one variable or a product over two; each with what it takes to write it.
+"""Formulas that a term may be, over one variable or a product over two, with all that is needed to write
+them.
 
     u = z − z_0, z_0 where z has no zero of its own in the data (a temperature);   R a round size of u
 
@@ -24,7 +25,8 @@ from rigctl.units import parse_unit
 
 Floats = NDArray[np.float64]
 
-#: a variable whose lowest size is more than this share of its largest has no zero in the data
+#: a variable whose smallest magnitude exceeds this share of its largest does not pass through zero in the
+#: data
 _AWAY = 0.5
 #: corners are rounded over this share of the reference
 WIDTH = 1e-3
@@ -35,14 +37,14 @@ DISTANCES = frozenset(("scale", "width"))
 
 @dataclass(frozen=True)
 class Argument:
-    """What a function is of.
+    """The argument of a function.
 
     Attributes
     ----------
-    zero, reference: ``u = z − zero``, ``x = u/reference``, SI; the reference is round.
-    low, high: of z over the data, SI.
-    text, reference_text: u and R as an effect file writes them.
-    point: z is a point on a temperature scale.
+    zero, reference: ``u = z − zero``, ``x = u/reference``, SI; the reference is a round number.
+    low, high: range of z in the data, SI.
+    text, reference_text: u and R as written in an effect file.
+    point: z is a temperature, not a temperature difference.
     """
 
     driver: Driver
@@ -60,32 +62,32 @@ class Argument:
 
     @property
     def length(self) -> float:
-        """Of the range of x."""
+        """The length of the range of x."""
         return (self.high - self.low) / self.reference
 
     @property
     def ratio(self) -> str:
-        """x as an effect file writes it."""
+        """x as written in an effect file."""
         return f"{self.text}/{self.reference_text}"
 
     def scale_si(self, name: str, x: float) -> float:
-        """A scale of x in the driver's unit: a distance, or a value of z."""
+        """A scale of x in the variable's unit: a distance, or a value of z."""
         return x * self.reference + (0.0 if name in DISTANCES else self.zero)
 
     def amount(self, name: str, si: float) -> str:
-        """A scale as an effect file writes it."""
+        """A scale as written in an effect file."""
         if name not in DISTANCES and self.point:
             return amount(si - _ZERO_CELSIUS, "degC")
         return amount(si, self.driver.unit)
 
     @property
     def driver_text(self) -> str:
-        """z as an effect file writes it."""
+        """z as written in an effect file."""
         return self.driver.name if len(self.driver.weights) == 1 else f"({self.driver.name})"
 
 
 def argument(driver: Driver, low: float, high: float, family: ModelFamily) -> Argument:
-    """A driver that goes from `low` to `high`, counted from its own zero, or from the lower end."""
+    """A variable with range `low` to `high`, measured from its own zero, or from the lower end."""
     size = max(abs(low), abs(high))
     point = _is_point(driver, family)
     zero = 0.0
@@ -104,7 +106,7 @@ def argument(driver: Driver, low: float, high: float, family: ModelFamily) -> Ar
 
 
 def _is_point(driver: Driver, family: ModelFamily) -> bool:
-    """Whether it is an absolute temperature: the family says of each whether it is an interval."""
+    """Whether it is an absolute temperature, according to the family."""
     if len(driver.weights) > 1 or parse_unit(driver.unit).text != "K":
         return False
     named: tuple[StateVariable | InputVariable, ...] = (*family.states, *family.inputs)
@@ -112,7 +114,7 @@ def _is_point(driver: Driver, family: ModelFamily) -> bool:
 
 
 def amount(value: float, unit: str) -> str:
-    """A value as a file has it."""
+    """A value as written in a file."""
     return f"{value:.6g}" if unit == "1" else f"{value:.6g} {unit}"
 
 
@@ -121,7 +123,7 @@ def _bracketed(amount: str) -> str:
 
 
 def round_to(value: float, size: float) -> float:
-    """To one figure of `size`."""
+    """Rounded to one significant figure of `size`."""
     if value == 0.0 or size == 0.0:
         return 0.0
     step = 10.0 ** math.floor(math.log10(abs(size)))
@@ -135,10 +137,10 @@ class Form:
     Attributes
     ----------
     name: unique among the forms.
-    text: of its argument and the names of its scales, as an effect file writes it.
-    of: of the values of x and its scales.
+    text: makes the text in an effect file from its argument and the names of its scales.
+    of: its values from the values of x and its scales.
     scales: the names of its scales: ``scale`` and ``width`` are distances, ``center`` and ``limit`` values.
-    starts: values of x of its scales to begin with, all that are tried.
+    starts: initial values of its scales, in x; all are tried.
     complexity: operations and constants, for the description length.
     """
 
@@ -191,10 +193,10 @@ def _tanh(largest: float) -> Form:
 
 
 def forms(low: float, high: float) -> Iterator[Form]:
-    """The forms of one argument whose x goes from `low` to `high`."""
+    """The forms of one argument with x from `low` to `high`."""
     largest, length = max(abs(low), abs(high)), high - low
     yield from odd_powers()
-    if low < -0.05 * length and high > 0.05 * length:  # else they are the odd ones
+    if low < -0.05 * length and high > 0.05 * length:  # else they equal the odd ones
         yield from even_powers()
     yield _tanh(largest)
     shares = tuple((share * largest,) for share in (0.03, 0.1, 0.3, 1.0))
@@ -257,7 +259,7 @@ def _bump(low: float, length: float) -> Form:
 
 
 def factors(low: float, high: float) -> Iterator[Form]:
-    """What may multiply a form of another variable."""
+    """Forms that may multiply a form of another variable."""
     yield from even_powers()
     if low < 0.0 < high:
         yield Form("linear", lambda a, _: a.ratio, lambda x: x)

@@ -25,11 +25,11 @@ def require_folder(folder: Path | None) -> None:
         it is one.
     """
     if folder is not None and folder.exists() and not folder.is_dir():
-        raise RigctlError("effect files go into a folder, and this is a file", where=Location(folder))
+        raise RigctlError("effect files need a folder, but this is a file", where=Location(folder))
 
 
 def write_files(discovery: Discovery, folder: Path) -> Discovery:
-    """Each accepted formula as an effect file in `folder`; what lies there already stays.
+    """Write each accepted formula as an effect file in `folder`; existing files are kept.
 
     Raises
     ------

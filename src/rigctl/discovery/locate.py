@@ -1,9 +1,9 @@
-"""Where does the model want a term, and over which variable does it change?
+"""At which slot does the model lack a term, and over which variable does the term change?
 
-At each slot and over each variable x a term ``w = Σ_k b_k·B_k(x)`` is looked for, B_k cubic B-splines, with
-Rao's score test at b = 0: ``χ² = r̃ᵀS̃(S̃ᵀS̃)⁺S̃ᵀr̃``, S̃ the columns by b with the fitted unknowns projected off.
-At the slots that are wanted most, terms of two variables too. Slots at which a term does the same to these
-data are one place.
+At each slot and over each variable x a term ``w = Σ_k b_k·B_k(x)`` is tested, with cubic B-splines B_k, by
+Rao's score test at b = 0: ``χ² = r̃ᵀS̃(S̃ᵀS̃)⁺S̃ᵀr̃``, S̃ the columns by b with the fitted unknowns projected
+off. At the most probable slots, terms of two variables are tested too. Slots at which a term has the same
+signature in these data count as one location.
 """
 
 from __future__ import annotations
@@ -28,31 +28,31 @@ from rigctl.physics.family import Slot
 
 Floats = NDArray[np.float64]
 
-#: splines over each variable
+#: number of splines over each variable
 FUNCTIONS = 8
-#: splines over each of two variables, the places that are looked at so, and those of them once more
+#: number of splines over each of two variables, of locations tested that way, and of those tested once more
 FEW, PLACES, AGAIN = 5, 8, 3
-#: samples of a record that say how alike what was searched is
+#: number of samples of a record used for the correlation of hypotheses
 _SAMPLES = 100
-#: slots that are simulated at once
+#: number of slots simulated at once
 _AT_ONCE = 4
-#: of the χ² at two slots, for every variable: as near they are one place
+#: slots are one location if their χ² differ by less than this share for every variable
 _ALIKE = 1e-3
-#: chance with which a term is to be seen that would just do
+#: power at which a term counts as detectable
 _POWER = 0.8
 
 
 @dataclass(frozen=True)
 class Located:
-    """A slot and a variable, and how much a smooth term of it there would explain.
+    """A slot and a variable, and how much a smooth term of the variable there would explain.
 
     Attributes
     ----------
     over: the variables: one, or two for a term of both.
-    statistic, dof: χ² and its degrees of freedom; a dof of 0 says that nothing of it can be seen.
-    p_value: of the best of all that was searched.
+    statistic, dof: χ² and its degrees of freedom; dof is 0 if the data cannot show it.
+    p_value: family-wise, of the best of all hypotheses.
     share: of the misfit that it explains, 0 … 1.
-    alike: other slots at which a term does the same to these data.
+    alike: other slots at which a term has the same signature in these data.
     """
 
     slot: Slot
@@ -71,11 +71,11 @@ class Located:
 
     @property
     def size(self) -> float:
-        """λ, by how many sigmas it stands out."""
+        """λ, its size in sigmas."""
         return math.sqrt(max(self.statistic - self.dof, 0.0))
 
     def cost(self, samples: float) -> float:
-        """What orders them: less is better."""
+        """The ranking criterion: less is better."""
         return self.dof * math.log(samples) - self.statistic
 
     def document(self) -> dict[str, Any]:
@@ -93,14 +93,14 @@ class Located:
 
 @dataclass(frozen=True)
 class Map:
-    """Everything that was looked at.
+    """All hypotheses that were tested.
 
     Attributes
     ----------
-    located: the most wanted first: by ``χ² − dof·ln N_eff``; of each place one slot.
-    hidden: what these data cannot show: a term there is what each record, or the fit, has of its own.
-    tests, independent: how many hypotheses were searched, and as how many independent ones they behave.
-    needed: λ at which one of them would be seen in four cases of five.
+    located: by decreasing ``χ² − dof·ln N_eff``; one slot for each location.
+    hidden: slots at which a term cannot be seen, as it is equivalent to record-level or fitted unknowns.
+    tests, independent: number of hypotheses, and of equivalent independent ones.
+    needed: λ at which one of them would be detected with probability 0.8.
     """
 
     located: tuple[Located, ...]
@@ -111,24 +111,24 @@ class Map:
 
     @property
     def sure(self) -> bool:
-        """Whether any place stands out of chance."""
+        """Whether any location is significant."""
         return bool(self.located) and self.located[0].p_value < ALPHA
 
 
 def _silent(_: str) -> None:
-    """Nobody listens."""
+    """Ignore progress."""
 
 
 @one_thread()
 def locate(
     opened: OpenSlots, samples: float, only: str | None = None, on_progress: OnProgress = _silent
 ) -> Map:
-    """Every slot and variable that these data can show, one by one and, at the best, two by two.
+    """Every slot and variable that these data can show, singly and, for the best, in pairs.
 
     Parameters
     ----------
     samples: N_eff, the effective sample size.
-    only: the name of the one slot to look at.
+    only: restricts the search to the slot with this name.
     """
     slots = [slot for slot in opened.slots if only is None or slot.name == only]
     tried: list[Located] = []
@@ -136,13 +136,13 @@ def locate(
     for first in range(0, len(slots), _AT_ONCE):
         chosen = slots[first : first + _AT_ONCE]
         names = ", ".join(slot.name for slot in chosen)
-        on_progress(f"Looking at {names}: places {first + 1} to {first + len(chosen)} of {len(slots)}")
+        on_progress(f"Testing {names}: places {first + 1} to {first + len(chosen)} of {len(slots)}")
         tried += _at_slots(opened, chosen, seen_at)
     singles = sorted(_one_place_each(tried), key=lambda one: one.cost(samples))
     seen = [one for one in singles if one.dof]
-    on_progress("Looking at two variables together")
+    on_progress("Testing two variables together")
     pairs = _pairs(opened, seen, samples)
-    on_progress("Drawing what chance alone would show")
+    on_progress("Simulating the null distribution")
     chance = replace(seen_at.chance(seen), more=len(pairs))
     located = [
         replace(one, p_value=chance.family_wise(one.chance_alone))
@@ -159,7 +159,7 @@ def locate(
 
 @dataclass
 class _Thinned:
-    """Of everything that was searched, the readings at some samples: they say how alike it is."""
+    """The readings of every hypothesis at some samples, from which their correlation is computed."""
 
     opened: OpenSlots
     readings: dict[tuple[str, tuple[Driver, ...]], list[NDArray[np.float32]]] = field(default_factory=dict)
@@ -171,7 +171,7 @@ class _Thinned:
         self.readings[slot.name, over] = kept
 
     def chance(self, searched: Sequence[Located]) -> Chance:
-        """What chance makes of all that was searched."""
+        """The null distribution of the whole search."""
         groups: list[slice] = []
         parts: list[list[NDArray[np.float32]]] = []
         first = 0
@@ -212,7 +212,7 @@ def _located(projected: Projected, chosen: slice, slot: Slot, over: tuple[Driver
 
 
 def _one_place_each(tried: Sequence[Located]) -> list[Located]:
-    """Slots whose χ² is the same for every variable are one place, called by the first of them."""
+    """Slots whose χ² is the same for every variable are one location, named after the first of them."""
     by_slot: dict[str, dict[tuple[Driver, ...], Located]] = {}
     for one in tried:
         by_slot.setdefault(one.slot.name, {})[one.over] = one
@@ -235,12 +235,13 @@ def _same(of_slot: dict[tuple[Driver, ...], Located], other: dict[tuple[Driver, 
 
 
 def _pairs(opened: OpenSlots, singles: Sequence[Located], samples: float) -> list[Located]:
-    """Terms ``w = Σ_kl b_kl·B_k(x)·B_l(y)`` at the places that are wanted most.
+    """Terms ``w = Σ_kl b_kl·B_k(x)·B_l(y)`` at the most probable locations.
 
-    x is the variable that a place wants most, y any other; then, where that is wanted most, the best y with
-    any other: x may have stood for another variable that changes with it. At every further place the variable
-    that is wanted most of all is looked at with the one that the place itself wants: a drag at one spot shows
-    little over either alone, and would otherwise be missing where it is said which places could be it.
+    x is the best single variable at a location, y any other; then, for the best such pair, its y with any
+    other variable, because x may have acted as a proxy for another that changes with it. At every further
+    location the globally best variable is tested together with the location's own best: a drag at one
+    position shows little over either alone, and would otherwise be missing from the list of possible
+    locations.
     """
     best: dict[str, Located] = {}
     for one in singles:
@@ -269,7 +270,7 @@ def _pairs(opened: OpenSlots, singles: Sequence[Located], samples: float) -> lis
 def _with_others(
     opened: OpenSlots, place: Located, driver: Driver, others: Sequence[Driver]
 ) -> Iterator[Located]:
-    """Terms of one variable and each of others at a place, in one simulation."""
+    """Terms of one variable and each of others at a location, in one simulation."""
     asked = {
         other: SplineArgument(dict(other.weights), knots)
         for other in (driver, *others)
@@ -288,7 +289,7 @@ def _with_others(
 
 
 def _needed(chance: Chance) -> float:
-    """λ of a term of as many degrees of freedom as one variable has that would be seen."""
+    """λ of a detectable term with as many degrees of freedom as one variable has."""
     from scipy.special import chndtrinc, gammainccinv
 
     level = float(np.quantile(chance.least, ALPHA))

@@ -1,4 +1,5 @@
-"""The model with a term of unknown size at each slot, and what any spline of any variable does there."""
+"""The model with a term of unknown size at each slot, and the signature of any spline of any variable
+there."""
 
 from __future__ import annotations
 
@@ -25,9 +26,9 @@ from rigctl.model.fit.problem import Problem
 from rigctl.physics.family import InputVariable, Slot, StateVariable
 
 Floats = NDArray[np.float64]
-#: two variables as correlated as this are one
+#: two variables with a larger correlation than this count as one
 _LINE = 0.99999
-#: told what is being done
+#: called with what is being done
 OnProgress = Callable[[str], None]
 
 
@@ -37,11 +38,11 @@ class OpenSlots:
 
     Attributes
     ----------
-    fit: of the model as it is, on the records that are looked at.
-    problem: these records with a level at each slot, 0.
-    slots: those of which something that is read depends.
-    drivers: states, inputs and differences of them that change in these data.
-    found: the records as the model has them.
+    fit: of the model as given, on the records that are used.
+    problem: these records with a constant term of 0 at each slot.
+    slots: those on which some reading depends.
+    drivers: states, inputs and differences of them that vary in these data.
+    found: the simulated records.
     """
 
     fit: FitResult = field(repr=False)
@@ -51,16 +52,17 @@ class OpenSlots:
     trajectories: Trajectories = field(repr=False)
 
     def values(self, driver: Driver) -> Floats:
-        """(samples of all records) of a driver, SI."""
+        """(samples of all records) of a variable, SI."""
         return np.concatenate(courses(self.problem, self.trajectories, driver))
 
     def unit_of(self, driver: Driver) -> str:
-        """The unit that this bench shows a variable in."""
+        """The unit in which this bench shows a variable."""
         interval = len(driver.weights) > 1
         return self.problem.measurements.unit_for(driver.unit, interval=interval)
 
     def knots(self, driver: Driver, functions: int) -> Floats | None:
-        """Of splines over a driver, between which lie as many samples; None where it is constant."""
+        """Knots of splines over a variable, with equal numbers of samples between them; None if it is
+        constant."""
         return knots_of(courses(self.problem, self.trajectories, driver), functions)
 
     def columns(self, asked: Sequence[tuple[Slot, SplineArgument]]) -> Projected:
@@ -74,7 +76,7 @@ class OpenSlots:
         return self.project(self.readings(splines_at(asked)))
 
     def readings(self, splines: SplineColumns) -> list[Floats]:
-        """(n, channels, columns) of each record: the derivatives of what is read."""
+        """(n, channels, columns) for each record: the derivatives of the readings."""
         problem, local = self.problem, self.fit.local
         columns: list[Floats] = []
         for part in problem.parts(len(splines.columns)):
@@ -84,21 +86,21 @@ class OpenSlots:
         return columns
 
     def project(self, readings: Sequence[Floats]) -> Projected:
-        """Columns of readings, of every record, the fitted unknowns projected off."""
+        """Columns of readings, for every record, with the fitted unknowns projected off."""
         names = [str(k) for k in range(readings[0].shape[2])]
-        with switched_off():  # large, and asked for once
+        with switched_off():  # large, and needed only once
             linearised = linearise(self.fit, self.fit.problem, (), (names, readings))
         return project(linearised.rearranged((), (), shaped=True))
 
     def chosen(self, samples: int) -> list[NDArray[np.intp]]:
-        """About so many samples of each record: enough to say which columns are alike."""
+        """About this many samples of each record, enough to compare columns."""
         return [
             np.arange(0, one.times.size, -(-one.times.size // samples), dtype=np.intp)
             for one in self.problem.records
         ]
 
     def thinned(self, samples: int) -> OpenSlots:
-        """The same with these samples alone, to project columns of readings that were worked out before."""
+        """The same with these samples only, to project columns of readings computed before."""
         at = self.chosen(samples)
         fit = self.fit
         outputs = tuple(one[rows] for one, rows in zip(fit.outputs, at, strict=True))
@@ -117,7 +119,7 @@ def splines_at(asked: Sequence[tuple[Slot, SplineArgument]]) -> SplineColumns:
 
 
 def products_at(slot: Slot, first: SplineArgument, *others: SplineArgument) -> SplineColumns:
-    """All products of a spline of one argument and one of each other as terms at a slot, first by first."""
+    """All products of splines of one argument and of each other as terms at a slot, ordered by the first."""
     count = first.knots.size - 4
     columns = [
         SplineColumn({level(slot): 1.0}, (0, i), (1 + index, j))
@@ -129,7 +131,7 @@ def products_at(slot: Slot, first: SplineArgument, *others: SplineArgument) -> S
 
 
 def open_slots(before: ModelComparison, progress: Progress | None = None) -> OpenSlots:
-    """The slots of a compared model, opened; of a great many fitted records, and long ones, some are used.
+    """The slots of a compared model, opened; of very many fitted records, and of long ones, a subset is used.
 
     Raises
     ------
@@ -147,7 +149,7 @@ def open_slots(before: ModelComparison, progress: Progress | None = None) -> Ope
 
 
 def _different(problem: Problem, simulated: Trajectories) -> Iterator[Driver]:
-    """The drivers that change in these data; of those that are straight lines of each other the first."""
+    """The variables that vary in these data; of linearly dependent ones only the first."""
     known: list[Floats] = []
     for driver in _drivers(problem):
         values = courses(problem, simulated, driver)
@@ -161,7 +163,7 @@ def _different(problem: Problem, simulated: Trajectories) -> Iterator[Driver]:
 
 
 def _drivers(problem: Problem) -> Iterator[Driver]:
-    """Every state and input, and the differences that effects of the library are driven by, each once."""
+    """Every state and input, and the differences on which effects of the library depend, each once."""
     model = problem.model
     seen: set[tuple[tuple[str, float], ...]] = set()
     named: tuple[StateVariable | InputVariable, ...] = (*model.family.states, *model.family.inputs)

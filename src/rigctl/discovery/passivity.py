@@ -1,8 +1,8 @@
-"""Does a term take energy out, as friction and leaks do, or put it in?
+"""Does a term dissipate energy, as friction and leaks do, or supply it?
 
-At the balance of a state s the power of a term is ``direction·w·s``, s counted from its surroundings: below
-0 it takes energy out. A term that does not depend on s has no sign of its own: a spring gives back what it
-took.
+In the balance of a state s the power of a term is ``direction·w·s``, s measured from its surroundings:
+negative power is dissipated. A term that does not depend on s has no definite sign: a spring returns what it
+has taken.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from rigctl.errors import RigctlError
 
 Floats = NDArray[np.float64]
 
-#: a share of the power that is the wrong way, and no more than rounding and noise
+#: share of power with the opposite sign that is attributed to rounding and noise
 _SMALL = 0.02
 
 
 def passivity(formula: Formula, opened: OpenSlots) -> str:
-    """``takes energy out``, ``puts energy in``, ``takes and puts energy``, or "" where that says nothing."""
+    """``takes energy out``, ``puts energy in``, ``takes and puts energy``, or "" if undetermined."""
     family = opened.problem.model.family
     try:
         place = next((one for one in slot_roles(family) if one.slot.name == formula.slot.name), None)

@@ -1,4 +1,4 @@
-"""What a search for a formula returns, for people and for programs."""
+"""The result of a search for a formula, for people and for programs."""
 
 from __future__ import annotations
 
@@ -24,20 +24,21 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-#: of χ², the share by which a linear model of a large effect may be in error: no place is excluded by less
+#: possible error of a linear model of a large effect, as a share of χ²: a smaller difference excludes no
+#: location
 _AS_MUCH = 0.05
 
 
 @dataclass(frozen=True)
 class FormulaParameter:
-    """A parameter of a formula as fitted, in the unit it is shown in; `std` is NaN where it is not known."""
+    """A fitted parameter of a formula, in the unit in which it is shown; `std` is NaN if unknown."""
 
     value: float
     unit: str
     std: float
 
     def __str__(self) -> str:
-        """As it is read, e.g. ``37.3 ± 0.9 mm``."""
+        """As displayed, e.g. ``37.3 ± 0.9 mm``."""
         return with_uncertainty(self.value, self.std, self.unit)
 
 
@@ -48,16 +49,16 @@ class FoundFormula:
     Attributes
     ----------
     fitted: in the model.
-    term: as its effect file has it.
-    tier: how strong the claim is, by its dimensions.
+    term: as written in its effect file.
+    tier: strength of the claim, by its dimensions.
     parameters: by name.
-    delta: what it costs above the best of the set.
-    check: what it predicts of each condition that it was not fitted to; None of a single record.
-    passive: ``takes energy out``, ``puts energy in``, ``takes and puts energy``, "" where that says nothing.
-    valid: (variable, lowest, highest, unit) that the data visit: SI, and the unit that they are shown in.
-    p_value_after: that the model with it agrees with the data.
-    left: the share of the squared misfit that stays with it.
-    file: the effect file, where it was written.
+    delta: its cost less that of the best of the set.
+    check: its cross-validation over the conditions; None for a single record.
+    passive: ``takes energy out``, ``puts energy in``, ``takes and puts energy``, "" if undetermined.
+    valid: (variable, lowest, highest, unit) range of the data: SI, and the unit in which they are shown.
+    p_value_after: of the tests of the model with it.
+    left: the share of the squared misfit that it leaves.
+    file: the effect file, if one was written.
     """
 
     fitted: Fitted = field(repr=False)
@@ -74,35 +75,35 @@ class FoundFormula:
 
     @property
     def name(self) -> str:
-        """Of its effect."""
+        """The name of its effect."""
         return self.fitted.formula.name
 
     @property
     def slot(self) -> str:
-        """Where it acts."""
+        """The slot where it acts."""
         return self.fitted.formula.slot.name
 
     @property
     def alike(self) -> tuple[str, ...]:
-        """Other formulas that do the same to these data."""
+        """Other formulas that are equivalent for these data."""
         return tuple(one.name for one in self.fitted.formula.same)
 
     @property
     def accepted(self) -> bool:
-        """Whether it predicts what it was not fitted to, and leaves no more of the misfit than the right one
-        may; without a second record nothing can be left out.
+        """Whether it passes cross-validation, and leaves no more of the misfit than the right one may; False
+        for a single record, as nothing can be left out.
         """
         return not self.doubt
 
     @property
     def doubt(self) -> str:
-        """Why it is not accepted; "" where it is."""
+        """Why it is not accepted; "" if it is."""
         if self.check is None:
             return "there is no second record"
         if not self.check.passed:
             return "it does not predict conditions left out"
         if self.left > STAND_IN:
-            return f"it leaves {share_text(self.left)} of the misfit, and only stands in for what is missing"
+            return f"it leaves {share_text(self.left)} of the misfit, and only resembles what is missing"
         return ""
 
     def document(self) -> dict[str, Any]:
@@ -144,14 +145,14 @@ class FoundFormula:
 
 @dataclass(frozen=True)
 class Where:
-    """A slot, and what a term there is over."""
+    """A slot, and the variables of a term there."""
 
     slot: str
     over: tuple[str, ...]
 
     @staticmethod
     def of(located: Located) -> Where:
-        """Of a place that was located."""
+        """From a location."""
         return Where(located.slot.name, tuple(sorted(driver.name for driver in located.over)))
 
     def __str__(self) -> str:
@@ -161,19 +162,19 @@ class Where:
 
 @dataclass(frozen=True)
 class Discovery:
-    """What a search found.
+    """The result of a search.
 
     Attributes
     ----------
     runs: the ids; `model` its name.
-    gate: whether it was worth looking.
-    searched: every place and variable; None behind a closed gate.
-    curves: the term over one variable, at the places that are wanted most.
-    formulas: the set: all that these data do not tell from the best.
-    tried: formulas that were looked at.
-    refuted: places whose best formulas were refitted and do worse than the set.
+    gate: whether a search was worthwhile.
+    searched: every location and variable; None if the gate is closed.
+    curves: the term over one variable, at the most probable locations.
+    formulas: the set: all that these data do not distinguish from the best.
+    tried: number of formulas tried.
+    refuted: locations whose best formulas were refitted and are worse than the set.
     statement: in words; `notes` on the data and the search.
-    diagnosis: of the model as it is.
+    diagnosis: of the model as given.
     """
 
     runs: tuple[str, ...]
@@ -190,13 +191,13 @@ class Discovery:
 
     @property
     def located(self) -> tuple[Located, ...]:
-        """Places and variables, the most wanted first."""
+        """Locations and variables, the most probable first."""
         return () if self.searched is None else self.searched.located
 
     @property
     def rivals(self) -> tuple[Located, ...]:
-        """Other places, the best of each, at which a term explains as much but for what chance makes of it,
-        or the linear model, and no refit has refuted them."""
+        """Other locations, the best of each, at which a term explains as much up to chance or the error of
+        the linear model, and that no refit has refuted."""
         if not self.located:
             return ()
         best = self.located[0]
@@ -209,12 +210,13 @@ class Discovery:
 
     @property
     def where(self) -> tuple[Where, ...]:
-        """All that the term may be for all that these data say, the first formula's place first."""
+        """All alternatives for the term that are compatible with these data, the first formula's location
+        first."""
         best = self.located[:1]
         formulas = [same for one in self.formulas for same in (one.fitted.formula, *one.fitted.formula.same)]
         found = [Where(one.slot.name, one.over) for one in formulas]
         found += [Where.of(one) for one in (*(() if formulas else best), *self.rivals)]
-        for located in self.located:  # a term at another slot does the same
+        for located in self.located:  # a term at another slot is equivalent
             if Where.of(located) in found:
                 found += [replace(Where.of(located), slot=slot) for slot in located.alike]
         return tuple(dict.fromkeys(found))
@@ -249,7 +251,7 @@ class Discovery:
         }
 
     def summary(self) -> str:
-        """What was found in a few lines."""
+        """The result in a few lines."""
         lines = [self.statement]
         lines += [f"  Δ {one.delta:4.1f}  {one.name}: {one.term}" for one in self.formulas]
         return "\n".join(lines)

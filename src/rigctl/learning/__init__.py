@@ -1,1 +1,1 @@
-"""Measure, compare, add what is sure, design the next records, and measure again."""
+"""Measure, compare, add what is certain, design the next records, and measure again."""

@@ -1,4 +1,4 @@
-"""How a round is measured: on whatever bench the rig file or the command line names."""
+"""How a round is measured: on the bench that the rig file or the command line names."""
 
 from __future__ import annotations
 
@@ -18,40 +18,40 @@ from rigctl.runner.launch import Launch, launch
 from rigctl.runner.relaunch import Interrupted, open_interrupted, relaunch
 from rigctl.runner.session import RunResult
 
-#: characters of a run's id that say when it began
+#: length of the time stamp at the start of a run's id
 _STAMP = 15
-#: how runs ended that are gone on with
+#: statuses of runs that can be resumed
 _GOES_ON = ("unclosed", "interrupted", "aborted")
-#: makes of a launch one with somebody who answers and looks on, for as long as the run takes
+#: wraps a launch with an operator who answers prompts and a live view, for the duration of the run
 Attended = Callable[[Launch, Plan], AbstractContextManager[Launch]]
 
 
 class Bench(Protocol):
-    """What learning needs of a bench: to carry out a procedure, and to say how long that takes."""
+    """What learning needs from a bench: to carry out a procedure, and to forecast its duration."""
 
     def plan(self, procedure: Path, arguments: Mapping[str, str]) -> Plan:
         """The procedure on this bench's rig."""
         ...
 
     def measure(self, plan: Plan, number: int, since: str) -> RunResult:
-        """Carry it out as round `number`; go on with a run of it that was cut off since then."""
+        """Carry it out as round `number`; resume a run of it that was interrupted since `since`."""
         ...
 
 
 def seconds_of(plan: Plan) -> float:
-    """What a plan is expected to take, s of the rig's time."""
+    """The expected duration of a plan, s of bench time."""
     return preview(plan).seconds
 
 
 @dataclass(frozen=True)
 class LaunchedBench:
-    """The bench behind a backend, each round a run like any other: locked, guarded, safe in every ending.
+    """The bench behind a backend, each round a run like any other: locked, supervised, safe in every ending.
 
     Parameters
     ----------
-    how: makes the launch of a plan; each round, from 1 on, has another seed on a simulated bench.
-    rig: another rig file than procedures name.
-    attended: who answers and looks on.
+    how: makes the launch of a plan; on a simulated bench each round, from 1 on, has another seed.
+    rig: a rig file to use instead of the one that procedures name.
+    attended: provides the operator and the live view.
     """
 
     how: Callable[[Plan, int], Launch]
@@ -64,7 +64,7 @@ class LaunchedBench:
         return expand(read, load_rig(self.rig or read.rig_path), dict(arguments))
 
     def measure(self, plan: Plan, number: int, since: str) -> RunResult:
-        """Carry it out as a new run, or go on with one of the same plan that was cut off."""
+        """Carry it out as a new run, or resume an interrupted run of the same plan."""
         how = self.how(plan, number)
         before = cut_off(plan, how.runs, since)
         with self.attended(how, plan) as ready:
@@ -72,12 +72,12 @@ class LaunchedBench:
 
 
 def cut_off(plan: Plan, runs: Path, since: str) -> Interrupted | None:
-    """The last run of a plan since then, where its program left it behind, or somebody ended it: a kill, a
-    power cut, Ctrl-C. One that failed is not gone on with: what it failed of may have spoilt it before.
+    """The last run of a plan since `since` that was interrupted: by a kill, a power cut or Ctrl-C. A run that
+    failed is not resumed, because its earlier records may be affected by the cause.
 
     Parameters
     ----------
-    since: UTC date and time as run ids begin with it; what is older belongs to somebody else.
+    since: UTC date and time in the format of run ids; older runs belong to others.
     """
     for summary in reversed(list_runs(runs)):
         if summary.id[:_STAMP] < since[:_STAMP]:
@@ -90,7 +90,7 @@ def cut_off(plan: Plan, runs: Path, since: str) -> Interrupted | None:
 
 
 def _same(folder: Path, plan: Plan) -> Interrupted | None:
-    """A run that can go on, of this plan; None where its files are others now."""
+    """A resumable run of this plan; None if its files have changed."""
     try:
         before = open_interrupted(folder)
     except RigctlError:

@@ -1,4 +1,5 @@
-"""What learning keeps on disk, so that it can go on after anything: its task, and each round as it stands."""
+"""What learning keeps on disk, so that it can resume after any interruption: its task, and each round's
+state."""
 
 from __future__ import annotations
 
@@ -16,24 +17,24 @@ from rigctl.learning.result import Ended, Learned, Round
 
 _STATE = "learning.json"
 _VERSION = 1
-#: endings after which another answer, more time or more rounds go on
+#: endings after which another answer, more time or more rounds allow it to continue
 _GOES_ON = (Ended.DECLINED, Ended.BUDGET, Ended.ROUNDS, Ended.STOPPED)
 
 
 @dataclass(frozen=True)
 class Task:
-    """What was asked for.
+    """The task as given.
 
     Attributes
     ----------
-    procedure: the first round's; `arguments` of it.
-    model: the file whose next versions are saved; it was at `version` when learning began.
-    rig: another rig file than the procedure names; "" for that one.
-    bench: how the bench is reached: backend, port, seed, hidden effects, as they were given.
-    runs: data that were there already; the first round is not carried out then.
-    budget: s of the rig's time, None for as much as it takes; `rounds` at most.
-    precision: the largest 95 % half width of an added size, as a share of it, with which learning is content;
-        None for any.
+    procedure: of the first round; `arguments` of it.
+    model: the file whose next versions are saved; it was at `version` when learning started.
+    rig: a rig file to use instead of the one that the procedure names; "" for that one.
+    bench: how the bench is reached: backend, port, seed, hidden effects, as given.
+    runs: existing data; the first round is not carried out then.
+    budget: of bench time, s, None for unlimited; `rounds` the largest number of rounds.
+    precision: largest 95 % half-width of an added effect's size, as a share of it, that is accepted; None for
+        any.
     """
 
     procedure: str
@@ -70,7 +71,7 @@ class Kept:
     Attributes
     ----------
     folder: ``learning/<date>-<procedure>`` of the project.
-    rounds: as they stand; each change is on disk before anything else happens.
+    rounds: their current state; each change is on disk before anything else happens.
     """
 
     folder: Path
@@ -80,7 +81,7 @@ class Kept:
 
     @classmethod
     def create(cls, project: Path, task: Task, name: str) -> Kept:
-        """A new folder for a task; no other is touched.
+        """A new folder for a task; no existing folder is changed.
 
         Raises
         ------
@@ -99,7 +100,7 @@ class Kept:
 
     @classmethod
     def find(cls, project: Path, wanted: str = "") -> Kept:
-        """The folder of this name, or the last one.
+        """The folder with this name, or the latest one.
 
         Raises
         ------
@@ -112,7 +113,7 @@ class Kept:
             if len(chosen) != 1:
                 names = [one.name for one in folders]
                 raise RigctlError(
-                    "no such learning" if not chosen else "several begin like this",
+                    "no such learning" if not chosen else "several names start like this",
                     value=wanted,
                     nearest=nearest_name(wanted, names),
                 )
@@ -120,8 +121,8 @@ class Kept:
         if folders:
             return cls._read(folders[-1])
         raise RigctlError(
-            "there is nothing to go on with",
-            hint="'rigctl learn PROCEDURE --model M' begins",
+            "there is nothing to continue",
+            hint="'rigctl learn PROCEDURE --model M' starts learning",
             value=str(project),
         )
 
@@ -140,7 +141,7 @@ class Kept:
             ) from problem
 
     def write(self) -> None:
-        """Put all of it on disk at once."""
+        """Put all of it on disk atomically."""
         write_json(
             self.folder / _STATE,
             {
@@ -152,7 +153,7 @@ class Kept:
         )
 
     def begin(self, one: Round, text: str = "") -> Round:
-        """Add a round; `text` is the procedure that was designed for it, kept in the folder."""
+        """Add a round; `text` is the procedure designed for it, kept in the folder."""
         if text:
             path = self.folder / f"{next_free(f'round-{one.number}', self.folder, '.yaml')}.yaml"
             write_new(path, text.encode("utf-8"))
@@ -162,13 +163,13 @@ class Kept:
         return one
 
     def update(self, one: Round) -> Round:
-        """Put the last round as it stands now on disk."""
+        """Put the current state of the last round on disk."""
         self.rounds[-1] = one
         self.write()
         return one
 
     def close(self, learned: Learned) -> Learned:
-        """Say that it has ended, unless it can go on."""
+        """Record that it has ended, unless it can continue."""
         if learned.ended is not Ended.STOPPED:
             self.learned = learned.document()
             self.write()
@@ -177,17 +178,17 @@ class Kept:
     def reopen(
         self, *, budget: float | None = None, rounds: int | None = None, precision: float | None = None
     ) -> None:
-        """Go on with what was cut off, declined, or out of time or rounds; with what is adequate, where its
-        sizes are to be known better.
+        """Continue after an interruption, a declined proposal, or the end of time or rounds; or with an
+        adequate model, to estimate its sizes better.
 
         Parameters
         ----------
-        budget, rounds, precision: in place of those of the task.
+        budget, rounds, precision: replace those of the task.
 
         Raises
         ------
         RigctlError
-            it came to an end of which more rounds change nothing.
+            it ended in a way that more rounds do not change.
         """
         ended = None if self.learned is None else Ended(self.learned["ended"])
         sharper = ended is Ended.ADEQUATE and precision is not None
@@ -208,10 +209,10 @@ class Kept:
 
     @property
     def runs(self) -> Sequence[str]:
-        """Every run so far, those that were there already first."""
+        """Every run so far, starting with those that existed before."""
         return [*self.task.runs, *(one.run for one in self.rounds if one.run)]
 
     @property
     def spent(self) -> float:
-        """s of the rig's time so far."""
+        """Bench time so far, s."""
         return sum(one.duration for one in self.rounds)

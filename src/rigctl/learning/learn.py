@@ -1,4 +1,4 @@
-"""The loop: measure, compare, add what is sure, design the next records, ask, and measure again."""
+"""The loop: measure, compare, add what is certain, design the next records, ask, and measure again."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from rigctl.learning.result import CameOut, Ended, Learned, Round
 from rigctl.model import current_version, load_model, versions
 from rigctl.plan import Plan
 
-#: asked before a round: what would be measured, and why; the answer is whether it is to be
+#: called before a round with what would be measured, and why; returns whether to carry it out
 Ask = Callable[[Round, DesignResult], bool]
-#: a round that narrows no interval to less than this share is not worth the rig's time
+#: a round is not worth the bench time if no interval shrinks to less than this share
 _NOTICEABLY = 0.95
 
 
 @dataclass
 class Learner:
-    """One learning, as it stands on disk and as it goes on.
+    """A learning loop, resumable from disk.
 
-    Every step of it is on disk before the next begins: a run that was carried out is not carried out again, a
-    proposal that was made is asked again.
+    Every step is on disk before the next one starts: a run that was carried out is not repeated, and a
+    proposal that was made is put to the user again.
 
     Parameters
     ----------
@@ -45,11 +45,11 @@ class Learner:
     bench: where rounds are measured.
     runs: the folder of the runs.
     ask: called before each designed round.
-    working: entered around each stretch of analysis, told what is being done; a run and a question have the
-        terminal to themselves.
-    on_round: told of each round that has been judged.
-    designer: what designs the next records.
-    worth: the least probability that a round promises.
+    working: a context manager entered around each phase of analysis, called with its description; runs and
+        questions have the terminal to themselves.
+    on_round: called with each round that has been judged.
+    designer: designs the next records.
+    worth: least predicted probability for a round to be proposed.
     """
 
     kept: Kept
@@ -62,7 +62,7 @@ class Learner:
     worth: float = HALF
 
     def learn(self) -> Learned:
-        """Go on until there is no further round.
+        """Continue until there is no further round.
 
         Raises
         ------
@@ -74,7 +74,7 @@ class Learner:
             self.kept.begin(Round(1, task.procedure, answer="yes"))
         while True:
             here = self.kept.rounds[-1]
-            if here.answer != "yes":  # a proposal that was made before learning was cut off
+            if here.answer != "yes":  # a proposal made before learning was interrupted
                 self.kept.rounds.pop()
                 here = self.kept.rounds[-1]
             if not here.run and not (here.number == 1 and task.runs):
@@ -90,7 +90,7 @@ class Learner:
     # --- one round ------------------------------------------------------------------------------------------
 
     def _measure(self, here: Round) -> Learned | None:
-        """Carry out a round's procedure; how learning ended where the run did not finish."""
+        """Carry out a round's procedure; return how learning ended if the run did not finish."""
         task = self.kept.task
         arguments = task.arguments if here.number == 1 else {}
         plan = self.bench.plan(Path(here.procedure), arguments)
@@ -105,7 +105,7 @@ class Learner:
         return None
 
     def _judge(self, here: Round) -> tuple[Round, Improvement]:
-        """Compare and diagnose on all runs so far, add what is sure, hold it against what was promised."""
+        """Compare and diagnose on all runs so far, add what is certain, and compare with the prediction."""
         task = self.kept.task
         path = Path(task.model)
         with self.working() as on_progress:
@@ -123,7 +123,7 @@ class Learner:
                 unless=lambda found: not here.judged and self._otherwise(here, found),
                 on_progress=on_progress,
             )
-        if here.judged:  # before learning was cut off: what was said then stays
+        if here.judged:  # judged before the interruption: that result stays
             return here, improved
         first, now = improved.first, improved.last.before.fit
         judged = replace(
@@ -143,7 +143,7 @@ class Learner:
         return judged, improved
 
     def _came_out(self, here: Round, found: Diagnosis) -> CameOut | None:
-        """What came of a round's promise; None where there was none."""
+        """The outcome of a round compared with its prediction; None if there was none."""
         if here.promised is None:
             return None
         before = self.kept.rounds[-2] if len(self.kept.rounds) > 1 else here
@@ -151,13 +151,13 @@ class Learner:
         return what_came_out(here.promised, found, left)
 
     def _otherwise(self, here: Round, found: Diagnosis) -> bool:
-        """Whether the bench answered otherwise than anybody said: it is not the one that was asked about, or
-        what it does is not known, and nothing is added to the model for that."""
+        """Whether the bench contradicted all predictions: then it is not the bench that was asked about, or
+        its behaviour is unknown, and nothing is added to the model for it."""
         came_out = self._came_out(here, found)
         return came_out is not None and not came_out.kept
 
     def _added(self, path: Path) -> tuple[tuple[str, int], ...]:
-        """The effects that the model's versions have since the last round, a kill in between included."""
+        """The effects in the model's versions since the last round, including after an interruption."""
         known = max(
             (number for one in self.kept.rounds for _, number in one.added), default=self.kept.task.version
         )
@@ -169,7 +169,7 @@ class Learner:
         )
 
     def _next(self, judged: Round, improved: Improvement) -> Learned | None:
-        """Propose the next round and ask for it; how learning ended where there is none."""
+        """Propose the next round and ask for it; return how learning ended if there is none."""
         last = improved.last
         ended = self._settled(judged, last) or self._exhausted(judged)
         if ended is not None:
@@ -190,7 +190,7 @@ class Learner:
         return self._ended(_without_records(last), design.statement, channels)
 
     def _exhausted(self, judged: Round) -> Learned | None:
-        """How learning ended where no further round is allowed."""
+        """How learning ended if no further round is allowed."""
         if judged.number >= self.kept.task.rounds:
             return self._ended(Ended.ROUNDS, f"{judged.number} rounds were allowed")
         if self._time_left is not None and self._time_left <= 0.0:
@@ -198,7 +198,7 @@ class Learner:
         return None
 
     def _design(self, last: Diagnosis, number: int) -> DesignResult:
-        """The next records; with the sensor that the bench could have where no record does it."""
+        """The next records; with a sensor that the bench could have if no record suffices."""
         with self.working() as on_progress:
             on_progress("Designing the next records")
             return (self.designer or design_experiment)(
@@ -227,7 +227,7 @@ class Learner:
         return self._ended(Ended.DECLINED, f"the proposal is kept in {proposal.procedure}")
 
     def _settled(self, judged: Round, last: Diagnosis) -> Learned | None:
-        """How learning ended where no further record is worth asking for."""
+        """How learning ended if no further record is worthwhile."""
         if last.verdict is Verdict.ADEQUATE and not last.doubt:
             vague = bool(self._to_be_sized(last))
             return None if vague else self._ended(Ended.ADEQUATE, last.statement)
@@ -242,8 +242,8 @@ class Learner:
         return None
 
     def _may_yet_predict(self, last: Diagnosis) -> bool:
-        """Whether more records may settle what is missing: one round is made for what is named and does not
-        predict what it was not fitted on, as that may be for want of records of the kind that tells it."""
+        """Whether more records may settle what is missing: one more round is made for a named effect that
+        failed cross-validation, as that may be for lack of records in which it is visible."""
         asked = {
             name
             for one in self.kept.rounds
@@ -254,8 +254,8 @@ class Learner:
         return bool(last.unconfirmed) and not set(last.unconfirmed) <= asked
 
     def _to_be_sized(self, last: Diagnosis) -> tuple[str, ...]:
-        """The effects whose size is not known as well as was asked for: those that were added, or, where none
-        was, all that the model has."""
+        """The effects whose size is not yet known with the requested precision: those that were added or, if
+        none was, all that the model has."""
         wanted, model = self.kept.task.precision, last.before.fit.problem.model
         if wanted is None:
             return ()
@@ -278,29 +278,29 @@ class Learner:
 
 
 def _without_records(last: Diagnosis) -> Ended:
-    """How learning ends where no record that this bench can make is worth taking."""
+    """How learning ends if no record that this bench can make is worth taking."""
     if last.verdict is Verdict.ADEQUATE:
         return Ended.ADEQUATE
     return Ended.OUTSIDE_LIBRARY if gate_of(last).open else Ended.NOT_SEPARABLE
 
 
 def _sharpens(design: DesignResult) -> bool:
-    """Whether records tell a size noticeably better."""
+    """Whether records noticeably improve the estimate of a size."""
     return any(one.after < _NOTICEABLY * one.before for one in design.sharpened)
 
 
 def require_time(plan: Plan, budget: float | None) -> None:
-    """Refuse a first round that takes longer than all rounds may.
+    """Refuse a first round that takes longer than the budget of all rounds.
 
     Raises
     ------
     RigctlError
-        it does.
+        it is too long.
     """
     seconds = seconds_of(plan)
     if budget is not None and seconds > budget:
         raise RigctlError(
             "the budget is too small for the first round",
             value=f"{budget / 60.0:.3g} min",
-            expected=f"at least {seconds / 60.0:.3g} min of the rig's time",
+            expected=f"at least {seconds / 60.0:.3g} min of bench time",
         )

@@ -1,4 +1,4 @@
-"""What a round was promised to tell, and what came of it."""
+"""The predicted power of a round, and its actual outcome."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rigctl.learning.result import CameOut, Promised
 
 
 def promise_of(design: DesignResult) -> Promised:
-    """The promise of a design, as it is kept before anything is measured."""
+    """The predictions of a design, in the form that is kept before anything is measured."""
     return Promised(
         rivals={one.name: one.weight for one in design.rivals},
         separation=design.separation,
@@ -27,17 +27,17 @@ def promise_of(design: DesignResult) -> Promised:
 
 
 def what_came_out(promised: Promised, found: Diagnosis, left: Collection[str] = ()) -> CameOut:
-    """The margins between the rivals now, beside what was promised of them.
+    """The margins between the rivals after a round, compared with the predictions.
 
-    The gain of a pair is the change of its margin in mBIC, ``m_rival − m_winner``, from before the round to
-    after it; its expectation is D. A bench that answers as none of the rivals said has its diagnosis name
-    another effect, or nothing.
+    The gain of a pair is the change of its margin in mBIC, ``m_rival − m_winner``, by the round; its
+    expectation is D. If the bench behaves as none of the rivals predicted, its diagnosis names another
+    effect, or nothing.
 
     Parameters
     ----------
-    found: the diagnosis of the same model on the data with those of the round.
-    left: all effects that could not be told apart before the round. Not every one of them need be among the
-        rivals; one that was not and is named now is no surprise.
+    found: the diagnosis of the same model on the data including the round's.
+    left: all effects that could not be distinguished before the round. Not all of them need be among the
+        rivals; if one that was not is named now, that is no contradiction.
     """
     if promised.aim == "precision":
         return _sized(promised, found)
@@ -48,11 +48,11 @@ def what_came_out(promised: Promised, found: Diagnosis, left: Collection[str] = 
     if not winner and beside and found.verdict is not Verdict.OUTSIDE_LIBRARY:
         name = min(beside, key=lambda one: scores.get(one, 0.0))
         alone = all(len(names) == 1 for names in found.classes if name in names)
-        said = f"{name} is named now, which was left too and not designed for"
+        said = f"{name} is named now, which was possible too but not designed for"
         return CameOut(name, {}, {}, told=alone, kept=True, statement=said)
     if not winner:
         named = " + ".join(found.effects) or "nothing that was among them"
-        said = f"the bench answered otherwise than every rival said: it asks for {named}"
+        said = f"the bench behaved differently from every rival's prediction: the data point to {named}"
         return CameOut("", {}, {}, told=False, kept=False, statement=said)
     pairs = {one["rival"]: one for one in promised.outlooks if one["truth"] == winner}
     gains = {
@@ -68,10 +68,10 @@ def what_came_out(promised: Promised, found: Diagnosis, left: Collection[str] = 
 
 
 def _sized(promised: Promised, found: Diagnosis) -> CameOut:
-    """How well the sizes are known now, beside what was promised.
+    """The precision of the sizes now, compared with the prediction.
 
-    They are those of effects that the model has, or of the one that these data name. Where the diagnosis
-    names another one beside which these are not, or nothing at all, the bench answered otherwise.
+    They are those of effects that the model has, or of the one that these data name. If the diagnosis names
+    another one without these, or nothing at all, the bench contradicted the prediction.
     """
     names = [name for one in promised.rivals for name in one.split(" + ")]
     model = found.before.fit.problem.model
@@ -80,11 +80,11 @@ def _sized(promised: Promised, found: Diagnosis) -> CameOut:
     kept = bool(sizes) and (there is found.before.fit or set(names) <= set(found.effects))
     if not kept:
         named = " + ".join(found.effects) or "nothing that was among them"
-        said = f"the bench answered otherwise than {' and '.join(names)} would: it asks for {named}"
+        said = f"the bench behaved differently from {' and '.join(names)}: the data point to {named}"
         return CameOut("", {}, {}, told=False, kept=False, statement=said)
     said = ", ".join(
-        f"{one['parameter']} is known to ± {sizes[one['parameter']]:.3g} {one['unit']} (95 %), "
-        f"± {one['after']:.3g} was expected, ± {one['before']:.3g} before"
+        f"{one['parameter']} is known to within ± {sizes[one['parameter']]:.3g} {one['unit']} (95 %), "
+        f"expected ± {one['after']:.3g}, before ± {one['before']:.3g}"
         for one in promised.sharpened
         if one["parameter"] in sizes
     )
@@ -98,7 +98,7 @@ def _scores(found: Diagnosis) -> Mapping[str, float]:
 
 
 def _winner(promised: Promised, found: Diagnosis, scores: Mapping[str, float]) -> str:
-    """The rival that the diagnosis names now; "" where it names none of them."""
+    """The rival that the diagnosis names now; "" if it names none of them."""
     if found.verdict is Verdict.ADEQUATE and NONE in promised.rivals:
         return NONE
     if found.verdict is Verdict.OUTSIDE_LIBRARY:
@@ -108,15 +108,16 @@ def _winner(promised: Promised, found: Diagnosis, scores: Mapping[str, float]) -
 
 
 def _told(winner: str, promised: Promised, found: Diagnosis) -> bool:
-    """Whether no other of the rivals shares a class with the winner."""
+    """Whether no other rival shares a class with the winner."""
     others = set(promised.rivals) - {winner}
     return not any(winner in names and others & set(names) for names in found.classes)
 
 
 def _said(winner: str, gains: Mapping[str, float], expected: Mapping[str, float], told: bool) -> str:
-    how = "is told apart" if told else "is not told apart"
+    how = "is distinguished" if told else "is not distinguished"
     said = f"{winner} {how}"
     if not gains:
         return said
     rival = min(gains, key=lambda name: gains[name])
-    return f"{said}: its margin over {rival} grew by {gains[rival]:.3g}, {expected[rival]:.3g} were expected"
+    margin = f"its margin over {rival} increased by {gains[rival]:.3g} (expected: {expected[rival]:.3g})"
+    return f"{said}: {margin}"

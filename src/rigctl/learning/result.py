@@ -1,4 +1,4 @@
-"""What `rigctl learn` did, round by round: what was measured, what came of it, what was promised of it."""
+"""The result of `rigctl learn`, round by round: what was measured, the outcome, and what was predicted."""
 
 from __future__ import annotations
 
@@ -17,18 +17,20 @@ if TYPE_CHECKING:
 class Ended(StrEnum):
     """Why there was no further round."""
 
-    ADEQUATE = "adequate"  #: the model agrees, and each effect in it is told from its rivals
-    NOT_SEPARABLE = "not_separable"  #: no record on this bench would tell what is left apart
-    OUTSIDE_LIBRARY = "outside_library"  #: something is missing that no effect of the library is sure to be
+    ADEQUATE = "adequate"  #: the model agrees, and each effect in it is distinguished from its rivals
+    NOT_SEPARABLE = "not_separable"  #: no record on this bench would distinguish the remaining explanations
+    OUTSIDE_LIBRARY = (
+        "outside_library"  #: something is missing, and no effect of the library is certain to be it
+    )
     NOT_DECIDED = "not_decided"  #: these data cannot tell whether anything is missing
-    BUDGET = "budget"  #: the next records need more of the rig's time than is left
-    ROUNDS = "rounds"  #: as many rounds as were allowed
-    DECLINED = "declined"  #: whoever was asked said no; the proposal is kept
-    STOPPED = "stopped"  #: a run did not finish; it ended safely, and learning can go on
+    BUDGET = "budget"  #: the next records need more bench time than is left
+    ROUNDS = "rounds"  #: the allowed number of rounds has been made
+    DECLINED = "declined"  #: the user declined; the proposal is kept
+    STOPPED = "stopped"  #: a run did not finish; it ended safely, and learning can continue
 
     @property
     def heading(self) -> str:
-        """The ending in a few words, above the answer on the terminal and the page."""
+        """The ending as a short heading for the terminal and the page."""
         return _HEADINGS[self]
 
 
@@ -46,21 +48,21 @@ _HEADINGS = {
 
 @dataclass(frozen=True)
 class Promised:
-    """What a designed round was promised to tell, as it stood before anything was measured.
+    """The predicted power of a designed round, as recorded before anything was measured.
 
-    Of one that is to tell a size better, there are no rivals that it could tell apart.
+    If its aim is to estimate a size better, there are no rivals to be distinguished.
 
     Attributes
     ----------
-    rivals: names, the most probable first, with the weights that they had.
-    separation: D, the expected gain of 2·ln L.
-    probability: that a verdict names what is right, alone.
-    outlooks: of each ordered pair (truth, rival): margin so far, D and probability.
-    duration: s of the rig's time.
+    rivals: names, the most probable first, with their weights.
+    separation: D, the expected deviance (gain of 2·ln L).
+    probability: that a verdict names the right one alone.
+    outlooks: for each ordered pair (truth, rival): margin so far, D and probability.
+    duration: bench time, s.
     records: what was to be measured, in words.
-    aim: as of the design.
-    sharpened: of aim ``precision``, each parameter with its unit and the half widths of its 95 % interval
-        before and after, as of the design.
+    aim: of the design.
+    sharpened: for aim ``precision``, each parameter with its unit and the half-widths of its 95 % interval
+        before and after, according to the design.
     """
 
     rivals: Mapping[str, float]
@@ -87,7 +89,7 @@ class Promised:
 
     @classmethod
     def read(cls, document: Mapping[str, Any]) -> Promised:
-        """The promise that `document` made."""
+        """The prediction that `document` describes."""
         return cls(
             rivals=dict(document["weights"]),
             separation=float(document["expected_separation"]),
@@ -102,17 +104,17 @@ class Promised:
 
 @dataclass(frozen=True)
 class CameOut:
-    """What came of a promise.
+    """The outcome of a predicted round.
 
     Attributes
     ----------
-    winner: the rival that the data prefer now; "" where they prefer none of them.
-    gains: of each other rival, by how much the winner's margin over it grew: what D promised.
-    expected: the same as it was promised, were the winner right.
-    told: whether the winner is told from all the others now.
-    kept: whether the bench answered as one of the rivals said; False sends a user to `rigctl discover`.
+    winner: the rival that the data prefer now; "" if they prefer none of them.
+    gains: for each other rival, the increase of the winner's margin over it, which D predicted.
+    expected: the predicted values, if the winner is right.
+    told: whether the winner is distinguished from all others now.
+    kept: whether the bench behaved as one of the rivals predicted; if False, `rigctl discover` is suggested.
     statement: in words.
-    sizes: of a round for precision, the half width that each parameter is known to now, in the units of
+    sizes: for a round for precision, the half-width with which each parameter is known now, in the units of
         `Promised.sharpened`.
     """
 
@@ -138,7 +140,7 @@ class CameOut:
 
     @classmethod
     def read(cls, document: Mapping[str, Any]) -> CameOut:
-        """The outcome that `document` made."""
+        """The outcome that `document` describes."""
         return cls(
             winner=document["winner"],
             gains=dict(document["gains"]),
@@ -158,17 +160,17 @@ class Round:
     ----------
     number: from 1 on.
     procedure: the file that was carried out.
-    run: the run's folder name; "" where nothing has been measured yet.
-    duration: s of the rig's time that it took.
+    run: the run's folder name; "" if nothing has been measured yet.
+    duration: its bench time, s.
     verdict, effects, classes: of the diagnosis on all runs so far, before anything was added.
-    probabilities: of the effects that were in question, by name.
-    added: effects that were added as they were sure, each with the version it made.
-    error: by channel, the normalised root mean square error with the model as it is after the round.
-    chi2: reduced, the same.
+    probabilities: of the effects in question, by name.
+    added: effects that were added because they were certain, each with the version in which it was.
+    error: by channel, the normalised root mean square error with the model after the round.
+    chi2: reduced, of the same fit.
     statement: of the diagnosis, in words.
-    promised: what the round was promised to tell; None for the first.
-    came_out: what came of that.
-    answer: whether the round should be carried out: ``yes``, ``no``, or "" where nobody was asked yet.
+    promised: the predicted power of the round; None for the first.
+    came_out: the outcome.
+    answer: whether the round should be carried out: ``yes``, ``no``, or "" if not yet asked.
     """
 
     number: int
@@ -189,7 +191,7 @@ class Round:
 
     @property
     def judged(self) -> bool:
-        """Whether its run has been looked at."""
+        """Whether its run has been analysed."""
         return bool(self.verdict)
 
     def document(self) -> dict[str, Any]:
@@ -214,7 +216,7 @@ class Round:
 
     @classmethod
     def read(cls, document: Mapping[str, Any]) -> Round:
-        """The round that `document` made."""
+        """The round that `document` describes."""
         promised, came_out = document["promised"], document["came_out"]
         return cls(
             number=int(document["round"]),
@@ -237,15 +239,15 @@ class Round:
 
 @dataclass(frozen=True)
 class Learned:
-    """The whole of it.
+    """The result of learning.
 
     Attributes
     ----------
     rounds: in order; the last may be a proposal that was not carried out.
-    ended: why it went no further; `statement` says it in words.
+    ended: why there was no further round; `statement` in words.
     model: the file whose versions were saved, and `version` the last of them.
-    spent: s of the rig's time.
-    sensor: names of channels that would tell what is left apart, where the bench as it is could not.
+    spent: bench time, s.
+    sensor: names of channels that would distinguish what is left, if the bench as it is could not.
     exit_code: that of a run that did not finish, else 0.
     """
 
@@ -265,7 +267,7 @@ class Learned:
 
     @property
     def promises(self) -> tuple[tuple[Promised, CameOut], ...]:
-        """What was promised of each round that was carried out, beside what came out."""
+        """The prediction and the outcome of each round that was carried out."""
         return tuple((one.promised, one.came_out) for one in self.rounds if one.promised and one.came_out)
 
     def document(self) -> dict[str, Any]:
@@ -282,11 +284,11 @@ class Learned:
         }
 
     def summary(self) -> str:
-        """A line for each round, and how it ended."""
+        """One line for each round, and how it ended."""
         return "\n".join([*map(round_text, self.rounds), self.statement])
 
     def frame(self) -> pd.DataFrame:
-        """The rounds, one row for each, with promised beside realised."""
+        """The rounds, one row for each, predicted beside actual values."""
         import pandas as pd
 
         return pd.DataFrame([_row(one) for one in self.rounds])

@@ -152,7 +152,7 @@ def learning_answer(
         (
             "took",
             f"{plural(len([one for one in found.rounds if one.judged]), 'round')}, "
-            f"{clock_time(found.spent)} of the rig's time",
+            f"{clock_time(found.spent)} of bench time",
         ),
     ]
     if found.sensor:
