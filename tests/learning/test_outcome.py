@@ -76,7 +76,7 @@ def test_one_that_was_left_and_not_designed_for_is_no_surprise() -> None:
     found = diagnosis(Verdict.MISSING_EFFECT, [["spring"]], spring=-80.0, leak=-20.0, drift=-10.0)
     out = what_came_out(promised(), found, left={"leak", "drift", "spring"})
     assert (out.kept, out.winner, out.told) == (True, "spring", True)
-    assert out.statement == "spring is named now, which was left too and not designed for"
+    assert out.statement == "spring is named now, which was possible too but not designed for"
     again = diagnosis(Verdict.AMBIGUOUS, [["load", "spring"]], spring=-80.0, load=-81.0)
     assert not what_came_out(promised(), again, left={"leak", "drift", "spring"}).told
     assert not what_came_out(promised(), found, left={"leak", "drift"}).kept
