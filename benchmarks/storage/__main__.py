@@ -21,6 +21,7 @@ import numpy as np
 from benchmarks.journal.__main__ import LAYOUT
 from benchmarks.record import keep, median_seconds, table
 from rigctl.dataset import RunHeader, RunWriter, Source, list_runs, open_run
+from rigctl.dataset.index.file import stored_index_path
 from rigctl.dataset.storage import Store, upload
 
 SERVER = """
@@ -76,11 +77,18 @@ def main() -> None:
             upload(folder, store)
         sent = (time.perf_counter() - began) / asked.runs
         address = f"{store.address}/{folders[0].name}"
+        os.environ["RIGCTL_CACHE_DIR"] = str(Path(name) / "cache")
+
+        def anew() -> None:
+            stored_index_path(store.address).unlink(missing_ok=True)
+            list_runs(store.address)
+
         results = {
             "a run [MB]": size,
             "send a run, read it back and compare [s]": sent,
             "find that a run is there already [s]": median_seconds(lambda: upload(folders[0], store)),
-            "list the runs, for each [ms]": 1e3
+            "list the runs for the first time, for each [ms]": 1e3 * median_seconds(anew) / asked.runs,
+            "list them again, for each [ms]": 1e3
             * median_seconds(lambda: list_runs(store.address))
             / asked.runs,
             "one column, from storage [s]": median_seconds(lambda: open_run(address).samples(["position"])),

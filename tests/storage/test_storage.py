@@ -5,8 +5,14 @@ from __future__ import annotations
 import json
 import logging
 import socket
+import sqlite3
+import threading
+import urllib.error
+import urllib.request
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from datetime import UTC, datetime
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +35,7 @@ from rigctl.dataset import (
     query,
     verify,
 )
+from rigctl.dataset.index.file import stored_index_path
 from rigctl.dataset.storage import Store, upload
 from rigctl.dataset.storage import store as store_module
 from rigctl.dataset.storage.sending import upload_if_wanted
@@ -279,3 +286,152 @@ def test_a_project_keeps_its_runs_in_storage(
     assert asked("runs", "verify", NAME, f"{address}/{NAME}")["broken"] == 0
     assert asked("runs", "sql", "SELECT count(DISTINCT run) FROM records")["rows"] == [[3]]
     assert open_run("latest").id == imported
+
+
+# --- the index of a storage ---------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Whose ``run.json``, and which samples, are asked for from now on."""
+    found: list[str] = []
+    infos, opening = Store.infos, StoredFile.open
+
+    def counted(self: Store, ids: Any) -> Any:
+        found.extend(ids)
+        return infos(self, ids)
+
+    def opened(self: StoredFile) -> Any:
+        found.append(f"{self.folder.name}/{self.name}")
+        return opening(self)
+
+    monkeypatch.setattr(Store, "infos", counted)
+    monkeypatch.setattr(StoredFile, "open", opened)
+    return found
+
+
+@pytest.mark.parametrize("kind", ["s3", "memory", "file"])
+def test_only_what_has_changed_in_storage_is_read_again(
+    kind: str, bucket: Any, tmp_path: Path, make_run: MakeRun, asked: list[str]
+) -> None:
+    store = Store(address_of(kind, bucket, tmp_path))
+    folders = [make_run(), make_run("20261122-000000-heat"), make_run("20261123-000000-cold")]
+    for folder in folders:
+        upload(folder, store)
+
+    def listed(**how: Any) -> list[str]:
+        asked.clear()
+        return [run.id for run in list_runs(store.address, **how)]
+
+    names = [folder.name for folder in folders]
+    assert (listed(), sorted(asked)) == (names, names)
+    assert (listed(), asked) == (names, [])
+    assert (listed(last=1), asked) == (names[-1:], [])
+
+    warm = "id IN (SELECT run FROM channels WHERE name = 'position' AND high > 18)"
+    assert listed(where=warm) == names
+    assert sorted(asked) == [f"{name}/samples.parquet" for name in names]
+    assert (listed(where=warm), asked) == (names, []), "the ranges of channels are kept"
+
+    annotate(folders[1], "new seals")
+    upload(folders[1], store)
+    assert (listed(where="notes = 1"), asked) == (names[1:2], names[1:2])
+    store.files.rm(store.path(names[0], "run.json"))
+    assert (listed(), asked) == (names[1:], [])
+    upload(folders[0], store)
+    assert (listed(), asked) == (names, names[:1])
+
+
+@pytest.mark.parametrize("harm", ["garbage", "another version", "a table is missing"])
+def test_an_index_of_storage_that_cannot_be_used_is_made_again_and_that_is_said(
+    harm: str, bucket: Any, make_run: MakeRun, asked: list[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    store = Store(f"s3://{bucket.name}/runs")
+    upload(make_run(), store)
+    assert [run.id for run in list_runs(store.address)] == [NAME]
+    path = stored_index_path(store.address)
+    if harm == "garbage":
+        path.write_bytes(b"no database" * 500)
+    else:
+        with closing(sqlite3.connect(path)) as index:
+            index.execute("PRAGMA user_version = 99" if "version" in harm else "DROP TABLE channel")
+            index.commit()
+    asked.clear()
+    with caplog.at_level(logging.WARNING, "rigctl"):
+        assert [
+            (run.id, run.records)
+            for run in list_runs(store.address, where="id IN (SELECT run FROM channels)")
+        ] == [(NAME, 2)]
+    assert "made again" in caplog.text
+    assert NAME in asked
+
+
+@pytest.mark.parametrize("broken", [refusing, stalling])
+def test_what_is_known_of_a_storage_that_does_not_answer_is_no_answer(
+    broken: Callable[[], socket.socket], bucket: Any, make_run: MakeRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    address = f"s3://{bucket.name}/runs"
+    upload(make_run(), Store(address))
+    assert len(list_runs(address)) == 1
+    monkeypatch.setattr(store_module, "CONNECTS_WITHIN", 0.3)
+    monkeypatch.setattr(store_module, "ANSWERS_WITHIN", 0.3)
+    monkeypatch.setattr(store_module, "_ATTEMPTS", 1)
+    with broken() as port, monkeypatch.context() as patch:
+        patch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{port.getsockname()[1]}")
+        with pytest.raises(RigctlError, match="cannot list the runs"):
+            list_runs(address)
+    assert len(list_runs(address)) == 1, "and nothing of it is forgotten"
+
+
+class Cutting(BaseHTTPRequestHandler):
+    """Between a client and a storage without checksums: what it answers for ``run.json`` lacks its end."""
+
+    behind = ""  #: the storage
+    claims_all = False  #: the header still has the whole length
+    cuts = True
+
+    def do_GET(self) -> None:
+        request = urllib.request.Request(
+            self.behind + self.path, headers=dict(self.headers), method=self.command
+        )
+        try:
+            with urllib.request.urlopen(request) as answer:
+                status, headers, body = answer.status, answer.headers, answer.read()
+        except urllib.error.HTTPError as problem:
+            status, headers, body = problem.code, problem.headers, problem.read()
+        sent = body[:-9] if self.cuts and self.path.endswith("run.json") else body
+        self.send_response(status)
+        for name, value in headers.items():
+            if not name.lower().startswith(("content-length", "transfer-", "connection", "x-amz-checksum")):
+                self.send_header(name, value)
+        whole = headers["Content-Length"] if self.command == "HEAD" else len(body)
+        self.send_header("Content-Length", str(len(sent) if sent != body and not self.claims_all else whole))
+        self.send_header("Connection", "close")
+        self.end_headers()
+        self.wfile.write(sent)
+
+    do_HEAD = do_GET  # noqa: N815 - the names that the class looks for
+
+    def log_message(self, *_: object) -> None:
+        """Nothing on stderr."""
+
+
+@pytest.mark.parametrize("claims_all", [False, True])
+def test_an_answer_that_is_cut_short_is_not_kept(
+    claims_all: bool, server: str, bucket: Any, make_run: MakeRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    address = f"s3://{bucket.name}/runs"
+    upload(make_run(), Store(address))
+    monkeypatch.setattr(Cutting, "behind", server)
+    monkeypatch.setattr(Cutting, "claims_all", claims_all)
+    with ThreadingHTTPServer(("127.0.0.1", 0), Cutting) as between:
+        threading.Thread(target=between.serve_forever, daemon=True).start()
+        monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{between.server_port}")
+        if claims_all:
+            with pytest.raises(RigctlError, match="cannot read the runs"):
+                list_runs(address)
+        else:
+            assert list_runs(address)[0].status == "damaged"
+        monkeypatch.setattr(Cutting, "cuts", False)
+        assert list_runs(address)[0].status == "finished", "asked for again, though its mark is the same"
+        between.shutdown()

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from rigctl.dataset.index.file import ask, is_indexed, memory_index
-from rigctl.dataset.index.refresh import add_rows
-from rigctl.dataset.index.rows import DAMAGED, facts_of, stored_rows
+from rigctl.dataset.index.file import ask, ask_stored, is_indexed
+from rigctl.dataset.index.rows import DAMAGED, facts_of
 from rigctl.dataset.index.select import select, select_page
 from rigctl.dataset.run_id import LATEST, SeveralRuns, chosen_id
 from rigctl.dataset.run_json import NAME as RUN_JSON
@@ -144,19 +143,21 @@ def page_of_runs(runs: Path | None = None, *, where: str | None = None, **how: A
 def list_stored(
     store: Store, where: str | None = None, last: int | None = None, *, but: Collection[str] = ()
 ) -> list[RunSummary]:
-    """The runs of a storage, oldest first: ``run.json`` of each is asked for, all together.
+    """The runs of a storage, oldest first, by an index of it that is brought up to date.
 
     Parameters
     ----------
     but: ids of runs that are not wanted.
+
+    Raises
+    ------
+    RigctlError
+        the condition is wrong, or the storage does not answer.
     """
-    wanted = [name for name in store.ids() if name not in but]
-    if where is None and last:
-        wanted = wanted[-last:]
-    infos = store.infos(wanted)
-    with memory_index() as index:
-        add_rows(index, stored_rows(store, infos, channels=where is not None and "channels" in where))
-        return [_summary_in(store.folder(row["id"]), row) for row in select(index, where, last)]
+    channels = where is not None and "channels" in where
+    rows = ask_stored(store, lambda index: select(index, where, None if but else last), channels=channels)
+    found = [_summary_in(store.folder(row["id"]), row) for row in rows if row["id"] not in but]
+    return found[-last:] if last else found
 
 
 def _summary_of(runs: Path, row: Mapping[str, Any]) -> RunSummary:

@@ -20,6 +20,7 @@ _CHECKSUM: Final = "checksum"
 _PROTECTED: Final = 2
 #: status of a run that a program is carrying out, or was when it was killed
 RUNNING: Final = "running"
+_canonical: Final = json.JSONEncoder(sort_keys=True, separators=(",", ":"), ensure_ascii=True).encode
 
 
 def read_info(folder: Path) -> dict[str, Any]:
@@ -30,15 +31,16 @@ def read_info(folder: Path) -> dict[str, Any]:
     RigctlError
         there is none, it is damaged or was changed since it was written, or it is another run's.
     """
-    path = folder / NAME
     try:
-        text = path.read_text(encoding="utf-8")
+        # of many runs a Path for each file takes as long as to read it
+        with open(f"{folder}{os.sep}{NAME}", "rb") as file:  # noqa: PTH123
+            text = file.read().decode("utf-8")
     except OSError as problem:
-        raise RigctlError(f"no run: {problem.strerror}", where=Location(path)) from problem
+        raise RigctlError(f"no run: {problem.strerror}", where=Location(folder / NAME)) from problem
     except ValueError as problem:
-        raise _damaged(path) from problem
-    info = _checked(text, path)
-    require_own(folder, info["id"], path)
+        raise _damaged(folder / NAME) from problem
+    info = _checked(text, folder)
+    require_own(folder, info["id"], folder / NAME)
     return info
 
 
@@ -51,21 +53,21 @@ def read_text(text: str, folder: os.PathLike[str]) -> dict[str, Any]:
         it is damaged or was changed since it was written, or it is another run's.
     """
     address = os.fspath(folder)
-    info = _checked(text, Path(address, NAME))
+    info = _checked(text, Path(address))
     if info["id"] != address.rpartition("/")[2]:
         raise RigctlError("the file belongs to another run", value=str(info["id"]), expected=address)
     return info
 
 
-def _checked(text: str, path: Path) -> dict[str, Any]:
+def _checked(text: str, folder: Path) -> dict[str, Any]:
     try:
         info = json.loads(text)
     except ValueError as problem:
-        raise _damaged(path) from problem
+        raise _damaged(folder / NAME) from problem
     if not isinstance(info, dict) or "id" not in info or "status" not in info:
-        raise _damaged(path)
+        raise _damaged(folder / NAME)
     if info.get("format", _PROTECTED) >= _PROTECTED and info.get(_CHECKSUM) != _digest(info):
-        raise _damaged(path, "the file was changed since it was written")
+        raise _damaged(folder / NAME, "the file was changed since it was written")
     return info
 
 
@@ -112,8 +114,7 @@ def checksum(info: Mapping[str, Any]) -> str:
 def _digest(info: Mapping[str, Any]) -> str:
     """`checksum` of what was read from JSON."""
     said = {key: value for key, value in info.items() if key != _CHECKSUM}
-    text = json.dumps(said, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
-    return hashlib.sha256(text.encode("ascii")).hexdigest()
+    return hashlib.sha256(_canonical(said).encode("ascii")).hexdigest()
 
 
 def set_aside(folder: Path) -> Path | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,6 @@ from rigctl.dataset.writer_lock import in_progress
 def status_of(folder: Path, info: Mapping[str, Any]) -> str:
     """The run's status, with a run in progress told from one that was left behind."""
     status = str(info["status"])
-    if status != run_json.RUNNING and not (folder / journal.NAME).exists():
+    if status != run_json.RUNNING and not os.path.exists(f"{folder}{os.sep}{journal.NAME}"):  # noqa: PTH110
         return status
     return run_json.RUNNING if in_progress(folder) else "unclosed"

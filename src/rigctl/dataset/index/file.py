@@ -10,15 +10,19 @@ import hashlib
 import logging
 import os
 import sqlite3
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
 
 from rigctl.dataset.index.refresh import refresh
 from rigctl.dataset.index.schema import TABLES, VERSION
+from rigctl.dataset.index.stored import refresh_stored
 from rigctl.dataset.shards import is_shard
 from rigctl.files.cache_folder import cache_folder
+
+if TYPE_CHECKING:
+    from rigctl.dataset.storage.store import Store
 
 logger = logging.getLogger(__name__)
 
@@ -27,12 +31,18 @@ INDEX_FROM: Final = 1000
 #: how long another program that writes to the index is waited for, s
 _PATIENCE: Final = 10.0
 T = TypeVar("T")
+_Update: TypeAlias = Callable[[sqlite3.Connection], None]
 
 
 def index_path(runs: Path) -> Path:
     """The file of a runs folder's index."""
     name = hashlib.sha256(os.fsencode(runs.resolve())).hexdigest()[:24]
     return cache_folder() / "catalogue" / f"{name}.sqlite"
+
+
+def stored_index_path(address: str) -> Path:
+    """The file of a storage's index."""
+    return cache_folder() / "catalogue" / f"{hashlib.sha256(address.encode()).hexdigest()[:24]}.sqlite"
 
 
 def is_indexed(runs: Path) -> bool:
@@ -61,27 +71,55 @@ def ask(runs: Path, question: Callable[[sqlite3.Connection], T], *, channels: bo
     ----------
     channels: whether ranges of channels are asked for; in memory they are left out otherwise.
     """
-    if is_indexed(runs):
-        path = index_path(runs)
-        try:
-            return _ask_file(path, runs, question)
-        except sqlite3.OperationalError as problem:
-            if _sound(path):
-                logger.warning("the index of the runs cannot be used (%s); their folders are read", problem)
-                return _ask_memory(runs, question, channels=channels)
-            why = str(problem)
-        except sqlite3.DatabaseError as problem:
-            why = str(problem)
-        except OSError as problem:
-            logger.warning("no index of the runs can be kept (%s); their folders are read", problem)
-            return _ask_memory(runs, question, channels=channels)
-        logger.warning("the index of the runs is damaged (%s); it is made again from their folders", why)
-        try:
-            remove_index(runs)
-            return _ask_file(path, runs, question)
-        except (sqlite3.DatabaseError, OSError) as problem:
-            logger.warning("no index of the runs can be kept (%s); their folders are read", problem)
-    return _ask_memory(runs, question, channels=channels)
+    in_memory = lambda index: refresh(index, runs, channels=channels)  # noqa: E731
+    if not is_indexed(runs):
+        return _ask_memory(in_memory, question)
+    path = index_path(runs)
+    return _ask_kept(path, lambda index: refresh(index, runs), in_memory, question, "their folders")
+
+
+def ask_stored(store: Store, question: Callable[[sqlite3.Connection], T], *, channels: bool) -> T:
+    """As `ask`, of the runs in a storage; an index is kept of it however few they are.
+
+    Raises
+    ------
+    RigctlError
+        the storage does not answer, or refuses: what is known from before is no answer.
+    """
+
+    def up_to_date(index: sqlite3.Connection) -> None:
+        refresh_stored(index, store, channels=channels)
+
+    return _ask_kept(stored_index_path(store.address), up_to_date, up_to_date, question, "the storage")
+
+
+def _ask_kept(path: Path, update: _Update, in_memory: _Update, question: Callable[..., T], truth: str) -> T:
+    """Ask the index in a file, made again where it is damaged, and done without where it cannot be kept.
+
+    Parameters
+    ----------
+    update, in_memory: make an index say what is there: the kept one, and one that is forgotten.
+    truth: what it is made from, for messages.
+    """
+    try:
+        return _ask_file(path, update, question)
+    except sqlite3.OperationalError as problem:
+        if _sound(path):
+            logger.warning("the index of the runs cannot be used (%s); %s are read", problem, truth)
+            return _ask_memory(in_memory, question)
+        why = str(problem)
+    except sqlite3.DatabaseError as problem:
+        why = str(problem)
+    except OSError as problem:
+        logger.warning("no index of the runs can be kept (%s); %s are read", problem, truth)
+        return _ask_memory(in_memory, question)
+    logger.warning("the index of the runs is damaged (%s); it is made again from %s", why, truth)
+    try:
+        _remove_file(path)
+        return _ask_file(path, update, question)
+    except (sqlite3.DatabaseError, OSError) as problem:
+        logger.warning("no index of the runs can be kept (%s); %s are read", problem, truth)
+    return _ask_memory(in_memory, question)
 
 
 def remove_index(runs: Path) -> None:
@@ -92,30 +130,26 @@ def remove_index(runs: Path) -> None:
     OSError
         another program has it open, on systems that keep it for that one.
     """
-    path = index_path(runs)
+    _remove_file(index_path(runs))
+
+
+def _remove_file(path: Path) -> None:
     for file in (path, path.with_name(f"{path.name}-journal")):
         file.unlink(missing_ok=True)
 
 
-def _ask_file(path: Path, runs: Path, question: Callable[[sqlite3.Connection], T]) -> T:
+def _ask_file(path: Path, update: _Update, question: Callable[[sqlite3.Connection], T]) -> T:
     path.parent.mkdir(parents=True, exist_ok=True)
     with closing(sqlite3.connect(path, timeout=_PATIENCE, isolation_level=None)) as index:
         _prepare(index, path)
-        refresh(index, runs)
+        update(index)
         return question(index)
 
 
-@contextmanager
-def memory_index() -> Iterator[sqlite3.Connection]:
-    """An empty index that is forgotten."""
+def _ask_memory(update: _Update, question: Callable[[sqlite3.Connection], T]) -> T:
     with closing(sqlite3.connect(":memory:", isolation_level=None)) as index:
         index.executescript(TABLES)
-        yield index
-
-
-def _ask_memory(runs: Path, question: Callable[[sqlite3.Connection], T], *, channels: bool) -> T:
-    with memory_index() as index:
-        refresh(index, runs, channels=channels)
+        update(index)
         return question(index)
 
 
@@ -129,7 +163,7 @@ def _prepare(index: sqlite3.Connection, path: Path) -> None:
         (version,) = index.execute("PRAGMA user_version").fetchone()  # another program may have been faster
         if version != VERSION:
             if version:
-                logger.warning("%s is of version %d; it is made again from the runs' folders", path, version)
+                logger.warning("%s is of version %d; it is made again", path, version)
             _clear(index)
             for statement in TABLES.split(";"):
                 index.execute(statement)

@@ -13,14 +13,14 @@ import os
 import random
 import sqlite3
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from rigctl.dataset.index.rows import FileState, Row, file_state, read_row
+from rigctl.dataset.index.rows import ChannelRange, FileState, Row, file_state, read_row
 from rigctl.dataset.index.schema import INNER_COLUMNS, RUN_COLUMNS, quoted
 from rigctl.dataset.shards import is_shard
 
@@ -38,6 +38,7 @@ _BATCH: Final = 2000
 _READERS: Final = 4
 _FEW: Final = 100
 _COLUMNS: Final = (*RUN_COLUMNS, *INNER_COLUMNS)
+_NOTHING: Final[dict[str, Any]] = dict.fromkeys(_COLUMNS)
 _INSERT: Final = f"INSERT INTO run (key, {quoted(_COLUMNS)}) VALUES (?{', ?' * len(_COLUMNS)})"  # noqa: S608
 #: so many that reading them is worth a word
 _LONG: Final = 20_000
@@ -147,7 +148,7 @@ def _apply(index: sqlite3.Connection, runs: Path, changes: _Changes, *, channels
     """Read what has changed, and keep it batch by batch; the folders count as looked at when all is kept."""
     if len(changes.read) >= _LONG:
         logger.warning("reading %d runs for the index of %s, once", len(changes.read), runs)
-    with _transaction(index):
+    with transaction(index):
         unfinished = [(name, -1) for name in changes.times]
         index.executemany("INSERT OR REPLACE INTO shard VALUES (?, ?)", unfinished)
     wanted = list(changes.read.items())
@@ -163,22 +164,17 @@ def _apply(index: sqlite3.Connection, runs: Path, changes: _Changes, *, channels
         else:
             with ThreadPoolExecutor(_READERS, thread_name_prefix="rigctl-index") as pool:
                 rows = list(pool.map(read, batch))
-        with _transaction(index):
-            _remove(index, [(row.values["shard"], row.values["id"]) for row in rows])
-            _insert(index, rows)
-    with _transaction(index):
-        _remove(index, changes.gone)
+        with transaction(index):
+            remove_rows(index, [(row.values["shard"], row.values["id"]) for row in rows])
+            insert_rows(index, rows)
+    with transaction(index):
+        remove_rows(index, changes.gone)
         index.executemany("INSERT OR REPLACE INTO shard VALUES (?, ?)", list(changes.times.items()))
         index.executemany("DELETE FROM shard WHERE name = ?", [(name,) for name in changes.gone_folders])
 
 
-def add_rows(index: sqlite3.Connection, rows: Sequence[Row]) -> None:
-    """Add runs that are not in the index."""
-    with _transaction(index):
-        _insert(index, rows)
-
-
-def _remove(index: sqlite3.Connection, places: Sequence[tuple[str, str]]) -> None:
+def remove_rows(index: sqlite3.Connection, places: Iterable[tuple[str, str]]) -> None:
+    """Take runs out, by their folder's name and their id."""
     for place in places:
         found = index.execute("SELECT key FROM run WHERE shard = ? AND id = ?", place).fetchone()
         if found is not None:
@@ -188,26 +184,33 @@ def _remove(index: sqlite3.Connection, places: Sequence[tuple[str, str]]) -> Non
             index.execute("DELETE FROM run WHERE key = ?", found)
 
 
-def _insert(index: sqlite3.Connection, rows: Sequence[Row]) -> None:
+def insert_rows(index: sqlite3.Connection, rows: Sequence[Row]) -> None:
+    """Put in runs that are not there."""
     (last,) = index.execute("SELECT max(key) FROM run").fetchone()
+    keyed = list(enumerate(rows, start=(last or 0) + 1))
+    index.executemany(_INSERT, [(key, *(_NOTHING | row.values).values()) for key, row in keyed])
+    insert_channels(index, [(key, row.channels) for key, row in keyed])
+
+
+def insert_channels(index: sqlite3.Connection, runs: Iterable[tuple[int, Iterable[ChannelRange]]]) -> None:
+    """Put in what the columns of runs range over, by the runs' keys."""
     names = {
         tuple(facts): key for key, *facts in index.execute("SELECT key, name, unit, kind FROM channel_name")
     }
-    runs, channels = [], []
-    for key, row in enumerate(rows, start=(last or 0) + 1):
-        runs.append((key, *(row.values.get(name) for name in _COLUMNS)))
-        for channel in row.channels:
+    channels = []
+    for key, ranges in runs:
+        for channel in ranges:
             named = (channel.name, channel.unit, channel.kind)
             if named not in names:
                 added = index.execute("INSERT INTO channel_name (name, unit, kind) VALUES (?, ?, ?)", named)
                 names[named] = added.lastrowid
             channels.append((names[named], key, channel.low, channel.high))
-    index.executemany(_INSERT, runs)
     index.executemany("INSERT OR REPLACE INTO channel VALUES (?, ?, ?, ?)", channels)
 
 
 @contextmanager
-def _transaction(index: sqlite3.Connection) -> Iterator[None]:
+def transaction(index: sqlite3.Connection) -> Iterator[None]:
+    """All that is written in the block, or nothing of it."""
     index.execute("BEGIN IMMEDIATE")
     try:
         yield

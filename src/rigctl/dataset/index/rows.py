@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
-from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,9 +14,11 @@ from rigctl.dataset.annotations import Annotation, excluded_records
 from rigctl.dataset.parquet import open_parquet
 from rigctl.dataset.run_order import order_of
 from rigctl.dataset.run_status import status_of
-from rigctl.dataset.storage.store import Store, StoredFolder
+from rigctl.dataset.storage.store import StorageSilent, StoredFolder
 from rigctl.errors import RigctlError
 
+#: an instant that is written as `_utc` writes it
+_CANONICAL = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{6})?\+00:00")
 #: the states in which a run may still change by itself
 OPEN = (run_json.RUNNING, "unclosed")
 DAMAGED = "damaged"
@@ -67,25 +69,20 @@ def read_row(folder: Path, shard: str, state: FileState, *, channels: bool = Tru
         info, values["status"] = {}, DAMAGED
     values |= order_of(folder, info)._asdict()
     closed = channels and not values["open"] and bool(info)
-    return Row(values, _ranges(folder, info) if closed else ())
+    return Row(values, ranges_of(folder, info) if closed else ())
 
 
-def stored_rows(store: Store, infos: Mapping[str, Mapping[str, Any] | None], *, channels: bool) -> list[Row]:
-    """The rows of runs in storage, by what their ``run.json`` says; None where that is damaged."""
-    rows = []
-    for run_id, info in infos.items():
-        values: dict[str, Any] = {"id": run_id, "shard": "", "open": False, "number": 1}
-        began = "" if info is None else str(info.get("started", ""))
-        values |= {
-            "second": run_id[:15],
-            "began": began,
-            "status": DAMAGED if info is None else info["status"],
-        }
-        if info is not None:
-            values |= facts_of(info)
-        wanted = channels and info is not None
-        rows.append(Row(values, _ranges(store.folder(run_id), info or {}) if wanted else ()))
-    return rows
+def stored_row(folder: StoredFolder, info: Mapping[str, Any] | None, state: tuple[int, str]) -> Row:
+    """The row of a run in storage, by what its ``run.json`` says; None where that is damaged.
+
+    `state` is the size of ``run.json`` there, and what the storage tells one content from another by.
+    """
+    size, tag = state
+    values: dict[str, Any] = {"id": folder.name, "shard": "", "open": False, "number": 1}
+    values |= {"size": size, "mtime": tag, "second": folder.name[:15], "began": "", "status": DAMAGED}
+    if info is not None:
+        values |= facts_of(info) | {"began": str(info.get("started", "")), "status": info["status"]}
+    return Row(values, ())
 
 
 def facts_of(info: Mapping[str, Any]) -> dict[str, Any]:
@@ -110,22 +107,37 @@ def facts_of(info: Mapping[str, Any]) -> dict[str, Any]:
 
 def _utc(text: str | None) -> str | None:
     """An instant in UTC, so that texts are in the order of time."""
-    if text is None:
-        return None
+    if text is None or _CANONICAL.fullmatch(text):
+        return text
     try:
         return datetime.fromisoformat(text).astimezone(UTC).isoformat()
     except ValueError:
         return text
 
 
-def _ranges(folder: Path | StoredFolder, info: Mapping[str, Any]) -> tuple[ChannelRange, ...]:
-    """What the columns range over, by what Parquet keeps of each block; nothing where it is damaged."""
+def ranges_of(folder: Path | StoredFolder, info: Mapping[str, Any]) -> tuple[ChannelRange, ...]:
+    """What the columns range over, by what Parquet keeps of each block; nothing where it is damaged.
+
+    Raises
+    ------
+    StorageSilent
+        it lies in a storage that does not answer.
+    """
+    try:
+        return _read_ranges(folder, info)
+    except StorageSilent:
+        raise
+    except RigctlError:
+        return ()
+
+
+def _read_ranges(folder: Path | StoredFolder, info: Mapping[str, Any]) -> tuple[ChannelRange, ...]:
     layout = info["layout"]
     units = dict(
         zip(("time", "record", *layout["channels"], *layout["commands"]), layout["units"], strict=False)
     )
     found = []
-    with suppress(RigctlError), open_parquet(folder / samples_file.NAME) as file:
+    with open_parquet(folder / samples_file.NAME) as file:
         about = file.metadata
         groups = [about.row_group(number) for number in range(about.num_row_groups)]
         for index, name in enumerate(about.schema.names):

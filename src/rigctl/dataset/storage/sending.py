@@ -72,7 +72,7 @@ def _closed(folder: Path) -> dict[str, Any]:
 def _require_same(info: dict[str, Any], there: StoredFolder) -> None:
     """Refuse to write over another run: ids are given out by each computer for itself."""
     found = there.store.infos([there.name])
-    known = found.get(there.name)
+    _, known = found.get(there.name, (0, None))
     if there.name in found and known is None:
         return  # damaged on its way: it is sent again
     if known is not None and any(known.get(key) != info.get(key) for key in _SAME):

@@ -22,6 +22,23 @@ _ATTEMPTS: Final = 3
 _BLOCK: Final = 1 << 20
 
 
+class StorageSilent(RigctlError):
+    """A storage refuses, stalls, or answers with something else than it was asked."""
+
+
+#: by what a storage tells one content of an object from another; the first that there is
+_MARKS: Final = (
+    "ETag",
+    "etag",
+    "md5Hash",
+    "content_hash",
+    "mtime",
+    "LastModified",
+    "last_modified",
+    "created",
+)
+
+
 class Store:
     """A runs folder at an address of `fsspec`.
 
@@ -80,8 +97,30 @@ class Store:
         names = [path.rstrip("/").rpartition("/")[2] for path in found]
         return sorted(name for name in names if name and not name.startswith(".") and not is_shard(name))
 
-    def infos(self, ids: Iterable[str]) -> dict[str, dict[str, Any] | None]:
-        """``run.json`` of each run, asked for together; None where it is damaged.
+    def states(self) -> dict[str, tuple[int, str]]:
+        """Length of each run's ``run.json``, and the mark of its content, by one listing; oldest run first.
+
+        Raises
+        ------
+        RigctlError
+            the storage does not answer, or refuses.
+        """
+        with self.answering("list the runs"):
+            try:
+                found = self.files.find(self._root, detail=True)
+            except (FileNotFoundError, NotADirectoryError):
+                return {}
+        states: dict[str, tuple[int, str]] = {}
+        depth = len(_parts(self._root))
+        for path, facts in found.items():
+            run_id, *rest = _parts(path)[depth:] or [""]
+            if rest == [run_json.NAME] and not run_id.startswith(".") and not is_shard(run_id):
+                mark = next((f"{name} {facts[name]}" for name in _MARKS if facts.get(name)), "")
+                states[run_id] = (int(facts.get("size") or 0), mark)
+        return dict(sorted(states.items()))
+
+    def infos(self, ids: Iterable[str]) -> dict[str, tuple[int, dict[str, Any] | None]]:
+        """``run.json`` of each run, asked for together, with its length; None where it is damaged.
 
         Without one there is no run: it is sent last.
 
@@ -95,7 +134,7 @@ class Store:
             return {}
         with self.answering("read the runs"):
             answers = self.files.cat(list(paths), on_error="return")
-        found: dict[str, dict[str, Any] | None] = {}
+        found: dict[str, tuple[int, dict[str, Any] | None]] = {}
         for path, content in answers.items():
             run_id = paths.get(path) or paths.get(path.lstrip("/")) or path.rstrip("/").split("/")[-2]
             if isinstance(content, FileNotFoundError | NotADirectoryError):
@@ -104,9 +143,10 @@ class Store:
                 with self.answering("read the runs"):
                     raise content
             try:
-                found[run_id] = run_json.read_text(content.decode("utf-8"), self.folder(run_id))
+                info = run_json.read_text(content.decode("utf-8"), self.folder(run_id))
             except (RigctlError, UnicodeDecodeError):
-                found[run_id] = None
+                info = None
+            found[run_id] = (len(content), info)
         return found
 
     def find(self, ref: str) -> StoredFolder:
@@ -135,7 +175,7 @@ class Store:
             raise
         except Exception as problem:
             # the library of each storage has errors of its own
-            raise RigctlError(
+            raise StorageSilent(
                 f"cannot {doing}: {_in_words(problem)}",
                 value=self.address,
                 hint="Is it there, and may you read and write in it? Nothing that was recorded here is lost",
@@ -290,3 +330,8 @@ def _in_words(problem: BaseException) -> str:
     """The first line of what a library says, or the kind of error where it says nothing."""
     text = next(iter(str(problem).strip().splitlines()), "")
     return text or type(problem).__name__
+
+
+def _parts(path: str) -> list[str]:
+    """The names in a path as a library of storage writes it, which may begin with ``/`` or not."""
+    return [part for part in path.split("/") if part]

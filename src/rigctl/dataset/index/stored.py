@@ -1,0 +1,98 @@
+"""Bringing an index up to date with the runs in a storage.
+
+One listing says of each ``run.json`` how long it is and what the storage tells its content by; what has the
+same as before is not asked for again. A storage that has no such mark is read each time.
+"""
+
+from __future__ import annotations
+
+import logging
+import sqlite3
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any, Final
+
+from rigctl.dataset.index.refresh import insert_channels, insert_rows, remove_rows, transaction
+from rigctl.dataset.index.rows import DAMAGED, ChannelRange, Row, ranges_of, stored_row
+
+if TYPE_CHECKING:
+    from rigctl.dataset.storage.store import Store
+
+logger = logging.getLogger(__name__)
+
+#: so many are asked for before they are kept: what an interrupt costs
+_BATCH: Final = 500
+#: so many that reading them is worth a word
+_LONG: Final = 2000
+#: threads that look at samples, each of which waits for the network
+_READERS: Final = 8
+
+
+def refresh_stored(index: sqlite3.Connection, store: Store, *, channels: bool) -> None:
+    """Make the index say what the storage says; what has not changed is not read.
+
+    Parameters
+    ----------
+    channels: whether the ranges of the channels are asked for; they are kept once they were.
+
+    Raises
+    ------
+    RigctlError
+        the storage does not answer, or refuses.
+    """
+    listed = store.states()
+    known = {run_id: (size, tag) for run_id, size, tag in index.execute("SELECT id, size, mtime FROM run")}
+    wanted = [run_id for run_id, state in listed.items() if not state[1] or known.get(run_id) != state]
+    if len(wanted) >= _LONG:
+        logger.warning("reading %d runs of %s for its index, once", len(wanted), store.address)
+    for start in range(0, len(wanted), _BATCH):
+        batch = {run_id: listed[run_id] for run_id in wanted[start : start + _BATCH]}
+        rows = _read(store, batch)
+        with transaction(index):
+            remove_rows(index, [("", run_id) for run_id in batch])
+            insert_rows(index, rows)
+    if gone := known.keys() - listed.keys():
+        with transaction(index):
+            remove_rows(index, [("", run_id) for run_id in gone])
+    if channels:
+        _look_at_samples(index, store)
+
+
+def _read(store: Store, batch: Mapping[str, tuple[int, str]]) -> list[Row]:
+    """The rows of runs whose ``run.json`` has changed; those that are gone by now are left out.
+
+    What arrives with another length than was listed was replaced meanwhile, or cut short on its way. It has
+    no mark then, and is asked for again the next time.
+    """
+    rows = []
+    for run_id, (length, info) in store.infos(batch).items():
+        size, tag = batch[run_id]
+        state = (size, tag if length == size else "")
+        rows.append(_row(store, run_id, info, state))
+    return rows
+
+
+def _row(store: Store, run_id: str, info: dict[str, Any] | None, state: tuple[int, str]) -> Row:
+    folder = store.folder(run_id)
+    try:
+        return stored_row(folder, info, state)
+    except (KeyError, TypeError, AttributeError):
+        return stored_row(folder, None, state)
+
+
+def _look_at_samples(index: sqlite3.Connection, store: Store) -> None:
+    """Add the ranges of channels of the runs of which there are none yet."""
+    lacking = index.execute(
+        "SELECT key, id FROM run WHERE status != ? AND key NOT IN (SELECT run FROM channel)", [DAMAGED]
+    ).fetchall()
+
+    def ranges(one: tuple[int, str]) -> tuple[ChannelRange, ...]:
+        folder = store.folder(one[1])
+        return ranges_of(folder, folder.info)
+
+    for start in range(0, len(lacking), _BATCH):
+        batch = lacking[start : start + _BATCH]
+        with ThreadPoolExecutor(_READERS, thread_name_prefix="rigctl-index") as pool:
+            found = list(pool.map(ranges, batch))
+        with transaction(index):
+            insert_channels(index, [(key, row) for (key, _), row in zip(batch, found, strict=True)])
