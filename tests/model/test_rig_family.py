@@ -74,7 +74,7 @@ def test_a_switch_gives_its_power_and_a_level_its_own_unit() -> None:
     assert sources["heater"].of({"heater": 1.0, "inflow": 0.0}) == 1000.0
     assert sources["inflow"].of({"heater": 0.0, "inflow": 5e-5}) == 5e-5
     assert sources["feed_temperature"].value == pytest.approx(283.15)
-    with pytest.raises(RigctlError, match="does not say the power of 'heater'"):
+    with pytest.raises(RigctlError, match="does not state the power of 'heater'"):
         input_sources(family, rig(", power: 1 kW", ""))
     level = rig().actuators["inflow"].model_copy(update={"unit": "bar"})
     pressed = rig().model_copy(update={"actuators": {**rig().actuators, "inflow": level}})

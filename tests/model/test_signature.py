@@ -121,7 +121,7 @@ def test_a_trial_says_what_a_user_should_know() -> None:
 
     tiny = try_effect(own("1e-6*size*tanh(velocity/(2 mm/s))"), bench)
     assert "less than the noise" in tiny.warnings[0]
-    assert "no reading of the standard record tells it from" in tiny.warnings[1]
+    assert "no reading of the standard record distinguishes it from" in tiny.warnings[1]
     assert "coulomb_friction" in tiny.warnings[1]
 
 

@@ -1,4 +1,4 @@
-"""A family, some effects and a bench become one system of equations for the engine."""
+"""A family, some effects and a bench as one system of equations for the engine."""
 
 from __future__ import annotations
 
@@ -34,24 +34,24 @@ def build_system(
 ) -> System:
     """The equations of `family` with `effects`, for the channels and dimensions of `rig`.
 
-    States come in the family's order, then the effects' own (``pressure_lag.deviation``). Parameters are the
-    family's that can be fitted, then the effects' (``piston_leakage.conductance``); dimensions that no fit
-    changes are numbers in the equations. Outputs are the channels of the rig that the family knows; all that
-    it knows without a rig. An effect whose parameters are null changes no value in the last bit, and the
-    order of `effects` makes no difference.
+    States are in the family's order, then the effects' own (``pressure_lag.deviation``). Parameters are those
+    of the family that can be fitted, then the effects' (``piston_leakage.conductance``); dimensions that no
+    fit changes are numbers in the equations. Outputs are the channels of the rig that the family knows, or
+    without a rig all that it knows. An effect whose parameters are at their null changes no value in the last
+    bit, and the order of `effects` does not matter.
 
     Parameters
     ----------
-    effects: what is not given of an effect's parameters has its null value.
-    parameters: of the family, SI; they count more than the rig's.
+    effects: parameters of an effect that are not given have their null values.
+    parameters: of the family, SI; they override the rig's.
     oil: instead of the rig's.
     own_effects: a user's effects, which may then be named in `effects`.
-    unrecorded: inputs to which the parameter of their name of the effect `record` is added.
+    unrecorded: inputs to which the parameter of that name of the effect `record` is added.
 
     Raises
     ------
     RigctlError
-        an unknown family, effect or parameter, or a term of the wrong dimension.
+        an unknown family, effect or parameter, or a term with the wrong dimension.
     """
     chosen = find_family(family) if isinstance(family, str) else family
     used = _find(chosen, effects or {}, own_effects)
@@ -76,7 +76,7 @@ def build_system(
 def superset(
     family: str | ModelFamily, effects: Effects | None = None, own_effects: Iterable[Effect] = ()
 ) -> dict[str, dict[str, float]]:
-    """`effects`, and every other effect at its null: what a diagnosis differentiates.
+    """`effects`, and every other effect at its null: the system that a diagnosis differentiates.
 
     Parameters
     ----------

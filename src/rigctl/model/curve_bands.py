@@ -1,4 +1,4 @@
-"""How far the band of a measured curve, as an effect of a model, moves what the model says."""
+"""By how much the band of a measured curve, used as an effect, moves the model's outputs."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CurveBand:
-    """What the band of one curve makes of one channel.
+    """The change of one channel due to the band of one curve.
 
     Attributes
     ----------
-    effect, channel: whose curve, and which reading.
-    unit: the channel's, as shown.
-    widths: (n) of each record, half the width, SI: what the whole curve at an edge of its band changes.
+    effect, channel: the curve, and the reading.
+    unit: the channel's display unit.
+    widths: (n) for each record, half the width, SI: the change with the whole curve at an edge of its band.
     record, time: where that is largest, `time` in s from the record's first sample; `noise` of that channel.
     """
 
@@ -50,7 +50,7 @@ class CurveBand:
 
     @property
     def statement(self) -> str:
-        """In words, with the place."""
+        """In words, with its location."""
         largest, rms = (show(size, self.unit, difference=True) for size in (self.largest, self.rms))
         when = "" if self.row else f" at {self.time:.3g} s"
         return (
@@ -74,10 +74,10 @@ class CurveBand:
 
 
 def curve_bands(fit: FitResult) -> tuple[CurveBand, ...]:
-    """What the bands of a model's measured curves make of its readings, channel by channel.
+    """The changes due to the bands of a model's measured curves, channel by channel.
 
-    The fitted values stay. Nothing for a model without such a curve, or one that cannot be simulated at its
-    edges.
+    The fitted values are kept. Nothing for a model without such a curve, or one that cannot be simulated at
+    the edges.
     """
     model = fit.problem.model
     names = [name for name in model.effects if (curve := model.effect(name).curve) and curve.half]
@@ -85,7 +85,7 @@ def curve_bands(fit: FitResult) -> tuple[CurveBand, ...]:
 
 
 def combined(bands: Sequence[CurveBand], channel: str, k: int) -> Floats | None:
-    """(n) half the width of all bands together in the record at `k`, SI; None where there is none."""
+    """(n) half the width of all bands together in the record at `k`, SI; None if there is none."""
     found = [one.widths[k] for one in bands if one.channel == channel]
     return np.sqrt(np.sum(np.square(found), axis=0)) if found else None
 
@@ -94,7 +94,7 @@ def _of_effect(fit: FitResult, effect: str) -> list[CurveBand]:
     problem = fit.problem
     at = problem.compiled.system.parameter_names.index(qualified(effect, SHIFT.name))
     if qualified(effect, SHIFT.name) in {one.name for one in problem.shared}:
-        return []  # fitted, it is no longer the band's to say
+        return []  # a fitted curve has no band
     edges = []
     for shift in (1.0, -1.0):
         base = problem.base.copy()

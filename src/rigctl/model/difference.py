@@ -1,4 +1,4 @@
-"""What two models, or two versions of one, have different."""
+"""The differences between two models, or two versions of one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rigctl.model.stated import StatedValue, stated_values
 
 @dataclass(frozen=True)
 class ValueDifference:
-    """A value that is not the same in both; None where a model does not have it. Both are in one unit."""
+    """A value that differs; None if a model does not have it. Both are in one unit."""
 
     name: str
     before: StatedValue | None
@@ -20,14 +20,14 @@ class ValueDifference:
 
     @property
     def change(self) -> float | None:
-        """``(after - before)/before``; None where there is nothing to compare."""
+        """``(after - before)/before``; None if undefined."""
         if self.before is None or self.after is None or self.before.si == 0.0:
             return None
         return (self.after.si - self.before.si) / self.before.si
 
     @property
     def deviations(self) -> float | None:
-        """``|after - before|/sqrt(s1^2 + s2^2)``, s being what is known of their standard deviations."""
+        """``|after - before|/sqrt(s1^2 + s2^2)``, s being their standard deviations as far as known."""
         if self.before is None or self.after is None:
             return None
         spread = math.hypot(self.before.std or 0.0, self.after.std or 0.0)
@@ -36,13 +36,13 @@ class ValueDifference:
 
 @dataclass(frozen=True)
 class ModelDifference:
-    """What makes `after` out of `before`.
+    """The changes from `before` to `after`.
 
     Attributes
     ----------
     added, removed: effects.
-    values: of the parameters that differ in value, in uncertainty, or in whether a fit may change them.
-    fields: other fields of the file that differ, with what they were and are.
+    values: of parameters that differ in value, in uncertainty, or in whether a fit may change them.
+    fields: other fields of the file that differ, with their old and new contents.
     """
 
     before: Model
@@ -54,21 +54,21 @@ class ModelDifference:
 
     @property
     def same(self) -> bool:
-        """Whether the two models are one."""
+        """Whether the two models are identical."""
         return not (self.added or self.removed or self.values or self.fields)
 
 
 def difference(before: Model, after: Model) -> ModelDifference:
-    """What makes `after` out of `before`.
+    """The changes from `before` to `after`.
 
     Raises
     ------
     RigctlError
-        they are of different families, and have nothing to compare.
+        they are of different families, which cannot be compared.
     """
     if before.family.name != after.family.name:
         raise RigctlError(
-            "models of different families have nothing to compare",
+            "models of different families cannot be compared",
             value=f"{before.family.name} and {after.family.name}",
         )
     return ModelDifference(
@@ -108,7 +108,7 @@ def _values(before: Model, after: Model) -> tuple[ValueDifference, ...]:
 
 
 def _same(one: StatedValue, other: StatedValue) -> bool:
-    """Equal but for what the conversion of a unit rounds."""
+    """Equal up to the rounding of unit conversions."""
     return (
         math.isclose(one.si, other.si, rel_tol=1e-12)
         and one.fit == other.fit

@@ -1,4 +1,4 @@
-"""Try an effect on its family's standard record, and say in words what a user should know."""
+"""Try an effect on its family's standard record, and report in words what a user should know."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from rigctl.model.record_points import record_points
 from rigctl.model.signature import Signature, signature
 from rigctl.rig.rig import Rig
 
-#: likeness above which no reading of the record tells two effects apart
+#: cosine above which no reading of the record distinguishes two effects
 SAME = 0.999
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What came of trying an effect.
+    """The result of trying an effect.
 
     Attributes
     ----------
-    seen: what it does to the readings.
-    alike: the library's effects, the most alike first; none for an effect that shows nothing.
+    seen: its signature in the readings.
+    alike: the library's effects by decreasing cosine; none for an effect without a signature.
     warnings: what its user should know, a sentence each.
     """
 
@@ -43,7 +43,7 @@ def faults_on_record(
     alongside: Sequence[tuple[Effect, Mapping[str, float]]] = (),
     progress: Progress | None = None,
 ) -> tuple[Fault, ...]:
-    """What is wrong with an effect's terms along the standard record, where it is not there yet.
+    """What is wrong with an effect's terms along the standard record without it.
 
     Arguments and errors as for `try_effect`.
     """
@@ -61,12 +61,12 @@ def try_effect(
     alongside: Sequence[tuple[Effect, Mapping[str, float]]] = (),
     progress: Progress | None = None,
 ) -> Trial:
-    """Simulate the standard record without `effect` and with it, and compare it with the library's.
+    """Simulate the standard record without and with `effect`, and compare its signature with the library's.
 
     Parameters
     ----------
-    rig: whose channels and noise count; else everything that the family can read.
-    alongside: effects that are there either way, with their parameters (SI).
+    rig: its channels and noise are used; by default everything that the family can read.
+    alongside: effects present in both simulations, with their parameters (SI).
 
     Raises
     ------
@@ -89,8 +89,8 @@ def _warnings(effect: Effect, seen: Signature, alike: Sequence[Lookalike], rig: 
     found = []
     if seen.flat_at_null:
         found.append(
-            f"{effect.name} changes nothing to first order at its null value, so that a diagnosis cannot see "
-            "it coming: write it in a parameter that enters in proportion"
+            f"{effect.name} changes nothing to first order at its null value, so that a diagnosis cannot "
+            "detect it: write it with a parameter in which it is linear"
         )
     if rig is not None and _below_noise(seen, rig):
         found.append(f"at its typical size it changes every reading by less than the noise of '{rig.name}'")
@@ -98,8 +98,8 @@ def _warnings(effect: Effect, seen: Signature, alike: Sequence[Lookalike], rig: 
     same = [other.name for other in alike if other.likeness > SAME and other.name not in said]
     if same:
         found.append(
-            f"no reading of the standard record tells it from {', '.join(same)}: say so in 'confused_with' "
-            "or in 'instead_of'"
+            f"no reading of the standard record distinguishes it from {', '.join(same)}: say so in "
+            "'confused_with' or in 'instead_of'"
         )
     return found
 

@@ -1,4 +1,4 @@
-"""How a file names the family of a model: a shipped one by its name, a user's own by the way to its file."""
+"""How a file refers to the family of a model: a shipped one by name, a user's by the path of its file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rigctl.project import find_project
 
 
 def family_reference(model: Model, folder: Path) -> str:
-    """What a file in `folder` writes for the family of `model`."""
+    """The reference to the family of `model` in a file in `folder`."""
     if model.path is None or not model.text:
         return model.family.name
     said = parse_document(model.text, model.path).data

@@ -1,4 +1,4 @@
-"""What a bench's commands mean to its model: which actuator is which input."""
+"""The correspondence between a bench's commands and its model's inputs."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from rigctl.units import describe, is_speed_of_rotation, parse_unit
 class InputSource:
     """One input of the model: ``value + sum of factor * command`` over `actuators`, all SI.
 
-    `channel` is the rig's channel that records the input, when it has one and nothing commands the input; its
-    readings then count more than `value`. `hold` is what the input does between two of its values. `said` is
-    True where a file or a person says `value`, not only the family.
+    `channel` is the rig's channel that records the input, if it has one and nothing commands the input; its
+    readings override `value`. `hold` is the input's behaviour between two of its values. `said` is True if a
+    file or a person gives `value`, not only the family.
     """
 
     input: str
@@ -37,16 +37,16 @@ class InputSource:
 def input_sources(
     family: str | ModelFamily, rig: Rig, given: Mapping[str, float] | None = None
 ) -> tuple[InputSource, ...]:
-    """Where each input of `family` comes from on `rig`, in the family's order.
+    """The source of each input of `family` on `rig`, in the family's order.
 
-    An input is commanded by the actuator of its role, or by one of its own name; else it is constant:
-    `given`, the rig's constant of that name, or the family's usual value.
+    An input is commanded by the actuator with its role or its name; otherwise it is constant: `given`, the
+    rig's constant of that name, or the family's usual value.
 
     Raises
     ------
     RigctlError
-        the heater is a switch whose power the rig does not say, or an actuator has another dimension than
-        the input of its name.
+        the heater is a switch without a stated power, or an actuator has another dimension than the input of
+        its name.
     """
     chosen = find_family(family) if isinstance(family, str) else family
     return tuple(_source(item, rig, given or {}) for item in chosen.inputs)
@@ -58,12 +58,12 @@ def input_values(sources: tuple[InputSource, ...], commands: Mapping[str, float]
 
 
 def require_unit_of(what: str, unit: str, wanted: str) -> None:
-    """Require that a unit means the quantity of another one: its dimension, and turns for turns.
+    """Require that a unit has the quantity of another one: its dimension, and angles for angles.
 
     Raises
     ------
     RigctlError
-        it does not; `what` says what wants it.
+        it does not; `what` is the message's subject.
     """
     if parse_unit(unit).dimension != parse_unit(wanted).dimension:
         raise RigctlError(what, value=unit, expected=f"a unit of {describe(wanted)}")
@@ -110,7 +110,7 @@ def _of_moves(rig: Rig) -> tuple[tuple[str, float], ...]:
 
 
 def _factor(item: InputVariable, rig: Rig) -> float:
-    """What the actuator of the input's name is multiplied by; a switch gives its power."""
+    """The factor of the actuator with the input's name; for a switch, its power."""
     written = rig.actuators[item.name].display_unit
     unit, wanted = parse_unit(written), parse_unit(item.unit)
     if unit.dimension == wanted.dimension:
@@ -131,6 +131,7 @@ def _power(rig: Rig, name: str) -> float:
         return actuator.power
     if actuator.unit is None or actuator.unit in ("1", "%"):
         raise RigctlError(
-            f"the rig '{rig.name}' does not say the power of '{name}'", hint="Add 'power: 2000 W', say, to it"
+            f"the rig '{rig.name}' does not state the power of '{name}'",
+            hint="Add 'power: 2000 W', say, to it",
         )
     return 1.0

@@ -32,15 +32,15 @@ from rigctl.units import Quantity, onto_bound, read_si, show
 
 
 def load_model(path: str | Path) -> Model:
-    """The model that a file describes; its rig's path is looked for beside it, then in the project.
+    """The model described by a file; its rig file is searched beside it, then in the project.
 
-    ``m.yaml@3`` is version 3 of ``m.yaml``; what it names is looked for beside ``m.yaml``.
+    ``m.yaml@3`` is version 3 of ``m.yaml``; paths in it are relative to ``m.yaml``.
 
     Raises
     ------
     RigctlError
-        the file or its rig's cannot be read, or something in it is wrong, with the place; `SeveralErrors`
-        when there is more than one mistake.
+        the file or its rig file cannot be read, or something in it is wrong, with its location;
+        `SeveralErrors` for more than one mistake.
     """
     head, number = split_version(Path(path))
     if number is None:
@@ -50,7 +50,7 @@ def load_model(path: str | Path) -> Model:
 
 
 def parse_model(text: str, path: Path | None = None) -> Model:
-    """The model that a text describes; `path` is what messages call it and where its rig is looked for.
+    """The model described by a text; `path` is used in messages and to find its rig file.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def parse_model(text: str, path: Path | None = None) -> Model:
 
 
 def _build(document: Document, path: Path | None) -> Model:
-    """The model that a document describes; what it names is looked for beside `path`."""
+    """The model described by a document; relative paths are searched beside `path`."""
     written = validate(document, ModelFile)
     reader = Reader(document)
     family = reader.read(("model",), partial(find_family, written.model, path))
@@ -90,7 +90,7 @@ def _rig(written: str | None, path: Path | None) -> Rig | None:
 
 
 def _resolve(written: str, path: Path | None) -> Path:
-    """A file that the model names: beside it, in its project, or shipped."""
+    """A file named in the model: beside it, in its project, or shipped."""
     project = find_project(path.parent if path else None)
     return project.resolve(written, relative_to=path)
 
@@ -98,7 +98,7 @@ def _resolve(written: str, path: Path | None) -> Path:
 def _own_effects(
     reader: Reader, family: ModelFamily, written: ModelFile, beside: Path | None
 ) -> Iterator[Effect]:
-    """The effects of the files that the model names; of a folder, those of its family."""
+    """The effects in the files that the model names; for a folder, those of its family."""
     known: set[str] = set()
     for index, named in enumerate(written.own_effects):
         keys = ("own_effects", index)
@@ -181,7 +181,7 @@ def _stated(si: float, setting: Setting, std: float | None) -> Value:
 
 
 def _std(written: Quantity | None, unit: str) -> float | None:
-    """A standard deviation in SI; of a temperature it is an interval."""
+    """A standard deviation in SI; for a temperature it is a difference."""
     if written is None:
         return None
     std = read_si(written, unit, difference=True)
@@ -191,9 +191,9 @@ def _std(written: Quantity | None, unit: str) -> float | None:
 
 
 def _effect_std(effect: Effect, key: str, setting: Setting, known: Mapping[str, float]) -> float | None:
-    """The standard deviation of an effect's parameter, which may be written in another way.
+    """The standard deviation of an effect's parameter, which may be written in an alternative form.
 
-    ``|f(x + s) - f(x - s)|/2`` is that of ``f(x)``, f being the other way to write it.
+    That of ``f(x)`` is ``|f(x + s) - f(x - s)|/2``, f being the conversion from the alternative form.
     """
     way = next((way for way in effect.other_ways if way.name == key), None)
     if way is None:

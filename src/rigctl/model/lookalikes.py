@@ -1,4 +1,4 @@
-"""Which effects of the library do the same to the readings as a given one."""
+"""Effects of the library with signatures similar to a given one's."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from rigctl.model.signature import Floats, Signature
 from rigctl.model.standard_record import standard_excitation
 from rigctl.rig.rig import Rig
 
-#: a part of the largest change below which a reading's change is rounding
+#: a change smaller than this share of the largest one is rounding
 _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
 class Lookalike:
-    """An effect of the library, and how alike its signature is: 1 the same, 0 nothing in common."""
+    """An effect of the library, and the cosine between the signatures: 1 identical, 0 nothing in common."""
 
     name: str
     likeness: float
@@ -30,11 +30,11 @@ class Lookalike:
 def lookalikes(
     seen: Signature, effect: Effect, rig: Rig | None = None, *, progress: Progress | None = None
 ) -> tuple[Lookalike, ...]:
-    """The library's effects by likeness to `effect`, the most alike first.
+    """The library's effects by decreasing similarity to `effect`.
 
-    The likeness is the cosine of the smallest angle between the changes that either can make to the readings
-    near null, each reading counted in units of its noise (of its range on the record without a rig). Nothing
-    else of the model is refitted meanwhile: `rigctl diagnose` does that, on real data.
+    The similarity is the cosine of the smallest angle between the changes that either can make to the
+    readings near its null, each reading in units of its noise (without a rig, of its range on the record).
+    The model is not refitted: `rigctl diagnose` does that, on real data.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def lookalikes(
 
 
 def _scales(seen: Signature, rig: Rig | None) -> Floats:
-    """By what each reading is divided."""
+    """The scale of each reading."""
     noise = [rig.channels[name].noise if rig is not None else None for name in seen.output_names]
     spread = np.ptp(seen.without, axis=0)
     return np.array(
@@ -69,7 +69,7 @@ def _scales(seen: Signature, rig: Rig | None) -> Floats:
 
 
 def _directions(changes: Floats) -> Floats:
-    """An orthonormal basis of the changes (samples, outputs, parameters) that can be made."""
+    """An orthonormal basis of the possible changes (samples, outputs, parameters)."""
     flat = changes.reshape(-1, changes.shape[2])
     lengths = np.linalg.norm(flat, axis=0)
     kept = flat[:, lengths > _ROUNDING * max(lengths.max(initial=0.0), 1e-300)]

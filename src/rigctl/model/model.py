@@ -1,4 +1,4 @@
-"""A model: what its file says, checked and in SI. Changing one makes another."""
+"""A model: the contents of its file, checked and in SI. Models are immutable; a change makes a new one."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Value:
-    """A parameter's value in SI, and what is known of it.
+    """A parameter's value in SI, and its uncertainty.
 
     Attributes
     ----------
     fit: whether a fit may change it.
-    std: its standard deviation, SI; None when nobody has said.
-    source: where it comes from, in words.
-    unit: the unit in which the model file has it; empty when the file does not say it.
-    prior: what was known before any fit, SI: every fit weighs it with the data.
+    std: its standard deviation, SI; None if unknown.
+    source: its origin, in words.
+    unit: the unit in the model file; empty if it is not in the file.
+    prior: prior knowledge, SI: every fit weighs it with the data.
     """
 
     si: float
@@ -53,14 +53,14 @@ class Model:
 
     Attributes
     ----------
-    family: whose equations these are.
-    rig: the bench, which gives dimensions and channels; None for a model of no bench.
-    oil: the fluid when it is not the rig's.
-    parameters: what the file says of the family's parameters.
+    family: of its equations.
+    rig: the bench, which gives dimensions and channels; None for a model without a bench.
+    oil: the fluid, if not the rig's.
+    parameters: of the family, as given in the file.
     effects: by name, each with all of its parameters.
     own_effects: the user's own effects that `effects` may name besides the library's.
-    path: the file, when there is one; ``m.yaml@3`` for version 3 of it.
-    text: what the file says, layout and comments included.
+    path: the file, if there is one; ``m.yaml@3`` for its version 3.
+    text: of the file, layout and comments included.
     """
 
     family: ModelFamily
@@ -96,14 +96,14 @@ class Model:
         Raises
         ------
         RigctlError
-            there is none; it says the nearest.
+            there is none; the message gives the nearest name.
         """
         users = {effect.name: effect for effect in self.own_effects}
         return users[name] if name in users else find_effect(name, self.family)
 
     @property
     def with_laws(self) -> tuple[str, ...]:
-        """The effects in the model whose terms stand in its equations."""
+        """The effects in the model with terms in its equations."""
         return tuple(name for name in self.effects if self.effect(name).terms)
 
     @property
@@ -128,7 +128,7 @@ class Model:
         )
 
     def frame(self) -> pd.DataFrame:
-        """Every parameter in the unit it is shown in: its value, what is known of it and who says so."""
+        """Every parameter in its display unit: its value, uncertainty and source."""
         import pandas as pd
 
         from rigctl.model.stated import stated_values
@@ -152,12 +152,12 @@ class Model:
         return as_html(self.summary(), self.frame())
 
     def system(self, *, library: bool = False) -> System:
-        """Its equations; with `library`, every other effect is in them at its null, the user's own too.
+        """Its equations; with `library`, they include every other effect at its null, also the user's own.
 
         Raises
         ------
         RigctlError
-            an effect's term does not fit.
+            an effect's term cannot be added.
         """
         effects = {
             name: {parameter: value.si for parameter, value in parameters.items()}
@@ -175,10 +175,11 @@ class Model:
     def with_effect(
         self, name: str | Effect, values: Mapping[str, float], *, fit: bool = True, shapes: bool = False
     ) -> Model:
-        """The model with one more effect, by name or a user's own; what `values` leaves out is typical.
+        """The model with one more effect, by name or a user's own; parameters missing in `values` are
+        typical.
 
-        Base physics that was taken away comes back with the family's own values. With `fit`, later fits may
-        change the effect's parameters; its shapes too with `shapes`.
+        Base physics that was removed is restored with the family's own values. With `fit`, later fits may
+        change the effect's parameters; with `shapes`, also its shape parameters.
 
         Raises
         ------
@@ -202,7 +203,7 @@ class Model:
         return replace(self, effects=MappingProxyType({**self.effects, name: settings}))
 
     def without_effect(self, name: str) -> Model:
-        """The model without an effect; base physics is taken away by its null value.
+        """The model without an effect; base physics is removed by its null value.
 
         Raises
         ------
@@ -220,13 +221,13 @@ class Model:
     def with_values(
         self, values: Mapping[str, float], *, std: Mapping[str, float] | None = None, source: str = ""
     ) -> Model:
-        """The model with other values (SI, names as in `values`), what is fitted staying as it is.
+        """The model with other values (SI, names as in `values`); which parameters are free stays unchanged.
 
         Parameters
         ----------
-        std: the standard deviations of the new values (SI, the same names), as far as they are known. What
-            was known of a value that changes no longer holds.
-        source: where the new values come from.
+        std: the standard deviations of the new values (SI, the same names), as far as known. The previous
+            uncertainty of a changed value no longer applies.
+        source: the origin of the new values.
 
         Raises
         ------
@@ -248,7 +249,7 @@ class Model:
         return replace(self, parameters=MappingProxyType(parameters), effects=MappingProxyType(effects))
 
     def _knowing(self, effect: Effect) -> Model:
-        """The model that may name `effect`, which is a user's own unless the library has it."""
+        """The model with `effect` among those that it may name, unless the library has it."""
         if library(self.family).get(effect.name) is effect:
             return self
         known = {each.name: each for each in (*self.own_effects, effect)}

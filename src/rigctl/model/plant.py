@@ -1,4 +1,4 @@
-"""The bench's equations as something that is watched and commanded while it moves."""
+"""The bench's equations as a simulation that is observed and commanded while it runs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PlantInputs:
-    """How the rig's commands become the plant's inputs."""
+    """The mapping from the rig's commands to the plant's inputs."""
 
     sources: tuple[InputSource, ...]
 
@@ -35,14 +35,14 @@ class PlantInputs:
 
 
 def plant_inputs(rig: Rig, family: ModelFamily | None = None) -> PlantInputs:
-    """Where each input of the simulated bench comes from; the room and the pump are the simulation's.
+    """The source of each input of the simulated bench; room temperature and pump are the simulation's.
 
-    `family` is the rig's own unless it is given.
+    `family` is the rig's own by default.
 
     Raises
     ------
     RigctlError
-        the rig names no family, or does not say its heater's power.
+        the rig names no family, or does not state its heater's power.
     """
     room = {
         "ambient_temperature": rig.simulation.ambient_temperature,
@@ -66,14 +66,15 @@ def plant_stepper(
 
     Parameters
     ----------
-    effects: by name, with their parameters (SI); what is left out has its typical size.
-    parameters: of the family, SI; they count more than the rig's.
-    initial: states by name, SI; else what the rig's simulation says the channels read, else the family's.
-    commands: of the actuators at the start, SI; 0 for those left out, and a relief valve at the supply
-        pressure of the start.
+    effects: by name, with their parameters (SI); missing parameters have their typical size.
+    parameters: of the family, SI; they override the rig's.
+    initial: states by name, SI; by default the channels' initial readings in the rig's simulation section,
+        else the family's starts.
+    commands: of the actuators at the start, SI; by default 0, and for a relief valve the initial supply
+        pressure.
     own_effects: a user's effects, which may then be named in `effects`.
-    family: whose equations hold; the one that the rig names unless it is given.
-    progress: told when something takes long.
+    family: of the equations; by default the one named by the rig.
+    progress: called when something takes long.
 
     Raises
     ------
@@ -101,7 +102,7 @@ def plant_stepper(
 def initial_state(
     family: ModelFamily, effects: Iterable[Effect], given: Mapping[str, float] | None = None
 ) -> dict[str, float]:
-    """The start of a record by state: what is given, else the family's and the effects' own.
+    """The initial state of a record: as given, else from the family and the effects.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The course of the standard record, as points at which a term can be tried."""
+"""The trajectory of the standard record, as points at which a term can be evaluated."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rigctl.physics.soundness import Point
 from rigctl.physics.standard_record import StandardRecord
 from rigctl.rig.rig import Rig
 
-#: one sample of the record in so many is kept
+#: one in this many samples of the record is kept
 _EVERY = 15
 
 
@@ -31,7 +31,7 @@ def record_points(
 
     Parameters
     ----------
-    alongside: effects that are there too, with their parameters (SI).
+    alongside: effects present as well, with their parameters (SI).
 
     Raises
     ------

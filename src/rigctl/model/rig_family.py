@@ -1,4 +1,4 @@
-"""Which family of models a rig file names, and whether rig and family mean the same by the same name."""
+"""Which model family a rig file names, and whether both use the same names for the same quantities."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from rigctl.physics.family import ModelFamily
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit
 
-#: where something of a rig file is wrong, whether its key is, and the check that refuses it
+#: location in a rig file, whether the fault is in the key, and the check that refuses it
 _Check = tuple[tuple[str, ...], bool, Callable[[], object]]
 
 
 def family_of(rig: Rig) -> ModelFamily:
-    """The model family that the rig file names; a path in it is looked for as any path in a file.
+    """The model family named by the rig file; a path in it is searched like any path in a file.
 
     Raises
     ------
     RigctlError
-        it names none, or none that there is; a channel or an actuator has another dimension than the
+        it names none, or one that does not exist; a channel or an actuator has another dimension than the
         family's output or input of its name; or the rig gives a constant that a user's own family does not
         have (`rigctl.rig.checks` knows those of the families that come with rigctl).
     """
@@ -56,7 +56,7 @@ def _check(rig: Rig, family: ModelFamily) -> None:
             check[2]()
         except RigctlError:
             wrong.append(check)
-    if wrong:  # only then is it worth reading the file again, to say where
+    if wrong:  # the file is read again only to give the location
         reader = _reader(rig)
         for keys, of_key, refused in wrong:
             reader.read(keys, refused, of_key=of_key)
@@ -71,7 +71,7 @@ def _signals(rig: Rig, family: ModelFamily) -> Iterator[_Check]:
             yield ("channels", name, "unit"), False, partial(require_unit_of, what, channel.unit, units[name])
     inputs = {item.name: item.unit for item in family.inputs}
     for name, actuator in rig.actuators.items():
-        # a switch may give its power, which `input_sources` knows
+        # a switch may state its power, which `input_sources` handles
         unit, wanted = actuator.display_unit, inputs.get(name)
         if wanted is not None and parse_unit(unit).dimension == parse_unit(wanted).dimension:
             check = partial(require_unit_of, f"the model's {name} is in {wanted}", unit, wanted)

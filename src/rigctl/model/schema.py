@@ -19,7 +19,7 @@ class _Part(BaseModel):
 
 
 class Known(_Part):
-    """What is known of a parameter before any measurement: ``{value: 12 kg, std: 3 kg}``."""
+    """Prior knowledge of a parameter: ``{value: 12 kg, std: 3 kg}``."""
 
     value: AnyQuantity = Field(description="the data sheet's or the scales', with its unit")
     std: AnyQuantity = Field(description="how far it is trusted: a standard deviation, with its unit")

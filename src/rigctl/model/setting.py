@@ -16,12 +16,13 @@ from rigctl.units import onto_bound, read_si, show
 
 
 def read_settings(model: Model, written: Mapping[str, str]) -> dict[str, float]:
-    """The values that are written, SI, by the names of `Model.values`.
+    """The given values, SI, by the names of `Model.values`.
 
     Raises
     ------
     RigctlError
-        a name is none of the model's; a value is no quantity, of another dimension, or out of bounds.
+        a name is not one of the model's; a value is not a quantity, has another dimension, or is out of
+        bounds.
     """
     found: dict[str, float] = {}
     for name, text in written.items():
@@ -48,12 +49,12 @@ def _value(declared: ParameterDeclaration, text: str) -> float:
 
 
 def require_possible(model: Model, name: str, si: float) -> None:
-    """Require that a value lies within the bounds of its parameter, of the family or of any effect.
+    """Require that a value is within the bounds of its parameter, of the family or of any effect.
 
     Raises
     ------
     RigctlError
-        it does not, or there is no such parameter.
+        it is not, or there is no such parameter.
     """
     effect, dot, parameter = name.partition(".")
     if dot:
@@ -85,11 +86,11 @@ def set_by_hand(model: Model, values: Mapping[str, float]) -> Model:
 
 
 def setting_text(model: Model, name: str, si: float) -> str:
-    """A value as it is written into a file or on a command line: ``3.9 mm^2``.
+    """A value as written in a file or on a command line: ``3.9 mm^2``.
 
     Parameters
     ----------
-    name: of the model's values, or a parameter of any effect that it could have, ``effect.parameter``.
+    name: of the model's values, or ``effect.parameter`` of any effect that it could have.
     """
     effect, dot, parameter = name.partition(".")
     if dot:
@@ -103,7 +104,7 @@ def setting_text(model: Model, name: str, si: float) -> str:
 
 
 def _stated_unit(model: Model, name: str) -> str:
-    """The unit in which the model's file has it; "" where it says nothing of it."""
+    """The unit in the model's file; "" if the parameter is not in it."""
     effect, dot, parameter = name.partition(".")
     settings = model.effects.get(effect, {}) if dot else model.parameters
     known = settings.get(parameter if dot else name)
@@ -111,7 +112,7 @@ def _stated_unit(model: Model, name: str) -> str:
 
 
 def words_of(model: Model, values: Iterable[str], added: Iterable[str], removed: Iterable[str]) -> str:
-    """What was set, in words, for a model's history: ``flow_area 3.9 mm^2; without piston_leakage``."""
+    """The settings in words, for a model's history: ``flow_area 3.9 mm^2; without piston_leakage``."""
     said = [f"{name} {setting_text(model, name, model.values[name])}" for name in values]
     said += [f"with {name}" for name in added]
     said += [f"without {name}" for name in removed]

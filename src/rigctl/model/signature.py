@@ -1,4 +1,4 @@
-"""What an effect does to the readings: the standard record with it, and without."""
+"""The signature of an effect: the change of the readings on the standard record."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ class Signature:
     Attributes
     ----------
     effect: its name.
-    record: what was commanded.
+    record: the commands.
     times: (samples), in s.
     output_names, output_units: of the readings; SI.
     without, present: (samples, outputs).
-    slopes: (samples, outputs, parameters) of the readings to the parameters that switch the effect, where it
-        is off; no columns for base physics.
-    slopes_present: the same at its typical size, to all its parameters.
+    slopes: (samples, outputs, parameters) derivatives of the readings by the parameters that switch the
+        effect, where it is off; no columns for base physics.
+    slopes_present: the same at its typical size, by all its parameters.
     """
 
     effect: str
@@ -50,17 +50,17 @@ class Signature:
 
     @property
     def difference(self) -> Floats:
-        """(samples, outputs): what the effect changes."""
+        """(samples, outputs) the change due to the effect."""
         return self.present - self.without
 
     @property
     def silent(self) -> bool:
-        """True when no reading depends on any of its parameters."""
+        """True if no reading depends on any of its parameters."""
         return not self.slopes_present.any() and not self.slopes.any()
 
     @property
     def flat_at_null(self) -> bool:
-        """True when it shows at its typical size, but not to first order where it begins."""
+        """True if it has a signature at its typical size, but none to first order at its null."""
         return not self.silent and self.slopes.shape[2] > 0 and not self.slopes.any()
 
 
@@ -73,12 +73,12 @@ def signature(
 ) -> Signature:
     """Simulate the standard record without `effect` and with it, at its typical size.
 
-    Base physics is taken away instead: `without` is what is then left.
+    Base physics is removed instead: `without` is the result without it.
 
     Parameters
     ----------
-    rig: whose channels, dimensions and options are used; else the family's own, and everything it can read.
-    alongside: effects that are there either way, with their parameters (SI).
+    rig: its channels, dimensions and options are used; by default the family's, and everything it can read.
+    alongside: effects present in both simulations, with their parameters (SI).
 
     Raises
     ------

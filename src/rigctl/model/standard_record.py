@@ -24,7 +24,7 @@ def standard_record(family: ModelFamily) -> StandardRecord:
     if family.standard_record is None:
         raise RigctlError(
             f"the family {family.name} has no record to try effects on",
-            hint="Add 'standard_record' to it, which says what is commanded when",
+            hint="Add 'standard_record' to it, with the commands and their times",
         )
     return family.standard_record
 

@@ -1,4 +1,4 @@
-"""Every value of a model: its unit, its uncertainty, whether a fit may change it, where it is from."""
+"""Every value of a model: its unit, its uncertainty, whether a fit may change it, and its origin."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ Origin: TypeAlias = Literal["model", "rig", "oil", "family", "effect"]
 
 @dataclass(frozen=True)
 class StatedValue:
-    """A parameter's value, SI, and what is known of it.
+    """A parameter's value, SI, and its uncertainty.
 
     Attributes
     ----------
     name: as in `Model.values`.
-    unit: what it is shown in: as the model file has it, or as it is declared.
+    unit: in which it is shown: that in the model file, or the declared one.
     std: its standard deviation, SI.
     fit: whether a fit may change it.
     fixed: it is a dimension, which no fit changes.
-    origin: who says the value: the model file, the rig file, the oil, or the family's or the effect's own.
-    source: where the model file has it from, in words.
-    prior: what was known of it before any fit, SI.
+    origin: of the value: the model file, the rig file, the oil, the family or the effect.
+    source: the origin stated in the model file, in words.
+    prior: prior knowledge, SI.
     """
 
     name: str
@@ -45,12 +45,12 @@ class StatedValue:
 
     @property
     def value(self) -> float:
-        """The value in `unit`, without what the conversion rounds."""
+        """The value in `unit`, without rounding errors of the conversion."""
         return rounded(parse_unit(self.unit).from_si(self.si, difference=self.difference))
 
     @property
     def std_unit(self) -> str:
-        """The unit of the standard deviation; of a temperature scale it is the kelvin."""
+        """The unit of the standard deviation; for a temperature scale the kelvin."""
         return "K" if parse_unit(self.unit).absolute_temperature else self.unit
 
     @property
@@ -70,7 +70,7 @@ class StatedValue:
 
 
 def rounded(value: float) -> float:
-    """Twelve digits: they hide what a conversion rounds, and nothing else."""
+    """Twelve digits, which hide only the rounding of a conversion."""
     return float(f"{value:.12g}")
 
 

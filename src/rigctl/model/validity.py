@@ -23,22 +23,23 @@ from rigctl.units import parse_unit
 
 Floats = NDArray[np.float64]
 
-#: of a range's width: what a course may be beyond it before that is said, as a fit moves it a little
+#: margin beyond a range, as a share of its width, that is not reported, because a fit moves the states a
+#: little
 _MARGIN = 0.01
 
 
 @dataclass(frozen=True)
 class Departure:
-    """Where a quantity is furthest beyond the range that the law of an effect was learned over.
+    """Where a quantity is furthest outside the range over which the law of an effect was learned.
 
     Attributes
     ----------
-    effect, side: whose law, and which range of it.
+    effect, side: the law, and which of its ranges.
     value: of the quantity there, SI.
     record: the record's label; `time` from its first sample, s.
-    records: in so many records it is beyond; `of` so many.
-    share: of all samples that are.
-    row: the record is a row of a table, which has no course in time.
+    records: number of records in which it is outside; `of` the number of all.
+    share: of all samples that are outside.
+    row: the record is a row of a table, without a time axis.
     """
 
     effect: str
@@ -53,7 +54,7 @@ class Departure:
 
     @property
     def statement(self) -> str:
-        """In words, with the place."""
+        """In words, with its location."""
         side = self.side
         when = "" if self.row else f" at {self.time:.3g} s"
         many = f", and {self.records} of {self.of} records leave it" if self.records > 1 else ""
@@ -78,7 +79,7 @@ class Departure:
 
 
 def departures(fit: FitResult) -> tuple[Departure, ...]:
-    """Where the model of a fit leaves the validity boxes of its effects on its data, the furthest first.
+    """Where the model of a fit leaves the ranges of validity of its effects on its data, the furthest first.
 
     Nothing for effects whose laws hold everywhere, and for a model that cannot be simulated there.
     """
@@ -100,11 +101,11 @@ def departures(fit: FitResult) -> tuple[Departure, ...]:
 
 
 class RangeWatch:
-    """Says once of each range when a simulated bench leaves it.
+    """Reports once for each range when a simulated bench leaves it.
 
     Attributes
     ----------
-    sides: the effects with the ranges of their laws; none of a model whose laws hold everywhere.
+    sides: the effects with the ranges of their laws; none for a model whose laws hold everywhere.
     """
 
     def __init__(self, model: Model, rig: Rig) -> None:
@@ -114,7 +115,7 @@ class RangeWatch:
         self.sides = [(effect.name, side) for effect in self._effects for side in effect.valid]
 
     def left(self, known: Mapping[str, float]) -> list[str]:
-        """In words, the ranges that states and inputs leave; each is said once."""
+        """In words, the ranges that states and inputs leave; each is reported once."""
         found: list[str] = []
         for name, side in list(self.sides):
             everything: dict[str, Scalar] = {**self._model.values, **known}
@@ -136,7 +137,7 @@ def quantity(
     known: Mapping[str, Scalar],
     rig: Rig | None = None,
 ) -> Floats:
-    """The quantity of a range where `known` are the equations' variables: numbers, or their courses."""
+    """The quantity of a range, with `known` the equations' variables: numbers, or time series."""
     additions = [addition for effect in effects for addition in effect.additions()]
     scope = Scope(family, known, additions=additions, options=choices(family, rig))
     with np.errstate(all="ignore"):
@@ -144,7 +145,7 @@ def quantity(
 
 
 def _known(fit: FitResult, index: int, states: Floats) -> dict[str, Scalar]:
-    """Every variable of the equations along a record, as it was fitted."""
+    """Every variable of the equations along a record, as fitted."""
     problem, record = fit.problem, fit.problem.records[index]
     system = problem.compiled.system
     known: dict[str, Any] = {parameter.name: parameter.value for parameter in problem.model.family.parameters}
@@ -163,7 +164,7 @@ def _known(fit: FitResult, index: int, states: Floats) -> dict[str, Scalar]:
 
 
 def _worst(fit: FitResult, effect: Effect, side: ValidRange, courses: Sequence[Floats]) -> Departure | None:
-    """The furthest place of one range."""
+    """The largest excess over one range."""
     records = fit.problem.records
     margin = _MARGIN * (side.high - side.low)
     beyond = [
@@ -190,6 +191,6 @@ def _worst(fit: FitResult, effect: Effect, side: ValidRange, courses: Sequence[F
 
 
 def _distance(one: Departure) -> float:
-    """How far beyond, in widths of the range."""
+    """The excess, in widths of the range."""
     side = one.side
     return max(side.low - one.value, one.value - side.high) / (side.high - side.low)

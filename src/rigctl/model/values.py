@@ -17,7 +17,7 @@ def parameter_values(
     given: Mapping[str, float] | None = None,
     oil: str | None = None,
 ) -> dict[str, float]:
-    """Every parameter of `family` in SI; what comes later counts more.
+    """Every parameter of `family` in SI; later sources override earlier ones.
 
     The family's own values, then the oil's (`oil`, or the rig's), the rig's geometry and constants, `given`.
 
@@ -42,7 +42,7 @@ def parameter_values(
 def parameter_origins(
     family: ModelFamily, rig: Rig | None, given: Collection[str], oil: str | None
 ) -> dict[str, Literal["model", "rig", "oil", "family"]]:
-    """Who says the value of each parameter in `parameter_values`; "model" are those in `given`."""
+    """The origin of each parameter in `parameter_values`; "model" for those in `given`."""
     origins: dict[str, Literal["model", "rig", "oil", "family"]] = {
         p.name: "family" for p in family.parameters
     }
@@ -55,7 +55,7 @@ def parameter_origins(
 
 
 def choices(family: ModelFamily, rig: Rig | None) -> dict[str, str]:
-    """The variants of the equations that the rig's options choose.
+    """The variants of the equations selected by the rig's options.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def _of_oil(name: str) -> dict[str, float]:
 
 
 def _of_rig(family: ModelFamily, rig: Rig) -> dict[str, float]:
-    """What the rig says of the family's parameters; it may say more, for inputs and effects."""
+    """The family's parameters that the rig gives; it may give more, for inputs and effects."""
     known = {parameter.name for parameter in family.parameters}
     return {
         parameter: float(value)

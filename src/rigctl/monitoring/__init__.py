@@ -1,1 +1,1 @@
-"""Condition monitoring: one model over many runs, what has changed, since when, and how sure that is."""
+"""Condition monitoring: one model over many runs, what has changed, since when, and with what certainty."""

@@ -1,15 +1,16 @@
-"""What chance makes of the scan, of runs of which nobody knows how alike neighbours are.
+"""Null distribution of the scan for runs with an unknown autocorrelation.
 
-Gaussian sequences in which nothing changes are drawn with correlations ρ, ρ², … of neighbours, next but one
-and so on. ρ itself is drawn: zero in half of the sequences, as runs of most benches know nothing of each
-other, and evenly between 0.1 and 0.8 in the others. Of each sequence are kept the size T of its scan and how
-alike its neighbours look, r (`rigctl.monitoring.ranks`). The p-value of a course (T₀, r₀) is the share of
-large sizes among the sequences whose neighbours look as alike,
+Gaussian sequences without a change are simulated with autocorrelations ρ, ρ², … at lags 1, 2, … ρ itself is
+random: zero for half of the sequences, as the runs of most benches are independent, and uniform between 0.1
+    and
+0.8 for the others. For each sequence the size T of its scan and its estimated autocorrelation r
+(`rigctl.monitoring.ranks`) are kept. The p-value of a series (T₀, r₀) is the share of large sizes among the
+sequences with a similar r,
 
     p = Σ w_i [T_i ≥ T₀] / Σ w_i,   w_i = prior(ρ_i)·exp(−(r_i − r₀)²/2h²),   h = 0.1
 
-So that ρ is not known from few runs is paid for: to put one estimate in its place was wrong in up to one
-survey in twelve where ρ is 0.6. Over the drawn correlations the level is held as said; `python -m
+This accounts for the uncertainty of ρ with few runs: with a single estimate in its place, up to one survey in
+twelve was wrong at ρ = 0.6. Averaged over the simulated autocorrelations the level is exact; `python -m
 benchmarks.survey --chance N` counts it for each.
 
 Source: G. E. P. Box, J. R. Statist. Soc. A 143 (1980) 383 (predictive p-values), given r as in M. J. Bayarri
@@ -30,26 +31,27 @@ from rigctl.monitoring.ranks import Apart, drawn_scores, neighbours, sizes
 
 Floats = NDArray[np.float64]
 
-#: the strongest correlation of neighbours that is thought of; what wanders more slowly is a change
+#: largest autocorrelation considered; a slower drift counts as a change
 STRONGEST: Final = 0.8
 _CORRELATIONS: Final = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, STRONGEST)
-#: sequences of each correlation, for a p-value and for a mere yes or no; of zero this many times as much
+#: number of sequences for each correlation, for a p-value and for a decision only; for zero this many times
+#: as many
 FINE, COARSE = 4_000, 500
 _OF_ZERO: Final = 4
 _AT_ONCE: Final = 2_000
-#: within which likenesses of neighbours are one
+#: bandwidth h of the kernel over the estimated autocorrelation
 _WIDTH: Final = 0.1
 
 
 @dataclass(frozen=True)
 class Chance:
-    """Sequences in which nothing changes.
+    """Simulated sequences without a change.
 
     Attributes
     ----------
-    sizes: (draws) of their scans, falling.
-    alike: (draws) how alike their neighbours look.
-    prior: (draws) what each counts.
+    sizes: (draws) of their scans, decreasing.
+    alike: (draws) their estimated autocorrelations.
+    prior: (draws) their weights.
     """
 
     sizes: Floats = field(repr=False)
@@ -57,18 +59,18 @@ class Chance:
     prior: Floats = field(repr=False)
 
     def p_value(self, size: float, alike: float) -> float:
-        """How often a course whose neighbours look so alike has a size as large."""
+        """Probability of as large a size for a series with this estimated autocorrelation."""
         tail = self._tail(alike)
         reached = int(np.searchsorted(-self.sizes, -size * (1.0 - 1e-12), side="right"))
         return float(tail[reached])
 
     def critical(self, level: float, alike: float) -> float:
-        """The size that chance exceeds with probability `level`; infinite where no draw says."""
+        """The size exceeded by chance with probability `level`; infinite if there are too few draws."""
         enough = int(np.searchsorted(self._tail(alike), level, side="right")) - 1
         return float(self.sizes[enough - 1]) if enough >= 1 else math.inf
 
     def _tail(self, alike: float) -> Floats:
-        """(draws + 1) the p-value of a size that so many draws reach, one more counted among them."""
+        """(draws + 1) the p-value of a size that so many draws reach, counting the observed one as well."""
         nearest = min(max(alike, float(np.min(self.alike))), float(np.max(self.alike)))
         weights = self.prior * np.exp(-0.5 * np.square((self.alike - nearest) / _WIDTH))
         own = float(np.max(weights))
@@ -77,7 +79,7 @@ class Chance:
 
 @lru_cache(maxsize=48)
 def chance(count: int, apart: Apart, draws: int = FINE) -> Chance:
-    """What chance makes of `count` runs; `draws` sequences of each correlation but zero."""
+    """The null distribution for `count` runs; `draws` sequences for each correlation except zero."""
     found_sizes, found_alike, prior = [], [], []
     for correlation in _CORRELATIONS:
         generator = np.random.Generator(np.random.PCG64([20, count, round(1000 * correlation)]))
@@ -96,7 +98,7 @@ def chance(count: int, apart: Apart, draws: int = FINE) -> Chance:
 
 
 def _sequences(generator: np.random.Generator, draws: int, count: int, correlation: float) -> Floats:
-    """(draws, count) Gaussian sequences of mean 0 and variance 1 whose neighbours are correlated."""
+    """(draws, count) Gaussian sequences of mean 0 and variance 1 with this autocorrelation at lag 1."""
     noise = generator.standard_normal((draws, count))
     if correlation == 0.0:
         return noise

@@ -1,18 +1,18 @@
-"""Does a course of values change? A scan over all ways to cut it, and what chance makes of that scan.
+"""Does a series of values change? A scan over all change points and end points, with its null distribution.
 
-The values x_1 … x_N of one quantity, a run each, in the order of the date or of whatever they are looked at
-over, are replaced by normal scores of their ranks, ``q = Φ⁻¹((rank − ½)/N)`` within ±1. Scanned are all ends
-n and, for each of them, a step after every run k and the straight line through the first n: of the squares of
-q about their mean the share R² that it explains, as the root of a likelihood ratio,
+The values x_1 … x_N of one quantity, one for each run, ordered by date or another variable, are replaced by
+normal scores of their ranks, ``q = Φ⁻¹((rank − ½)/N)``, clipped to ±1. For every end n, the scan fits a step
+after every run k and a straight line through the first n; with R² the explained share of the squares of q
+about their mean, the signed root of the likelihood ratio is
 
     Z = √(−(n − 3/2)·ln(1 − R²))
 
-The statistic is the largest of all. So it pays for every run on which a change could have begun and for every
-run after which it could have been seen.
+The statistic is the largest of all. It thus accounts for every run at which a change could have started and
+for every run after which it could have been detected.
 
-What chance makes of it is drawn (`rigctl.monitoring.chance`), with neighbours that may be alike. Sequences
-without correlation have the same ranks whatever the scatter from run to run is drawn from: of an outlier only
-its side counts.
+The null distribution is simulated (`rigctl.monitoring.chance`), with neighbours that may be correlated. For
+uncorrelated sequences the ranks do not depend on the distribution of the scatter: of an outlier only its side
+counts.
 
 Sources: A. N. Pettitt, Appl. Statist. 28 (1979) 126 (ranks, an unknown change point); the end is scanned too,
 as in sequential detection (D. Siegmund, Sequential Analysis, 1985).
@@ -31,20 +31,20 @@ from rigctl.monitoring.ranks import apart_in, neighbours, normal_scores, sizes
 
 Floats = NDArray[np.float64]
 
-#: clear steps whose median is the clearest that is promised
+#: number of clear steps whose median gives the smallest attainable p-value
 _CLEAR: Final = 101
 
 
 @dataclass(frozen=True)
 class Scan:
-    """What the scan of one course found.
+    """The result of scanning one series.
 
     Attributes
     ----------
     statistic: the largest size of all.
-    p_value: how often chance reaches it, this course alone.
-    correlation: how alike neighbours look, with no change in it.
-    ends, at_ends: the numbers of runs after which it was looked, and the largest size up to there.
+    p_value: for this series alone.
+    correlation: estimated autocorrelation at lag 1, with changes removed.
+    ends, at_ends: the end points scanned (numbers of runs), and the largest size up to each.
     """
 
     statistic: float
@@ -54,18 +54,18 @@ class Scan:
     at_ends: tuple[float, ...]
 
     def first_end(self, least: float) -> int | None:
-        """After how many runs the scan is as large as `least` for the first time; None where it never is."""
+        """The number of runs after which the scan first reaches `least`; None if it never does."""
         return next((n for n, size in zip(self.ends, self.at_ends, strict=True) if size >= least), None)
 
 
 def scan(values: Floats, over: Floats, *, draws: int = FINE) -> Scan:
-    """Scan a course of values.
+    """Scan a series of values.
 
     Parameters
     ----------
     values: (runs) in the order of `over`, finite.
-    over: (runs) where each run lies; between runs at the same place nothing can have changed.
-    draws: as of `rigctl.monitoring.chance.chance`.
+    over: (runs) location of each run on the axis; no change is possible between runs at the same location.
+    draws: as in `rigctl.monitoring.chance.chance`.
     """
     scores = normal_scores(values)[None, :]
     apart = apart_in(over)
@@ -82,14 +82,14 @@ def scan(values: Floats, over: Floats, *, draws: int = FINE) -> Scan:
 
 
 def critical(over: Floats, correlation: float, level: float) -> float:
-    """The size that chance exceeds with probability `level`; infinite where no draw says."""
+    """The size exceeded by chance with probability `level`; infinite if there are too few draws."""
     return chance(over.size, apart_in(over)).critical(level, correlation)
 
 
 def best_possible(over: Floats) -> float:
-    """The p-value of the clearest step there is: every value after the middle lies above all before it.
+    """The p-value of the clearest possible step: every value after the middle exceeds all before it.
 
-    Within the halves the order is chance; it is the median of such courses.
+    Within the halves the order is random; the result is the median over such series.
     """
     half, generator = over.size // 2, np.random.Generator(np.random.PCG64(over.size))
     courses: Floats = np.stack(

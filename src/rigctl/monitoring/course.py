@@ -1,9 +1,10 @@
-"""The course of one quantity over the runs: its scatter from run to run, and the shape of a change.
+"""The series of one quantity over the runs: its scatter from run to run, and the shape of a change.
 
     x_i = level(t_i) + b_i + e_i,   Var e_i = s_i²,   Var b_i = τ²
 
-s_i is what run i says of its own value, τ what the bench adds from run to run, of which no run knows. τ comes
-from the median of the differences of neighbours, which neither a change nor an outlier enters.
+s_i is the standard error from run i itself, τ the additional scatter of the bench from run to run, unknown to
+any run. τ is estimated from the median of the differences of neighbours, which is robust to a change and to
+outliers.
 """
 
 from __future__ import annotations
@@ -17,29 +18,29 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-#: of a normal distribution, half lies within so many standard deviations
+#: half of a normal distribution lies within this many standard deviations
 _HALF: Final = 0.674490
-#: from fewer runs their scatter is not learned
+#: least number of runs from which their scatter is estimated
 FEWEST: Final = 6
-#: a value further than this from its neighbours' median, in standard deviations, counts as so far off
+#: a value is clipped at this distance from its neighbours' median, in standard deviations
 _OFF: Final = 2.5
 _NEIGHBOURS: Final = 3
-#: cuts at which a shape is tried
+#: largest number of change points at which a shape is fitted
 _CUTS: Final = 200
-#: the fall of χ² over which the time of a change is not known better, 95 %
+#: increase of χ² that bounds the 95 % interval of the time of a change
 _ALIKE: Final = 3.84
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A change of level: a step between two runs, or a growth from one run on.
+    """A change of level: a step between two runs, or a ramp from one run on.
 
     Attributes
     ----------
-    kind: ``step`` or ``growth``.
-    begins: how many runs lie before it; `earliest` and `latest` between which numbers that lies, 95 %.
+    kind: ``step`` or ``growth`` (a ramp).
+    begins: number of runs before it; `earliest` and `latest` the 95 % interval of that number.
     before, after: the level of the first and of the last run, with their standard deviations.
-    cost: what it leaves of the course, in χ², outliers tamed.
+    cost: χ² of the residuals, outliers clipped.
     """
 
     kind: Literal["step", "growth"]
@@ -54,7 +55,7 @@ class Shape:
 
 
 def scatter_between(values: Floats, std: Floats) -> float | None:
-    """τ: the scatter from run to run beyond what the runs say of themselves; None where too few runs tell.
+    """τ: the scatter from run to run beyond the runs' standard errors; None if there are too few runs.
 
     Solves ``median |d_i| / √(τ² + v_i) = 0.674`` for the differences d of neighbours over √2, v_i the mean of
     their s².
@@ -77,9 +78,9 @@ def scatter_between(values: Floats, std: Floats) -> float | None:
 
 
 def whole_scatter(values: Floats, std: Floats) -> Floats:
-    """(runs) all that each value scatters by: τ with the run's own share.
+    """(runs) total standard deviation of each value: τ combined with the run's own.
 
-    Where neighbours differ by less than the runs say of themselves, they say too much by the same factor.
+    If neighbours differ by less than the runs' standard errors, these are reduced by the common factor.
     """
     between = scatter_between(values, std)
     if between is None or between > 0.0:
@@ -93,23 +94,23 @@ def whole_scatter(values: Floats, std: Floats) -> Floats:
 
 
 def standardised(values: Floats, std: Floats) -> Floats:
-    """The values about their median, each over all that it scatters by: runs told poorly count for less."""
+    """The values about their median, divided by their total scatter, so that imprecise runs count less."""
     return np.asarray((values - float(np.median(values))) / whole_scatter(values, std))
 
 
 def shape_of(values: Floats, std: Floats, over: Floats, correlation: float, *, steps: bool = False) -> Shape:
-    """The step or the growth that the course is nearest to, by least squares without its outliers.
+    """The step or ramp nearest to the series, by least squares with outliers clipped.
 
     Parameters
     ----------
-    over: (runs) rising; a growth is straight over it.
-    correlation: of neighbours: so much less is known of the levels.
-    steps: only a step is looked for.
+    over: (runs) increasing; a ramp is linear in it.
+    correlation: of neighbours, which increases the standard deviations of the levels.
+    steps: fit only a step.
     """
     whole = whole_scatter(values, std)
     tame = tamed(values, whole)
     weights = 1.0 / np.square(whole)
-    # what the shape leaves may be more than the runs' scatter: then that is what levels are known by
+    # if the residuals exceed the runs' scatter, they determine the standard deviations of the levels
     best: tuple[float, str, int] | None = None
     costs: dict[tuple[str, int], float] = {}
     for kind in ("step",) if steps else ("step", "growth"):
@@ -140,13 +141,13 @@ def shape_of(values: Floats, std: Floats, over: Floats, correlation: float, *, s
 
 
 def left_by(levels: Floats, values: Floats, std: Floats) -> float:
-    """What levels leave of a course, in χ², outliers tamed."""
+    """χ² of a series about given levels, outliers clipped."""
     whole = whole_scatter(values, std)
     return float(np.sum(np.square((tamed(values, whole) - levels) / whole)))
 
 
 def tamed(values: Floats, whole: Floats) -> Floats:
-    """The values, an outlier moved to where it is no more than `_OFF` from its neighbours' median."""
+    """The values, outliers clipped to `_OFF` standard deviations from their neighbours' median."""
     found = values.copy()
     for k in range(values.size):
         low = max(0, min(k - _NEIGHBOURS, values.size - 2 * _NEIGHBOURS - 1))
@@ -156,7 +157,8 @@ def tamed(values: Floats, whole: Floats) -> Floats:
 
 
 def _cuts(count: int, kind: str) -> list[int]:
-    """Before which run a change may begin: a step with a run on either side, a growth with the first one."""
+    """Runs before which a change may start: a step has a run on either side, a ramp may start at the first
+    one."""
     first, last = (2, count - 2) if kind == "step" else (1, count - 3)
     if last < first:
         return []
@@ -174,7 +176,7 @@ def _columns(kind: str, cut: int, over: Floats) -> Floats:
 def _fitted(
     kind: str, cut: int, values: Floats, weights: Floats, over: Floats
 ) -> tuple[Floats, float, Floats]:
-    """Coefficients, what they leave in χ², and their covariance."""
+    """Coefficients, their χ², and their covariance."""
     columns = _columns(kind, cut, over)
     scaled = columns * weights[:, None]
     covariance = np.linalg.pinv(columns.T @ scaled, hermitian=True)

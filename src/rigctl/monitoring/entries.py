@@ -1,4 +1,4 @@
-"""What is surveyed: runs, records or groups of them, in the order of a date or of a column."""
+"""The entries of a survey: runs, records or groups of them, ordered by date or by a column."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rigctl.dataset import Run
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.units import parse_unit, read_si, show
 
-#: what `--by` and `--over` understand besides the names of columns
+#: values of `--by` and `--over` besides the names of columns
 GROUPS: Final = ("run", "record", "day", "week", "month")
 DATE: Final = "date"
 ORDER: Final = "order"
@@ -27,11 +27,11 @@ class Entry:
 
     Attributes
     ----------
-    label: what it is called: a run's id, a record's with its number, or the value of a group.
-    runs: paths or addresses of the runs it comes from.
+    label: a run's id, a record's with its number, or the value of a group.
+    runs: paths or addresses of the runs from which it comes.
     records: (run's id, index) of its records; None for all that are usable.
-    place: where it lies, SI, or s since 1970; NaN where nothing says it.
-    started: when it was measured, ISO 8601; empty where nothing says it.
+    place: its location on the axis, SI, or s since 1970; NaN if unknown.
+    started: when it was measured, ISO 8601; empty if unknown.
     """
 
     label: str
@@ -43,13 +43,13 @@ class Entry:
 
 @dataclass(frozen=True)
 class Axis:
-    """What the entries are looked at over: a date, their order, or a column with its unit."""
+    """The axis of the survey: a date, the order, or a column with its unit."""
 
     name: str
     unit: str = ""
 
     def text(self, entry: Entry) -> str:
-        """Where an entry lies, in words."""
+        """The location of an entry, in words."""
         if self.name == DATE:
             return f"{datetime.fromtimestamp(entry.place).astimezone():%Y-%m-%d %H:%M}"
         if self.name == ORDER:
@@ -59,11 +59,11 @@ class Axis:
 
 @dataclass(frozen=True)
 class Entries:
-    """What is surveyed, in order.
+    """The entries of a survey, in order.
 
     Attributes
     ----------
-    notes: what is to be known of the order.
+    notes: remarks on the order.
     """
 
     entries: tuple[Entry, ...]
@@ -73,26 +73,26 @@ class Entries:
 
 @dataclass(frozen=True)
 class _Member:
-    """One record, or a run of which all records belong together."""
+    """One record, or a run whose records all belong together."""
 
     run: Run
     record: int | None
 
 
 def entries_of(runs: Sequence[Run], by: str = "run", over: str | None = None) -> Entries:
-    """The entries of a survey, in the order of where they lie.
+    """The entries of a survey, ordered by their location on the axis.
 
     Parameters
     ----------
-    by: ``run``, ``record``, ``day``, ``week``, ``month``, or a column of the records, those with the same
-        value being one entry.
-    over: ``date``, ``order``, or a column, an argument or a channel, whose mean counts; the date where the
-        runs have one when left out.
+    by: ``run``, ``record``, ``day``, ``week``, ``month``, or a column of the records; records with the same
+        value form one entry.
+    over: ``date``, ``order``, or a column, an argument or a channel, whose mean is used; by default the date,
+        if the runs have one.
 
     Raises
     ------
     RigctlError
-        no run, an unknown column, or one without a value.
+        there is no run, or a column is unknown or without a value.
     """
     if not runs:
         raise RigctlError("a survey needs runs")
@@ -105,12 +105,12 @@ def entries_of(runs: Sequence[Run], by: str = "run", over: str | None = None) ->
         wanted = DATE if not undated and len(set(dates)) == len(dates) else ORDER
         if undated:
             notes.append(
-                f"{_some(undated)} of imported data that do not say when they were measured: looked at in "
-                "the order they are given in, not over the date"
+                f"{_some(undated)} of imported data without a date of measurement: ordered as given, "
+                "not by date"
             )
     if wanted == DATE and undated and over is not None:
         raise RigctlError(
-            f"{_some(undated)} of imported data that do not say when they were measured",
+            f"{_some(undated)} of imported data without a date of measurement",
             value="--over date",
             expected=f"'order', or one of {', '.join(_columns(runs)) or 'no column'}",
         )
@@ -144,14 +144,14 @@ def _grouped(runs: Sequence[Run], by: str, undated: Sequence[Run]) -> dict[str, 
 
 
 def _labeller(runs: Sequence[Run], by: str, undated: Sequence[Run]) -> Callable[[Run, int], str | None]:
-    """What the entry of a record is called; None of a record that belongs to none."""
+    """A function that gives the label of a record's entry; None for a record that belongs to none."""
     if by == "record":
         several = len(runs) > 1
         return lambda run, record: f"{run.id} record {record + 1}" if several else f"record {record + 1}"
     if by in GROUPS:
         if undated:
             raise RigctlError(
-                f"{_some(undated)} of imported data that do not say when they were measured",
+                f"{_some(undated)} of imported data without a date of measurement",
                 value=f"--by {by}",
                 expected="run, record, or a column",
             )
@@ -187,7 +187,7 @@ def _entry(label: str, members: Sequence[_Member]) -> Entry:
 
 
 def _axis(name: str, runs: Sequence[Run]) -> tuple[Axis, Callable[[Sequence[_Member]], float] | None]:
-    """What the entries are looked at over, and where one lies; None where that is its number."""
+    """The axis of the entries, and the function for an entry's location; None if that is its number."""
     if name == ORDER:
         return Axis(ORDER), None
     if name == DATE:
@@ -199,7 +199,7 @@ def _axis(name: str, runs: Sequence[Run]) -> tuple[Axis, Callable[[Sequence[_Mem
 
 
 def _mean(members: Sequence[_Member], name: str, unit: str) -> float:
-    """The mean over the records of an entry; NaN where none has a value."""
+    """The mean over the records of an entry; NaN if none has a value."""
     values = [value for member in members for value in _values(member, name, unit) if math.isfinite(value)]
     return float(np.mean(values)) if values else math.nan
 
@@ -219,7 +219,7 @@ def _values(member: _Member, name: str, unit: str) -> Iterator[float]:
 
 
 def _column(run: Run, name: str) -> np.ndarray:
-    """(records) a column of a run's records, SI; NaN where a record has no value."""
+    """(records) a column of a run's records, SI; NaN if a record has no value."""
     if name not in run.records:
         return np.full(int(run.info["records"]), np.nan)
     unit = parse_unit(run.record_units[name])
@@ -227,7 +227,7 @@ def _column(run: Run, name: str) -> np.ndarray:
 
 
 def _record_columns(runs: Sequence[Run]) -> dict[str, str]:
-    """The columns of numbers that the records have of sweeps and measures, with their units."""
+    """The numeric columns of the records, from sweeps and measures, with their units."""
     found: dict[str, str] = {}
     for run in runs:
         for name, unit in run.record_units.items():
@@ -237,7 +237,7 @@ def _record_columns(runs: Sequence[Run]) -> dict[str, str]:
 
 
 def _columns(runs: Sequence[Run]) -> dict[str, str]:
-    """Everything that runs can be looked at over, with its unit."""
+    """All possible axes of these runs, with their units."""
     found = _record_columns(runs)
     for run in runs:
         for name, text in run.header.arguments.items():
@@ -251,7 +251,7 @@ def _columns(runs: Sequence[Run]) -> dict[str, str]:
 
 
 def _unit_of(text: str) -> str | None:
-    """The unit of an argument that is a quantity; None of another one."""
+    """The unit of an argument that is a quantity; None for any other."""
     _, _, unit = str(text).strip().partition(" ")
     try:
         read_si(text, unit.strip() or "1")
@@ -265,7 +265,7 @@ def _date(members: Sequence[_Member]) -> float:
 
 
 def _moment(member: _Member) -> datetime:
-    """When a record began, or a run."""
+    """The start of a record, or of a run."""
     started = member.run.header.started
     if member.record is None or member.run.header.source == "import":
         return started
@@ -280,7 +280,7 @@ def _period(by: str, moment: datetime) -> str:
 
 
 def _dated(run: Run) -> bool:
-    """False for imported data of which only the time of the import is known."""
+    """False for imported data of which only the time of import is known."""
     header = run.header
     return header.source != "import" or header.backend.get("imported") != header.started.isoformat()
 

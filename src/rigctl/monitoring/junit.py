@@ -12,10 +12,10 @@ from rigctl.monitoring.result import Survey
 
 
 def write_junit(found: Survey, path: Path) -> int:
-    """Write the survey as one suite, and return how many cases it has.
+    """Write the survey as one suite, and return its number of cases.
 
-    What has changed is a failure, a run that could not be read an error, and a quantity that could not be
-    tested, or of which so few runs say nothing, is skipped: it can never look as if it had passed.
+    A change is a failure, a run that could not be read an error; a quantity that could not be tested, or for
+    which there are too few runs, is skipped, so that it never looks as if it had passed.
 
     Raises
     ------

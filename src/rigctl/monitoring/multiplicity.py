@@ -1,10 +1,8 @@
-"""What has changed: every quantity's course tested, and the levels of chance shared out.
+"""What has changed: the series of every quantity tested, with control of the family-wise level.
 
-All quantities are tested at one level together (Holm), each against every run on which it could have begun
-to change. That a quantity changes does not make it the cause: a leak moves a fitted friction too, and every
-effect that is a little like it. Which effect it is, is `rigctl.monitoring.naming`'s to say.
-
-Source: S. Holm, Scand. J. Statist. 6 (1979) 65.
+All quantities are tested together at one level (Holm), each with all possible change points. A quantity that
+changes need not be the cause: a leak also moves a fitted friction, and every effect with a similar signature.
+`rigctl.monitoring.naming` determines which effect it is.
 """
 
 from __future__ import annotations
@@ -26,25 +24,25 @@ from rigctl.monitoring.reading import Plan, Reading, solved
 
 Floats = NDArray[np.float64]
 
-#: a value further than this from where its course is stands apart, in standard deviations
+#: a value at a larger distance from its series than this is an outlier, in standard deviations
 APART = 6.0
-#: steps that are looked for beside the first one
+#: largest number of further steps after the first
 _STEPS = 12
-#: an entry of so many standard deviations within which its neighbours lie says where the course is
+#: largest scatter, in standard deviations of an entry, of the neighbours that define the local level
 _AROUND = 4
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A parameter or an effect's size, as a survey looks at it.
+    """A parameter or an effect's size, as a quantity of a survey.
 
     Attributes
     ----------
     name: of the parameter, or of the effect.
-    column: its place among the plan's columns; `beside` those of the effect's other parameters.
-    offset: what is added to a step of a held parameter or of an effect, SI.
+    column: its index among the plan's columns; `beside` those of the effect's other parameters.
+    offset: added to a step of a held parameter or of an effect, SI.
     kind: ``parameter`` freed in each run, ``held`` or ``effect``.
-    unit: what it is shown in; `difference` for an interval of temperature.
+    unit: in which it is shown; `difference` for a temperature difference.
     """
 
     name: str
@@ -59,7 +57,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Course:
-    """The values of one quantity, by run; NaN where a run does not say it."""
+    """The values of one quantity, by run; NaN if a run does not determine it."""
 
     quantity: Quantity
     values: Floats = field(repr=False)
@@ -68,19 +66,19 @@ class Course:
 
     @property
     def known(self) -> NDArray[np.intp]:
-        """The places of the runs that say it."""
+        """The indices of the runs that determine it."""
         return np.flatnonzero(np.isfinite(self.values))
 
 
 @dataclass(frozen=True)
 class Tested:
-    """A course and what the test says of it.
+    """A series and the result of its test.
 
     Attributes
     ----------
-    p_value: Holm's, over all quantities; None where it could not be tested.
-    between: the scatter from run to run beyond what runs say of themselves, SI; None where too few tell.
-    apart: places of runs that stand apart from their neighbours.
+    p_value: Holm's, over all quantities; None if it could not be tested.
+    between: the scatter from run to run beyond the runs' standard errors, SI; None if there are too few runs.
+    apart: indices of runs that are outliers among their neighbours.
     """
 
     course: Course
@@ -91,7 +89,7 @@ class Tested:
 
     @property
     def gain(self) -> float:
-        """By how much χ² of all runs would grow, did the quantity stay the same: beyond the runs' scatter."""
+        """Increase of χ² over all runs if the quantity were constant: beyond the runs' scatter."""
         known = self.course.known
         values = self.course.values[known]
         if values.size < 2:
@@ -102,16 +100,16 @@ class Tested:
 
 @dataclass(frozen=True)
 class Change:
-    """One thing that has changed.
+    """One detected change.
 
     Attributes
     ----------
-    quantity: what is nearest to it; `alike` the others that these runs cannot tell from it.
-    p_value: Holm's; of what a diagnosis has named that of the surest of all that changed.
-    shape: how it went; `steps` the numbers of runs before each step, where there are several.
-    levels: of the stretches between the steps, SI.
-    first_sure: after how many runs, from the first, it was sure for the first time that anything changes.
-    course: as it was fitted.
+    quantity: the nearest quantity; `alike` the others that these runs do not distinguish from it.
+    p_value: Holm's; for an effect named by a diagnosis, that of the most significant change.
+    shape: of the change; `steps` the numbers of runs before each step, if there are several.
+    levels: of the periods between the steps, SI.
+    first_sure: number of runs after which a change of anything was first significant.
+    course: the fitted series.
     """
 
     quantity: Quantity
@@ -126,13 +124,13 @@ class Change:
 
 @dataclass(frozen=True)
 class Judged:
-    """What a survey finds.
+    """The findings of a survey.
 
     Attributes
     ----------
-    tested: every quantity, those that changed most surely first.
-    level: what a quantity's own p-value has to be below to be called a change, by itself the surest.
-    enough: False where so few runs cannot show a change however clear it is.
+    tested: every quantity, by increasing p-value.
+    level: a quantity is called changed if its own p-value, as the most significant one, is below this.
+    enough: False if so few runs cannot show a change however clear it is.
     """
 
     tested: tuple[Tested, ...]
@@ -141,25 +139,25 @@ class Judged:
 
     @property
     def changed(self) -> tuple[Tested, ...]:
-        """The quantities that change, those that the data of the runs ask for most first."""
+        """The quantities that change, those with the largest gain in χ² first."""
         found = [one for one in self.tested if _or_one(one.p_value) <= SURVEY_ALPHA]
         return tuple(sorted(found, key=lambda one: -one.gain))
 
     @property
     def p_value(self) -> float:
-        """Of the surest change: that anything has changed."""
+        """That of the most significant change: that anything has changed."""
         return min((_or_one(one.p_value) for one in self.tested), default=1.0)
 
     @property
     def first_sure(self) -> int:
-        """After how many runs it was sure for the first time that something has changed."""
+        """Number of runs after which a change of anything was first significant."""
         return min((sure_from(one, self.level) for one in self.changed), default=0)
 
 
 def course_of(
     plan: Plan, readings: Sequence[Reading], over: Floats, quantity: Quantity, others: Sequence[Quantity] = ()
 ) -> Course:
-    """The course of a quantity over the readings, with `others` freed beside it in each run."""
+    """The series of a quantity over the readings, with `others` freed beside it in each run."""
     freed = {*range(len(plan.freed)), quantity.column, *quantity.beside}
     for other in others:
         freed |= {other.column, *other.beside}
@@ -180,7 +178,7 @@ def course_of(
 
 
 def judge(plan: Plan, readings: Sequence[Reading], over: Floats, quantities: Sequence[Quantity]) -> Judged:
-    """Test every quantity, and say what has changed."""
+    """Test every quantity, and determine what has changed."""
     courses = [course_of(plan, readings, over, one) for one in quantities]
     found = {one.quantity.name: _scanned(one) for one in courses}
     testable = [name for name, one in found.items() if one is not None]
@@ -201,7 +199,7 @@ def judge(plan: Plan, readings: Sequence[Reading], over: Floats, quantities: Seq
 
 
 def change_of(tested: Tested, judged: Judged, alike: tuple[str, ...] = ()) -> Change:
-    """A quantity's change, as its course shows it."""
+    """A quantity's change, from its series."""
     course = tested.course
     alike_by = _likeness(tested)
     shape, steps = _shape(course, alike_by), _steps(course)
@@ -212,7 +210,7 @@ def change_of(tested: Tested, judged: Judged, alike: tuple[str, ...] = ()) -> Ch
     levels = np.concatenate(
         [np.full(last - first, float(np.median(values[first:last]))) for first, last in parts]
     )
-    # each step costs its height and its place
+    # penalty of each step: its height and its location
     dear = 2.0 * len(steps) * math.log(max(known.size, 2))
     if not steps or left_by(levels, values, std) + dear > shape.cost + 2.0 * math.log(max(known.size, 2)):
         steps = ()
@@ -227,7 +225,7 @@ def change_of(tested: Tested, judged: Judged, alike: tuple[str, ...] = ()) -> Ch
 
 
 def sure_from(tested: Tested, level: float) -> int:
-    """After how many runs a quantity's change was sure for the first time."""
+    """Number of runs after which a quantity's change was first significant."""
     course, found = tested.course, tested.found
     known = course.known
     if found is None:
@@ -247,7 +245,7 @@ def _scanned(course: Course, draws: int = FINE) -> Scan | None:
 
 
 def _holm(p_values: dict[str, float]) -> dict[str, float]:
-    """Adjusted p-values: each as large as the level at which it would just be called a change."""
+    """Adjusted p-values: each the smallest level at which it would be called a change."""
     found: dict[str, float] = {}
     largest = 0.0
     for rank, (name, p) in enumerate(sorted(p_values.items(), key=lambda item: item[1])):
@@ -261,7 +259,7 @@ def _or_one(p_value: float | None) -> float:
 
 
 def _likeness(tested: Tested) -> float:
-    """The correlation of neighbours with which levels are known the less."""
+    """The autocorrelation by which the levels' standard deviations are increased."""
     return 0.0 if tested.found is None else min(max(tested.found.correlation, 0.0), STRONGEST)
 
 
@@ -275,9 +273,9 @@ def _shape(course: Course, correlation: float, *, steps: bool = False) -> Shape:
 
 
 def _steps(course: Course) -> tuple[int, ...]:
-    """The numbers of runs before each step: the course is cut where it changes, and each part again.
+    """The numbers of runs before each step: the series is split where it changes, and each part again.
 
-    That it changes is sure: each further step is asked for by itself.
+    That the series changes is already established: each further step is tested by itself.
     """
     known = course.known
     parts: list[tuple[int, int]] = [(0, known.size)]
@@ -296,7 +294,7 @@ def _steps(course: Course) -> tuple[int, ...]:
 
 
 def _apart(course: Course) -> tuple[int, ...]:
-    """The places of runs that lie far from the median of their neighbours, and these not from each other."""
+    """The indices of runs far from the median of their neighbours, if these agree with each other."""
     known = course.known
     if known.size < 2 * _AROUND + 1:
         return ()

@@ -1,10 +1,10 @@
-"""Which effect it is that has changed: a diagnosis of a run on which the change is plain, then a fit of all.
+"""Which effect has changed: a diagnosis of a run with a clear change, then a fit of all runs.
 
-The course of a single effect says that something has changed, hardly what: near twins follow each other, and
-what is large is not straight. So a run after the change is diagnosed as `rigctl diagnose` does it, with all
-parameters that the model's file frees, refits, held-out records and classes of what cannot be told apart.
-What it names joins the model, and every run is fitted again with its size free: a constant lack of the model
-then has a constant size, and only what changes is told.
+The series of a single effect shows that something has changed, but hardly what: effects with similar
+signatures follow each other, and large changes are not linear. So a run after the change is diagnosed as by
+`rigctl diagnose`, with all parameters that the model's file frees, refits, held-out records and classes of
+indistinguishable effects. The named effect is added to the model, and every run is fitted again with its size
+free: a constant deficiency of the model then has a constant size, and only what changes is reported.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ from rigctl.monitoring.entries import Entry
 from rigctl.monitoring.multiplicity import Change, Course, Judged, Quantity, Tested, change_of, judge
 from rigctl.monitoring.reading import Plan, Reading, problem_of
 
-#: readings in a diagnosis at least; runs that have fewer, rows of a table say, are taken together
+#: least number of readings in a diagnosis; runs with fewer, such as rows of a table, are combined
 _SAMPLES: Final = 60
 _MOST_RUNS: Final = 40
-#: the share of the runs among which the one in the middle is taken, those that have moved most
+#: the diagnosed run is the median one among this share of the runs, those that have moved most
 _MOVED: Final = 0.25
 
 
 @dataclass(frozen=True)
 class Named:
-    """What has changed, and how it was found out.
+    """What has changed, and how that was determined.
 
     Attributes
     ----------
-    changes: the surest first.
-    verdict: of the diagnosis; empty where none could be made.
-    remarks: what is to be known of it.
-    courses: as they are with what was named in the model; none where nothing was.
+    changes: the most significant first.
+    verdict: of the diagnosis; empty if none could be made.
+    remarks: on the diagnosis.
+    courses: the series with the named effects in the model; none if nothing was named.
     """
 
     changes: tuple[Change, ...]
@@ -71,7 +71,7 @@ def name_changes(
     if not changed:
         return Named(())
     chosen = _plain(changed[0], entries, readings)
-    said(f"Diagnosing {chosen.label}, where the change is plain")
+    said(f"Diagnosing {chosen.label}, where the change is clear")
     try:
         found = _diagnosed(plan, chosen)
     except RigctlError as problem:
@@ -79,13 +79,13 @@ def name_changes(
     if found.verdict is Verdict.ADEQUATE:
         return _of_parameters(plan, judged, found)
     if not found.effects or found.verdict is Verdict.OUTSIDE_LIBRARY:
-        text = "no effect of the library explains what the model lacks there: 'rigctl discover' looks further"
+        text = "no effect of the library explains what the model lacks there: 'rigctl discover' searches on"
         return _unnamed(judged, found.verdict.value, text)
     return _of_effects(plan, entries, judged, found, read)
 
 
 def _plain(surest: Tested, entries: Sequence[Entry], readings: Sequence[Reading]) -> Entry:
-    """A run, or as many as make readings enough, in the middle of those that have moved furthest."""
+    """A run, or enough of them for the readings needed, in the middle of those that have moved furthest."""
     course = surest.course
     known = course.known
     begins = max(3, change_begins(surest))
@@ -97,7 +97,7 @@ def _plain(surest: Tested, entries: Sequence[Entry], readings: Sequence[Reading]
     while last - first + 1 < min(_MOST_RUNS, known.size):
         if sum(readings[int(k)].samples for k in known[first : last + 1]) >= _SAMPLES:
             break
-        if last + 1 < known.size:  # those that follow have changed as far
+        if last + 1 < known.size:  # later ones have changed as far
             last += 1
         else:
             first -= 1
@@ -105,14 +105,14 @@ def _plain(surest: Tested, entries: Sequence[Entry], readings: Sequence[Reading]
 
 
 def change_begins(tested: Tested) -> int:
-    """How many runs that say the quantity lie before its change."""
+    """The number of runs that determine the quantity before its change."""
     known = tested.course.known
     begins = change_of(tested, Judged((), 1.0, True)).shape.begins
     return int(np.searchsorted(known, begins))
 
 
 def together(entries: Sequence[Entry]) -> Entry:
-    """Several entries as one."""
+    """Several entries combined into one."""
     if len(entries) == 1:
         return entries[0]
     records = [one.records for one in entries]
@@ -129,22 +129,22 @@ def _diagnosed(plan: Plan, entry: Entry) -> Diagnosis:
 
 
 def not_diagnosed(judged: Judged) -> Named:
-    """What changes, without a diagnosis: parameters that were fitted together each by itself."""
+    """What changes, without a diagnosis: parameters fitted together are reported separately."""
     changed = judged.changed
     if any(one.course.quantity.kind != "parameter" for one in changed):
-        return _unnamed(judged, "", "not diagnosed: told is what moves, which need not be what has changed")
+        return _unnamed(judged, "", "not diagnosed: reported is what moves, which need not be the cause")
     return Named(tuple(change_of(one, judged) for one in changed))
 
 
 def _unnamed(judged: Judged, verdict: str, why: str) -> Named:
-    """The quantity that the data ask for most, with every other that changed: no one knows which it is."""
+    """The quantity with the largest gain, with every other that changed, as the cause is unknown."""
     first, *others = judged.changed
     alike = tuple(one.course.quantity.name for one in others)
     return Named((change_of(first, judged, alike),), verdict, (why,))
 
 
 def _of_parameters(plan: Plan, judged: Judged, found: Diagnosis) -> Named:
-    """With the model adequate after the change, what changed are its parameters."""
+    """If the model is adequate after the change, its parameters have changed."""
     own = [one for one in judged.changed if one.course.quantity.kind != "effect"]
     freed = [one for one in own if one.course.quantity.kind == "parameter"]
     if freed:
@@ -162,7 +162,7 @@ def _of_effects(
     found: Diagnosis,
     read: Callable[[Plan, str], Sequence[Reading | None]],
 ) -> Named:
-    """Every run again, with what was named in the model: told is what of it changes."""
+    """Every run read again with the named effects in the model, of which those that change are reported."""
     effects = [plan.model.effect(name) for name in found.effects]
     again, quantities = _with_effects(plan, effects)
     outcomes = read(again, " and ".join(found.effects))
@@ -180,7 +180,7 @@ def _of_effects(
         for one in _not_slight(second.changed)
     ]
     if not changes:
-        text = f"with {' and '.join(found.effects)} in the model no quantity changes for sure by itself"
+        text = f"with {' and '.join(found.effects)} in the model no single quantity changes significantly"
         return _unnamed(judged, found.verdict.value, text)
     remark = f"named by a diagnosis of one run: {found.verdict.value.replace('_', ' ')}"
     courses = tuple(one.course for one in second.tested)
@@ -188,12 +188,12 @@ def _of_effects(
 
 
 def _not_slight(changed: Sequence[Tested]) -> list[Tested]:
-    """Without what moves so little beside the first that it may be the shape of that one's law."""
+    """Without changes so small beside the first that they may be artefacts of the shape of its law."""
     return [one for one in changed if one.gain >= SLIGHT * changed[0].gain]
 
 
 def _spread(judged: Judged, kept: Sequence[int], over: np.ndarray) -> Judged:
-    """The same, with a place for every run: those that could not be read again say nothing."""
+    """The same with an entry for every run: those that could not be read again have no values."""
     if len(kept) == over.size:
         return judged
     tested = []
@@ -205,7 +205,7 @@ def _spread(judged: Judged, kept: Sequence[int], over: np.ndarray) -> Judged:
 
 
 def _with_effects(plan: Plan, effects: Sequence[Effect]) -> tuple[Plan, list[Quantity]]:
-    """The plan with effects in the model, their sizes free in every run; and what is tested then."""
+    """The plan with effects in the model, their sizes free in every run; and the quantities tested then."""
     model = plan.model
     names: list[str] = []
     quantities: list[Quantity] = []

@@ -1,7 +1,7 @@
-"""Courses as ranks: their scores, how alike neighbours are, and the size of the largest change of all ends.
+"""Series as ranks: their scores, the autocorrelation of neighbours, and the largest change over all ends.
 
-Everything here takes many courses at once, (courses, runs): one that was measured and those that chance draws
-go through the same arithmetic.
+All functions take many series at once, (courses, runs): the measured one and the simulated ones undergo the
+same computation.
 """
 
 from __future__ import annotations
@@ -14,26 +14,26 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
-#: after which runs a change may lie; None where after any
+#: True after runs at which a change is possible; None if after any
 Apart = tuple[bool, ...] | None
 
-#: a change is not claimed that rests on fewer runs on one of its sides
+#: least number of runs on either side of a change
 FEWEST_BESIDE: Final = 3
-#: scores of ranks further out count as this: of an outlier only its side is left
+#: scores of ranks are clipped at this value: of an outlier only its side remains
 _MOST: Final = 1.0
-#: how many usual differences of neighbours a run may be off before it counts as no further
+#: a run is clipped at this multiple of the usual difference of neighbours
 _OFF: Final = 3.0
-#: a difference of neighbours of so many usual ones is a jump: of normal ones one in 1400 is
+#: a larger difference of neighbours, relative to the usual one, is a jump: one in 1400 for normal values
 _JUMP: Final = 5.0
-#: ends and, for each, cuts that are scanned at most
+#: largest numbers of ends, and of change points for each, that are scanned
 _ENDS: Final = 120
 _CUTS: Final = 40
-#: the share of the differences that show how alike neighbours are, the smaller ones
+#: the share of the squared differences that enter the autocorrelation, the smaller ones
 _KEPT: Final = 0.75
 
 
 def normal_scores(values: Floats) -> Floats:
-    """Normal scores of the ranks along the last axis, equal values sharing theirs, of mean square one."""
+    """Normal scores of the ranks along the last axis, ties sharing theirs, with mean square one."""
     from scipy.special import ndtri
     from scipy.stats import rankdata
 
@@ -43,7 +43,7 @@ def normal_scores(values: Floats) -> Floats:
 
 
 def drawn_scores(values: Floats) -> Floats:
-    """The same of (courses, runs) that were drawn, no two of one course being equal."""
+    """The same for simulated (courses, runs), which have no ties."""
     count = values.shape[1]
     scores = np.empty_like(values)
     ordered = np.broadcast_to(normal_scores(np.arange(count, dtype=float)), values.shape)
@@ -52,20 +52,19 @@ def drawn_scores(values: Floats) -> Floats:
 
 
 def apart_in(over: Floats) -> Apart:
-    """After which runs a change may lie: before those at another place; None where after any."""
+    """After which runs a change is possible: before runs at another location; None if after any."""
     apart = tuple(bool(step > 0.0) for step in np.diff(over))
     return None if all(apart) else apart
 
 
 def neighbours(values: Floats, scores: Floats) -> Floats:
-    """(courses) how alike neighbouring runs are, with no step and no growth in it.
+    """(courses) estimated autocorrelation at lag 1 with steps and ramps removed.
 
-    The smallest of four figures, since a change that enters one is not in another. What the nearest step or
-    growth leaves has a correlation of neighbours: that of the scores, and of the values, outliers tamed, in
-    which a steady growth is straight. The stretches between jumps that no scatter makes have one of their
-    own, each about its mean. And the squared differences of neighbours and of next but one, the largest of
-    them left out, are as 1 − ρ and 1 − ρ². All are biased; they are only ever compared with themselves in
-    courses that were drawn.
+    The minimum of four estimates, because a change that affects one does not affect another: the
+    autocorrelation of the residuals from the nearest step or ramp, of the scores, and of the clipped values,
+    in which a steady ramp is linear; that of the periods between significant jumps, each about its mean; and
+    one from the squared differences at lags 1 and 2 without the largest, which are proportional to 1 − ρ and
+    1 − ρ². All are biased, but are only compared with the same estimate for simulated series.
 
     Parameters
     ----------
@@ -86,9 +85,9 @@ def neighbours(values: Floats, scores: Floats) -> Floats:
 
 
 def _between_jumps(values: Floats) -> Floats:
-    """The correlation of neighbours between which no jump lies, each stretch about its mean."""
+    """The autocorrelation of neighbours without a jump between them, each period about its mean."""
     jumps = np.abs(np.diff(values, axis=1)) > _JUMP
-    first = np.ones((len(values), 1), dtype=bool)  # no stretch goes on in the next course
+    first = np.ones((len(values), 1), dtype=bool)  # no period continues into the next series
     stretch = np.cumsum(np.concatenate([first, jumps], axis=1)).reshape(values.shape) - 1
     flat = stretch.ravel()
     means = np.bincount(flat, weights=values.ravel()) / np.bincount(flat)
@@ -98,7 +97,7 @@ def _between_jumps(values: Floats) -> Floats:
 
 
 def _tamed(values: Floats) -> Floats:
-    """No run is far from the median of three, itself and its neighbours."""
+    """Each run clipped to a distance from the median of three, itself and its neighbours."""
     padded = np.concatenate([values[:, 2:3], values, values[:, -3:-2]], axis=1)
     before, after = padded[:, :-2], padded[:, 2:]
     low, high = np.minimum(before, after), np.maximum(before, after)
@@ -118,7 +117,7 @@ def _usual(differences: Floats) -> Floats:
 
 
 def _left(scores: Floats) -> Floats:
-    """What the nearest step, or growth from or up to some run, leaves of each course."""
+    """The residuals of each series from the nearest step, or ramp from or to some run."""
     shapes = _shapes(scores.shape[1])
     centred = scores - scores.mean(axis=1, keepdims=True)
     sizes = centred @ shapes.T
@@ -128,7 +127,7 @@ def _left(scores: Floats) -> Floats:
 
 @lru_cache(maxsize=16)
 def _shapes(count: int) -> Floats:
-    """(shapes, runs) of mean zero and length one."""
+    """(shapes, runs) with zero mean and unit length."""
     places, found = np.arange(count, dtype=float), []
     for cut in _cuts(count, None).tolist():
         for moved in (places >= cut, np.maximum(places - cut, 0.0), np.minimum(places, cut)):
@@ -160,7 +159,7 @@ def sizes(scores: Floats, apart: Apart) -> tuple[tuple[int, ...], Floats]:
 
 
 def _ends(count: int) -> list[int]:
-    """The numbers of runs after which it is looked, the last among them."""
+    """The numbers of runs at which the scan ends, including the last."""
     first = 2 * FEWEST_BESIDE
     if count < first:
         return []
@@ -170,7 +169,7 @@ def _ends(count: int) -> list[int]:
 
 @lru_cache(maxsize=8192)
 def _cuts(n: int, apart: Apart) -> Indices:
-    """After which of the first n runs a change may have come, denser towards both ends."""
+    """After which of the first n runs a change is tried, more densely near both ends."""
     first, last = FEWEST_BESIDE, n - FEWEST_BESIDE
     if last - first + 1 <= _CUTS:
         cuts = np.arange(first, last + 1)

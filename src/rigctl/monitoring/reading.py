@@ -1,13 +1,13 @@
-"""One entry of a survey, read with the survey's model: what it says of every parameter and every effect.
+"""One entry of a survey evaluated with the survey's model: its information about every parameter and effect.
 
-The freed parameters are fitted to the entry's records, begun where the reference ends; the others are held at
-its values. Around that point everything is linear,
+The freed parameters are fitted to the entry's records, starting where the reference ends; the others are held
+at its values. The model is linearised at that point,
 
     r = W(y − f(θ̂)) ≈ Σ_j a_j δ_j,   G = AᵀA,   b = Aᵀr,
 
-with a column a_j for each parameter that the model's file frees, held ones too, and for each effect that the
-model may lack; what records have of their own is projected off. G and b are all that is kept of an entry:
-they say the size of any effect with any others freed, without another look at the data.
+with a column a_j for each parameter that the model's file frees, including held ones, and for each effect
+that the model may lack; record-level unknowns are projected off. Only G and b are kept of an entry: they give
+the size of any effect with any others freed, without access to the data.
 """
 
 from __future__ import annotations
@@ -42,21 +42,21 @@ from rigctl.monitoring.entries import Entry
 Floats = NDArray[np.float64]
 
 
-#: fits end when the next step would lower the cost by less than this share: that step is taken all the same,
-#: by the linear problem at their end
+#: fits end when the next step would lower the cost by less than this share; the linear problem at their end
+#: then makes up for that step
 _COST = 1e-3
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What every entry is read with; it is sent to each worker once.
+    """The settings with which every entry is evaluated; sent to each worker once.
 
     Attributes
     ----------
-    model: its values are where fits begin, and where the held parameters stay.
-    freed, held: of the parameters that its file frees, those that each entry has of its own, and the others.
+    model: its values are the starts of the fits, and the values of the held parameters.
+    freed, held: of the parameters that its file frees, those fitted in each entry, and the others.
     candidates: the effects that it may lack, each at one shape, the same for all entries.
-    only: a condition that chooses records; `assume` what inputs were that nobody recorded.
+    only: a condition that selects records; `assume` values of inputs that were not recorded.
     """
 
     model: Model
@@ -74,17 +74,17 @@ class Plan:
 
 @dataclass(frozen=True)
 class Reading:
-    """What one entry says.
+    """The information in one entry.
 
     Attributes
     ----------
     values: of the freed parameters, SI, as fitted.
     at_bound: those that the fit left at a bound.
     gram, score: (columns, columns) G and (columns) b.
-    lengths: (columns) lengths of the whitened columns before anything was projected off.
-    p_value: of the three tests of whether the model agrees; `adequate` whether it does.
-    chi2_reduced: squared misfit for each degree of freedom.
-    records, samples: how many there are.
+    lengths: (columns) lengths of the whitened columns before any projection.
+    p_value: of the three tests of adequacy; `adequate` whether none rejects.
+    chi2_reduced: squared misfit per degree of freedom.
+    records, samples: their numbers.
     """
 
     values: Floats
@@ -108,13 +108,13 @@ class Failure:
 
 @one_thread()
 def read_entry(plan: Plan, entry: Entry) -> Reading | Failure:
-    """Read one entry; what goes wrong with it is no error of the survey."""
+    """Evaluate one entry; an error in it does not end the survey."""
     try:
         return _read(plan, entry)
     except RigctlError as problem:
         return Failure(str(problem).splitlines()[0])
     except (ArithmeticError, np.linalg.LinAlgError) as problem:
-        return Failure(f"the fit broke down: {problem}")
+        return Failure(f"the fit failed: {problem}")
 
 
 def _read(plan: Plan, entry: Entry) -> Reading:
@@ -127,12 +127,12 @@ def _read(plan: Plan, entry: Entry) -> Reading:
 
 
 def problem_of(plan: Plan, entry: Entry) -> tuple[Problem, Data]:
-    """The entry's records and the freed parameters of the model as a problem.
+    """The entry's records and the freed parameters of the model as a least-squares problem.
 
     Raises
     ------
     RigctlError
-        as `rigctl.analysis.fitting.read_runs`, and where a record of the entry is gone.
+        as `rigctl.analysis.fitting.read_runs`, and if a record of the entry no longer exists.
     """
     data = _measured(plan, entry.runs)
     if entry.records is not None:
@@ -148,7 +148,7 @@ def problem_of(plan: Plan, entry: Entry) -> tuple[Problem, Data]:
     ), data
 
 
-#: the runs that were read last here, with the plan: many entries may be records of one run
+#: the last runs read in this process, with the plan: many entries may be records of one run
 _LAST: list[tuple[tuple[Any, ...], Data]] = []
 
 
@@ -164,7 +164,7 @@ def _measured(plan: Plan, refs: tuple[str, ...]) -> Data:
 
 
 def freeing(model: Model, names: Sequence[str]) -> Model:
-    """The model with these parameters, and no others, to be fitted."""
+    """The model with these parameters, and no others, free."""
     chosen = set(names)
 
     def marked(values: Mapping, before: str = "") -> MappingProxyType:  # type: ignore[type-arg]
@@ -182,11 +182,11 @@ def freeing(model: Model, names: Sequence[str]) -> Model:
 
 
 def _made(plan: Plan, problem: Problem, data: Data) -> Reading:
-    with switched_off():  # the reading is kept, and nothing else of it is asked for again
+    with switched_off():  # only the reading is needed again
         local = [np.array([one.start for one in unknowns]) for unknowns in problem.local_unknowns()]
         fitted = fit_problem(problem, data.noise, local=local, cost=_COST)
         linear = _linearised(plan, fitted)
-        # what the tests take out is what the fit could move: held parameters are none of it
+        # the tests project off what the fit could move, which excludes held parameters
         movable = [k for k, name in enumerate(linear.nuisances) if name not in plan.held]
         tested = project(_with_nuisances(linear, movable))
         judged = adequacy(tested, screen(tested))
@@ -208,7 +208,7 @@ def _made(plan: Plan, problem: Problem, data: Data) -> Reading:
 
 
 def _linearised(plan: Plan, fitted: FitResult) -> Linearisation:
-    """At the fitted point, the held parameters among the columns, without what is known of them."""
+    """Linearised at the fitted point, with the held parameters among the columns, without their priors."""
     held = [replace(parameter_unknown(plan.model, name), prior=None) for name in plan.held]
     values = np.concatenate([fitted.values, [one.start for one in held]])
     problem = fitted.problem.with_shared((*fitted.problem.shared, *held))
@@ -218,7 +218,7 @@ def _linearised(plan: Plan, fitted: FitResult) -> Linearisation:
 
 
 def _with_nuisances(linear: Linearisation, places: Sequence[int]) -> Linearisation:
-    """The same with some of the nuisances alone."""
+    """The same with only some of the nuisances."""
     chosen = list(places)
     weight, residual = linear.prior
     return replace(
@@ -230,9 +230,10 @@ def _with_nuisances(linear: Linearisation, places: Sequence[int]) -> Linearisati
 
 
 def _normal_equations(plan: Plan, linear: Linearisation) -> tuple[Floats, Floats, Floats]:
-    """G, b and the columns' lengths, in the order of the plan; what the entry knows nothing of is zero.
+    """G, b and the columns' lengths, in the order of the plan; 0 for columns about which the entry has no
+    data.
 
-    Shared unknowns that are no parameters of the model, such as how late a logger writes, are projected off.
+    Shared unknowns that are not parameters of the model, such as a logger's delay, are projected off.
     """
     names = [*linear.nuisances, *(name for one in linear.candidates for name in one.columns)]
     weight, prior = linear.prior
@@ -261,11 +262,11 @@ def _normal_equations(plan: Plan, linear: Linearisation) -> tuple[Floats, Floats
 
 
 def solved(reading: Reading, wanted: int, freed: Sequence[int]) -> tuple[float, float]:
-    """The step of one column with others freed beside it, and its standard deviation; NaN where it is hidden.
+    """The step of one column with others freed beside it, and its standard deviation; NaN if undetermined.
 
     Parameters
     ----------
-    wanted, freed: places of columns; `wanted` is freed too.
+    wanted, freed: indices of columns; `wanted` is freed too.
     """
     others = [k for k in freed if k != wanted and reading.gram[k, k] > 0.0]
     own, pull = float(reading.gram[wanted, wanted]), float(reading.score[wanted])

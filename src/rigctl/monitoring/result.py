@@ -1,4 +1,4 @@
-"""What a survey found, in words and as data."""
+"""The findings of a survey, in words and as data."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from rigctl.units import parse_unit, show, with_uncertainty
 if TYPE_CHECKING:
     import pandas as pd
 
-#: standard deviations of a 95 % interval
+#: half-width of a 95 % interval, in standard deviations
 INTERVAL = 1.96
-#: levels of a change in steps that a sentence has
+#: largest number of step levels in a sentence
 _LEVELS = 6
-#: a quantity with a smaller p-value is named though it is no change
+#: the nearest quantity is named if its p-value is below this, though it is no change
 _NEAR = 0.1
 
 
 @dataclass(frozen=True)
 class Line:
-    """One entry: what it says, or why it says nothing; `index` its place among those that were read."""
+    """One entry: its information, or why it has none; `index` its number among those that were read."""
 
     entry: Entry
     reading: Reading | None
@@ -38,16 +38,16 @@ class Line:
 
 @dataclass(frozen=True)
 class Survey:
-    """Many runs looked at with one model.
+    """The result of evaluating many runs with one model.
 
     Attributes
     ----------
-    freed, held: parameters that each run has of its own, and that all have in common.
-    axis: what the runs are looked at over.
+    freed, held: parameters fitted in each run, and those common to all runs.
+    axis: over which the runs are ordered.
     lines: every entry, in that order.
-    judged: every quantity's course, tested.
+    judged: the series of every quantity, tested.
     named: what has changed.
-    notes: what is to be known of the order.
+    notes: remarks on the order.
     """
 
     model: str
@@ -71,19 +71,19 @@ class Survey:
 
     @property
     def failed(self) -> tuple[Line, ...]:
-        """The entries that could not."""
+        """The entries that could not be read."""
         return tuple(line for line in self.lines if line.reading is None)
 
     @property
     def verdict(self) -> Literal["changed", "no_change_seen", "cannot_tell"]:
-        """Whether something has changed; ``cannot_tell`` where so few runs could not show it."""
+        """Whether something has changed; ``cannot_tell`` if there are too few runs to show it."""
         if self.changes:
             return "changed"
         return "no_change_seen" if self.judged.enough else "cannot_tell"
 
     @property
     def statement(self) -> str:
-        """What was found, in one or more sentences."""
+        """The findings, in one or more sentences."""
         count = len(self.read)
         tests = sum(one.found is not None for one in self.judged.tested)
         what = f"{count} run{'' if count == 1 else 's'}, {tests} quantit{'y' if tests == 1 else 'ies'}"
@@ -91,17 +91,17 @@ class Survey:
             return ". ".join(self.sentence(change) for change in self.changes)
         if not self.judged.enough:
             return (
-                f"These data cannot tell: {what}. So few runs do not show how much one differs from the next "
-                "where nothing changes, and no change of them could be told from that"
+                f"These data cannot tell: {what}. With so few runs their scatter without a change is "
+                "unknown, and no change can be distinguished from it"
             )
         nearest = self.judged.tested[0]
-        text = f"No change is seen: {what}, none of which changes by more than the runs scatter"
+        text = f"No change is detected: {what}, none of which changes by more than the runs scatter"
         if nearest.p_value is not None and nearest.p_value < _NEAR:
-            text += f"; {nearest.course.quantity.name} comes nearest to it ({chance_text(nearest.p_value)})"
+            text += f"; {nearest.course.quantity.name} comes closest ({chance_text(nearest.p_value)})"
         return text
 
     def sentence(self, change: Change) -> str:
-        """One change: what, from what to what, since when, when it was first sure, and how sure."""
+        """One change: what, from and to which value, since when, when first significant, and its p-value."""
         shape, lines = change.shape, self.read
         names = " or ".join([change.quantity.name, *change.alike[:4]])
         if len(change.alike) > 4:
@@ -124,7 +124,7 @@ class Survey:
         return text
 
     def between(self, change: Change) -> tuple[str, str]:
-        """Where the change began at the earliest and at the latest, in words."""
+        """The earliest and the latest start of the change, in words."""
         lines = self.read
         early, late = max(change.shape.earliest - 1, 0), min(change.shape.latest, len(lines) - 1)
         return self.axis.text(lines[early].entry), self.axis.text(lines[late].entry)
@@ -138,7 +138,7 @@ class Survey:
         return with_uncertainty(value, std / unit.factor, quantity.unit)
 
     def bare(self, quantity: Quantity, si: float, std: float) -> str:
-        """A value with its standard deviation, without its unit; empty where a run does not say it."""
+        """A value with its standard deviation, without its unit; empty if a run does not determine it."""
         if not math.isfinite(si):
             return ""
         unit = parse_unit(quantity.unit)
@@ -151,7 +151,7 @@ class Survey:
         return show(si, quantity.unit, difference=True, digits=2)
 
     def shown(self) -> tuple[Course, ...]:
-        """The courses that are drawn: what has changed and every parameter, then the largest of the rest."""
+        """The series that are drawn: what has changed and every parameter, then the largest of the rest."""
         changed = {change.quantity.name: change.course for change in self.changes}
         rest = {one.course.quantity.name: one.course for one in self.judged.tested}
         rest |= {course.quantity.name: course for course in self.named.courses}
@@ -231,11 +231,11 @@ class Survey:
         return si / unit.factor if difference else unit.from_si(si, difference=quantity.difference)
 
     def __repr__(self) -> str:
-        """What was found, on one line."""
+        """The findings, on one line."""
         return one_line(self, self.summary())
 
     def summary(self) -> str:
-        """What was found, in words."""
+        """The findings, in words."""
         return self.statement
 
     def frame(self) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""Survey many runs with one model: read each, test every quantity for a change, refit what changed."""
+"""Survey many runs with one model: evaluate each, test every quantity for a change, refit what changed."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from rigctl.monitoring.reading import Failure, Plan, Reading, problem_of, read_e
 from rigctl.monitoring.result import Line, Survey
 from rigctl.tasks import Workers, map_tasks
 
-#: entries that are tried for where fits begin
+#: number of entries tried for the starting values of the fits
 _TRIED: Final = 5
-#: how often progress is told, in shares of the whole
+#: number of progress reports over the whole
 _OFTEN: Final = 50
 
 
