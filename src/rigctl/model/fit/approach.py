@@ -1,9 +1,9 @@
-"""Come near the minimum of a fit without being led astray by a bad start.
+"""Approach the minimum of a fit without being led astray by bad starting values.
 
-Far from the minimum the misfit is thousands of sigmas: what is known beforehand weighs nothing beside it, and
-the first steps drive parameters that matter little anywhere, into a wrong beat of the oscillations, say, from
-which no later step finds out. So the noise is taken for as large as the misfit is, which keeps the priors in
-proportion, and made smaller as the misfit falls.
+Far from the minimum the misfit is thousands of sigmas: priors have no weight beside it, and the first steps
+drive unimportant parameters anywhere, for example into a wrong cycle of the oscillations, from which later
+steps do not return. So the noise is first assumed to be as large as the misfit, which keeps the priors in
+proportion, and is reduced as the misfit decreases.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from rigctl.engine.least_squares.block import Derivatives, Evaluate
 
 Floats = NDArray[np.float64]
 
-#: misfit in sigmas, root mean square, from which on the noise is taken as it is
+#: root mean square misfit in sigmas below which the actual noise is used
 _NEAR = 1.5
-#: a round must bring the misfit below this share of what it was
+#: a round must reduce the misfit to less than this share
 _FALL = 0.95
 _ROUNDS = 8
-#: standard deviations from what is known of it at which a parameter may have been led astray
+#: standard deviations from its prior beyond which a parameter may have been led astray
 _FAR = 2.5
-#: as many readings at the most count beside what is known beforehand
+#: upper limit on the number of readings that count against the priors
 _WEIGHT = 1000
 _OPTIONS = Options(cost=1e-2, iterations=12)
-#: how far a parameter of which nothing is known may be off, as a share of its size
+#: assumed relative uncertainty of a parameter without a prior
 _UNKNOWN = 1.0
 
 
@@ -50,7 +50,7 @@ def approach(
     local: Sequence[Sequence[Unknown]],
     progress: Callable[[Iteration], None] | None = None,
 ) -> tuple[list[Unknown], list[list[Unknown]]]:
-    """The unknowns, begun where the misfit is small; as they were where nothing brings it down."""
+    """The unknowns, starting where the misfit is small; unchanged if nothing reduces it."""
     begun, record_local = list(shared), [list(each) for each in local]
     unknown = [k for k, one in enumerate(begun) if one.prior is None]
     everything = list(range(len(begun)))
@@ -62,7 +62,7 @@ def approach(
 
 
 def brought_back(shared: Sequence[Unknown], values: Floats) -> list[Unknown] | None:
-    """The unknowns begun at `values`, those far from what is known of them there; None where none is far."""
+    """The unknowns starting at `values`, with those far from their priors reset; None if none is far."""
     priors = [unknown.prior for unknown in shared]
     far = [
         prior is not None and abs(value - prior.mean) > _FAR * prior.std
@@ -84,7 +84,7 @@ def _descend(
     moved: Sequence[int],
     progress: Callable[[Iteration], None] | None,
 ) -> tuple[list[Unknown], list[list[Unknown]]]:
-    """Rounds of a fit of the shared unknowns at `moved`, each in a noise as large as the misfit."""
+    """Rounds of a fit of the shared unknowns at `moved`, each with a noise as large as the misfit."""
     begun, record_local = list(shared), [list(each) for each in local]
     misfit, count = _misfit(evaluate, begun, record_local)
     for _ in range(_ROUNDS):
@@ -112,7 +112,7 @@ def _descend(
 
 
 def _part(evaluate: Evaluate, at: Floats, moved: Sequence[int]) -> Evaluate:
-    """The same residuals of some of the shared unknowns, the others staying `at` their values."""
+    """The same residuals as a function of some of the shared unknowns, the others fixed `at` their values."""
 
     def part(shared: Floats, local: Sequence[Floats], derivatives: bool) -> Sequence[Block] | Refused:
         whole = at.copy()
@@ -128,7 +128,8 @@ def _part(evaluate: Evaluate, at: Floats, moved: Sequence[int]) -> Evaluate:
 def _misfit(
     evaluate: Evaluate, shared: Sequence[Unknown], local: Sequence[Sequence[Unknown]]
 ) -> tuple[float, int]:
-    """Root mean square of the whitened residuals, infinite where the model has no value; and their number."""
+    """Root mean square of the whitened residuals, infinite if the model cannot be simulated; and their
+    number."""
     blocks = evaluate(
         np.array([u.start for u in shared]),
         [np.array([u.start for u in record_local]) for record_local in local],
@@ -142,7 +143,7 @@ def _misfit(
 
 
 def _blurred(evaluate: Evaluate, factor: float) -> Evaluate:
-    """The same residuals in a noise that is `factor` times as large."""
+    """The same residuals with a noise `factor` times as large."""
 
     def blurred(shared: Floats, local: Sequence[Floats], derivatives: bool) -> Sequence[Block] | Refused:
         blocks = evaluate(shared, local, derivatives)
@@ -169,5 +170,5 @@ def _of_some(block: Block, moved: list[int]) -> Derivatives:
 
 
 def _held(unknown: Unknown) -> Unknown:
-    """With a loose prior about its start where nothing else is known."""
+    """With a loose prior about its start if it has none."""
     return unknown if unknown.prior else replace(unknown, prior=Prior(unknown.start, _UNKNOWN * unknown.size))

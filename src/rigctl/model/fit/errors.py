@@ -1,4 +1,4 @@
-"""How far a model is from the measurements, channel by channel, in the channels' units."""
+"""The errors of a model, channel by channel, in the channels' units."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class ChannelError:
     ----------
     rmse: root of the mean square.
     bias: mean.
-    maximum: the largest in size.
-    noise: standard deviation of one reading; of a typical one where it is a share of the value.
+    maximum: the largest in magnitude.
+    noise: standard deviation of one reading; of a typical one if it is a share of the value.
     nrmse: root of the mean square in units of each reading's noise.
     chi2_reduced: mean square of the whitened residuals.
-    r2: share of the readings' variance that the model explains; NaN where they never change.
+    r2: share of the readings' variance that the model explains; NaN if they are constant.
     count: how many readings counted.
     """
 

@@ -40,27 +40,27 @@ Floats = NDArray[np.float64]
 
 #: a fit ends when the next step would lower the cost by less than this share of it
 _COST = 1e-5
-#: the same of a fit that only finds out which valley is the deeper one
+#: the same for a fit that only decides which of two minima is deeper
 _COARSE = 3e-4
-#: the same where χ² is so many of its standard deviations too large: wherever along its valley such a fit
-#: ends, what is left is what the model lacks, and the tests take out what its parameters could still do
+#: the same if χ² is too large by this many of its standard deviations: wherever along its valley such a fit
+#: ends, the model lacks something, and the tests project off what its parameters could still do
 _ROUGH, _MISFIT = 1e-4, 20.0
 
 
 @dataclass(frozen=True)
 class FitResult:
-    """A model fitted to some records, and what it says of them and of the others.
+    """A model fitted to some records, and its predictions of these and the others.
 
     Attributes
     ----------
     problem: all records, fitted and held out.
-    fitted: the indices of the records that were fitted; `held_out` those of the others.
-    solution: of the fit; None where nothing was free.
+    fitted: the indices of the fitted records; `held_out` those of the others.
+    solution: of the fit; None if nothing was free.
     values: (shared) of `problem.shared`.
-    local: the records' own unknowns, of all records in order. A held-out record keeps its own: how warm it
-        was and how its valve was set are not the model's to predict.
-    outputs: (n, outputs) of each record, what the model says.
-    silent: parameters that were to be fitted and act on no reading; they kept their values.
+    local: the record-level unknowns of all records, in order. Those of held-out records are fitted to them:
+        their temperatures and valve settings are not for the model to predict.
+    outputs: (n, outputs) of each record, predicted by the model.
+    silent: parameters that were free but affect no reading; they kept their values.
     """
 
     problem: Problem = field(repr=False)
@@ -78,7 +78,7 @@ class FitResult:
 
     @cached_property
     def at_bound(self) -> frozenset[str]:
-        """The shared unknowns that the fit left at a bound; none of a model that was taken as it is."""
+        """The shared unknowns that the fit left at a bound; none for a model that was not fitted."""
         return frozenset() if self.solution is None else frozenset(self.solution.at_bound)
 
     def normalised_error(self, index: int) -> Floats:
@@ -89,7 +89,7 @@ class FitResult:
 
     @cached_property
     def model(self) -> Model:
-        """The model with the values found, their standard deviations and the runs they come from."""
+        """The model with the fitted values, their standard deviations and the runs from which they come."""
         known = set(self.problem.model.fitted) if self.solution is not None else set()
         changes = {
             unknown.name: float(value)
@@ -110,10 +110,9 @@ class FitResult:
 
     @cached_property
     def expected_outputs(self) -> tuple[Floats, ...]:
-        """(n, outputs) of each record with its own unknowns where they are expected: the model's own word.
+        """(n, outputs) of each record with its record-level unknowns at their expected values.
 
-        `outputs` are with the unknowns as they were fitted: those may have moved to make up for a model that
-        is wrong.
+        In `outputs` they are fitted, and may have compensated for errors of the model.
         """
         expected = [
             np.array([unknown.start for unknown in record_local])
@@ -131,12 +130,12 @@ class FitResult:
 
     @cached_property
     def heldout_errors(self) -> dict[str, ChannelError]:
-        """By channel, on the held-out records; empty where there are none."""
+        """By channel, on the held-out records; empty if there are none."""
         return channel_errors(self.problem, self.outputs, self.held_out) if self.held_out else {}
 
     @cached_property
     def chi2_reduced(self) -> float:
-        """Whitened squares with the priors' share for each degree of freedom, on the fitted records."""
+        """Whitened squares, including the priors', per degree of freedom, on the fitted records."""
         if self.solution is not None:
             return self.solution.variance_factor
         problem = self.problem.only(self.fitted)
@@ -160,7 +159,7 @@ class FitResult:
         )
 
     def frame(self) -> pd.DataFrame:
-        """The parameters of the fitted model that a fit may change, in the units they are shown in."""
+        """The free parameters of the fitted model, in their display units."""
         frame = self.model.frame()
         return frame[frame["free"]].drop(columns="free").reset_index(drop=True)
 
@@ -182,20 +181,20 @@ def fit(
     rival: float = math.inf,
     progress: Callable[[Iteration], None] | None = None,
 ) -> FitResult:
-    """Fit the shared unknowns on all records but `hold_out`; the records' own ones on each record.
+    """Fit the shared unknowns on all records except `hold_out`, and the record-level ones on each record.
 
     Parameters
     ----------
     refit: False keeps the shared unknowns at their starts.
-    starts: how many points to begin at; more than one is for costs with several minima.
-    local: where the records' own unknowns begin, when something better than their priors is known.
+    starts: number of starting points; more than one for costs with several minima.
+    local: starting values of the record-level unknowns, if better ones than the priors' are known.
     cost, largest_step, rival: as in `rigctl.engine.least_squares.Options`.
 
     Raises
     ------
     RigctlError
-        nothing is left to fit on, there are fewer values than parameters, or the model has no value at the
-        start.
+        no record is left to fit on, there are fewer values than parameters, or the model cannot be simulated
+        at the start.
     """
     options = Options(cost=cost, largest_step=largest_step, rival=rival)
     plan = _Plan(refit, starts, seed, options, progress)
@@ -206,7 +205,7 @@ def fit(
 
 @dataclass(frozen=True)
 class _Plan:
-    """How a fit is made."""
+    """The settings of a fit."""
 
     refit: bool
     starts: int
@@ -217,7 +216,7 @@ class _Plan:
 
 @dataclass(frozen=True)
 class _Fitted:
-    """What of a fit is kept from one command to the next; see `FitResult`."""
+    """The part of a fit that is kept between commands; see `FitResult`."""
 
     silent: tuple[str, ...]
     solution: LeastSquaresResult | None
@@ -278,14 +277,14 @@ def _fitted(
 
 
 def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> LeastSquaresResult:
-    """The better of two fits: one begun where nothing is known yet, and one begun at its end, but for what it
-    has driven far from what is known of it; both made coarsely, then the better one to its end."""
+    """The better of two fits: one from far starting values, and one from its end with parameters far from
+    their priors reset; both coarse, then the better one to convergence."""
     begun, record_local = approach(problem.evaluate, problem.shared, local, plan.progress)
     coarse = replace(plan.options, cost=max(plan.options.cost, _COARSE))
     result = least_squares(problem.evaluate, begun, record_local, options=coarse, progress=plan.progress)
     back = brought_back(begun, result.values)
     if back is not None:
-        with suppress(RigctlError):  # the model has no value there: the first fit stands
+        with suppress(RigctlError):  # the model cannot be simulated there: the first fit is kept
             again = least_squares(
                 problem.evaluate, back, record_local, options=coarse, progress=plan.progress
             )
@@ -302,14 +301,14 @@ def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> Lea
 
 
 def _with_noise_of(problem: Problem, fitted: FitResult) -> Problem | None:
-    """The problem with its noise as a fit says, begun there; None where nothing changes.
+    """The problem with the noise given by a fit, starting there; None if nothing changes.
 
-    Noise may be a share of the value, and what varies beside it acts as the model says.
+    Noise may be a share of the value, and unknown scatter acts as the model predicts.
     """
     at = {u.name: float(value) for u, value in zip(fitted.problem.shared, fitted.values, strict=True)}
     better = problem
     if problem.scatter is None and problem.extra is None:
-        # what acts on nothing is no unknown of the fit
+        # parameters without any effect are not unknowns of the fit
         values = np.array([at.get(unknown.name, unknown.start) for unknown in problem.shared])
         better = with_input_noise(problem.scattered(values, fitted.local), values, fitted.local)
     if problem.signal is None:
@@ -320,11 +319,11 @@ def _with_noise_of(problem: Problem, fitted: FitResult) -> Problem | None:
 
 
 def _without_silent(problem: Problem, fitted: Sequence[int]) -> tuple[Problem, tuple[str, ...]]:
-    """The problem without the shared unknowns that act on no reading: they keep their values."""
+    """The problem without the shared unknowns that affect no reading; these keep their values."""
     inner = problem.only(fitted)
     squares = _shared_squares(inner, 0.0)
     if squares is not None and not squares.all():
-        # what a record has of its own may be what it acts by: a store that begins at rest shows no rate
+        # record-level unknowns may be what makes it act: a storage that starts at rest shows no rate
         moved = _shared_squares(inner, 1.0)
         squares = None if moved is None else squares + moved
     if squares is None:
@@ -335,8 +334,8 @@ def _without_silent(problem: Problem, fitted: Sequence[int]) -> tuple[Problem, t
 
 
 def _shared_squares(problem: Problem, moved: float) -> Floats | None:
-    """Sums of squares of the shared unknowns' columns, the records' own ones `moved` by that share of their
-    sizes; None where the model has no value there."""
+    """Sums of squares of the shared unknowns' columns, with the record-level unknowns `moved` by that share
+    of their sizes; None if the model cannot be simulated there."""
     start = np.array([unknown.start for unknown in problem.shared])
     local = [
         np.array([min(max(u.start + moved * u.size, u.lower), u.upper) for u in record_local])
@@ -362,7 +361,7 @@ def _started(problem: Problem, local: Sequence[Floats] | None) -> list[list[Unkn
 def _local_unknowns(
     problem: Problem, values: Floats, indices: Sequence[int], local: Sequence[Floats] | None
 ) -> dict[int, Floats]:
-    """The records' own unknowns with the shared ones given."""
+    """The record-level unknowns, with the shared ones given."""
     if not indices:
         return {}
     base = problem.base.copy()
@@ -387,6 +386,6 @@ def _check_enough(problem: Problem) -> None:
         records = len(problem.records)
         raise RigctlError(
             f"{values} measured value{'' if values == 1 else 's'} of {records} "
-            f"record{'' if records == 1 else 's'} cannot tell {wanted} parameters: {names}",
+            f"record{'' if records == 1 else 's'} cannot determine {wanted} parameters: {names}",
             hint="Fit fewer ('fit: false' in the model file), or bring more records",
         )

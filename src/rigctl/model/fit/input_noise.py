@@ -1,9 +1,9 @@
-"""What the noise of measured inputs adds to the noise of the outputs.
+"""The contribution of the noise of measured inputs to the noise of the outputs.
 
-A measured input acts with its noise, which the model turns into an error of what it says: of a slow bench
-hardly any, of a channel that follows the input at once all of it. The model is simulated with more of that
-noise, and by how much its outputs move is added to their noise, ``σ² = σ_y² + σ_u²``. That is so for one that
-was smoothed as well: what is left of its noise is as large as before where it is slow, and only there.
+A measured input acts on the model including its noise, which causes an error of the outputs: hardly any for a
+slow bench, all of it for a channel that follows the input at once. The model is simulated with additional
+input noise, and the change of its outputs is added to their noise, ``σ² = σ_y² + σ_u²``. This also holds for
+smoothed inputs: the noise that remains is as large as before at low frequencies, and only there.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from rigctl.units import show
 Floats = NDArray[np.float64]
 
 _DRAWS = 4
-#: below this share of a channel's noise what inputs add is not looked at
+#: contributions of inputs below this share of a channel's noise are ignored
 _SHARE = 0.1
 
 
 def with_input_noise(problem: Problem, shared: Floats, local: Sequence[Floats]) -> Problem:
-    """The problem with what its inputs' noise adds, as the model says at these values."""
+    """The problem with the contribution of its inputs' noise, according to the model at these values."""
     measurements = problem.measurements
     noisy = {
         measurements.inputs.index(name): sigma for name, sigma in measurements.input_noise.items() if sigma
@@ -57,7 +57,7 @@ def with_input_noise(problem: Problem, shared: Floats, local: Sequence[Floats]) 
 
 
 def input_noise_notes(problem: Problem) -> Iterator[str]:
-    """What of the measured inputs' noise is seen in the outputs."""
+    """The visible contributions of the measured inputs' noise to the outputs."""
     measurements = problem.measurements
     if problem.extra is None:
         return
@@ -69,6 +69,6 @@ def input_noise_notes(problem: Problem) -> Iterator[str]:
     ]
     if shown:
         yield (
-            f"the noise of the measured inputs moves {', '.join(shown)} by what the model says: it counts as "
-            "noise of these channels"
+            f"according to the model, the noise of the measured inputs moves {', '.join(shown)}: it counts "
+            "as noise of these channels"
         )

@@ -1,4 +1,4 @@
-"""The error of a fitted model as its history keeps it."""
+"""The error of a fitted model as recorded in its history."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from rigctl.units import parse_unit
 
 
 def model_error(fit: FitResult) -> ModelError:
-    """Root mean square error of each channel, fitted and held out, with the noise below which no model comes.
+    """Root mean square error of each channel, fitted and held out, and the noise as its lower limit.
 
-    In the units that the channels are shown in; of a temperature it is in kelvin.
+    In the units in which the channels are shown; for a temperature in kelvin.
     """
     measurements = fit.problem.measurements
     shown = dict(zip(measurements.outputs, measurements.units, strict=True))

@@ -44,14 +44,14 @@ from rigctl.noise.whitening import Whitener, whiten
 Floats = NDArray[np.float64]
 T = TypeVar("T")
 
-#: numbers that derivatives may take at once: more records are gone through in parts
+#: largest number of derivative values in memory: more records are processed in parts
 _ROOM = 2**21
-#: evaluations that are remembered
+#: number of evaluations that are cached
 _RECENT = 3
 
 
 class _Recent:
-    """The last evaluations of a problem: a fit begins where the one before has ended, and ends where it was.
+    """The last evaluations of a problem, because a fit often starts where the previous one ended.
 
     None is kept that is larger than the derivatives of one part.
     """
@@ -60,7 +60,7 @@ class _Recent:
         self._found: tuple[tuple[tuple[bytes, ...], bool, list[Block]], ...] = ()
 
     def at(self, point: tuple[bytes, ...], derivatives: bool) -> list[Block] | None:
-        """The blocks there; those with derivatives serve who wants none."""
+        """The blocks there; those with derivatives also serve requests without."""
         for known, complete, blocks in self._found:
             if known == point and (complete or not derivatives):
                 return blocks
@@ -74,28 +74,28 @@ class _Recent:
 
 @dataclass(frozen=True)
 class Problem:
-    """Everything a fit, a comparison or a diagnosis asks of a model on its data.
+    """A model and its data, with everything that a fit, a comparison or a diagnosis needs.
 
     Attributes
     ----------
-    model: as it is compiled; its free parameters are the unknowns.
+    model: as compiled; its free parameters are the unknowns.
     measurements, noise: the data.
-    ok: (n, outputs) of each record, the values that count: read, and no spikes.
-    compiled: the equations, with the record-level quantities and, if asked for, the library at its null.
+    ok: (n, outputs) of each record, the values that count: read, and not spikes.
+    compiled: the equations, with the record-level quantities and, if requested, the library at its null.
     level: the record-level quantities.
-    shared: the unknowns that all records have in common.
+    shared: the unknowns common to all records.
     local: those of each record.
     whiteners: of each record.
-    base: (parameters) what the system's parameters are where no unknown says otherwise.
-    starts: of each record, the state at its beginning where no unknown says otherwise.
-    signal: (n, outputs) of each record, the values without noise, which noise proportional to the value
-        follows: as a fit has found them; None for what was measured.
-    scatter: (n, outputs, k) of each record, what varies beside its noise and is no unknown, of one standard
-        deviation each: see `rigctl.noise.whitening.Whitener.with_scatter`; None where that is not known yet.
-    grown: (n, outputs) of each record, the standard deviation of the noise of each reading, SI, where that
-        grows with what is measured; None where it does not.
-    extra: (outputs) of each record, standard deviation of what the noise of measured inputs adds to that of
-        the outputs, SI; None where that is nothing.
+    base: (parameters) values of the system's parameters that are not unknowns.
+    starts: of each record, the initial state as far as it is not unknown.
+    signal: (n, outputs) of each record, the noise-free values to which proportional noise refers, from a fit;
+        None for the measured ones.
+    scatter: (n, outputs, k) of each record, scatter besides the noise that is not an unknown, for one
+        standard deviation each: see `rigctl.noise.whitening.Whitener.with_scatter`; None if not yet known.
+    grown: (n, outputs) of each record, the standard deviation of the noise of each reading, SI, if it depends
+        on the measured value; else None.
+    extra: (outputs) of each record, standard deviation of the contribution of measured inputs' noise to that
+        of the outputs, SI; None if there is none.
     """
 
     model: Model
@@ -122,10 +122,10 @@ class Problem:
 
     @cached_property
     def content(self) -> tuple[object, ...]:
-        """Everything that its residuals and their derivatives depend on, as `rigctl.engine.kept` compares it.
+        """Everything on which its residuals and their derivatives depend, for comparison by
+        `rigctl.engine.kept`.
 
-        What the model and the records are called does not count. Of a problem with a simulation of its own it
-        cannot be known.
+        Names of the model and the records do not count. Unknown for a problem with a simulation of its own.
         """
         if type(self) is not Problem:
             return (self.simulate,)
@@ -144,25 +144,25 @@ class Problem:
 
     @cached_property
     def local_names(self) -> tuple[str, ...]:
-        """Every record-level unknown that some record has, each once, the starts left out."""
+        """Every record-level unknown of any record, each once, without the initial states."""
         return tuple(
             dict.fromkeys(one.name for unknowns in self.local for one in unknowns if one.kind != "start")
         )
 
     @cached_property
     def initial_names(self) -> tuple[str, ...]:
-        """Every state whose start some record has as an unknown, each once."""
+        """Every state whose initial value is unknown in some record, each once."""
         return tuple(
             dict.fromkeys(one.name for unknowns in self.local for one in unknowns if one.kind == "start")
         )
 
     def rebuilt(self, model: Model, *, library: bool = False, progress: Progress | None = None) -> Problem:
-        """The same data for another model; with `library`, every other effect is there at its null.
+        """The same data for another model; with `library`, every other effect is included at its null.
 
         Raises
         ------
         RigctlError
-            an effect's term does not fit.
+            an effect's term cannot be added.
         """
         made = self.for_model(model, library=library, whiteners=self.whiteners, progress=progress)
         return replace(made, signal=self.signal, scatter=self.scatter, extra=self.extra)
@@ -178,15 +178,15 @@ class Problem:
         grown: tuple[Floats, ...] | None = None,
         progress: Progress | None = None,
     ) -> Problem:
-        """Another model on the same measurements, or another noise; nothing else that a fit found is kept.
+        """Another model on the same measurements, or another noise; no other result of a fit is kept.
 
-        Everything else that is asked of other equations goes through here, and `simulate` is all that asks
-        the equations themselves.
+        All changes of the equations go through this method, and `simulate` is the only access to the
+        equations.
 
         Raises
         ------
         RigctlError
-            an effect's term does not fit.
+            an effect's term cannot be added.
         """
         return make_problem(
             model,
@@ -200,9 +200,9 @@ class Problem:
         )
 
     def with_signal(self, outputs: Sequence[Floats]) -> Problem:
-        """The same, with noise that is a share of the value taken as that share of the model's `outputs`.
+        """The same, with proportional noise referred to the model's `outputs`.
 
-        A share of what was measured would bring the noise into the weights, and by them into every
+        Referred to the measured values, it would bring their noise into the weights, and so into every
         derivative.
         """
         if not any(channel.share for channel in self.noise.channels):
@@ -210,9 +210,10 @@ class Problem:
         return replace(self, signal=tuple(outputs)).whitened()
 
     def scattered(self, shared: Floats, local: Sequence[Floats]) -> Problem:
-        """The same, with what varies beside the noise and is no unknown, as it acts on the outputs here.
+        """The same, with the scatter besides the noise that is not an unknown, by its effect on the outputs
+        here.
 
-        These are the times of switches in records that have many of them.
+        It consists of the times of switches in records with many of them.
         """
         named = [scattered(record) for record in self.records]
         if not any(names for names, _ in named):
@@ -227,7 +228,7 @@ class Problem:
         return replace(self, scatter=tuple(columns)).whitened()
 
     def whitened(self) -> Problem:
-        """With whiteners of its noise, for the signal, and of its scatter."""
+        """With whiteners for its noise, its signal, and its scatter."""
         signal = [record.values for record in self.records] if self.signal is None else self.signal
         extra = [None] * len(signal) if self.extra is None else self.extra
         whiteners = [
@@ -244,7 +245,7 @@ class Problem:
         return replace(self, whiteners=tuple(whiteners))
 
     def with_shared(self, shared: Sequence[Unknown], base: Floats | None = None) -> Problem:
-        """The same data with other common unknowns, and other values of the parameters beside them."""
+        """The same data with other common unknowns, and other values of the remaining parameters."""
         return replace(self, shared=tuple(shared), base=self.base if base is None else base)
 
     def only(self, indices: Iterable[int]) -> Problem:
@@ -299,8 +300,8 @@ class Problem:
         initial: bool = False,
         splines: SplineColumns = NO_SPLINES,
     ) -> Trajectories:
-        """The model's outputs, with derivatives by `columns`, by the shapes of terms, and, if wanted, by the
-        records' starts."""
+        """The model's outputs, with derivatives by `columns`, by the shapes of terms and, if requested, by
+        the initial states."""
         moving = tuple(name for name in columns if moves_switches(name))
         plain = tuple(name for name in columns if not moves_switches(name))
         excitations = [self.excitation(index, shared, values, moving) for index, values in enumerate(local)]
@@ -313,7 +314,7 @@ class Problem:
         return simulated
 
     def parts(self, columns: int) -> list[list[int]]:
-        """The records, in order, in parts whose derivatives by so many columns are held at once."""
+        """The records, in order, in parts whose derivatives by this many columns fit into memory."""
         shares: list[list[int]] = []
         room = 0
         for index, record in enumerate(self.records):
@@ -352,7 +353,7 @@ class Problem:
 
     @cached_property
     def channels(self) -> NDArray[np.intp]:
-        """The measured outputs' places among the system's."""
+        """The indices of the measured outputs among the system's."""
         known = self.compiled.system.output_names
         return np.array([known.index(name) for name in self.measurements.outputs], dtype=np.intp)
 
@@ -371,7 +372,8 @@ class Problem:
     def excitation(
         self, index: int, shared: Floats, values: Floats, moving: Sequence[str] = ()
     ) -> Excitation:
-        """The record as the engine takes it; `moving` are the unknowns whose shifts are wanted."""
+        """The record as an excitation for the engine; `moving` are the unknowns whose time shifts are
+        needed."""
         record, system = self.records[index], self.compiled.system
         parameters, start = self.base.copy(), self.starts[index].copy()
         switching: dict[str, float] = {}
@@ -411,7 +413,8 @@ class Problem:
     def _derivatives(
         self, index: int, simulated: Trajectories, at: int, names: Sequence[str]
     ) -> tuple[Floats, Floats]:
-        """The same of its derivatives by the unknowns `names` and by its own; it is the `at`-th simulated."""
+        """Its derivatives, whitened, by the unknowns `names` and by its own; it is the `at`-th simulated
+        one."""
         white = self.whiteners[index](np.take(simulated.sensitivities[at], self.channels, axis=1))
         place = {name: k for k, name in enumerate(simulated.columns)}
         record_local = [place[one.name] for one in self.local[index]]
@@ -429,18 +432,18 @@ def make_problem(
     grown: tuple[Floats, ...] | None = None,
     progress: Progress | None = None,
 ) -> Problem:
-    """A model on its data; with `library`, every other effect is there at its null.
+    """A model on its data; with `library`, every other effect is included at its null.
 
     Parameters
     ----------
-    whiteners: of the same data, where there are some already.
-    grown: (n, outputs) of each record, SI, σ of each reading where that is known; by the smoothed course of
-        the readings where the noise grows and it is not given.
+    whiteners: of the same data, if they exist already.
+    grown: (n, outputs) of each record, SI, σ of each reading if known; by default from the smoothed readings,
+        if the noise depends on the measured value.
 
     Raises
     ------
     RigctlError
-        an effect's term does not fit.
+        an effect's term cannot be added.
     """
     level, settings = level_of_rows(record_level(model.family), measurements)
     unrecorded = list(measurements.unrecorded)
@@ -496,25 +499,25 @@ def make_problem(
 
 
 def _same(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
-    """Whether two are equal; of what holds arrays, only what is the same object."""
+    """Whether two are equal; objects that hold arrays only if they are identical."""
     try:
         return bool(one == other)
     except ValueError:
         return False
 
 
-#: the last systems that were compiled here, with what they were made of
+#: the last systems compiled in this process, with their arguments
 _COMPILED: list[tuple[tuple[Any, ...], CompiledSystem]] = []
 _MOST_COMPILED = 6
 
 
 def _compiled(made_of: tuple[Any, ...], progress: Progress | None) -> CompiledSystem:
-    """The system of a family, effects, bench, parameters, oil, own effects and unrecorded inputs, compiled.
+    """The compiled system of a family, effects, bench, parameters, oil, own effects and unrecorded inputs.
 
-    To write its equations and their derivatives takes as long as to fit a few records: many runs looked at
-    with one model have it once.
+    Deriving its equations takes as long as fitting a few records: many runs evaluated with one model share
+    it.
     """
-    for known, compiled in tuple(_COMPILED):  # other threads may compile meanwhile
+    for known, compiled in tuple(_COMPILED):  # other threads may be compiling
         if _same(known, made_of):
             return compiled
     family, effects, rig, parameters, oil, own_effects, unrecorded = made_of
@@ -536,7 +539,7 @@ def _compiled(made_of: tuple[Any, ...], progress: Progress | None) -> CompiledSy
 def _grown(
     noise: NoiseModel, records: Sequence[MeasuredRecord], ok: Sequence[NDArray[np.bool_]]
 ) -> tuple[Floats, ...] | None:
-    """(n, outputs) σ of each reading by the smoothed course of its record; None where one holds for all."""
+    """(n, outputs) σ of each reading from the smoothed values of its record; None if it is constant."""
     if all(channel.law is None for channel in noise.channels):
         return None
     return tuple(

@@ -1,7 +1,7 @@
-"""What rows of a table that were set alike have in common: the error of the setting, an unknown of each.
+"""An unknown for each setting of a table: the error of the setting, shared by the rows set alike.
 
-A gauge that reads wrong, or a valve that was turned a little too far, shifts every row of one setting alike.
-Such levels say nothing of what changes at one setting, which is what such a table is good for.
+A gauge that reads wrong, or a valve turned a little too far, shifts every row of one setting alike. Such
+levels say nothing about changes at one setting, which are what such a table shows well.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from rigctl.model.fit.unknowns import setting_unknowns
 from rigctl.model.measured.record import Measurements
 from rigctl.model.measured.table import column, set_variable
 
-#: set values closer to one another than this share of the largest are one setting
+#: set values that differ by less than this share of the largest are one setting
 _SAME = 0.01
 
 
 def level_of_rows(level: RecordLevel, measurements: Measurements) -> tuple[RecordLevel, list[Unknown]]:
     """The record-level quantities with a level for each setting of a table, and these as unknowns.
 
-    Measurements with a course in time, and families in which nothing is set by hand, have none.
+    Measurements over time, and families in which nothing is set by hand, have none.
     """
     if level.setting is None or not measurements.table:
         return level, []
@@ -36,29 +36,29 @@ def level_of_rows(level: RecordLevel, measurements: Measurements) -> tuple[Recor
 
 
 def set_values(measurements: Measurements, setting: Setting) -> np.ndarray:
-    """(rows) what was set for each row, SI; values that are meant to be the same are."""
+    """(rows) the set value of each row, SI; values meant to be the same are equal."""
     index = measurements.inputs.index(setting.input)
     values = [float(record.inputs[-1, index]) for record in measurements.records]
     return np.array(cluster(values, _SAME * max(map(abs, values))))
 
 
 def setting_std(measurements: Measurements, setting: Setting) -> float:
-    """How far a setting may be off, as a share: what the rig says of it, or more where the rows show more."""
+    """Relative uncertainty of a setting: from the rig file, or larger if the rows show more."""
     usual = setting.std(measurements.rig)
     shown = setting_scatter(measurements, setting)
     return usual if shown is None else math.hypot(usual, shown)
 
 
 def setting_scatter(measurements: Measurements, setting: Setting) -> float | None:
-    """How far the settings seem to be off, as a share, without any model of the bench.
+    """Relative scatter of the settings, estimated without any model of the bench.
 
-    With ȳ_k the mean logarithm of what was read at setting u_k, rows of the same other conditions taken at
-    every setting, the line ``ȳ = a + b·ln u`` leaves residuals e of n settings; a setting that is off by
-    the share s moves ȳ by b·s, so ``s² = Σ e²/((n − 2)·b²)``.
+    With ȳ_k the mean logarithm of the readings at setting u_k, over rows with other conditions that occur at
+    every setting, the line ``ȳ = a + b·ln u`` leaves residuals e for n settings; a relative error s of a
+    setting shifts ȳ by b·s, so ``s² = Σ e²/((n − 2)·b²)``.
 
     Returns
     -------
-    None where fewer than three settings have rows in common, or what was read does not follow the setting.
+    None if fewer than three settings have rows in common, or the readings do not follow the setting.
     """
     u = set_values(measurements, setting)
     y = column(measurements, 0)

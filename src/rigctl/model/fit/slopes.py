@@ -1,11 +1,12 @@
-"""Derivatives of records of which one integration has spoilt some.
+"""Replace inaccurate derivatives of some records.
 
-The derivatives are those of the steps taken. Where a fast oscillation is passed over by steps as long
-as the tolerance allows, the outputs are right and the steps' own derivatives may grow from one step to the
-next: too large by orders of magnitude in one record of many, and a fit then moves nothing any more.
+Derivatives are those of the integration steps taken. If a fast oscillation is skipped by steps as long as the
+tolerance allows, the outputs are right, but the steps' own derivatives may grow from one step to the next:
+too large by orders of magnitude in one record of many, and a fit then stalls.
 
-An oscillation that the steps do follow makes derivatives that are as large and right: what shifts its phase
-moves every sample. The two are told apart by somewhat finer steps, which leave right ones nearly as they are.
+An oscillation that the steps do resolve has derivatives that are as large and right, because a phase shift
+moves every sample. The two cases are distinguished by somewhat finer steps, which hardly change correct
+derivatives.
 """
 
 from __future__ import annotations
@@ -27,16 +28,16 @@ from rigctl.engine.trajectories import Trajectories
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-#: times the median over the records; the conditions of a campaign make some ten
+#: ratio to the median over the records; the conditions of a campaign cause ratios of up to ten or so
 _BEYOND = 100.0
-#: columns that are beyond together: one alone may belong to an effect that acts in few records
+#: least number of such columns: a single one may belong to an effect that acts in few records
 _TOGETHER = 2
-#: records from which on one can be told from the others
+#: least number of records for a comparison
 _FEWEST = 4
-#: finer steps, half as many again, under which right derivatives stay as they are
+#: tolerance of finer steps, half as many again, under which correct derivatives stay unchanged
 _FINER = Tolerance(relative=0.3 * DEFAULT.relative, absolute=0.3 * DEFAULT.absolute)
-#: share of its length by which such a column may change: right ones have changed by 0.3 at most, spoilt ones
-#: by 4 at least
+#: largest relative change of such a column: correct ones have changed by at most 0.3, inaccurate ones by at
+#: least 4
 _STAYS = 0.7
 
 
@@ -48,10 +49,10 @@ def simulate_soundly(
     shift_columns: Sequence[str] = (),
     splines: SplineColumns = NO_SPLINES,
 ) -> Trajectories:
-    """As `simulate`; records whose derivatives are spoilt have those of a tight integration.
+    """As `simulate`; records with inaccurate derivatives get those of an integration with tight tolerance.
 
-    Those that only look it have the derivatives of the finer steps that told so. Either is made when one of
-    them is first asked for: a fit that takes its step back asks for none.
+    Suspects that prove correct get the derivatives of the finer steps used for the test. Either is computed
+    only when a derivative is first used: a fit that rejects its step uses none.
     """
     how: dict[str, Any] = {
         "columns": columns,
@@ -71,7 +72,7 @@ def simulate_soundly(
 
 
 class _Mended(Sequence[Floats]):
-    """Derivatives of all records; those of the `suspects` are looked into when one is first asked for."""
+    """Derivatives of all records; those of the `suspects` are tested when one is first used."""
 
     def __init__(
         self,
@@ -109,7 +110,7 @@ class _Mended(Sequence[Floats]):
         self._suspects = {}
 
     def _integrated(self, indices: Sequence[int], tolerance: Tolerance) -> list[tuple[int, Floats | None]]:
-        """Each with its derivatives; None where it could not be integrated."""
+        """Each with its derivatives; None if it could not be integrated."""
         if not indices:
             return []
         found = self._again(indices, tolerance)
@@ -120,7 +121,7 @@ class _Mended(Sequence[Floats]):
 
 
 def _stay(coarse: Floats, finer: Floats) -> bool:
-    """Whether (samples, columns) are nearly what they are with finer steps."""
+    """Whether (samples, columns) are nearly the same with finer steps."""
     if not (np.isfinite(coarse).all() and np.isfinite(finer).all()):
         return False
     changes, lengths = (np.linalg.norm(one, axis=0) for one in (finer - coarse, finer))
@@ -129,8 +130,8 @@ def _stay(coarse: Floats, finer: Floats) -> bool:
 
 
 def beyond_the_others(simulated: Trajectories) -> dict[int, Flags]:
-    """The places of records whose derivatives are far beyond the others' in several columns at once, and
-    (outputs, columns) of which."""
+    """The indices of records whose derivatives far exceed the others' in several columns at once, with
+    (outputs, columns) flags."""
     if len(simulated.sensitivities) < _FEWEST:
         return {}
     sizes = np.array([_sizes(slopes) for slopes in simulated.sensitivities])
@@ -142,6 +143,6 @@ def beyond_the_others(simulated: Trajectories) -> dict[int, Flags]:
 
 
 def _sizes(slopes: Floats) -> Floats:
-    """(outputs, columns) the largest of a record; what is not a number is beyond everything."""
+    """(outputs, columns) the largest magnitude in a record; infinite for values that are not numbers."""
     largest = np.abs(slopes).max(axis=0, initial=0.0)
     return np.where(np.isfinite(largest), largest, np.inf)

@@ -1,9 +1,9 @@
-"""Times of switches whose costs have several minima, tried one after the other.
+"""Grid search over the times of switches whose costs have several minima, one after the other.
 
-Where the plant answers a switch much faster than it is sampled, the cost is flat in the time of the switch
-but for a jump where it passes a sample: the first sample after it has answered already, or has not. A fit by
-derivatives stays on the side where it began. So each time is tried over its whole interval, everything else
-held, which costs a few simulations without derivatives.
+If the plant responds to a switch much faster than it is sampled, the cost is flat in the time of the switch
+except for a jump where it passes a sample: the first sample after it has responded already, or not. A
+gradient-based fit stays on the side where it started. So each time is tried over its whole interval with
+everything else fixed, at the cost of a few simulations without derivatives.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from rigctl.model.fit.switching import HABITS, moves_switches, switch_name, swit
 
 Floats = NDArray[np.float64]
 
-#: where each time is tried, as shares of what it may be off
+#: trial values of each time, as shares of its uncertainty
 _TRIED = (-1.0, -0.5, 0.0, 0.5, 1.0)
-#: by so many units of χ² a record must become better for a time to be taken
+#: least reduction of a record's χ² for a time to be adopted
 _BETTER = 1.0
-#: how often times are tried and the fit is made again, at the most
+#: largest number of scans and refits
 _SCANS = 3
-#: what is held may move by this share of its size
+#: fixed unknowns may move by this share of their size
 _HELD = 1e-4
 
 
 def with_best_switches(problem: Problem, result: LeastSquaresResult, options: Options) -> LeastSquaresResult:
-    """The fit made again from the times of switches that a scan prefers, as long as that makes it better.
+    """The fit repeated from the switch times preferred by a scan, as long as that improves it.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def with_best_switches(problem: Problem, result: LeastSquaresResult, options: Op
         values, local, moved = scanned_switches(problem, result.values, result.local)
         try:
             again = _refitted(problem, values, local, options)
-        except RigctlError:  # the model has no value there: the fit stands
+        except RigctlError:  # the model cannot be simulated there: the fit is kept
             break
         better = result.cost - again.cost
         if better > 0.0:
@@ -67,10 +67,10 @@ def with_best_switches(problem: Problem, result: LeastSquaresResult, options: Op
 def _refitted(
     problem: Problem, values: Floats, local: Sequence[Floats], options: Options
 ) -> LeastSquaresResult:
-    """Fitted from there, first with the times of switches held.
+    """Fitted from there, first with the switch times fixed.
 
-    A time that lies just beside a sample is a wall to the steps of all that is fitted with it, and they
-    become too short to get anywhere.
+    A time just beside a sample is a barrier to the steps of all unknowns fitted with it, which become too
+    short to make progress.
     """
     shared = started(problem.shared, values)
     record_local = [
@@ -97,15 +97,15 @@ def _held(one: Unknown) -> Unknown:
 def scanned_switches(
     problem: Problem, shared: Floats, local: Sequence[Floats]
 ) -> tuple[Floats, tuple[Floats, ...], bool]:
-    """The unknowns with each time of a switch where its record is fitted best; whether any moved.
+    """The unknowns with each switch time where its record is fitted best; whether any moved.
 
-    What the times of a kind have in common is given to the logger's habit first: the times stay, and only the
-    priors speak.
+    A common shift of the times of a kind is first moved to the logger's habit: the times stay, and only the
+    priors change.
 
     Parameters
     ----------
-    shared: (shared) of `problem.shared`; but for the habits they are held.
-    local: the unknowns of each record; all but the time that is tried are held.
+    shared: (shared) of `problem.shared`; fixed except for the habits.
+    local: the unknowns of each record; all are fixed except the time that is tried.
     """
     best = [np.array(values) for values in local]
     times = [[k for k, one in enumerate(each) if one.kind == "switch"] for each in problem.local]
@@ -135,10 +135,10 @@ def scanned_switches(
 def _shared_out(
     problem: Problem, shared: Floats, local: Sequence[Floats]
 ) -> tuple[Floats, list[Floats], bool]:
-    """The same times of switches, shared out between habit and switch as their priors have it.
+    """The same switch times, divided between habit and switch according to their priors.
 
-    Of ``(w + δ)²/s_w² + Σ (d_k − 2h_k·δ)²/s_k²`` the minimum over δ, within the bounds: a fit by derivatives
-    may not get along this valley, where the cost jumps beside it.
+    Minimises ``(w + δ)²/s_w² + Σ (d_k − 2h_k·δ)²/s_k²`` over δ, within the bounds: a gradient-based fit may
+    not move along this valley, beside which the cost jumps.
     """
     values, record_local = shared.copy(), [np.array(each) for each in local]
     gained = 0.0
@@ -163,8 +163,8 @@ def _shared_out(
 
 
 def _members(problem: Problem, habit: str) -> list[tuple[int, int, float]]:
-    """Record, place among its unknowns and ∂t/∂w (s) of each switch that `habit` moves; none where switches
-    of several habits share an unknown."""
+    """Record, index among its unknowns and ∂t/∂w (s) of each switch that `habit` moves; none if switches with
+    different habits share an unknown."""
     members = []
     for number, (record, record_local) in enumerate(zip(problem.records, problem.local, strict=True)):
         moved = switch_shifts(record, [habit])[:, 0] if habit in HABITS else np.zeros(0)
@@ -180,7 +180,7 @@ def _members(problem: Problem, habit: str) -> list[tuple[int, int, float]]:
 
 
 def _at(unknowns: Sequence[Unknown], values: Floats, index: int | None, share: float) -> Floats:
-    """`values` with the one at `index` tried at `share` of what it may be off."""
+    """`values` with the one at `index` tried at `share` of its uncertainty."""
     if index is None:
         return values
     tried = values.copy()
@@ -191,7 +191,7 @@ def _at(unknowns: Sequence[Unknown], values: Floats, index: int | None, share: f
 
 
 def _costs(problem: Problem, shared: Floats, local: Sequence[Floats]) -> Floats | None:
-    """(records) χ² of each record with the priors of its unknowns; None where the model has no value."""
+    """(records) χ² of each record with the priors of its unknowns; None if the model cannot be simulated."""
     blocks = problem.evaluate(shared, local, False)
     if isinstance(blocks, Refused):
         return None

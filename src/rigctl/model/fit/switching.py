@@ -1,13 +1,14 @@
-"""When commands acted, where a logger wrote them down beside its samples.
+"""The times at which commands acted, if a logger recorded them together with its samples.
 
-A command that is first seen beside sample k was given after sample k − 1: its time is known to within one
-interval, ``t = m + 2h·w + d``, m the interval's middle, h its half-width. w is the logger's habit, the same
-for every switch of a kind in a campaign: at the sample before, between the two, or after the sample it is
-written beside (−½, 0, ½; up to 3/2 where commands are written a sample early). Kinds are switches to more, to
-less and to 0: what a host switches on, a board's clock may switch off. d is each switch's own. Both have the
-variance of a uniform distribution over the interval as their prior, and both have exact derivatives: see
-`rigctl.engine.excitation.Excitation.shifts`. A record with many switches has one d for all of them, and what
-each has beside it is part of the noise: a hundred unknowns would be slow, and of no use to anyone.
+A command first recorded with sample k was given after sample k − 1: its time is known to within one interval,
+``t = m + 2h·w + d``, m the interval's midpoint, h its half-width. w is the logger's habit, the same for every
+switch of a kind in a campaign: the command acted at the preceding sample, between the two, or at the sample
+with which it is recorded (−½, 0, ½; up to 3/2 if commands are recorded a sample early). Kinds are switches to
+a larger value, to a smaller one and to 0: switches on by a host, for example, and off by a board's clock. d
+is each switch's own. Both have the variance of a uniform distribution over the interval as their prior, and
+both have exact derivatives: see `rigctl.engine.excitation.Excitation.shifts`. A record with many switches has
+one d for all of them, and the rest of each is part of the noise: a hundred unknowns would be slow and
+useless.
 """
 
 from __future__ import annotations
@@ -25,31 +26,31 @@ from rigctl.model.measured.record import MeasuredRecord, Measurements
 
 Floats = NDArray[np.float64]
 
-#: the logger's habits, unknowns of all records, in sampling intervals
+#: the logger's habits, unknowns common to all records, in sampling intervals
 HABITS = tuple(qualified(RECORD, name) for name in SWITCHING)
-#: what moves every switch of one record alike, s
+#: common shift of all switches of one record, s
 ALL = qualified(RECORD, "switches")
-#: a record with more switches has no unknown for each
+#: largest number of switches with an unknown each
 MOST_SWITCHES = 6
 
-#: so many of a record's switches scatter at the most
+#: largest number of a record's switches whose times scatter
 _MOST_SCATTERED = 60
 #: standard deviation of a uniform distribution, in half-widths
 _UNIFORM = 1.0 / math.sqrt(3.0)
 
 
 def switch_name(k: int) -> str:
-    """What the unknown of a record's switch k is called."""
+    """The name of the unknown of a record's switch k."""
     return qualified(RECORD, f"switch_{k}")
 
 
 def moves_switches(name: str) -> bool:
-    """Whether an unknown of this name moves the times of commands, and nothing else."""
+    """Whether an unknown with this name moves only the times of commands."""
     return name in HABITS or name == ALL or name.startswith(switch_name(0)[:-1])
 
 
 def habit_unknowns(measurements: Measurements) -> list[Unknown]:
-    """The logger's habits, of the kinds of switches whose times are not exact."""
+    """The logger's habits, for the kinds of switches whose times are not exact."""
     seen = {HABITS[kind] for r in measurements.records for kind in r.switch_kinds[r.rough_switches]}
     return [
         Unknown(name, 0.0, -0.5, 1.5, scale=0.5, prior=Prior(0.0, 0.5 * _UNIFORM))
@@ -59,7 +60,7 @@ def habit_unknowns(measurements: Measurements) -> list[Unknown]:
 
 
 def switch_unknowns(record: MeasuredRecord) -> list[Unknown]:
-    """What moves each switch of a record, or all of them where there are many; in s."""
+    """The time shifts of the switches of a record, or of all of them together if there are many; s."""
     indices = record.rough_switches
     if not indices.size:
         return []
@@ -73,7 +74,7 @@ def _moved_by(name: str, half: float) -> Unknown:
 
 
 def switch_shifts(record: MeasuredRecord, names: Sequence[str]) -> Floats:
-    """(switches, names) by how much each quantity moves each switch, s per unit of it."""
+    """(switches, names) the shift of each switch by each quantity, s per unit of it."""
     shifts = np.zeros((record.switch_times.size, len(names)))
     indices = record.rough_switches
     for column, name in enumerate(names):
@@ -89,9 +90,9 @@ def switch_shifts(record: MeasuredRecord, names: Sequence[str]) -> Floats:
 
 
 def scattered(record: MeasuredRecord) -> tuple[tuple[str, ...], Floats]:
-    """The switches of a record that are no unknowns, and the standard deviations of their times, s.
+    """The switches of a record that are not unknowns, and the standard deviations of their times, s.
 
-    They are those whose commands change most where there are very many.
+    If there are very many, those whose commands change most.
     """
     indices = record.rough_switches
     if indices.size <= MOST_SWITCHES:
@@ -104,7 +105,7 @@ def scattered(record: MeasuredRecord) -> tuple[tuple[str, ...], Floats]:
 
 
 def moved_times(record: MeasuredRecord, values: dict[str, float]) -> Floats:
-    """When the commands acted, for values of the quantities that move them: none before the first."""
+    """The times at which the commands acted, for given values of the shifts: none before the first."""
     if not values:
         return record.switch_times
     moved = record.switch_times + switch_shifts(record, tuple(values)) @ np.array(list(values.values()))

@@ -1,4 +1,4 @@
-"""What a fit looks for: the model's free parameters, and what belongs to each record."""
+"""The unknowns of a fit: the model's free parameters, and those of each record."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.model import Model
 from rigctl.physics.units import si_unit
 
-#: a parameter's bounds where its declaration has none, as factors of its value
+#: bounds of a parameter without declared ones, as factors of its value
 _NARROW, _WIDE = 0.05, 20.0
-#: Pa above the surroundings that no closed chamber falls below: its oil breaks up before
+#: lower limit of the pressure in a closed chamber, Pa relative to the surroundings: the oil cavitates before
 _VACUUM = -0.5e5
 
 
 @dataclass(frozen=True)
 class LocalUnknown:
-    """An unknown of one record: of the record-level effect, the start of a state, or when commands acted."""
+    """An unknown of one record: of the record-level effect, an initial state, or the time of commands."""
 
     name: str
     unknown: Unknown
@@ -83,24 +83,24 @@ def effect_unknown(effect: Effect, name: str, start: float | None = None) -> Unk
 
 
 def setting_unknowns(level: RecordLevel, std: float) -> list[Unknown]:
-    """What every row of a table that was set alike has in common; see `RecordLevel.with_settings`."""
+    """The levels shared by all rows of a table that were set alike; see `RecordLevel.with_settings`."""
     return [Unknown(name, 0.0, scale=std, prior=Prior(0.0, std)) for name in level.setting_names]
 
 
 def local_unknowns(
     level: RecordLevel, record: MeasuredRecord, measurements: Measurements, starts: Mapping[str, float]
 ) -> tuple[LocalUnknown, ...]:
-    """The unknowns of one record, with what is known of each before; `found` is where its states start."""
+    """The unknowns of one record, with their priors; `starts` are the initial states."""
     unknowns = []
     for quantity in level.quantities:
         if record.row and quantity.cancels:
             continue
         unknowns.append(LocalUnknown(quantity.name, _quantity(quantity, measurements)))
-    if not record.row:  # those of rows are common to all of them
+    if not record.row:  # rows share theirs
         unknowns += [LocalUnknown(one.name, one) for one in _deviations(record)]
     unknowns += [LocalUnknown(one.name, one, "switch") for one in switch_unknowns(record)]
     for start in level.starts:
-        if record.row and start.how == "rest":  # what a row says is counted from there
+        if record.row and start.how == "rest":  # the values of a row are relative to that
             continue
         one = _start(start, record, measurements, starts)
         if one is not None:
@@ -109,10 +109,10 @@ def local_unknowns(
 
 
 def unrecorded_unknowns(measurements: Measurements) -> list[Unknown]:
-    """The inputs that nobody recorded: what each is in all records, as likely as anything it could be.
+    """The unrecorded inputs: the common value of each in all records, uniform over its range.
 
     A record's own value is that and a deviation, ``u_i = m + d_i``. Independent values would each be drawn to
-    the middle of the range, which many records that all stand at its end contradict.
+    the middle of the range, contrary to many records that are all at its end.
     """
     unknowns = []
     for name, (low, high) in measurements.unrecorded.items():
@@ -124,9 +124,9 @@ def unrecorded_unknowns(measurements: Measurements) -> list[Unknown]:
 
 
 def _deviations(record: MeasuredRecord) -> list[Unknown]:
-    """By how much the inputs that nobody recorded differ in this record from what they are in all of them.
+    """The deviations of this record's unrecorded inputs from the common values.
 
-    Noise may carry their sum beyond the range: were it held there, the noise of one sign alone would be left.
+    Noise may carry the sum beyond the range: held there, only noise of one sign would remain.
     """
     return [
         Unknown(
@@ -167,21 +167,21 @@ def _start(
 
 
 def _set(start: Start, record: MeasuredRecord, measurements: Measurements) -> Unknown | None:
-    """What a closed valve keeps of a setting: of this record's, or of an earlier one that was higher."""
+    """The part of a setting that a closed valve retains: of this record's, or of a higher earlier one."""
     index = measurements.inputs.index(start.input)
     given = float(record.inputs[0, index])
     std, mean = start.spread * given, start.share * given
     if std <= 0.0:
         return None
     reading = _first(start.state, record, measurements)
-    if math.isfinite(reading):  # the setting says nothing beside it
+    if math.isfinite(reading):  # a reading overrides the setting
         return Unknown(start.state, reading, min(_VACUUM, reading), scale=std)
     highest = max(float(each.inputs[:, index].max()) for each in measurements.records)
     return Unknown(start.state, mean, _VACUUM, 1.2 * highest, scale=std, prior=Prior(mean, std))
 
 
 def _first(state: str, record: MeasuredRecord, measurements: Measurements) -> float:
-    """What the channel of a state first reads; NaN where there is none."""
+    """The first reading of a state's channel; NaN if there is none."""
     if state not in measurements.outputs:
         return math.nan
     return first_reading(record, measurements.outputs.index(state))
@@ -194,7 +194,7 @@ def start_values(
     usual: dict[str, float],
     parameters: Mapping[str, float],
 ) -> dict[str, float]:
-    """The state at the start of a record, where its unknowns do not say otherwise."""
+    """The initial state of a record, as far as it is not unknown."""
     values = dict(usual)
     for start in level.starts:
         if start.state not in values:

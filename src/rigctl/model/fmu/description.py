@@ -1,4 +1,4 @@
-"""``modelDescription.xml``: what another simulator has to know of a slave."""
+"""``modelDescription.xml``: what another simulator must know about a slave."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def model_description(
     identifier: the name of its shared library.
     version: of rigctl.
     states, inputs: at the start, SI.
-    meanings: what a variable is, by name.
+    meanings: description of each variable, by name.
     """
     root = ET.Element(
         "fmiModelDescription",

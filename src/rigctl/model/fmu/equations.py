@@ -21,7 +21,7 @@ _FUNCTIONS: Final = {
 #: arrays that a function writes
 _WRITTEN: Final = ("value", "jacobian")
 _OPERATORS: Final = ("+", "-", "*", "/")
-#: the error of a state is held against so much of its scale, where the tolerance is 1
+#: scale of a state relative to which its error is controlled, for a tolerance of 1
 _SCALE: Final = 1.0
 
 

@@ -1,4 +1,4 @@
-"""Write a model as an FMU: description, C sources, and the library that a compiler makes of them here."""
+"""Write a model as an FMU: description, C sources, and the library compiled from them on this computer."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _DATE: Final = (1980, 1, 1, 0, 0, 0)
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written: sizes, and the platform that a library was made for; None for sources alone."""
+    """The result: sizes, and the platform of the compiled library; None for sources alone."""
 
     path: Path
     states: int
@@ -54,8 +54,8 @@ def export_fmu(model: Model, path: Path, *, sources_only: bool = False) -> Expor
 
     Its inputs are those of the family, its parameters those that a fit can change, each with the model's
     value, its outputs the channels of the rig. All values are SI. An FMU holds its inputs between two
-    communication points, and integrates with its own method to a relative tolerance of 1e-8, or the one that
-    the simulator asks for.
+    communication points, and integrates with its own method to a relative tolerance of 1e-8, or the one
+    requested by the simulator.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def export_fmu(model: Model, path: Path, *, sources_only: bool = False) -> Expor
 
 
 def _start(model: Model) -> tuple[dict[str, float], list[float]]:
-    """States by name and inputs in order at the start: what the rig's simulation says, nothing commanded."""
+    """Initial states by name and inputs in order: from the rig's simulation section, nothing commanded."""
     effects = [model.effect(name) for name in sorted(model.effects)]
     if model.rig is None:
         return initial_state(model.family, effects), [item.value for item in model.family.inputs]
@@ -135,7 +135,7 @@ def _platform() -> tuple[str, str]:
 
 
 def _compiled(files: Mapping[str, bytes], library: str) -> bytes:
-    """The shared library that this computer's C compiler makes of the sources.
+    """The shared library made from the sources by this computer's C compiler.
 
     Raises
     ------

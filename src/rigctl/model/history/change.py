@@ -1,4 +1,4 @@
-"""What was done to a model, and what it did to the error."""
+"""A change of a model, and its effect on the error."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ Kind: TypeAlias = Literal["start", "fit", "add", "remove", "set", "edit"]
 
 @dataclass(frozen=True)
 class ModelError:
-    """How far a model is from what was measured.
+    """The error of a model.
 
     Attributes
     ----------
     rmse: root mean square error of each channel, in its unit of `units`, on the records it was fitted to.
     heldout_rmse: the same on the records that were held out; empty when none were.
     chi2_reduced: squared error in units of the noise, per degree of freedom.
-    noise: the standard deviation of each channel's noise, as far as it is known: no model comes below it.
+    noise: the standard deviation of each channel's noise, if known: the lower limit of the error.
     """
 
     rmse: Mapping[str, float]
@@ -57,7 +57,7 @@ class ModelError:
 
     @staticmethod
     def of_document(written: Mapping[str, Any]) -> ModelError:
-        """What `document` wrote; a figure that was not finite is left out."""
+        """The object that `document` describes; a figure that was not finite is left out."""
         return ModelError(
             rmse=_numbers(written["rmse"]),
             heldout_rmse=_numbers(written["heldout_rmse"]),
@@ -73,17 +73,17 @@ def _numbers(written: Mapping[str, float | None]) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Change:
-    """What made a version of a model out of the one before.
+    """The change that made a version of a model from the previous one.
 
     Attributes
     ----------
-    kind: "start" is the file as it was first met, "set" has values set by hand, "edit" was written by hand.
-    effect: what was added or removed.
-    runs, only, hold_out: the runs that it was fitted to, and the expressions for the records that were chosen
-        of them (all when empty), and for those that were held out.
-    assume: ``name=value`` of inputs that these runs themselves do not tell.
+    kind: "start" is the first version of a file, "set" has values set by hand, "edit" was edited by hand.
+    effect: the one added or removed.
+    runs, only, hold_out: the runs used for the fit, and the conditions that selected records from them (all
+        if empty) and held records out.
+    assume: ``name=value`` of inputs that these runs themselves do not contain.
     before, after: the error of the model before and after the change, on the same records.
-    note: anything else, in words.
+    note: further remarks.
     """
 
     kind: Kind
@@ -118,7 +118,7 @@ class Change:
 
     @staticmethod
     def of_document(written: Mapping[str, Any]) -> Change:
-        """What `document` wrote."""
+        """The object that `document` describes."""
         before, after = written["before"], written["after"]
         return Change(
             kind=written["kind"],

@@ -44,8 +44,8 @@ def save_version(
 ) -> Version:
     """Write the next version of a model file, and make it the head.
 
-    The new text is that which `model` was read from, changed to say what `model` is. A head that was edited
-    by hand since its last version is kept as a version of its own first, so that nothing is ever lost, and no
+    The new text is the one from which `model` was read, updated to describe `model`. A file that was edited
+    by hand since its last version is first kept as a version of its own, so that nothing is ever lost, and no
     version is ever changed: two programs that do this at once make two versions.
 
     Parameters
@@ -75,7 +75,7 @@ def save_version(
 
 
 def _keep(head: Path, text: str, time: datetime) -> None:
-    """Keep a text that is no version yet, as what its user made by hand."""
+    """Keep a text that is not yet a version, as edited by its user."""
     kept = store.read_versions(head)
     differs = store.how_it_differs(text, kept)
     if differs is not None:
@@ -99,7 +99,7 @@ def _write(head: Path, text: str, done: Change, parent: int | None, time: dateti
 
 
 def _values(model: Model) -> dict[str, VersionValue]:
-    """What the file states; what it leaves to the rig or the library is not in it."""
+    """The values in the file, without those left to the rig or the library."""
     return {
         stated.name: VersionValue(stated.value, stated.unit, stated.std_value, stated.fit, stated.source)
         for stated in stated_values(model)

@@ -1,6 +1,6 @@
-"""Where the versions of a model file lie: ``.history/<stem>/001.yaml`` beside it, and a JSON file with each.
+"""Storage of a model file's versions: ``.history/<stem>/001.yaml`` beside it, and a JSON file with each.
 
-A version is there when both of its files are: a program that ends between the two leaves a number unused.
+A version exists once both of its files do: a program that ends between the two leaves a number unused.
 Nothing in the folder is ever changed; `find_version` refuses a file that was.
 """
 
@@ -36,12 +36,12 @@ def digest(text: str) -> str:
 
 
 def versions(path: Path) -> tuple[Version, ...]:
-    """The versions of a model file, the oldest first; a head that is no version yet is the last of them.
+    """The versions of a model file, the oldest first; a file that is not yet a version is the last of them.
 
     Raises
     ------
     RigctlError
-        there is no such model file, or what tells of a version cannot be read.
+        there is no such model file, or a version's description cannot be read.
     """
     head, _ = split_version(Path(path))
     kept = read_versions(head)
@@ -49,7 +49,7 @@ def versions(path: Path) -> tuple[Version, ...]:
 
 
 def current_version(path: Path) -> Version:
-    """The version that the model file is now.
+    """The version of the current model file.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def read_versions(head: Path) -> tuple[Version, ...]:
     Raises
     ------
     RigctlError
-        what tells of a version cannot be read, or belongs to another model file.
+        a version's description cannot be read, or belongs to another model file.
     """
     folder = folder_of(head)
     found = tuple(
@@ -141,17 +141,17 @@ def write_version(version: Version, text: str) -> None:
 
 
 def next_number(head: Path) -> int:
-    """A number that no file of the folder has."""
+    """A number that no file in the folder has."""
     return max((int(name) for name in _names(folder_of(head))), default=0) + 1
 
 
 def version_file(head: Path, number: int) -> Path:
-    """Where version `number` lies."""
+    """The path of version `number`."""
     return folder_of(head) / f"{number:03d}.yaml"
 
 
 def how_it_differs(text: str, kept: tuple[Version, ...]) -> tuple[Change, int | None] | None:
-    """What made `text` out of the versions that are kept, and out of which; None when it is one of them."""
+    """The change from the kept versions to `text`, and from which one; None if it is one of them."""
     if not kept:
         return Change("start"), None
     if digest(text) in {version.sha256 for version in kept}:
@@ -160,7 +160,7 @@ def how_it_differs(text: str, kept: tuple[Version, ...]) -> tuple[Change, int | 
 
 
 def _head(head: Path, kept: tuple[Version, ...]) -> Iterator[Version]:
-    """The head as a version, when it is not the last one that is kept."""
+    """The current file as a version, if it is not the last one kept."""
     text = read_document(head).text
     differs = how_it_differs(text, kept)
     if differs is not None:

@@ -13,7 +13,7 @@ from rigctl.model.history.change import Change
 
 @dataclass(frozen=True)
 class VersionValue:
-    """A value that a version states, in `unit`; of a temperature scale, `std` is in kelvin."""
+    """A value stated by a version, in `unit`; for a temperature scale, `std` is in kelvin."""
 
     value: float
     unit: str
@@ -29,11 +29,11 @@ class Version:
     Attributes
     ----------
     number: counts from 1.
-    time: when it was kept; of the head that is not kept yet, when it was written.
-    done: what made it out of version `parent`.
-    file: where it lies.
-    kept: False for a head that is no version yet: it is kept as soon as something changes it.
-    values: what its file states, effects' parameters under their qualified names.
+    time: when it was kept; for a file not kept yet, when it was written.
+    done: the change from version `parent`.
+    file: its path.
+    kept: False for a file that is not yet a version: it is kept as soon as something changes it.
+    values: stated in its file, effects' parameters under their qualified names.
     sha256: of its text, line ends aside.
     """
 

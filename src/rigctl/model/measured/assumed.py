@@ -1,4 +1,4 @@
-"""What a user says of inputs that nobody recorded: ``heater=0``, ``ambient_temperature=21 degC``."""
+"""Values of unrecorded inputs given by the user: ``heater=0``, ``ambient_temperature=21 degC``."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from rigctl.model.model import Model
 from rigctl.rig.rig import Rig
 from rigctl.units import show
 
-#: where a run keeps it: {input or actuator: SI value}
+#: key under which a run keeps them: {input or actuator: SI value}
 KEY = "assumed"
-#: where a run that was opened keeps what was written of it then, beside what it says itself
+#: key for the values given when a run was opened, besides its own
 _WRITTEN = "assumed_when_opened"
 
 
 def assumed_of(run: Run) -> Mapping[str, float]:
-    """What is said of a run's inputs and actuators, SI."""
+    """The given values of a run's inputs and actuators, SI."""
     return {str(name): float(value) for name, value in (run.info.get(KEY) or {}).items()}
 
 
 def assuming(run: Run, model: Model, written: Sequence[str]) -> Run:
-    """The run with what is written of its inputs, ``name=value``, in the place of what it says itself.
+    """The run with given values of its inputs, ``name=value``, which override its own.
 
     Raises
     ------
     RigctlError
-        it is no name and value, there is no such input or actuator, or the value is none of it or lacks
-        its unit.
+        the text is not a name and a value, there is no such input or actuator, or the value is invalid or
+        lacks its unit.
     """
     if not written:
         return run
@@ -42,7 +42,7 @@ def assuming(run: Run, model: Model, written: Sequence[str]) -> Run:
 
 
 def assumed_when_opened(runs: Sequence[Run]) -> tuple[str, ...]:
-    """What was written of runs when they were opened, ``name=value``, and is not kept with them."""
+    """The values given when runs were opened, ``name=value``, which are not kept with them."""
     return tuple(dict.fromkeys(text for run in runs for text in run.info.get(_WRITTEN, ())))
 
 
@@ -57,7 +57,7 @@ def _value(name: str, text: str, model: Model) -> float:
 
 
 def input_unit(model: Model, rig: Rig | None, name: str) -> str:
-    """What an input is shown in: its channel's unit, or its SI one; a temperature in degC."""
+    """The display unit of an input: its channel's unit, or its SI one; a temperature in degC."""
     if rig is not None and name in rig.channels:
         return rig.channels[name].unit
     item = {item.name: item for item in model.family.inputs}[name]
@@ -65,7 +65,7 @@ def input_unit(model: Model, rig: Rig | None, name: str) -> str:
 
 
 def assumed_notes(model: Model, run: Run, rig: Rig | None) -> list[str]:
-    """That an input was not recorded, and what was said of it."""
+    """A note that an input was not recorded, and its given value."""
     actuators = rig.actuators if rig is not None else {}
     shown = []
     for name, value in assumed_of(run).items():

@@ -1,4 +1,4 @@
-"""A record's condition: what was set for it, and nothing that noise could have made."""
+"""A record's condition: what was set for it, excluding anything that noise could cause."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.model import Model
 from rigctl.units import show
 
-#: before a channel's name: where it began, of records that no command tells apart
+#: prefix of a channel's initial value, for records that no command distinguishes
 START = "start_"
-#: starts differ on purpose beyond this share of all that the channel reads, and so many sigmas of a reading
+#: initial values differ on purpose if by more than this share of the channel's range and this many sigmas
 _DIFFERENT, _SIGMAS = 0.05, 20.0
-#: a measured input is an operating point where records differ by so many times what varies within them
+#: a measured input is an operating point if its variation between records exceeds that within them by this
+#: factor
 _BETWEEN = 3.0
 
 
 def with_conditions(
     records: Sequence[MeasuredRecord], model: Model, outputs: Sequence[str]
 ) -> list[MeasuredRecord]:
-    """Records that no sweep tells apart are told apart by what was commanded, and where they began.
+    """Records that no sweep distinguishes get conditions from their commands and initial values.
 
-    A start is a condition only where it was another one on purpose: readings at the beginning of a record
-    have their noise, and would make a condition of it.
+    An initial value is a condition only if it differs on purpose: initial readings have noise, which must not
+    define conditions.
     """
     if len({tuple(sorted(record.condition.items())) for record in records}) > 1:
         return list(records)
@@ -53,7 +54,7 @@ def with_conditions(
 
 
 def _commanded(record: MeasuredRecord, model: Model) -> dict[str, float]:
-    """Of each input, the largest that it was."""
+    """The largest value of each input."""
     return {
         item.name: float(record.inputs[:, k][np.argmax(np.abs(record.inputs[:, k]))])
         for k, item in enumerate(model.family.inputs)
@@ -76,7 +77,7 @@ def _within_noise(records: Sequence[MeasuredRecord], model: Model, name: str) ->
 
 
 def _started(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> dict[str, list[float]]:
-    """Where the first channel that has a reading began, where that differs on purpose."""
+    """The initial value of the first channel with a reading, where it differs on purpose."""
     index = next((c for c in range(len(outputs)) if records[0].here[:, c].any()), None)
     if index is None or any(record.times.size < 2 for record in records):
         return {}
@@ -93,7 +94,7 @@ def _started(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> dict[
 
 
 def _first(record: MeasuredRecord, index: int) -> float:
-    """The first reading: those after it may already be on the way to somewhere else."""
+    """The first reading: later ones may already have changed."""
     values = record.values[record.here[:, index], index]
     return float(values[0]) if values.size else float("nan")
 

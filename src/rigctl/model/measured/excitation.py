@@ -1,8 +1,8 @@
-"""What acted on the bench in one record: commands in steps, measured inputs as lines, and what nobody knows.
+"""The inputs of one record: commands as steps, measured inputs as lines, and unrecorded ones.
 
-A command holds until the next one; a measured input (the room's temperature, a supply, a load) is a straight
-line from each of its readings to the next. A family may say otherwise of an input (``hold``). What neither
-the run nor the user says is not zero: it is an unknown of the record, within what the rig allows.
+A command holds until the next one; a measured input (room temperature, a supply, a load) is linear between
+its readings. A family may declare otherwise for an input (``hold``). An input that neither the run nor the
+user gives is not zero: it is an unknown of the record, within the rig's range.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from rigctl.rig.rig import Rig
 
 Floats = NDArray[np.float64]
 
-#: what an actuator with positions can be, SI
+#: possible values of actuators with positions, SI
 _POSITIONS = {"switch": (0.0, 1.0), "directional_valve": (-1.0, 1.0)}
 
 
 @dataclass(frozen=True)
 class Acting:
-    """What a record's inputs were.
+    """The inputs of a record.
 
     Attributes
     ----------
-    times: (switches) s from the first sample, rising; the first is 0.
+    times: (switches) s from the first sample, increasing; the first is 0.
     half: (switches) half-widths of these times.
     rows: (switches, inputs) SI, from each of these times on.
-    commanded: (switches, inputs) the same with the middle of what was measured in its place, for names.
-    lines: (n, r) at the samples, of the inputs at the places `along`, which change steadily.
-    along: places among the inputs.
-    unrecorded: of inputs that nobody recorded, the lowest and the highest value, SI.
+    commanded: (switches, inputs) the same with the middle of measured inputs in their place, for names.
+    lines: (n, r) at the samples, of the inputs `along`, which change continuously.
+    along: indices among the inputs.
+    unrecorded: for inputs that were not recorded, the lowest and the highest value, SI.
     absent: the actuators of these inputs.
-    taken: of inputs of which nobody says what they were, the family's value that stands for it, SI.
-    bridged, spikes: by input, how many readings of it are missing, and how many were spikes.
+    taken: for inputs with unknown values, the family's value used for them, SI.
+    bridged, spikes: by input, the number of missing readings, and of spikes.
     """
 
     times: Floats
@@ -58,7 +58,7 @@ class Acting:
 
 
 def said_sources(sources: Sequence[InputSource], assumed: Mapping[str, float]) -> list[InputSource]:
-    """The sources with what a user says of their inputs or actuators, SI, in place of what was recorded."""
+    """The sources with the user's values of their inputs or actuators, SI, in place of recorded ones."""
     found = []
     for source in sources:
         if source.input in assumed:
@@ -72,12 +72,12 @@ def said_sources(sources: Sequence[InputSource], assumed: Mapping[str, float]) -
 
 
 def unrecorded_actuators(source: InputSource, run: Run) -> list[str]:
-    """The actuators of an input of whose commands a run has nothing."""
+    """The actuators of an input whose commands a run does not contain."""
     return [name for name, _ in source.actuators if name not in run.layout.commands]
 
 
 def actuator_range(actuator: Actuator) -> tuple[float, float]:
-    """What an actuator can be told, SI; infinite where its rig file has no limit."""
+    """The range of commands of an actuator, SI; infinite where its rig file has no limit."""
     if actuator.kind in _POSITIONS:
         return _POSITIONS[actuator.kind]
     low, high = actuator.low, actuator.high
@@ -85,7 +85,7 @@ def actuator_range(actuator: Actuator) -> tuple[float, float]:
 
 
 def acting(record: Record, run: Run, rig: Rig, sources: Sequence[InputSource]) -> Acting:
-    """What the inputs were in a record of `run`, in the order of `sources`; times from its first sample."""
+    """The inputs in a record of `run`, in the order of `sources`; times from its first sample."""
     builder = _Builder(record, run, rig, len(sources))
     for index, source in enumerate(sources):
         if source.actuators:
@@ -117,7 +117,7 @@ def acting(record: Record, run: Run, rig: Rig, sources: Sequence[InputSource]) -
 
 
 class _Builder:
-    """Collects what changes when, on the record's own axis of time."""
+    """Collects the changes of inputs on the record's own time axis."""
 
     def __init__(self, record: Record, run: Run, rig: Rig, inputs: int) -> None:
         self._record, self._run, self._rig = record, run, rig
@@ -135,13 +135,13 @@ class _Builder:
         self._first[index] = value
 
     def unmeasured(self, index: int, source: InputSource) -> None:
-        """An input that nothing records: what is said of it, else the family's value, which must be known."""
+        """An input that is not recorded: its given value, else the family's, which must be known."""
         self.constant(index, source.value)
         if not source.said:
             self.taken[source.input] = source.value
 
     def commanded(self, index: int, source: InputSource) -> None:
-        """An input of actuators: their commands, or anything that they can be told where none is there."""
+        """An input of actuators: their commands, or the range of commands if there are none."""
         absent = unrecorded_actuators(source, self._run)
         if absent:
             self.unrecorded[source.input] = _span(source, absent, self._rig)
@@ -152,7 +152,7 @@ class _Builder:
             self.switched(index, source)
 
     def measured(self, index: int, source: InputSource) -> None:
-        """An input of a channel: its readings, else what is said of it, or what it can be."""
+        """An input with a channel: its readings, else its given value, or its range."""
         readings = self.readings(source)
         if readings is None:
             span = _said_range(source, self._rig)
@@ -166,14 +166,15 @@ class _Builder:
             self.lines[index] = readings
 
     def straighten(self) -> None:
-        """A line that never changes is a constant; of the others the middle stands among the commands."""
+        """A line that never changes becomes a constant; for the others the middle is put among the
+        commands."""
         for index, values in list(self.lines.items()):
             self.constant(index, float(np.median(values)))
             if np.ptp(values) == 0.0:
                 del self.lines[index]
 
     def switched(self, index: int, source: InputSource) -> None:
-        """The actuators' commands: what they were at the first sample, and every switch.
+        """The actuators' commands: their values at the first sample, and every switch.
 
         A command given at the moment of the first sample holds from there on, whatever that sample says.
         """
@@ -199,7 +200,7 @@ class _Builder:
             self._changes.append((float(self._record.time[k]), 0.0, index, float(readings[k])))
 
     def readings(self, source: InputSource) -> Floats | None:
-        """What the input's channel read, gaps and spikes bridged; None where it has no reading."""
+        """The readings of the input's channel, gaps and spikes bridged; None if it has none."""
         assert source.channel is not None  # noqa: S101 - asked for inputs with a channel only
         values = self._record.channels.get(source.channel)
         if values is None or not np.isfinite(values).any():
@@ -217,7 +218,7 @@ class _Builder:
         return np.asarray(np.interp(time, time[good], values[good]))
 
     def rows(self) -> tuple[Floats, Floats, Floats]:
-        """Times, half-widths and rows: what changes at one moment is one command."""
+        """Times, half-widths and rows; simultaneous changes are one command."""
         times, half, rows = [float(self._record.time[0])], [0.0], [self._first]
         for time, width, index, value in sorted(self._changes, key=lambda one: one[0]):
             if time != times[-1]:
@@ -230,7 +231,7 @@ class _Builder:
 
 
 def _impossible(values: Floats) -> NDArray[np.bool_]:
-    """Far outside of nearly all that was read: an input may really jump, and back."""
+    """Far outside nearly all readings: an input may really jump, and back."""
     present = values[np.isfinite(values)]
     low, high = np.percentile(present, [1.0, 99.0])
     width = float(high - low)
@@ -252,7 +253,7 @@ def _sum(source: InputSource, record: Record) -> Floats:
 
 
 def _span(source: InputSource, absent: Sequence[str], rig: Rig) -> tuple[float, float]:
-    """Between what an input was whose actuators nobody recorded."""
+    """The range of an input whose actuators were not recorded."""
     low = high = source.value
     for name, factor in source.actuators:
         if name not in absent:
@@ -263,7 +264,7 @@ def _span(source: InputSource, absent: Sequence[str], rig: Rig) -> tuple[float, 
 
 
 def unknown_range(source: InputSource, rig: Rig) -> tuple[float, float] | None:
-    """Between what an input was that a table has no column of, SI; None where nobody says it."""
+    """The range of an input that is no column of a table, SI; None if not given."""
     if source.said or not source.actuators:
         return _said_range(source, rig)
     ends = [
@@ -275,7 +276,7 @@ def unknown_range(source: InputSource, rig: Rig) -> tuple[float, float] | None:
 
 
 def _said_range(source: InputSource, rig: Rig) -> tuple[float, float] | None:
-    """Between what a measured input was that this record lacks; None where the rig or the model says it."""
+    """The range of a measured input that this record lacks; None if the rig or the model gives its value."""
     if source.said or source.channel is None:
         return None
     span = rig.channels[source.channel].range

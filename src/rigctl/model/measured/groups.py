@@ -9,15 +9,15 @@ import numpy as np
 from rigctl.dataset.conditions import cluster
 from rigctl.model.measured.record import MeasuredRecord
 
-#: starts this close, as a share of the channel's whole range, are the same
+#: initial values closer than this, as a share of the channel's range, are the same
 _SAME_START = 0.02
-#: command times this close are the same, s
+#: command times closer than this are the same, s
 _SAME_TIME = 0.05
 _DIGITS = 5
 
 
 def group_numbers(records: Sequence[MeasuredRecord]) -> list[int]:
-    """The number of each record's group; the groups are counted in the order of their first records."""
+    """The number of each record's group; groups are numbered in the order of their first records."""
     starts = _starts(records)
     seen: dict[object, int] = {}
     return [
@@ -37,7 +37,7 @@ def _commands(record: MeasuredRecord) -> tuple[object, ...]:
 
 
 def _starts(records: Sequence[MeasuredRecord]) -> list[list[float]]:
-    """What each channel reads at first, alike for records that start alike."""
+    """The initial value of each channel, equal for records that start alike."""
     if not records:
         return []
     columns = []
@@ -51,7 +51,7 @@ def _starts(records: Sequence[MeasuredRecord]) -> list[list[float]]:
 
 
 def first_reading(record: MeasuredRecord, output: int, count: int = 5) -> float:
-    """The median of an output's first readings, of the first phase; NaN where none is from the start."""
+    """The median of an output's first readings, in the first phase; NaN if there are none from the start."""
     if record.switch_times.size > 1 and record.times[0] > record.switch_times[1]:
         return float("nan")
     values = record.values[record.phase == 0, output]

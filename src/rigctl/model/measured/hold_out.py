@@ -1,4 +1,4 @@
-"""Records that a fit must not see, chosen by a condition: ``oil == 60 degC``, ``record > 20``."""
+"""Records that a fit must not see, selected by a condition: ``oil == 60 degC``, ``record > 20``."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from rigctl.expressions.nodes import Comparison, Constant, Name, walk
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.units import show
 
-#: what people call an operating variable of a dimension, whatever the data call it
+#: usual names of operating variables, by dimension, whatever the data call them
 _CALLED = {
     "K": ("oil", "temperature", "oil_temperature"),
     "Pa": ("supply", "pressure", "supply_pressure", "pressure_setpoint"),
 }
-#: operating points this close to what is asked for are meant: temperatures in K, others as a share
+#: operating points closer than this to the given one are meant: temperatures in K, others relative
 _SAME_TEMPERATURE = 1.0
 _SAME_SHARE = 0.01
 
 
 def chosen(measurements: Measurements, text: str | None, units: Mapping[str, str]) -> tuple[int, ...]:
-    """Places of the records for which the condition is true; all of them without one.
+    """Indices of the records for which the condition is true; all of them without one.
 
     Raises
     ------
     RigctlError
-        it is no condition, names something unknown, or chooses no record.
+        it is not a condition, names something unknown, or selects no record.
     """
     if text is None or not text.strip():
         return tuple(range(len(measurements.records)))
@@ -37,18 +37,18 @@ def chosen(measurements: Measurements, text: str | None, units: Mapping[str, str
 def held_out(
     measurements: Measurements, text: str | None, units: Mapping[str, str], only: str | None = None
 ) -> tuple[int, ...]:
-    """Places of the records for which the condition is true; none without one.
+    """Indices of the records for which the condition is true; none without one.
 
     Parameters
     ----------
     text: an expression of the operating variables and of ``record``, its number from 1.
     units: of the operating variables.
-    only: the condition that has chosen the records of `measurements` before.
+    only: the condition that selected the records of `measurements` before.
 
     Raises
     ------
     RigctlError
-        it is no condition, names something unknown, or chooses no record or all of them.
+        it is not a condition, names something unknown, or selects no record or all of them.
     """
     if text is None or not text.strip():
         return ()
@@ -87,7 +87,7 @@ def _types(measurements: Measurements, units: Mapping[str, str]) -> dict[str, Va
 
 
 def _named(record: MeasuredRecord, units: Mapping[str, str]) -> dict[str, float]:
-    """The condition, also under the usual names of its dimensions where no other variable has them."""
+    """The condition, also under the usual names of its dimensions if no other variable has them."""
     found = dict(record.condition)
     for dimension, names in _CALLED.items():
         same = [
@@ -102,7 +102,7 @@ def _named(record: MeasuredRecord, units: Mapping[str, str]) -> dict[str, float]
 
 
 def _equalities(expression: Expression, types: Mapping[str, ValueType]) -> Iterator[tuple[str, float]]:
-    """(name, value) that are compared by == or !=."""
+    """(name, value) pairs compared by == or !=."""
     assert expression.resolved is not None  # noqa: S101 - it has been checked
     for node in walk(expression.resolved):
         if isinstance(node, Comparison):
@@ -117,7 +117,7 @@ def _equalities(expression: Expression, types: Mapping[str, ValueType]) -> Itera
 def _snapped(
     values: Mapping[str, float], exact: list[tuple[str, float]], types: Mapping[str, ValueType]
 ) -> dict[str, float]:
-    """Values that are as good as what is asked for become it."""
+    """Values sufficiently close to the given ones, set to these."""
     result = dict(values)
     for name, wanted in exact:
         if name in result:

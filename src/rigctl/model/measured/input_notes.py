@@ -1,4 +1,4 @@
-"""What is worth knowing of a record's inputs: which were measured, how noisily, and which nobody recorded."""
+"""Notes on a record's inputs: which were measured, with what noise, and which were not recorded."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from rigctl.units import show
 
 @dataclass(frozen=True)
 class Steady:
-    """The records with their measured inputs smoothed where they can be.
+    """The records, with their measured inputs smoothed where possible.
 
     Attributes
     ----------
-    noise: by input, the standard deviation of a reading, SI, where the data tell it.
+    noise: by input, the standard deviation of a reading, SI, if the data determine it.
     notes: on it.
     """
 
@@ -33,7 +33,7 @@ class Steady:
 
 
 def steady_inputs(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord]) -> Steady:
-    """Take as much of the noise of measured inputs out as their readings allow."""
+    """Remove as much of the noise of measured inputs as their readings allow."""
     found, kept, notes = list(records), dict[str, float](), []
     for name, sigma in _input_noise(model, rig, records).items():
         index = [item.name for item in model.family.inputs].index(name)
@@ -54,7 +54,7 @@ def steady_inputs(model: Model, rig: Rig | None, records: Sequence[MeasuredRecor
 
 
 def _input_noise(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord]) -> dict[str, float]:
-    """Standard deviation of a reading of each input that changes steadily, SI, where the data tell it."""
+    """Standard deviation of a reading of each continuous input, SI, if the data determine it."""
     found = {}
     for index in sorted({index for record in records for index in record.along}):
         name = model.family.inputs[index].name
@@ -79,7 +79,7 @@ def _input_noise(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord
 def acting_notes(
     model: Model, rig: Rig | None, records: Sequence[MeasuredRecord], acts: Sequence[Acting]
 ) -> Iterator[str]:
-    """Measured inputs act as they were measured; what was not recorded is unknown."""
+    """Notes that measured inputs are used as measured, and that unrecorded ones are unknown."""
     names = [item.name for item in model.family.inputs]
     along = dict.fromkeys(names[index] for record in records for index in record.along)
     for name in along:
@@ -115,13 +115,13 @@ def acting_notes(
 
 
 def taken_notes(model: Model, rig: Rig | None, taken: Mapping[str, float], where: str = "") -> Iterator[str]:
-    """What stands for inputs that nobody recorded and whose range nobody says."""
+    """Notes on the values used for unrecorded inputs without a known range."""
     for name, value in taken.items():
         shown = show(value, input_unit(model, rig, name))
         yield f"not recorded: {name}{where}; taken as {shown}, '--assume {name}=…' says otherwise"
 
 
 def _written(name: str, acts: Sequence[Acting]) -> str:
-    """What is not recorded as the rig calls it: the actuator, where it is one."""
+    """The name of an unrecorded input on the rig: that of its actuator, if it has one."""
     absent = next((act.absent[name] for act in acts if name in act.absent), ())
     return absent[0] if len(absent) == 1 else name

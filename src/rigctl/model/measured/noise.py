@@ -1,4 +1,4 @@
-"""What the measurements say of their own noise, without any model."""
+"""The noise of the measurements, estimated without any model."""
 
 from __future__ import annotations
 
@@ -30,18 +30,19 @@ from rigctl.noise import (
 )
 from rigctl.units import show
 
-#: an input that changes by more than this share of its range has been switched; one that is written down
-#: sample by sample changes by less
+#: an input that changes by more than this share of its range has been switched; one that is recorded sample
+#: by sample changes by less
 _LEAST_JUMP = 0.1
-#: a channel with one spike in so many readings has a habit of them; normal noise has one in 150 000
+#: least rate of spikes, one in this many readings, that is typical of a channel; normal noise has one in 150
+#: 000
 _SPIKY = 1000
 #: noise with a correlation above this may be a signal
 _SLOW = 0.9
-#: a model whose error is less than this share of the noise shows that the noise is not what it was taken for
+#: a model with an error below this share of the noise shows that the noise was overestimated
 _BELOW = 0.9
-#: where noise comes from that motion, or what a model lacks, may have widened
+#: sources whose estimate motion, or an effect that the model lacks, may have inflated
 _OF_STRETCHES = ("quiet", "residuals")
-#: noise with heavy tails is wider than its windows show by this factor at most, and not worth a word below
+#: noise with heavy tails exceeds that of its windows by at most this factor; smaller factors are not reported
 _MORE, _MOST_BY_TAILS = 1.01, 1.3
 
 Floats = NDArray[np.float64]
@@ -54,11 +55,11 @@ class DataNoise:
     Attributes
     ----------
     model: of all channels.
-    ok: (n, outputs) of each record: read, no spike, and on no edge that the sampling does not resolve.
-    masked, edges: (records, outputs) how many samples are spikes, and lie on such edges; None where that was
-        not looked for.
-    grown: (n, outputs) of each record, SI, the standard deviation of each reading by a law that was learned
-        off a model, at that model's levels; None where the readings' own course tells it.
+    ok: (n, outputs) of each record: read, not a spike, and not on an edge that the sampling does not resolve.
+    masked, edges: (records, outputs) number of samples that are spikes, and that lie on such edges; None if
+        not determined.
+    grown: (n, outputs) of each record, SI, the standard deviation of each reading by a law learned from a
+        model's residuals, at that model's levels; None if the readings themselves suffice.
     """
 
     model: NoiseModel
@@ -68,7 +69,7 @@ class DataNoise:
     grown: tuple[NDArray[np.float64], ...] | None = None
 
     def only(self, indices: Sequence[int]) -> DataNoise:
-        """Of these records alone: the noise as learned from all, what was left out counted in these."""
+        """For these records alone: the noise as learned from all, with the samples left out in these."""
         chosen = list(indices)
         masked, edges = (None if one is None else one[chosen] for one in (self.masked, self.edges))
         model = recounted(
@@ -126,11 +127,12 @@ def without_edges(noise: DataNoise, measurements: Measurements) -> DataNoise:
 def with_spikes_off_model(
     noise: DataNoise, measurements: Measurements, errors: Sequence[NDArray[np.float64]]
 ) -> DataNoise | None:
-    """Leave out the spikes that show once what a model explains is taken off; None where there are none.
+    """Leave out the spikes visible in a model's residuals; None if there are none.
 
-    In motion a spike is hidden by the signal, and noise with heavy tails counts there many times over. Only
-    channels are looked at that have spikes by their own word, one reading in `_SPIKY`: what a model lacks for
-    a few samples is no spike. What most records share at the same place is the bench's as well.
+    During motion a spike is hidden by the signal, and noise with heavy tails counts many times there. Only
+    channels with a typical rate of spikes, one reading in `_SPIKY`, are examined: a misfit of the model over
+    a few samples is not a spike. Deviations that most records share at the same point belong to the bench as
+    well.
 
     Parameters
     ----------
@@ -160,21 +162,21 @@ def with_spikes_off_model(
 def with_noise_off_model(
     noise: DataNoise, measurements: Measurements, outputs: Sequence[Floats]
 ) -> DataNoise | None:
-    """With noise learned from what a model leaves, of channels where that tells more; None if of none.
+    """With noise learned from a model's residuals, for channels where these tell more; None if for none.
 
-    - *Motion that passed for noise.* Stretches that never rest, or move slowly, show noise that is too wide:
-      a model's error is then smaller than it, and nothing can be told. Within windows of 40 samples a model's
-      residuals are noise and a smooth rest, which their trend takes out, so that an effect that is missing
-      does not widen what is learned. Only a guess, or noise that is mostly as slow as a signal, is replaced,
-      and only by a narrower one.
-    - *Growth that motion hid.* Where signals are fast, their readings do not show how the noise grows with
-      the level; squared differences of a model's residuals do (`rigctl.noise.width_off_model`).
-    - *Heavy tails.* Where one reading in `_SPIKY` is a spike the windows that agree with each other are the
-      quieter ones. Differences of the residuals are not chosen so.
+    - *Motion mistaken for noise.* Periods that never come to rest, or move slowly, give noise estimates that
+      are too large: a model's error is then below them, and nothing can be decided. Within windows of 40
+      samples a model's residuals are noise and a smooth rest, which a trend removes, so that a missing effect
+      does not inflate the estimate. Only a guess, or noise that is mostly as slow as a signal, is replaced,
+      and only by a smaller one.
+    - *Level dependence hidden by motion.* Where signals are fast, their readings do not show how the noise
+      depends on the level; squared differences of a model's residuals do (`rigctl.noise.width_off_model`).
+    - *Heavy tails.* If one reading in `_SPIKY` is a spike, the windows that agree with each other are the
+      quieter ones. Differences of the residuals are not selected that way.
 
     Parameters
     ----------
-    outputs: (n, outputs) of each record, SI, what the model says.
+    outputs: (n, outputs) of each record, SI, predicted by the model.
     """
     if measurements.table:
         return None
@@ -203,7 +205,7 @@ def with_noise_off_model(
 
 @dataclass(frozen=True)
 class _OneChannel:
-    """A channel, what a model leaves of it, and (n) σ of its readings, SI, record by record."""
+    """A channel, a model's residuals of it, and (n) σ of its readings, SI, for each record."""
 
     channel: ChannelNoise
     index: int
@@ -212,7 +214,7 @@ class _OneChannel:
     sigma: Sequence[Floats]
 
     def narrower(self) -> _OneChannel | None:
-        """With the noise of short windows where the motion of the readings passed for noise."""
+        """With the noise from short windows, if motion of the readings was mistaken for noise."""
         old = self.channel
         doubtful = old.guessed or old.correlation > _SLOW
         # what the data do not show at all, a model's residuals do not either
@@ -249,7 +251,7 @@ class _OneChannel:
         return self._with(found, [new.sigma * one for one in shape])
 
     def growing(self) -> _OneChannel | None:
-        """With a law of the level that is likelier than what was known."""
+        """With a law of the level that is more likely than the previous noise."""
         old = self.channel
         if old.share or not old.degrees:
             return None
@@ -271,7 +273,7 @@ class _OneChannel:
         return self._with(found, sigma)
 
     def wider(self) -> _OneChannel | None:
-        """With the width of differences, tails and all, where windows showed a narrower one."""
+        """With the standard deviation from differences, including tails, if windows showed a smaller one."""
         old = self.channel
         if old.share or old.law or old.step or not old.degrees:
             return None
@@ -301,14 +303,14 @@ class _OneChannel:
 
 
 def _spiky(noise: DataNoise, measurements: Measurements) -> NDArray[np.bool_]:
-    """(outputs) which channels have spikes by their own word, one reading in `_SPIKY`."""
+    """(outputs) which channels have a typical rate of spikes, one reading in `_SPIKY`."""
     readings = sum(record.here.sum(axis=0) for record in measurements.records)
     masked = np.array([channel.masked for channel in noise.model.channels])
     return np.asarray((masked > 0) & (masked * _SPIKY >= readings))
 
 
 def _spans(measurements: Measurements) -> NDArray[np.float64]:
-    """(inputs) how far each input goes over all records."""
+    """(inputs) the range of each input over all records."""
     rows = np.concatenate([record.inputs for record in measurements.records])
     return np.asarray(np.ptp(rows, axis=0))
 
@@ -327,7 +329,7 @@ def _known(measurements: Measurements) -> dict[str, float]:
 
 
 def _of_rows(measurements: Measurements) -> DataNoise:
-    """Of a table: from its neighbouring rows, or where they are too few, from the rig file or a guess."""
+    """For a table: from neighbouring rows, or if there are too few, from the rig file or a guess."""
     setting = set_variable(measurements)
     points, series = curves(measurements, but=setting)
     over = curve_variable(measurements, but=setting) or "row"
@@ -363,12 +365,12 @@ def _from_rows(name: str, size: float, unit: str, found: RowNoise, over: str) ->
     )
 
 
-#: of a table without any word of its accuracy: half a per cent of what was read
+#: assumed for a table without stated accuracy: half a per cent of the reading
 _SHARE = 0.005
 
 
 def _typical(values: NDArray[np.float64]) -> float:
-    """The size of a typical value; where most of them are 0, the largest, and 1 where all are."""
+    """A typical magnitude; if most values are 0, the largest, and 1 if all are."""
     sizes = np.abs(values[np.isfinite(values)])
     largest = float(sizes.max(initial=0.0))
     return (float(np.median(sizes)) or largest) if largest else 1.0

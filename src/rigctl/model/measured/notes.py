@@ -1,4 +1,4 @@
-"""What is not wrong with measurements but worth knowing before a verdict is believed."""
+"""Remarks on measurements that are not errors but matter for trusting a verdict."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rigctl.model.measured.record import MeasuredRecord
 
 
 def notes(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> Iterator[str]:
-    """Switch times known roughly, gaps in time, values that are missing, channels that never move."""
+    """Imprecise switch times, gaps in time, missing values, channels that never change."""
     half = max((float(record.switch_half.max(initial=0.0)) for record in records), default=0.0)
     if half > 0.0:
         yield f"Commands were written down with the samples: their times are known to ±{1e3 * half:.3g} ms"
@@ -30,7 +30,7 @@ def notes(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> Iterator
 
 
 def _gaps(records: Sequence[MeasuredRecord]) -> Iterator[str]:
-    """A table's rows are no samples: they have no gaps."""
+    """Rows of a table are not samples and have no gaps."""
     found = [(record, gap) for record in records if (gap := find_gap(record.times)) is not None]
     if found:
         record, gap = max(found, key=lambda one: one[1].length)
@@ -41,7 +41,7 @@ def _gaps(records: Sequence[MeasuredRecord]) -> Iterator[str]:
 
 
 def _never_changes(columns: Sequence[NDArray[np.float64]]) -> bool:
-    """One value in all of them, and it was read more than once."""
+    """A single value in all of them, read more than once."""
     values = [column[np.isfinite(column)] for column in columns]
     values = [column for column in values if column.size]
     if not values or sum(column.size for column in values) < 2:

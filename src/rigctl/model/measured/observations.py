@@ -1,7 +1,7 @@
-"""Tables without time: a row holds what was read at one operating point, and becomes a record of one moment.
+"""Tables without time: a row holds the readings at one operating point, and becomes a record of one instant.
 
-Of a family that moves it is the standard record at the row's operating point, of which only the value that
-was written down is known.
+For a family that moves, it is the standard record at the row's operating point, of which only the recorded
+value is known.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from rigctl.model.model import Model
 from rigctl.physics.standard_record import StandardRecord
 from rigctl.rig.rig import Rig
 
-#: what a table's column says of a family that moves: the output it is of, and where the family's standard
-#: record shows it (s)
+#: meaning of a table's column for a family that moves: the output, and the time (s) in the family's standard
+#: record at which it is read
 _MEASURES = {"hydraulic_cylinder": {"stroke": ("position", 2.2)}}
 
 
 def titles(family: str) -> dict[str, str]:
-    """The column of a table that each output of a family is read from, where it has another name."""
+    """The column of a table from which each output of a family is read, if its name differs."""
     return {output: column for column, (output, _) in _MEASURES.get(family, {}).items()}
 
 
 def observed_records(model: Model, run: Run, rig: Rig | None, outputs: Sequence[str]) -> list[MeasuredRecord]:
-    """The rows of a table in which something was read, as records of `model`.
+    """The rows of a table with a reading, as records of `model`.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def observed_records(model: Model, run: Run, rig: Rig | None, outputs: Sequence[
 
 
 def taken_inputs(model: Model, run: Run, rig: Rig | None) -> dict[str, float]:
-    """The inputs, SI, that a table without time has no column of and of which nobody says anything."""
+    """The inputs, SI, that are no column of a table without time and whose values are not given."""
     if model.family.states or run.info["rows"]:
         return {}
     known = {name for index in run.usable for name in _values(run.record(index))}
@@ -57,7 +57,7 @@ def taken_inputs(model: Model, run: Run, rig: Rig | None) -> dict[str, float]:
 def _absent(
     model: Model, run: Run, rig: Rig | None
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]], set[str]]:
-    """Of every input what it is where no column says it, between what it is unknown, and which are said."""
+    """For every input its value if no column has it, its unknown range, and which are given."""
     given = {item.name: model.values[item.name] for item in model.family.inputs if item.name in model.values}
     if rig is None:
         values = {item.name: given.get(item.name, item.value) for item in model.family.inputs}
@@ -98,7 +98,7 @@ def _still(
     unrecorded: Mapping[str, tuple[float, float]],
     outputs: Sequence[str],
 ) -> MeasuredRecord:
-    """A row of a family in which nothing moves: the inputs hold, and it is read after half a second."""
+    """A row of a family without motion: the inputs hold, and it is read after half a second."""
     known = _values(row)
     return MeasuredRecord(
         run=run.id,

@@ -1,4 +1,4 @@
-"""The stretches of constant commands inside a record, and what to call them."""
+"""The periods of constant commands in a record, and their names."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rigctl.units import show
 Floats = NDArray[np.float64]
 
 _VALVE = {1.0: "extend", -1.0: "retract"}
-#: ends of the parts of a record in which nothing is switched, as shares of its samples
+#: ends of the parts of a record without a switch, as shares of its samples
 _PARTS = (("early", 1 / 9), ("middle", 1 / 3), ("late", 1.0))
 _ENOUGH = 30
 
@@ -21,10 +21,10 @@ _ENOUGH = 30
 def phases_of(
     times: Floats, switch_times: Floats, inputs: Floats, family: ModelFamily, units: Sequence[str]
 ) -> tuple[NDArray[np.intp], tuple[str, ...]]:
-    """(phase of each sample, names): a sample at a switch shows what was before it.
+    """(phase of each sample, names): a sample at a switch belongs to the period before it.
 
-    `units` are those that the inputs are shown in. A record in which nothing is switched is told apart into
-    an early, a middle and a late part instead.
+    `units` are those in which the inputs are shown. A record without a switch is divided into an early, a
+    middle and a late part instead.
     """
     changes = [0, *(k for k in range(1, len(inputs)) if not np.array_equal(inputs[k], inputs[k - 1]))]
     index = np.searchsorted(switch_times[changes[1:]], times, side="left")
@@ -51,7 +51,7 @@ def _names(rows: Sequence[Floats], family: ModelFamily, units: Sequence[str]) ->
 
 
 def _changed(before: Floats | None, row: Floats, family: ModelFamily, units: Sequence[str]) -> str:
-    """What was commanded, in words."""
+    """The command, in words."""
     changed = [
         f"{item.name} {show(float(row[k]), units[k])}" if units[k] else f"{item.name} {row[k]:g}"
         for k, item in enumerate(family.inputs)

@@ -1,4 +1,4 @@
-"""Runs as measurements for a model: which commands were its inputs, which channels its outputs."""
+"""Runs as measurements for a model: its inputs from commands, its outputs from channels."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ from rigctl.model.measured.table import as_table
 from rigctl.model.model import Model
 from rigctl.rig.rig import Rig
 
-#: a record with fewer samples tells nothing of a motion
+#: least number of samples of a record
 _FEWEST_SAMPLES = 5
-#: of more samples than these some are looked at, but never fewer of a record
+#: with more samples than this, a subset is used, but never fewer per record than the second number
 _MOST_SAMPLES, _LEAST_OF_A_RECORD = 500_000, 400
 
 
 def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
-    """The usable records of `runs` as `model` sees them.
+    """The usable records of `runs` as seen by `model`.
 
     Raises
     ------
     RigctlError
-        a run is of another rig, has none of the model's channels, no command of the model's, or no record
-        that can be used.
+        a run belongs to another rig, has none of the model's channels, no command of the model's, or no
+        usable record.
     """
     rig = rig_of(model, runs)
     known = [output.name for output in model.family.outputs if rig is None or output.name in rig.channels]
@@ -109,7 +109,7 @@ def _of_run(
     found = []
     for record in run.each(run.usable):
         if record.time.size >= _FEWEST_SAMPLES:
-            # lines are those of all samples: what is picked of a fast input would be another one
+            # lines are those of all samples: a subset of a fast input would be a different one
             acts = acting(record, run, rig, sources)
             picked = _thinned(record, every)
             knots = record.time - float(record.time[0])
@@ -118,7 +118,7 @@ def _of_run(
 
 
 def _thinned(record: Record, every: int) -> Record:
-    """The record at every so many of its samples: picked, for an average would blur what jumps."""
+    """The record at every n-th sample: selected, because averages would blur jumps."""
     step = min(every, record.time.size // _LEAST_OF_A_RECORD)
     if step <= 1:
         return record
@@ -198,10 +198,10 @@ def _require_channels(model: Model, runs: Sequence[Run], known: Sequence[str]) -
 
 
 def _require_commands(model: Model, run: Run, rig: Rig, sources: Sequence[InputSource]) -> None:
-    """What moves or drives the bench must be known: no prior stands in for it.
+    """What moves or drives the bench must be known: no prior can replace it.
 
-    An input beside it that nobody recorded is an unknown of each record, where the rig says its range; so is
-    a heater, even alone.
+    A further input that was not recorded is an unknown of each record, if the rig states its range; so is a
+    heater, even alone.
     """
     roles = {item.name: item.role for item in model.family.inputs}
     wanted: list[str] = []

@@ -1,4 +1,4 @@
-"""What was measured, as a model sees it: inputs that were commanded, outputs that were read."""
+"""Measurements as seen by a model: commanded inputs, and outputs that were read."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ class MeasuredRecord:
     Attributes
     ----------
     run, index: where it was recorded.
-    label: what it is called, its number as `rigctl runs show` has it: ``20261121-064412-campaign/3``.
-    times: (n) of the samples, rising.
-    switch_times: (switches) when inputs were commanded, the first not after the first sample.
+    label: its name, with its number as shown by `rigctl runs show`: ``20261121-064412-campaign/3``.
+    times: (n) of the samples, increasing.
+    switch_times: (switches) times of commands, the first not after the first sample.
     switch_half: (switches) half-widths of these times; 0 for exact ones.
     inputs: (switches, inputs) commanded from each of these times on, in the family's order.
-    values: (n, outputs) what the sensors read; NaN where nothing was.
-    condition: the operating point: sweep values, or what else tells the records apart.
-    group: records of equal number were measured at one condition with the same commands.
-    phase: (n) which stretch of constant commands each sample lies in.
-    phases: the stretches' names.
-    row: a row of a table: single values at one operating point, whose course in time nobody recorded.
-    beside: of a row, what its other columns say, SI.
-    along: the places of the inputs that change steadily; what `inputs` says of them is their middle.
-    knots, lines: (k) times and (k, along) values between which they are straight lines.
-    unrecorded: of the inputs that nobody recorded, the lowest and the highest value, SI; 0 in `inputs`.
+    values: (n, outputs) readings of the sensors; NaN where there is none.
+    condition: the operating point: sweep values, or what else distinguishes the records.
+    group: records with the same number were measured at one condition with the same commands.
+    phase: (n) index of the period of constant commands of each sample.
+    phases: the names of these periods.
+    row: a row of a table: single values at one operating point, without a time axis.
+    beside: for a row, the values of its other columns, SI.
+    along: the indices of the inputs that change continuously; `inputs` holds their middle.
+    knots, lines: (k) times and (k, along) values between which they are linear.
+    unrecorded: for inputs that were not recorded, the lowest and the highest value, SI; 0 in `inputs`.
     """
 
     run: str
@@ -65,12 +65,12 @@ class MeasuredRecord:
 
     @cached_property
     def ramps(self) -> Ramps | None:
-        """The inputs that change steadily, as the engine takes them."""
+        """The inputs that change continuously, in the engine's form."""
         return Ramps(np.array(self.along), self.knots, self.lines) if self.along else None
 
     @cached_property
     def rough_switches(self) -> Integers:
-        """The places of the switches whose times are not exact; the first command is none."""
+        """The indices of the switches whose times are not exact, without the first command."""
         half = self.switch_half
         step = float(np.median(np.diff(self.times))) if self.times.size > 1 else np.inf
         rough = (half >= _EXACT) | (half >= _EXACT_SHARE * step)
@@ -78,8 +78,9 @@ class MeasuredRecord:
 
     @cached_property
     def switch_kinds(self) -> Integers:
-        """(switches) 0 to more, 1 to less, 2 to 0: of the input that changes most beside its range."""
-        if self.inputs.shape[1] == 0:  # nothing is commanded: a pendulum swings freely
+        """(switches) 0 for a larger value, 1 for a smaller one, 2 for 0, of the input with the largest
+        change."""
+        if self.inputs.shape[1] == 0:  # no commands: a free pendulum
             return np.zeros(len(self.inputs), dtype=np.intp)
         changes = np.diff(self.inputs, axis=0, prepend=self.inputs[:1])
         width = np.ptp(self.inputs, axis=0)
@@ -108,14 +109,14 @@ class Measurements:
     Attributes
     ----------
     outputs: the channels, in the order of a record's values.
-    units: what each is shown in.
+    units: in which each is shown.
     inputs: the model's inputs, in the order of a record's.
-    rig: the bench as it was when the runs were recorded; None for a table of no bench.
+    rig: the bench at the time of recording; None for a table without a bench.
     runs: the ids.
-    notes: what a reader should know of how the data were taken.
-    columns: of a table, the unit that each of its columns is written in.
-    titles: of a table, the column that an output was read from where it has another name, e.g. ``stroke``.
-    input_noise: standard deviation of a reading, SI, of the inputs that change steadily, where it is known.
+    notes: what a reader should know about how the data were taken.
+    columns: for a table, the unit of each of its columns.
+    titles: for a table, the column from which an output was read if its name differs, e.g. ``stroke``.
+    input_noise: standard deviation of a reading, SI, of the inputs that change continuously, if known.
     """
 
     outputs: tuple[str, ...]
@@ -131,7 +132,7 @@ class Measurements:
 
     @property
     def table(self) -> bool:
-        """Rows of a table alone: no record has a course in time."""
+        """True if the data are only rows of a table: no record has a time axis."""
         return bool(self.records) and all(record.row for record in self.records)
 
     @property
@@ -149,7 +150,7 @@ class Measurements:
 
     @property
     def unrecorded(self) -> dict[str, tuple[float, float]]:
-        """The inputs that nobody recorded in some record: lowest and highest value over these, SI."""
+        """The inputs not recorded in some record: lowest and highest value over these, SI."""
         found: dict[str, tuple[float, float]] = {}
         for record in self.records:
             for name, (low, high) in record.unrecorded.items():
@@ -158,7 +159,7 @@ class Measurements:
         return dict(sorted(found.items()))
 
     def unit_for(self, si: str, *, interval: bool = False) -> str:
-        """The unit that this bench shows such a quantity in: that of a channel of its dimension, else SI.
+        """The display unit of such a quantity on this bench: that of a channel of its dimension, else SI.
 
         Parameters
         ----------

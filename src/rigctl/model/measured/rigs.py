@@ -1,4 +1,4 @@
-"""Which bench the data of a model come from."""
+"""The bench from which the data of a model come."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rigctl.rig.rig import Rig
 
 
 def rig_of(model: Model, runs: Sequence[Run]) -> Rig | None:
-    """The bench as it was when the first run was recorded, with the channels of every run.
+    """The bench at the time of the first run, with the channels of every run.
 
     Raises
     ------

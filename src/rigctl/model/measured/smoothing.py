@@ -1,13 +1,14 @@
-"""Measured inputs without most of their noise.
+"""Measured inputs with most of their noise removed.
 
-An input that is read with noise acts on the model with it: what follows it at once is then estimated too flat
-(errors in variables), which looks like an offset or a bend that the bench does not have. An input that moves
-slowly beside its sampling is therefore smoothed: a parabola through the m readings around each one,
+The noise of a measured input acts on the model too: whatever follows the input at once is then estimated with
+too small a slope (errors in variables), which looks like an offset or a curvature that the bench does not
+have. An input that changes slowly compared with its sampling is therefore smoothed by local parabolas through
+m readings,
 
     u_s(t_k) = parabola through (t_j, u_j), |j − k| ≤ m/2,   Var ≈ 9·σ²/(4·m),
 
-m the largest window whose residuals are noise alone: their size is σ's, and no stretch of them lies on one
-side. An input that moves as fast as it is read keeps every reading.
+m the largest window whose residuals are noise alone: they have standard deviation σ, and no run of them lies
+on one side. An input that changes as fast as it is sampled is not smoothed.
 
 Source: Fan & Gijbels, Local Polynomial Modelling and Its Applications (1996); Fuller, Measurement Error
 Models (1987).
@@ -23,14 +24,14 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-#: readings that are smoothed over
+#: window lengths, in readings
 WINDOWS = (33, 17, 9, 5)
-#: residuals may be so much larger than the noise, and so many of their own sigmas off in a row
+#: tolerated excess of the residuals over the noise, and of a run of them, in its own sigmas
 _LARGER, _OFF = 1.05, 4.0
 
 
 def window_of(times: Sequence[Floats], values: Sequence[Floats], sigma: float) -> int:
-    """Over how many readings an input of several records can be smoothed; 1 where it cannot be."""
+    """The number of readings over which an input of several records can be smoothed; 1 if not at all."""
     if not sigma > 0.0:
         return 1
     for window in WINDOWS:
@@ -40,7 +41,7 @@ def window_of(times: Sequence[Floats], values: Sequence[Floats], sigma: float) -
 
 
 def smoothed(times: Floats, values: Floats, window: int) -> Floats:
-    """(n) the local parabolas at the readings' own times; the first and the last one reach to the ends."""
+    """(n) the local parabolas at the times of the readings; the first and the last one extend to the ends."""
     if window <= 1 or times.size <= window:
         return values
     t = np.lib.stride_tricks.sliding_window_view(times, window)

@@ -1,4 +1,4 @@
-"""A table of single values: its units, columns that say the same, and the variable it is over."""
+"""A table of single values: its units, redundant columns, and the variable over which it runs."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ Floats = NDArray[np.float64]
 def as_table(
     measurements: Measurements, runs: Sequence[Run], named: Mapping[str, str] | None = None
 ) -> Measurements:
-    """Rows with the units of their file, and without columns that were worked out from another one.
+    """Rows with the units of their file, without columns that were computed from another one.
 
-    `named` are the columns that outputs were read from where these have other names. A column whose scatter
-    is that of another says nothing new; counted twice, every misfit would seem surer than it is. Measurements
-    with a course in time are returned as they are.
+    `named` are the columns from which outputs were read if their names differ. A column with the same scatter
+    as another adds no information; counted twice, every misfit would seem more significant than it is.
+    Measurements over time are returned unchanged.
     """
     if not measurements.table:
         return measurements
@@ -43,14 +43,14 @@ def as_table(
             kept.append(index)
         else:
             notes.append(
-                f"{name} scatters exactly as {found.outputs[source]} does: it was worked out from it, says "
-                "nothing new, and counts in no fit and no test"
+                f"{name} scatters exactly as {found.outputs[source]} does: it was computed from it, adds no "
+                "information, and counts in no fit and no test"
             )
     return _only_columns(found, kept, notes)
 
 
 def column(measurements: Measurements, index: int) -> Floats:
-    """(rows) SI, what was read of one output: the last reading of each row, NaN where there is none."""
+    """(rows) SI, readings of one output: the last reading of each row, NaN if there is none."""
     return np.array([_last(record, index) for record in measurements.records])
 
 
@@ -60,10 +60,10 @@ def _last(record: MeasuredRecord, index: int) -> float:
 
 
 def curves(measurements: Measurements, but: str = "") -> tuple[Floats, NDArray[np.intp]]:
-    """(rows) what the rows are ordered by, and the number of the curve on which each lies.
+    """(rows) the variable by which the rows are ordered, and the number of the curve on which each lies.
 
-    That is the operating variable with the most different values, `but` left out; rows that agree in all
-    others lie on one curve. Where nothing differs all are at one point.
+    It is the operating variable with the most different values, except `but`; rows that agree in all others
+    lie on one curve. If nothing differs all are at one point.
     """
     over = curve_variable(measurements, but)
     records = measurements.records
@@ -80,14 +80,14 @@ def curves(measurements: Measurements, but: str = "") -> tuple[Floats, NDArray[n
 
 
 def curve_variable(measurements: Measurements, but: str = "") -> str | None:
-    """The operating variable with the most different values, the first of them; None where none differs."""
+    """The operating variable with the most different values, the first of them; None if none differs."""
     names = [name for name in measurements.variables if name != but]
     counts = {name: len({record.condition.get(name) for record in measurements.records}) for name in names}
     return max(names, key=lambda name: counts[name], default=None)
 
 
 def set_variable(measurements: Measurements) -> str:
-    """The operating variable that is set by hand for each row, as the pressure is; "" where none is."""
+    """The operating variable that is set by hand for each row, such as the pressure; "" if none is."""
     rig = measurements.rig
     role = rig.roles.set_pressure if rig is not None else None
     if role is None:

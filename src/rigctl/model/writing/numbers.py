@@ -7,9 +7,9 @@ import math
 from rigctl.errors import RigctlError
 from rigctl.units import Unit, onto_bound, parse_unit
 
-#: correlated parameters feel the rounding of one another's digits: never fewer than these
+#: least number of digits, because correlated parameters are sensitive to each other's rounding
 _DIGITS = 6
-#: of a value whose uncertainty is not known
+#: for a value without a known uncertainty
 _DIGITS_OF_EXACT = 10
 _MOST = 17
 
@@ -23,9 +23,9 @@ def value_text(
     low: float = -math.inf,
     high: float = math.inf,
 ) -> str:
-    """An SI value as a file has it: with its digits down to a hundredth of `std`, six at least.
+    """An SI value as written in a file: with its digits down to a hundredth of `std`, at least six.
 
-    What lies within `low` and `high` lies there when it is read again, too.
+    A value within `low` and `high` is still within them after it is read again.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The text of a model file that says what a changed model is."""
+"""The text of a model file, updated for a changed model."""
 
 from __future__ import annotations
 
@@ -17,20 +17,19 @@ from rigctl.model.load import parse_model
 from rigctl.model.model import Model, Value
 from rigctl.model.writing.numbers import std_text, value_text
 
-#: what the digits of a file may change of a value
+#: relative change of a value that rounding in a file may cause
 _ROUNDING = 1e-5
 _PLAIN = re.compile(r"[A-Za-z][\w./@+-]*(?: [\w./@+-]+)+")
 
 
 def updated_text(model: Model, path: Path, effect_files: Sequence[Path] = ()) -> str:
-    """What `model.text` becomes when it says what `model` is; comments and layout stay.
+    """`model.text` updated to describe `model`; comments and layout are kept.
 
-    Values that did not change stay as they are written; others have the unit they were written in, and digits
-    that their uncertainty deserves.
+    Unchanged values stay as written; others keep their unit, with digits according to their uncertainty.
 
     Parameters
     ----------
-    path: the model file, beside which its other files are looked for.
+    path: the model file, relative to which its other files are given.
     effect_files: of the user's own effects that the text does not name yet.
 
     Raises
@@ -68,9 +67,11 @@ def _refuse_anchors(text: str, path: Path) -> None:
 
 
 def _relative(file: Path, path: Path) -> str:
-    """The file from the folder of the model file, so that the project can be moved and shared.
+    """The path of a file relative to the folder of the model file, so that the project can be moved and
+    shared.
 
-    A file that comes with rigctl is named from where those lie; one on another drive has no relative path.
+    A file shipped with rigctl is named relative to the shipped files; one on another drive has no relative
+    path.
     """
     absolute, folder = file.resolve(), path.resolve().parent
     if absolute.is_relative_to(shipped()) and not folder.is_relative_to(shipped()):
