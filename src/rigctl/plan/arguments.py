@@ -15,15 +15,15 @@ from rigctl.units import Quantity, describe, parse_quantity, parse_unit
 
 
 class ArgumentFields(Part):
-    """A quantity, or a list of them, that a call or the command line may give."""
+    """A quantity, or a list of quantities, that a call or the command line may give."""
 
-    description: str = Field(default="", description="what it is for")
+    description: str = Field(default="", description="its purpose")
     unit: UnitName | None = Field(default=None, description="its dimension; by default that of `default`")
     default: AnyValue | list[AnyValue] | None = Field(
-        default=None, description="without one it must be given; a list makes the argument a list"
+        default=None, description="if left out, a value must be given; a list makes the argument a list"
     )
-    low: AnyValue | None = Field(default=None, description="smallest value taken")
-    high: AnyValue | None = Field(default=None, description="largest value taken")
+    low: AnyValue | None = Field(default=None, description="smallest valid value")
+    high: AnyValue | None = Field(default=None, description="largest valid value")
 
     @model_validator(mode="after")
     def _complete(self) -> Self:

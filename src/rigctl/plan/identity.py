@@ -21,16 +21,16 @@ LONGEST: Final = 200
 
 
 class IdentityField(Part):
-    """One fact about the device under test, or who is in charge: a text, and what it has to look like."""
+    """One property of the device under test, or the person in charge: a text, and its required form."""
 
-    default: str | None = Field(default=None, max_length=LONGEST, description="where nothing else is given")
+    default: str | None = Field(default=None, max_length=LONGEST, description="used if nothing else is given")
     required: bool = Field(
-        default=False, description="no run on a bench begins without it; `rigctl run` asks for it"
+        default=False, description="no run on a bench starts without it; `rigctl run` asks for it"
     )
     pattern: str | None = Field(
         default=None,
         max_length=LONGEST,
-        description="a regular expression (RE2) that the whole text has to match",
+        description="a regular expression (RE2) that the whole text must match",
         examples=["HC-[0-9]{4}"],
     )
 
@@ -73,11 +73,11 @@ _Text = Annotated[IdentityField, Short("default")]
 
 
 class IdentityFields(Part):
-    """What a procedure says of the device under test, and demands to be told before anything moves."""
+    """What a procedure states about the device under test, and requires before anything moves."""
 
     serial_number: _Text = Field(default=IdentityField(), description="of the device under test")
     part: _Text = Field(default=IdentityField(), description="the part or type number of the device")
-    operator: _Text = Field(default=IdentityField(), description="who is in charge")
+    operator: _Text = Field(default=IdentityField(), description="the person in charge")
     notes: _Text = Field(default=IdentityField(), description="anything else")
 
 

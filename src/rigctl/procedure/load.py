@@ -28,17 +28,18 @@ class ProcedureFile(Cleanup):
     procedure: str = Field(min_length=1, max_length=100, description="its name")
     description: str = Field(default="", description="for reports")
     rig: str | None = Field(
-        default=None, description="the rig file; one that is only called needs none, its caller's counts"
+        default=None,
+        description="the rig file; not needed in a procedure that is only called, which uses its caller's",
     )
     identity: IdentityFields = Field(
         default=IdentityFields(),
-        description="the device under test and who is in charge: what is known, and what has to be given; "
-        "that of a procedure that is called does not count",
+        description="the device under test and the person in charge: known values, and those that must "
+        "be given; ignored in a called procedure",
     )
     arguments: dict[Name, Argument] = Field(
-        default_factory=dict, description="what a call or --arg may give; used as $name"
+        default_factory=dict, description="values that a call or --arg may give; used as $name"
     )
-    steps: list[AnyStep] = Field(min_length=1, description="carried out in this order")
+    steps: list[AnyStep] = Field(min_length=1, description="executed in this order")
 
 
 ProcedureFile.model_rebuild(_types_namespace={"AnyStep": AnyStep})

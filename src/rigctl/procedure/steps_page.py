@@ -22,17 +22,17 @@ _HEAD = """\
 
 *Generated* from `src/rigctl/steps/` by `make docs`.
 
-A step is a mapping whose verb says what it is. Where a short form is given, the value of that one field may
-stand in place of the mapping: `wait: 0.2 s` is `wait: {for: 0.2 s}`. Every quantity is written with its unit,
-or as an expression of `$variables`: `$supply + 2 bar`. Conditions are written in the
+A step is a mapping whose verb is its kind. If a short form is given, the value of that one field may be
+written instead of the mapping: `wait: 0.2 s` is `wait: {for: 0.2 s}`. Every quantity is written with its
+unit, or as an expression of `$variables`: `$supply + 2 bar`. Conditions are written in the
 [grammar of expressions](expressions.md).
 """
 
 _CLEANUP = """\
 Steps that contain steps (`do`) may also have `on_failure`, `on_abort` and `finally`, each a list of steps.
-They are carried out when the step is left: after a failure, after an abort, and in every case, in this order
-and up the whole stack; a cleanup step that fails does not stop the next. Around a record they are carried out
-after it is closed. A procedure as a whole may have them too.
+They run when the step is left: after a failure, after an abort, and in every case, in this order and from
+the inside out; a cleanup step that fails does not stop the next. Those of a record run after it has been
+closed. A whole procedure may have them too.
 """
 
 

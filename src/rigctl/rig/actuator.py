@@ -17,31 +17,31 @@ from rigctl.units import read_si, show
 class Actuator(Part):
     """An output of the bench.
 
-    A *switch* is off (0) or on (1); a *directional_valve* retracts (-1), rests (0) or extends (+1);
-    a *level* is continuous from `low` to `high` in its own unit.
+    A *switch* is off (0) or on (1); a *directional_valve* retracts (-1), rests (0) or extends (+1); a
+    *level* is continuous from `low` to `high` in its unit.
     """
 
-    kind: Literal["switch", "directional_valve", "level"] = Field(description="how it is commanded")
+    kind: Literal["switch", "directional_valve", "level"] = Field(description="kind of command")
     by: Literal["driven", "operator"] = Field(
-        default="driven", description="driven by the board, or turned by hand when the operator is asked"
+        default="driven", description="driven by the board, or set by hand when the operator is prompted"
     )
     description: str = Field(default="", description="for reports")
-    prompt: str | None = Field(default=None, description="what the operator is asked to do")
+    prompt: str | None = Field(default=None, description="instruction for the operator")
     unit: str | None = Field(default=None, description="of a level, e.g. bar")
     low: AnyAmount | None = Field(default=None, description="lowest level")
     high: AnyAmount | None = Field(default=None, description="highest level")
     power: Annotated[float, Q("W", low="0 W")] | None = Field(
-        default=None, description="heat it gives while on"
+        default=None, description="heating power while on"
     )
     repeatability: Annotated[float, Q("1", low="0 %")] | None = Field(
-        default=None, description="how well a level is set again, standard deviation as a share of it"
+        default=None, description="relative standard deviation of a repeated setting of a level"
     )
     max_rate: AnyDifference | None = Field(
         default=None,
-        description="fastest change of a level that a waveform or a control loop may ask for, e.g. 5 bar/s",
+        description="fastest change of a level that a waveform or a control loop may command, e.g. 5 bar/s",
     )
     min_interval: Annotated[float, Q("s", low="0 s")] = Field(
-        default=0.0, description="shortest time between two switches"
+        default=0.0, description="shortest time between two switching operations"
     )
 
     @property

@@ -25,7 +25,7 @@ class Raw(Part):
     bits: int = Field(default=10, ge=1, le=32, description="resolution of the converter")
     low: FiniteFloat = Field(default=0.0, description="raw value of the lowest code")
     high: FiniteFloat = Field(default=1023.0, description="raw value of the highest code")
-    unit: str = Field(default="count", description="what raw values are counted in: count or V")
+    unit: str = Field(default="count", description="unit of raw values: count or V")
 
     @property
     def step(self) -> float:
@@ -42,13 +42,18 @@ class Calibration(Part):
     """A polynomial from raw values to the channel's display unit: ``sum(c[k] * raw**k)``."""
 
     coefficients: tuple[FiniteFloat, ...] = Field(
-        default=(0.0, 1.0), min_length=2, max_length=8, description="lowest power first, in the display unit"
+        default=(0.0, 1.0),
+        min_length=2,
+        max_length=8,
+        description="coefficients in the display unit, lowest power first",
     )
-    date: IsoDate | None = Field(default=None, description="when it was calibrated")
-    reference: str | None = Field(default=None, description="what it was compared with")
-    uncertainty: AnyDifference | None = Field(default=None, description="of the calibrated value, 95 %")
+    date: IsoDate | None = Field(default=None, description="date of calibration")
+    reference: str | None = Field(default=None, description="reference instrument")
+    uncertainty: AnyDifference | None = Field(
+        default=None, description="uncertainty of the calibrated value, 95 %"
+    )
     valid_for: Annotated[float, Q("s", positive=True)] | None = Field(
-        default=None, description="how long it may be trusted, e.g. '365 day'"
+        default=None, description="period of validity, e.g. '365 day'"
     )
 
     def expires(self) -> dt.date | None:

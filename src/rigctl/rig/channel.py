@@ -73,21 +73,25 @@ QuantityName: TypeAlias = Literal[
 
 
 class Channel(Part):
-    """One sensor: what it measures, in which unit it is shown, and how raw values become physical ones."""
+    """One sensor: the quantity, its display unit, and the conversion from raw to physical values."""
 
-    unit: str = Field(description="the unit it is shown and stored in, e.g. bar")
-    quantity: QuantityName = Field(description="what it measures")
-    description: str = Field(default="", description="for reports: where the sensor sits, its type")
+    unit: str = Field(description="unit for display and storage, e.g. bar")
+    quantity: QuantityName = Field(description="the measured quantity")
+    description: str = Field(default="", description="for reports: location and type of the sensor")
     raw: Raw | None = Field(
         default=None,
         description="the converter behind it; without one readings are neither rounded nor clipped",
     )
-    calibration: Calibration = Field(default=Calibration(), description="raw values to the unit")
+    calibration: Calibration = Field(
+        default=Calibration(), description="conversion from raw values to the unit"
+    )
     noise: AnyDifference | None = Field(default=None, description="standard deviation of one reading")
     range: tuple[AnyAmount, AnyAmount] | None = Field(
-        default=None, description="what is physically possible; outside, the sensor is broken"
+        default=None, description="the physically possible range; a value outside means a broken sensor"
     )
-    difference: bool = Field(default=False, description="a temperature difference, shown without offset")
+    difference: bool = Field(
+        default=False, description="a temperature difference, converted without an offset"
+    )
 
     @cached_property
     def display(self) -> Unit:

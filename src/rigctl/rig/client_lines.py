@@ -76,13 +76,16 @@ class ClientDevice(Protocol):
 Positions = Annotated[
     dict[str, int] | None,
     Field(
-        description="of a switch or a directional valve: the numbers of its positions; left out: 0 and 1",
+        description="for a switch or a directional valve: the numbers of its positions; by default 0 and 1",
     ),
 ]
-Tries = Annotated[int, Field(ge=1, le=5, description="how often a question is asked before it is lost")]
+Tries = Annotated[int, Field(ge=1, le=5, description="number of attempts before a query counts as lost")]
 Every = Annotated[
     Annotated[float, Q("s", positive=True)] | None,
-    Field(description="read at most so often, the last value holds; left out: for each sample"),
+    Field(
+        description="shortest interval between readings, with the last value used in between; by "
+        "default for each sample"
+    ),
 ]
 
 

@@ -18,7 +18,7 @@ _BOUNDS = ("above", "below", "rate_above", "rate_below")
 class Limit(Part):
     """One bound of one channel: on its value, or on its rate of change over the last `over` seconds.
 
-    It trips when the bound is passed for longer than `for`; it then warns, or stops the run.
+    It trips when the bound is exceeded for longer than `for`, and then warns, or stops the run.
     """
 
     model_config = ConfigDict(
@@ -33,13 +33,13 @@ class Limit(Part):
         default=None, description="trips when it falls faster (negative)"
     )
     over: Annotated[float, Q("s", positive=True)] = Field(
-        default=1.0, description="the stretch a rate is taken over"
+        default=1.0, description="the interval over which a rate is calculated"
     )
     for_: Annotated[float, Q("s", low="0 s")] = Field(
-        default=0.0, alias="for", description="how long it must last before it trips"
+        default=0.0, alias="for", description="duration before it trips"
     )
-    action: Literal["warn", "stop"] = Field(default="stop", description="what tripping does")
-    message: str = Field(default="", description="what the operator reads")
+    action: Literal["warn", "stop"] = Field(default="stop", description="action on tripping")
+    message: str = Field(default="", description="message for the operator")
 
     @model_validator(mode="after")
     def _one_bound(self) -> Self:

@@ -25,7 +25,7 @@ _Seconds = Annotated[float, Q("s", positive=True)]
 Watchdog = Annotated[
     float,
     Q("s", low="0.5 s", high="60 s"),
-    Field(description="when rigctl has stood still or was killed for so long, its guard makes outputs safe"),
+    Field(description="if rigctl hangs for this long, or is killed, its guard makes the outputs safe"),
 ]
 #: s, the watchdog where a rig file gives none; a server that answers slowly has a longer one of its own
 WATCHDOG: Final = 2.0
@@ -37,7 +37,7 @@ class Exchange(Part):
     send: SendText = Field(description="the command, without its line end")
     reply: ReplyLines = Field(
         default=(),
-        description="what it answers: one pattern, or a list with one for each line; nothing when left out",
+        description="the answer: one pattern, or a list with one for each line; none if left out",
     )
 
     @cached_property
@@ -57,72 +57,76 @@ class Exchange(Part):
 
 
 class Query(Exchange):
-    """A question whose answer holds channels, or the state of actuators, by their names in braces."""
+    """A query whose answer contains channels, or the state of actuators, by their names in braces."""
 
     every: _Seconds | None = Field(
         default=None,
-        description="asked at most so often, the last answer holds meanwhile; left out: for each sample",
+        description="shortest interval between queries, with the last answer used in between; by "
+        "default for each sample",
     )
 
 
 class KeepAlive(Exchange):
-    """What a device wants to hear when nothing else is said."""
+    """A command that a device needs when nothing else is sent."""
 
-    every: _Seconds = Field(default=0.5, description="how long it may hear nothing")
+    every: _Seconds = Field(default=0.5, description="longest time without a command")
 
 
 class LineActuator(Exchange):
-    """How an actuator is set: ``{value}`` in `send` is where the number, or the word, goes."""
+    """The command for an actuator: ``{value}`` in `send` is replaced by the number or the word."""
 
     words: dict[str, str] | None = Field(
         default=None,
-        description="of a switch or a directional valve: what stands for its positions: {off: '0', on: '1'}",
+        description="for a switch or a directional valve: the words for its positions: {off: '0', on: '1'}",
     )
     scale: tuple[FiniteFloat, FiniteFloat] | None = Field(
         default=None,
-        description="of a level: the numbers for its low and high; left out: the value in its unit",
+        description="for a level: the numbers for its low and high; by default the value in its unit",
     )
 
 
 class Lines(Part):
     """The protocol of a device that is spoken to in lines."""
 
-    send_ends: str = Field(default="\n", min_length=1, max_length=4, description="what ends a command")
+    send_ends: str = Field(default="\n", min_length=1, max_length=4, description="terminator of a command")
     reply_ends: str = Field(
-        default="\n", min_length=1, max_length=4, description="what ends an answer's line"
+        default="\n", min_length=1, max_length=4, description="terminator of a line of an answer"
     )
     frame: str = Field(
-        default="8N1", pattern="^[78][NEO][12]$", description="data bits, parity, stop bits of the line"
+        default="8N1", pattern="^[78][NEO][12]$", description="data bits, parity and stop bits of the line"
     )
     timeout: _Seconds = Field(default=0.5, description="how long an answer may take")
-    tries: int = Field(default=2, ge=1, le=5, description="how often a question is asked before it is lost")
+    tries: int = Field(default=2, ge=1, le=5, description="number of attempts before a query counts as lost")
     wake: _Seconds = Field(
         default=3.0,
-        description="how long it may be silent after its port was opened; an Arduino starts anew then",
+        description="how long it may be silent after its port was opened; an Arduino restarts then",
     )
     fastest: Annotated[float, Q("Hz", positive=True)] | None = Field(
-        default=None, description="the highest rate at which it can be asked for a sample"
+        default=None, description="the highest possible sampling rate"
     )
     identify: Exchange | None = Field(
         default=None,
-        description="asked first; another answer is another device. Names in braces are kept with each run",
+        description="sent first; a different answer means a different device. Names in braces are "
+        "stored with each run",
     )
-    begin: tuple[Exchange, ...] = Field(default=(), description="sent once after that, e.g. to set it up")
-    queries: tuple[Query, ...] = Field(min_length=1, description="what is asked for a sample, in this order")
+    begin: tuple[Exchange, ...] = Field(
+        default=(), description="sent once after that, e.g. for configuration"
+    )
+    queries: tuple[Query, ...] = Field(min_length=1, description="the queries for a sample, in this order")
     actuators: dict[Name, LineActuator] = Field(
-        default_factory=dict, description="how each driven actuator is set"
+        default_factory=dict, description="the command for each driven actuator"
     )
     confirm: Exchange | None = Field(
         default=None,
-        description="asked after each setting; any other answer is a refusal, e.g. SYST:ERR? and 0,{_}",
+        description="sent after each setting; any other answer is a refusal, e.g. SYST:ERR? and 0,{_}",
     )
     errors: tuple[ReplyText, ...] = Field(
-        default=(), description="answers that refuse a command or a question, e.g. 'ERR {_}'"
+        default=(), description="answers that refuse a command or a query, e.g. 'ERR {_}'"
     )
-    keep_alive: KeepAlive | None = Field(default=None, description="sent when nothing else is")
+    keep_alive: KeepAlive | None = Field(default=None, description="sent when nothing else is sent")
     safe: tuple[Exchange, ...] = Field(
         default=(),
-        description="sent first when outputs are made safe; each actuator's safe_state follows in any case",
+        description="sent first when outputs are made safe; each actuator's safe_state always follows",
     )
     watchdog: Watchdog = WATCHDOG
 

@@ -43,16 +43,17 @@ class Register(Part):
     """Where a number stands, and how it is written there."""
 
     table: Table = Field(description="coil, discrete (input), input (register) or holding (register)")
-    address: int = Field(ge=0, le=65535, description="as it is sent, from 0; 40001 in a manual is holding 0")
+    address: int = Field(ge=0, le=65535, description="as transmitted, from 0; 40001 in a manual is holding 0")
     type: NumberType | None = Field(
-        default=None, description="of the number; left out: bool of a coil or discrete input, else uint16"
+        default=None,
+        description="type of the number; by default bool for a coil or discrete input, otherwise uint16",
     )
-    byte_order: Order | None = Field(default=None, description="within a register, where it is another one")
-    word_order: Order | None = Field(default=None, description="of the registers, where it is another one")
+    byte_order: Order | None = Field(default=None, description="order within a register, if different")
+    word_order: Order | None = Field(default=None, description="order of the registers, if different")
     scale: FiniteFloat = Field(default=1.0, description="the number in its unit is register * scale + offset")
     offset: FiniteFloat = Field(default=0.0, description="see scale")
     invalid: int | None = Field(
-        default=None, description="what stands there while there is no value, e.g. -32768"
+        default=None, description="the number that marks a missing value, e.g. -32768"
     )
 
     @property
@@ -67,52 +68,54 @@ class Register(Part):
 
 
 class ReadRegister(Register):
-    """A number that is read for a channel."""
+    """A number read for a channel."""
 
     every: Every = None
 
 
 class IdentityRegister(Register):
-    """A number by which the device is known."""
+    """A number that identifies the device."""
 
-    equals: FiniteFloat = Field(description="what stands there; anything else is another device")
+    equals: FiniteFloat = Field(description="the expected number; any other means a different device")
 
 
 class Heartbeat(Register):
-    """A register that counts up while rigctl lives, for a device that switches off when it stops."""
+    """A register that rigctl increments while running, for a device that switches off when it stops."""
 
-    every: _Seconds = Field(default=0.5, description="time between two counts")
+    every: _Seconds = Field(default=0.5, description="interval between two counts")
 
 
 class WrittenRegister(Register):
-    """A number that an actuator is set by."""
+    """A number written for an actuator."""
 
     values: Positions = None
     readback: Register | bool = Field(
         default=True,
-        description="where its state is read with each sample: true: where it is written; false: nowhere",
+        description="where its state is read with each sample: true: where it is written; false: not read",
     )
 
 
 class Modbus(Part):
     """A device on Modbus TCP, or RTU on a serial line."""
 
-    unit: int = Field(default=1, ge=0, le=255, description="the device's number on its line, or gateway")
-    frame: str = Field(
-        default="8E1", pattern="^8[NEO][12]$", description="of RTU: data bits, parity, stop bits"
+    unit: int = Field(
+        default=1, ge=0, le=255, description="the unit number of the device on its line or gateway"
     )
-    byte_order: Order = Field(default="big", description="of the two bytes of a register")
-    word_order: Order = Field(default="big", description="of the registers of a longer number")
+    frame: str = Field(
+        default="8E1", pattern="^8[NEO][12]$", description="for RTU: data bits, parity, stop bits"
+    )
+    byte_order: Order = Field(default="big", description="order of the two bytes of a register")
+    word_order: Order = Field(default="big", description="order of the registers of a longer number")
     timeout: Annotated[float, Q("s", low="0.02 s", high="5 s")] = Field(
         default=0.3, description="how long an answer may take"
     )
     tries: Tries = 2
-    wake: _Seconds = Field(default=3.0, description="how long it may be silent after it was connected")
+    wake: _Seconds = Field(default=3.0, description="how long it may be silent after connecting")
     read_gaps: int = Field(
-        default=0, ge=0, le=100, description="registers between two that may be read along in one request"
+        default=0, ge=0, le=100, description="number of unused registers that may be included in one request"
     )
     fastest: Annotated[float, Q("Hz", positive=True)] | None = Field(
-        default=None, description="the highest rate at which it can be asked for a sample"
+        default=None, description="the highest possible sampling rate"
     )
     identify: IdentityRegister | None = Field(default=None, description="read first")
     channels: dict[Name, ReadRegister] = Field(description="where each channel is read")

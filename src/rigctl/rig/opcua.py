@@ -30,38 +30,40 @@ class Node(Part):
 
 
 class ReadNode(Node):
-    """A variable that is read for a channel."""
+    """A variable read for a channel."""
 
     every: Every = None
     max_age: _Seconds | None = Field(
-        default=None, description="a value whose source is older by the server's clock is none"
+        default=None, description="a value whose source timestamp is older, by the server's clock, is missing"
     )
     read: Literal["value", "age"] = Field(
-        default="value", description="its value, or how long ago its source gave it, in s"
+        default="value", description="its value, or the age of its source timestamp in s"
     )
 
 
 class IdentityNode(Part):
-    """A variable by which the server is known."""
+    """A variable that identifies the server."""
 
     node: str = Field(pattern=NODE, description="its node id")
-    equals: str = Field(min_length=1, description="what stands there, as text; else it is another plant")
+    equals: str = Field(
+        min_length=1, description="the expected value, as text; any other means a different plant"
+    )
 
 
 class HeartbeatNode(Part):
-    """A whole number that counts up while rigctl lives, for a controller that switches off when it stops."""
+    """An integer that rigctl increments while running, for a controller that switches off when it stops."""
 
     node: str = Field(pattern=NODE, description="its node id")
-    every: _Seconds = Field(default=0.5, description="time between two counts")
+    every: _Seconds = Field(default=0.5, description="interval between two counts")
 
 
 class WrittenNode(Node):
-    """A variable that an actuator is set by."""
+    """A variable written for an actuator."""
 
     values: Positions = None
     readback: Node | bool = Field(
         default=True,
-        description="where its state is read with each sample: true: where it is written; false: nowhere",
+        description="where its state is read with each sample: true: where it is written; false: not read",
     )
 
 
@@ -75,7 +77,7 @@ class OpcUa(Part):
     wake: _Seconds = Field(default=5.0, description="how long connecting may take")
     fastest: Annotated[float, Q("Hz", positive=True)] = Field(
         default=10.0,
-        description="the highest rate at which it is read; servers look at their sources every 50 to 100 ms",
+        description="the highest sampling rate; servers update their values every 50 to 100 ms",
     )
     identify: IdentityNode | None = Field(default=None, description="read first")
     channels: dict[Name, ReadNode] = Field(description="where each channel is read")

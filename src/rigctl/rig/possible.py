@@ -46,19 +46,19 @@ AnyPrice = Annotated[
 
 
 class PossibleChannel(Part):
-    """A sensor that the bench could have; `rigctl design --sensors` says what it would tell."""
+    """A sensor that could be added to the bench; `rigctl design --sensors` evaluates its benefit."""
 
-    unit: str = Field(description="the unit it would be shown in, e.g. bar")
-    quantity: QuantityName = Field(description="what it would measure")
+    unit: str = Field(description="its display unit, e.g. bar")
+    quantity: QuantityName = Field(description="the quantity to be measured")
     description: str = Field(default="", description="type and place, for reports")
     reads: str = Field(
         default="",
-        description="the state, definition or output of the model family that it reads, e.g. pressure_a; "
-        "by default what it is called",
+        description="the state, definition or output of the model family that it reads, e.g. "
+        "pressure_a; by default its own name",
     )
-    noise: AnyDifference = Field(description="standard deviation of one reading, of its data sheet")
-    range: tuple[AnyAmount, AnyAmount] | None = Field(default=None, description="what it can read")
-    price: AnyPrice | None = Field(default=None, description="about what it costs, e.g. 180 EUR")
+    noise: AnyDifference = Field(description="standard deviation of one reading, from the data sheet")
+    range: tuple[AnyAmount, AnyAmount] | None = Field(default=None, description="its measuring range")
+    price: AnyPrice | None = Field(default=None, description="approximate price, e.g. 180 EUR")
 
     @property
     def channel(self) -> Channel:

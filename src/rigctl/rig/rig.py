@@ -34,7 +34,7 @@ _WORKED_OUT = ("layout", "sha256")
 
 
 class Backend(Part):
-    """How the bench is reached."""
+    """The connection to the bench."""
 
     kind: Literal["simulated", "serial", "modbus", "visa", "opcua", "emulated", "replay"] = "simulated"
     port: str | None = Field(
@@ -43,51 +43,53 @@ class Backend(Part):
     )
     baud: int | None = Field(default=None, ge=300, description="bits per second")
     options: dict[str, Any] = Field(
-        default_factory=dict, description="what this kind of backend knows besides"
+        default_factory=dict, description="further options of this kind of backend"
     )
     lines: Lines | None = Field(
         default=None,
         description="the protocol of a device without rigctl's firmware, on a serial port or behind VISA",
     )
-    modbus: Modbus | None = Field(default=None, description="the registers of a device on Modbus")
-    opcua: OpcUa | None = Field(default=None, description="the nodes of a server of OPC UA")
+    modbus: Modbus | None = Field(default=None, description="the registers of a Modbus device")
+    opcua: OpcUa | None = Field(default=None, description="the nodes of an OPC UA server")
 
 
 class Rig(Part):
     """Channels, actuators, what the model needs to know, limits and the safe state."""
 
-    name: str = Field(min_length=1, description="what the bench is called")
+    name: str = Field(min_length=1, description="name of the bench")
     description: str = Field(default="", description="for reports")
     backend: Backend = Field(
         default=Backend(),
-        description="how the bench is reached when a command does not say it",
+        description="the connection to the bench, unless a command gives another",
     )
     model: str | None = Field(
         default=None, description="model family, e.g. hydraulic_cylinder, or a family file"
     )
     oil: str | None = Field(default=None, description="the fluid, e.g. HL32")
-    channels: dict[Name, Channel] = Field(min_length=1, description="what is measured")
+    channels: dict[Name, Channel] = Field(min_length=1, description="the measured quantities")
     could_have: dict[Name, PossibleChannel] = Field(
-        default_factory=dict, description="sensors that it does not have and could have"
+        default_factory=dict, description="sensors that could be added"
     )
-    actuators: dict[Name, Actuator] = Field(default_factory=dict, description="what is switched or set")
-    roles: Roles = Field(default=Roles(), description="which of them the steps mean")
+    actuators: dict[Name, Actuator] = Field(default_factory=dict, description="the outputs")
+    roles: Roles = Field(default=Roles(), description="the actuators and channels used by the steps")
     geometry: dict[Name, AnyAmount] = Field(default_factory=dict, description="lengths, areas, volumes")
-    constants: dict[Name, AnyAmount] = Field(default_factory=dict, description="what else the model needs")
+    constants: dict[Name, AnyAmount] = Field(
+        default_factory=dict, description="other parameters of the model"
+    )
     options: dict[Name, str] = Field(default_factory=dict, description="variants of the model")
     limits: dict[Name, Limit] = Field(default_factory=dict, description="interlocks")
     safe_state: dict[Name, Setting] = Field(
-        default_factory=dict, description="where every driven actuator goes when anything is wrong"
+        default_factory=dict, description="values of all driven actuators in the event of a fault"
     )
     monitor_rate: Annotated[float, Q("Hz", positive=True)] = Field(
-        default=10.0, description="how often the bench is read between records"
+        default=10.0, description="sampling rate between records"
     )
     moving_rate: Annotated[float, Q("Hz", positive=True)] = Field(
         default=100.0,
-        description="how often it is read between records while a directional valve is not in its safe state",
+        description="sampling rate between records while a directional valve is not in its safe state",
     )
     stale_after: Annotated[float, Q("s", positive=True)] = Field(
-        default=1.0, description="a bench that sends nothing for so long is at fault"
+        default=1.0, description="silence of the bench for this time is a fault"
     )
     simulation: Simulation = Field(default=Simulation(), description="the simulated bench")
 

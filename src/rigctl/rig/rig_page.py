@@ -29,26 +29,26 @@ _HEAD = """\
 
 Every quantity is written with its unit; names are those that [expressions](expressions.md) can use.
 `rigctl schema rig` prints the same as JSON Schema, from which editors complete and check a file.
-[How to describe a bench](../how-to/describe-a-bench.md) goes through a file from top to bottom.
+[How to describe a bench](../how-to/describe-a-bench.md) explains a file from top to bottom.
 """
 
 _LINES = """\
-A device that answers to texts needs no program: this part says what to send and what its answers mean.
+A device that answers text commands needs no driver code: this section defines the commands and the answers.
 [How to connect a device by its lines](../how-to/connect-a-device-by-its-lines.md) builds one.
 
-In a command `{value}` is where the value of an actuator goes, `{value:.2f}` with two decimals, `{value:d}`
-as a whole number. In an answer `{name}` is where the number of the channel `name` stands, or what an actuator
-of that name is set to; `{_}` is passed over. A brace itself is doubled: `{{`. What stands between the places
-must be there exactly; blanks at both ends of a line do not count.
+In a command `{value}` is replaced by the value of an actuator, `{value:.2f}` with two decimals, `{value:d}`
+as an integer. In an answer `{name}` marks the number of the channel `name`, or the setting of the actuator of
+that name; `{_}` is ignored. A literal brace is doubled: `{{`. The text between these fields must match
+exactly; blanks at both ends of a line are ignored.
 """
 
 _MODBUS = """\
-A device on Modbus TCP, or RTU on a serial line: which number stands in which register.
+A device on Modbus TCP, or RTU on a serial line, with its register map.
 [How to connect a Modbus device](../how-to/connect-a-modbus-device.md) explains it.
 """
 
 _OPCUA = """\
-A server of OPC UA, without encryption and as an anonymous user: which node is read or written for what.
+An OPC UA server, without encryption and as an anonymous user, with its nodes.
 [How to connect an OPC UA server](../how-to/connect-an-opc-ua-server.md) explains it.
 """
 
@@ -102,7 +102,7 @@ def rig_page() -> str:
 
 
 def _table(model: type[BaseModel], properties: dict[str, Any]) -> Iterator[str]:
-    yield "| field | for example | default | says |"
+    yield "| field | for example | default | meaning |"
     yield "|---|---|---|---|"
     for name, info in model.model_fields.items():
         key = info.alias or name

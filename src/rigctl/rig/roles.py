@@ -10,32 +10,32 @@ from rigctl.rig.setting import Setting
 
 
 class HeatRole(Part):
-    """What `heat` switches and watches."""
+    """The actuator and channel of `heat`."""
 
     actuator: str
     channel: str
     hysteresis: AnyDifference | None = Field(
-        default=None, description="half width of the band in which the heater is left as it is"
+        default=None, description="half width of the band in which the heater is not switched"
     )
 
 
 class SetRole(Part):
-    """What `set_pressure` sets and watches."""
+    """The actuator and channel of `set_pressure`."""
 
     actuator: str
     channel: str
 
 
 class MoveRole(Part):
-    """What `extend` or `retract` switches, to which position, and where the motion is read."""
+    """The actuator of `extend` or `retract`, its position, and the channel of the motion."""
 
     actuator: str
     value: Setting = Field(description="the position, e.g. extend or 1")
-    position: str | None = Field(default=None, description="the channel that reads the position")
+    position: str | None = Field(default=None, description="the channel that measures the position")
 
 
 class Roles(Part):
-    """Steps that a rig without the role cannot carry out are refused before anything moves."""
+    """Steps that need a missing role are refused before anything moves."""
 
     heat: HeatRole | None = None
     set_pressure: SetRole | None = None

@@ -13,17 +13,19 @@ from rigctl.rig.base import Part
 
 
 class Simulation(Part):
-    """Initial state, surroundings and chance of the simulated bench."""
+    """Initial state, surroundings and randomness of the simulated bench."""
 
     initial: dict[Name, AnyAmount] = Field(
-        default_factory=dict, description="what the channels read at the start"
+        default_factory=dict, description="initial readings of the channels"
     )
-    ambient_temperature: Annotated[float, Q("K")] = Field(default=293.15, description="around the tank")
+    ambient_temperature: Annotated[float, Q("K")] = Field(
+        default=293.15, description="temperature around the tank"
+    )
     pump: bool = Field(default=True, description="whether the pump runs")
     noise: bool = Field(default=True, description="whether the channels' noise is added")
-    seed: int = Field(default=0, ge=0, description="of the noise: the same seed gives the same samples")
+    seed: int = Field(default=0, ge=0, description="seed of the noise: the same seed gives the same samples")
     answer_delay: Annotated[float, Q("s", low="0 s")] = Field(
-        default=0.0, description="how long the simulated operator takes"
+        default=0.0, description="response time of the simulated operator"
     )
     scatter: dict[Name, Annotated[float, Q("1", low="0", high="1")]] = Field(
         default_factory=dict, description="relative standard deviation of each new setting, by actuator"

@@ -18,7 +18,7 @@ from rigctl.plan.values import AnyValue, Variable
 
 
 class CallFields(Part):
-    """The other procedure sees its own arguments and nothing else of this one."""
+    """The called procedure sees only its arguments."""
 
     procedure: str = Field(min_length=1, description="its file, relative to this one or to the project")
     with_: dict[Name, AnyValue | list[AnyValue]] = Field(
@@ -27,7 +27,7 @@ class CallFields(Part):
 
 
 class CallStep(Step, Cleanup):
-    """Carry out another procedure's steps, with its own cleanup; its rig is the caller's."""
+    """Execute the steps of another procedure, with its own cleanup, on the caller's rig."""
 
     verb: ClassVar[str] = "call"
     example: ClassVar[str] = "- call: {procedure: procedures/stroke.yaml, with: {supply: 40 bar}}\n"

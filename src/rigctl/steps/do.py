@@ -10,7 +10,7 @@ from rigctl.plan.tree import Group
 
 
 class DoStep(Block):
-    """Carry out steps in order; `finally` and its like say what follows however that ends."""
+    """Execute steps in order; `finally`, `on_failure` and `on_abort` define the cleanup."""
 
     verb: ClassVar[str] = "do"
     example: ClassVar[str] = (

@@ -67,10 +67,8 @@ Sweep: TypeAlias = Annotated[
 
 
 class ForStep(Block):
-    """Carry out steps once for each point.
-
-    Several variables in one mapping are nested, the first one outermost, or paired with `zip: true`.
-    """
+    """Execute steps once for each point. Several variables in one mapping are nested, the first one
+    outermost, or paired with `zip: true`."""
 
     verb: ClassVar[str] = "for"
     example: ClassVar[str] = (
@@ -94,7 +92,7 @@ class ForStep(Block):
         default=None, description="seed of a random order of all points; 0 keeps the order as written"
     )
     repeat: Count = Field(
-        default=COUNT.read("1"), description="how often each point is visited; 0 leaves it out"
+        default=COUNT.read("1"), description="number of repetitions of each point; 0 leaves it out"
     )
 
     def build(self, context: Context) -> Group:

@@ -32,9 +32,9 @@ from rigctl.units import show
 
 
 class HeatFields(Part):
-    """The oil is there when it has stayed inside the tolerance for `settle`."""
+    """The temperature is reached when it has stayed within the tolerance for `settle`."""
 
-    to: Temperature = Field(description="the temperature wanted")
+    to: Temperature = Field(description="the desired temperature")
     within: TemperatureTolerance = Field(
         default=TEMPERATURE_TOLERANCE.read("0.5 K"), description="half width of the tolerance"
     )

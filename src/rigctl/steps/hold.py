@@ -26,13 +26,13 @@ class HoldFields(Part):
     """The step fails as soon as the channel leaves the tolerance."""
 
     for_: Duration = Field(alias="for", description="how long")
-    channel: str = Field(description="the channel to watch")
-    at: AnyValue | None = Field(default=None, description="the value; by default what is read at the start")
+    channel: str = Field(description="the channel to monitor")
+    at: AnyValue | None = Field(default=None, description="the value; by default the reading at the start")
     within: AnyTolerance = Field(description="half width of the tolerance")
 
 
 class HoldStep(Step):
-    """Wait, and see that a channel stays within a tolerance meanwhile."""
+    """Wait while a channel stays within a tolerance."""
 
     verb: ClassVar[str] = "hold"
     example: ClassVar[str] = "- hold: {for: 1 min, channel: supply_pressure, at: 30 bar, within: 0.5 bar}\n"

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 class IfStep(Block):
-    """Choose by the newest sample, earlier measures and operators' answers."""
+    """Branch on the latest sample, earlier measures and operators' answers."""
 
     verb: ClassVar[str] = "if"
     example: ClassVar[str] = (
         "- if: oil_temperature > 60 degC and heater == 0\n  do: [wait: 10 min]\n  else: [wait: 1 min]\n"
     )
     if_: Condition = Field(alias="if", description="e.g. oil_temperature > 40 degC")
-    else_: list[AnyStep] | None = Field(default=None, alias="else", description="steps when it does not hold")
+    else_: list[AnyStep] | None = Field(default=None, alias="else", description="steps if it does not hold")
 
     def build(self, context: Context) -> Node:
         """A `Branch`."""

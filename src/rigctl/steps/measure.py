@@ -35,23 +35,23 @@ class Missed(Enum):
 
 
 class MeasureFields(Part):
-    """A value from recorded data, with limits that it passes or misses."""
+    """A value from recorded data, with optional limits."""
 
-    name: Name = Field(description="what the value is called")
+    name: Name = Field(description="name of the value")
     value: str = Field(
         min_length=1,
         description="an expression over statistics of channels: first, last, min, max, mean, std; duration",
         examples=["max(position) - min(position)", "mean(supply_pressure)"],
     )
     unit: UnitName = Field(description="the value's unit")
-    low: AnyValue | None = Field(default=None, description="smallest value that passes")
-    high: AnyValue | None = Field(default=None, description="largest value that passes")
+    low: AnyValue | None = Field(default=None, description="lower limit")
+    high: AnyValue | None = Field(default=None, description="upper limit")
     over: Literal["record", "phase"] | None = Field(
         default=None, description="the whole record (default), or since the last change of a command"
     )
     last: Duration | None = Field(default=None, description="instead of `over`: the last seconds")
     missed: Literal["fail", "continue"] = Field(
-        default="fail", description="what follows when the value lies outside its limits"
+        default="fail", description="consequence if the value is outside its limits"
     )
 
     @model_validator(mode="after")
@@ -64,7 +64,7 @@ class MeasureFields(Part):
 
 
 class MeasureStep(Step):
-    """Take a value from the samples so far."""
+    """Calculate a value from the samples so far."""
 
     verb: ClassVar[str] = "measure"
     example: ClassVar[str] = (

@@ -37,7 +37,7 @@ class MoveFields(Part):
     """What ends the move: exactly one of `for`, `until` and `to`. The valve then closes."""
 
     for_: Duration | None = Field(
-        default=None, alias="for", description="a time, kept by the board where it can keep it"
+        default=None, alias="for", description="a time, controlled by the board where possible"
     )
     until: Condition | None = Field(default=None, description="a condition, e.g. position < 1 mm")
     to: Length | None = Field(default=None, description="a position, in closed loop")

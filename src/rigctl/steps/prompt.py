@@ -23,16 +23,18 @@ from rigctl.units import show
 
 
 class PromptFields(Part):
-    """Without a `name`, a confirmation is enough; with one, a value is typed with its unit and kept."""
+    """Without a `name`, a confirmation is enough; with one, a value is entered with its unit and stored."""
 
     question: str = Field(
-        min_length=1, max_length=500, description="what the operator reads; $names are filled in"
+        min_length=1,
+        max_length=500,
+        description="the text for the operator; $names are replaced by their values",
     )
-    name: Name | None = Field(default=None, description="what the answer is called")
-    unit: UnitName | None = Field(default=None, description="the answer's unit; 1 for a plain number")
-    low: AnyValue | None = Field(default=None, description="smallest answer taken")
-    high: AnyValue | None = Field(default=None, description="largest answer taken")
-    simulated: AnyValue | None = Field(default=None, description="what a simulated operator answers")
+    name: Name | None = Field(default=None, description="name of the answer")
+    unit: UnitName | None = Field(default=None, description="unit of the answer; 1 for a plain number")
+    low: AnyValue | None = Field(default=None, description="smallest valid answer")
+    high: AnyValue | None = Field(default=None, description="largest valid answer")
+    simulated: AnyValue | None = Field(default=None, description="the answer of a simulated operator")
 
     @model_validator(mode="after")
     def _named(self) -> Self:

@@ -16,18 +16,18 @@ from rigctl.units import show
 
 
 class RecordFields(Part):
-    """What is kept: one row for each sample, at `rate`."""
+    """One row is stored for each sample, at `rate`."""
 
-    name: Name = Field(description="what records of this kind are called")
+    name: Name = Field(description="name of records of this kind")
     rate: Rate = Field(default=RATE.read("100 Hz"), description="samples per second")
     channels: Literal["all"] | list[str] = Field(default="all", description="all, or a list of channels")
     retries: Count | None = Field(
-        default=None, description="how often it is repeated when the bench was lost inside it; 0 by default"
+        default=None, description="maximum number of repetitions if the bench is lost during it; 0 by default"
     )
 
 
 class RecordStep(Block):
-    """Record what the steps inside do: one record, the unit of fitting and of hold-out."""
+    """Record the samples during the enclosed steps as one record, the unit of fitting and of hold-out."""
 
     verb: ClassVar[str] = "record"
     example: ClassVar[str] = (

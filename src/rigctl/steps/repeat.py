@@ -13,7 +13,7 @@ from rigctl.plan.values import Count
 
 
 class RepeatStep(Block):
-    """Do the same a number of times; 0 leaves it out."""
+    """Repeat steps a number of times; 0 leaves them out."""
 
     verb: ClassVar[str] = "repeat"
     example: ClassVar[str] = "- repeat: 3\n  do:\n    - extend: 0.5 s\n    - retract: 0.5 s\n"

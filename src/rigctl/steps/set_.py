@@ -42,11 +42,11 @@ def _lengthen(written: Any) -> Any:
 
 
 class SetFields(Part):
-    """Written in full to return the actuators to their safe values after a time."""
+    """The full form returns the actuators to their safe values after a time."""
 
     values: dict[str, Command] = Field(min_length=1, description="actuator: value")
     for_: Duration | None = Field(
-        default=None, alias="for", description="after which they return to their safe values"
+        default=None, alias="for", description="time after which they return to their safe values"
     )
 
 

@@ -35,9 +35,9 @@ _DRIVEN_LEVEL = 1.0
 
 
 class SetPressureFields(Part):
-    """The pressure is there when it has stayed inside the tolerance for `settle`."""
+    """The pressure is reached when it has stayed within the tolerance for `settle`."""
 
-    to: Pressure = Field(description="the supply pressure wanted")
+    to: Pressure = Field(description="the desired supply pressure")
     within: PressureTolerance = Field(
         default=PRESSURE_TOLERANCE.read("0.5 bar"), description="half width of the tolerance"
     )
@@ -46,7 +46,7 @@ class SetPressureFields(Part):
 
 
 class SetPressureStep(Step):
-    """Set the supply pressure; where the valve is turned by hand, the operator is asked to."""
+    """Set the supply pressure; if the valve is set by hand, the operator is asked to do so."""
 
     verb: ClassVar[str] = "set_pressure"
     example: ClassVar[str] = "- set_pressure: {to: 30 bar, within: 0.5 bar, settle: 2 s, timeout: 60 s}\n"

@@ -28,7 +28,9 @@ class WaitFields(Part):
 
     for_: Period | None = Field(default=None, alias="for", description="how long")
     until: Condition | None = Field(default=None, description="a condition, e.g. oil_temperature < 40 degC")
-    timeout: Duration | None = Field(default=None, description="with `until`: when the step fails")
+    timeout: Duration | None = Field(
+        default=None, description="with `until`: time after which the step fails"
+    )
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:
@@ -41,7 +43,7 @@ class WaitFields(Part):
 
 
 class WaitStep(Step):
-    """Let time pass; recording and interlocks go on."""
+    """Wait; recording and interlocks continue."""
 
     verb: ClassVar[str] = "wait"
     example: ClassVar[str] = "- wait: 0.2 s\n- wait: {until: oil_temperature < 40 degC, timeout: 3 h}\n"

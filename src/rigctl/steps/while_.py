@@ -14,13 +14,13 @@ from rigctl.plan.values import COUNT, Count
 
 
 class WhileStep(Block):
-    """Repeat as long as a condition holds; it is looked at before each round."""
+    """Repeat as long as a condition holds; it is checked before each iteration."""
 
     verb: ClassVar[str] = "while"
     example: ClassVar[str] = "- while: oil_temperature < 25 degC\n  at_most: 100\n  do:\n    - wait: 10 s\n"
     while_: Condition = Field(alias="while", description="e.g. oil_temperature < 40 degC")
     at_most: Count = Field(
-        default=COUNT.read("1000"), description="rounds, after which the step fails if it still holds"
+        default=COUNT.read("1000"), description="iterations, after which the step fails if it still holds"
     )
 
     def build(self, context: Context) -> Node:

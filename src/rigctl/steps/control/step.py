@@ -32,12 +32,12 @@ _OSCILLATION = 0.02
 class ControlFields(Part):
     """A PID controller in parallel form with feed-forward; on the host sample by sample, or on the board."""
 
-    actuator: str = Field(description="what is commanded: a driven level")
-    channel: str = Field(description="what is controlled")
+    actuator: str = Field(description="the actuator to command: a driven level")
+    channel: str = Field(description="the channel to control")
     to: AnyValue = Field(description="the set-point")
     ramp: AnyDifference | None = Field(
         default=None,
-        description="how fast the set-point goes there from the first reading; at once without",
+        description="rate at which the set-point moves there from the first reading; by default at once",
         examples=["2 K/min"],
     )
     gain: AnyDifference = Field(description="K_p, actuator per channel", examples=["4 %/K"])
@@ -50,13 +50,14 @@ class ControlFields(Part):
         examples=["20 %*s/K"],
     )
     derivative_filter: Duration | None = Field(
-        default=None, description="T_f, the filter's time constant; a tenth of K_d/K_p without"
+        default=None, description="T_f, the filter's time constant; by default a tenth of K_d/K_p"
     )
     anti_windup: Literal["back_calculation", "clamping"] = Field(
-        default="back_calculation", description="what holds the integral while the output is bounded"
+        default="back_calculation",
+        description="method that limits the integral while the output is saturated",
     )
     tracking_time: Duration | None = Field(
-        default=None, description="T_t of back-calculation; K_p/K_i without"
+        default=None, description="T_t of back-calculation; by default K_p/K_i"
     )
     feed_forward: str | None = Field(
         default=None,
@@ -65,10 +66,10 @@ class ControlFields(Part):
         examples=["convection*(setpoint - ambient_temperature)/heater_gain_1"],
     )
     parameters_of: str | None = Field(
-        default=None, description="the model file whose fitted parameters the formula can name"
+        default=None, description="the model file whose fitted parameters the formula can use"
     )
     start: Literal["bumpless", "zero"] = Field(
-        default="bumpless", description="the integral begins where the output goes on, or at zero"
+        default="bumpless", description="initial value of the integral: for a continuous output, or zero"
     )
     where: Literal["host", "board", "auto"] = Field(
         default="host",
@@ -79,24 +80,29 @@ class ControlFields(Part):
         default=RATE.read("10 Hz"),
         description="updates per second; in a record not above its own, unless the board computes",
     )
-    low: AnyValue | None = Field(default=None, description="least output; the actuator's own without")
-    high: AnyValue | None = Field(default=None, description="greatest output; the actuator's own without")
+    low: AnyValue | None = Field(default=None, description="minimum output; by default that of the actuator")
+    high: AnyValue | None = Field(default=None, description="maximum output; by default that of the actuator")
     max_rate: AnyDifference | None = Field(
-        default=None, description="fastest change of the output, per second; the actuator's own without"
+        default=None, description="fastest change of the output, per second; by default that of the actuator"
     )
-    for_: Duration | None = Field(default=None, alias="for", description="how long, however it goes")
+    for_: Duration | None = Field(default=None, alias="for", description="duration, whatever the reading")
     within: AnyTolerance | None = Field(
-        default=None, description="instead of `for`: until the reading has settled in this tolerance"
+        default=None, description="instead of `for`: until the reading has settled within this tolerance"
     )
-    settle: Duration | None = Field(default=None, description="how long it has to stay in there")
-    timeout: Duration | None = Field(default=None, description="when the step fails if it has not settled")
+    settle: Duration | None = Field(
+        default=None, description="time for which it must stay within the tolerance"
+    )
+    timeout: Duration | None = Field(
+        default=None, description="time after which the step fails if it has not settled"
+    )
     oscillation: AnyTolerance | None = Field(
         default=None,
-        description="amplitude from which a lasting oscillation ends the step; 2 % of the range without",
+        description="amplitude above which a sustained oscillation ends the step; by default 2 % of "
+        "the range",
     )
-    name: Name = Field(default="control", description="the begin of the names of what is measured of it")
+    name: Name = Field(default="control", description="prefix for the names of its measures")
     then: Literal["safe", "stay"] = Field(
-        default="safe", description="at the end the output goes to its safe value, or stays"
+        default="safe", description="at the end the output goes to its safe value, or keeps its last one"
     )
 
     @model_validator(mode="after")
@@ -116,7 +122,7 @@ class ControlFields(Part):
 
 
 class ControlStep(Step):
-    """Control a channel by an actuator in a closed loop."""
+    """Control a channel with an actuator in a closed loop."""
 
     verb: ClassVar[str] = "control"
     example_rig: ClassVar[str] = "heater-board.yaml"

@@ -30,21 +30,21 @@ _SHAPES = ("ramp", "sine", "steps", "table")
 
 
 class RampFields(Part):
-    """In a straight line."""
+    """A linear ramp."""
 
     from_: Command | None = Field(
-        default=None, alias="from", description="where it begins; what is commanded then, if left out"
+        default=None, alias="from", description="initial value; by default the present command"
     )
-    to: Command = Field(description="where it ends")
+    to: Command = Field(description="final value")
     over: Duration = Field(description="how long it takes")
 
 
 class SineFields(Part):
     """``mean + amplitude·sin(2π·frequency·t + phase)``."""
 
-    mean: Command = Field(description="its middle")
-    amplitude: AnyTolerance = Field(description="from the middle to the top")
-    frequency: Rate = Field(description="how often it comes round")
+    mean: Command = Field(description="mean value")
+    amplitude: AnyTolerance = Field(description="amplitude about the mean")
+    frequency: Rate = Field(description="frequency")
     phase: AnyValue | None = Field(default=None, description="where it begins", examples=["90 deg"])
     for_: Duration = Field(alias="for", description="how long")
 
@@ -55,21 +55,21 @@ class StepsFields(Part):
     levels: list[Command] = Field(
         min_length=1, max_length=10_000, description="levels or positions, in order"
     )
-    each: Duration = Field(description="how long each of them lasts")
+    each: Duration = Field(description="duration of each")
     rise: Period = Field(
-        default=PERIOD.read("0 s"), description="how long it takes from one to the next, in a straight line"
+        default=PERIOD.read("0 s"), description="time of the linear transition from one to the next"
     )
 
 
 class TableFields(Part):
-    """Values at times: from a CSV file with the columns ``time [s]`` and ``NAME [unit]``, or written here."""
+    """Values at times: from a CSV file with the columns ``time [s]`` and ``NAME [unit]``, or listed here."""
 
     file: str | None = Field(default=None, description="relative to the procedure or to the project")
     points: list[tuple[Period, Command]] | None = Field(
         default=None, min_length=2, max_length=10_000, description="pairs of a time and a value"
     )
     between: Literal["line", "hold"] = Field(
-        default="line", description="between two points a straight line, or the value of the first"
+        default="line", description="between two points a linear interpolation, or the value of the first"
     )
 
     @model_validator(mode="after")
@@ -80,10 +80,10 @@ class TableFields(Part):
 
 
 class WaveformFields(Part):
-    """One actuator along one course; all of it is checked against the rig before anything moves."""
+    """One actuator along one waveform, which is checked completely against the rig before anything moves."""
 
     actuator: str = Field(description="what is commanded")
-    ramp: RampFields | None = Field(default=None, description="`from`, `to`, `over`: a straight line")
+    ramp: RampFields | None = Field(default=None, description="`from`, `to`, `over`: a linear ramp")
     sine: SineFields | None = Field(
         default=None, description="`mean`, `amplitude`, `frequency`, `phase`, `for`: a sine"
     )
@@ -96,9 +96,9 @@ class WaveformFields(Part):
     rate: Rate = Field(
         default=RATE.read("10 Hz"), description="commands per second along a curve; steps need none"
     )
-    repeat: Count = Field(default=COUNT.read(1), description="how often it comes one after the other")
+    repeat: Count = Field(default=COUNT.read(1), description="number of repetitions")
     then: Literal["stay", "safe"] = Field(
-        default="stay", description="at the end the last value stays, or the actuator goes to its safe one"
+        default="stay", description="at the end the actuator keeps the last value, or goes to its safe one"
     )
 
     @model_validator(mode="after")
