@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rigctl.noise import NoiseRecord, find_spikes, find_spikes_in_records
+from rigctl.noise.spikes import find_spikes_on_scales
 
 
 @pytest.mark.parametrize(("rho", "ten_bits"), [(0.0, False), (0.6, False), (0.6, True), (0.0, True)])
@@ -106,6 +107,20 @@ def test_a_peak_that_every_record_has_belongs_to_the_bench() -> None:
     masks = find_spikes_in_records(records)
     assert np.flatnonzero(masks[0]).tolist() == [60]
     assert not np.any(masks[1:])
+
+
+def test_two_scales_at_once_find_what_each_finds() -> None:
+    rng = np.random.default_rng(10)
+    records = []
+    for _ in range(5):
+        wide = np.where(np.arange(300) % 100 < 50, 0.01, 0.1)[:, None]
+        values = wide * rng.standard_t(3, (300, 2))
+        records.append(NoiseRecord(np.arange(300) * 0.01, values, 0, np.arange(300) // 100))
+    both = find_spikes_on_scales(records, (False, True))
+    for masks, local in zip(both, (False, True), strict=True):
+        alone = find_spikes_in_records(records, local=local)
+        assert all(np.array_equal(one, other) for one, other in zip(masks, alone, strict=True))
+    assert sum(mask.sum() for mask in both[0]) > sum(mask.sum() for mask in both[1]) > 0
 
 
 def test_missing_values_are_no_spikes_and_hide_none() -> None:

@@ -10,7 +10,7 @@ It also holds the phase and channel of each residual, and the shared unknowns th
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -332,14 +332,21 @@ def slopes_at(
     Simulates once with every column, and once more for each further choice of shapes and each finite size.
     """
     base = base_at(problem, fit)
-    at = problem.with_shared((), base)
-    plain = [name for one in chosen if not (one.shapes or one.secants) for name in one.columns]
+    first = _shaped_first(fit, chosen)
+    at = problem.with_shared((), _with_shapes(problem, base, [chosen[index] for index in first]))
+    plain = [
+        name
+        for index, one in enumerate(chosen)
+        if index in first or not (one.shapes or one.secants)
+        for name in one.columns
+    ]
     columns = tuple(dict.fromkeys([*free, *problem.local_names, *plain]))
     simulated = at.simulate(np.empty(0), local, columns, initial=True).require()
     index = {name: k for k, name in enumerate(simulated.columns)}
     every = [np.take(array, problem.channels, axis=1) for array in simulated.sensitivities]
     parts: list[list[Floats]] = [[] for _ in every]
-    elsewhere = _shaped(at, base, chosen, local) | _sized(at, base, chosen, local, simulated.outputs)
+    further = {k: one for k, one in enumerate(chosen) if one.shapes and k not in first}
+    elsewhere = _shaped(at, base, further, local) | _sized(at, base, chosen, local, simulated.outputs)
     for position, one in enumerate(chosen):
         for k, array in enumerate(every):
             if position in elsewhere:
@@ -368,15 +375,37 @@ def base_at(problem: Problem, fit: FitResult) -> Floats:
     return base
 
 
+def _shaped_first(fit: FitResult, chosen: Sequence[Candidate]) -> frozenset[int]:
+    """The places of candidates whose shapes the simulation with every column can have.
+
+    At its null an effect acts on nothing, whatever its shape: of each that the fit does not have, and that is
+    not looked at in its usual shape, the first.
+    """
+    taken = set(fit.problem.model.effects) | {one.name for one in chosen if not one.shapes or one.secants}
+    places = []
+    for index, one in enumerate(chosen):
+        if one.name not in taken:
+            taken.add(one.name)
+            places.append(index)
+    return frozenset(places)
+
+
+def _with_shapes(problem: Problem, base: Floats, together: Collection[Candidate]) -> Floats:
+    """The parameters `base` with the shapes of some candidates."""
+    names = problem.compiled.system.parameter_names
+    moved = base.copy()
+    for one in together:
+        for name, value in one.shapes.items():
+            moved[names.index(name)] = value
+    return moved
+
+
 def _shaped(
-    problem: Problem, base: Floats, chosen: Sequence[Candidate], local: Sequence[Floats]
+    problem: Problem, base: Floats, further: Mapping[int, Candidate], local: Sequence[Floats]
 ) -> dict[int, list[Floats]]:
     """Columns at other shapes; candidates of different effects share a simulation."""
-    names = problem.compiled.system.parameter_names
     rounds: list[dict[int, Candidate]] = []
-    for index, one in enumerate(chosen):
-        if not one.shapes:
-            continue
+    for index, one in further.items():
         home = next((r for r in rounds if all(other.name != one.name for other in r.values())), None)
         if home is None:
             home = {}
@@ -384,10 +413,7 @@ def _shaped(
         home[index] = one
     result: dict[int, list[Floats]] = {}
     for together in rounds:
-        moved = base.copy()
-        for one in together.values():
-            for name, value in one.shapes.items():
-                moved[names.index(name)] = value
+        moved = _with_shapes(problem, base, together.values())
         columns = [name for one in together.values() for name in one.columns]
         simulated = problem.with_shared((), moved).simulate(np.empty(0), local, columns).require()
         for index, one in together.items():

@@ -14,7 +14,7 @@ from rigctl.noise.learning import ChannelData, learn_noise
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
 from rigctl.noise.pooling import Pooled
 from rigctl.noise.record import NoiseRecord
-from rigctl.noise.spikes import find_spikes_in_records
+from rigctl.noise.spikes import find_spikes_on_scales
 from rigctl.noise.statements import channel_statement, model_statement
 from rigctl.noise.variance import smooth_course, variance_law
 
@@ -77,10 +77,9 @@ def spikes_of(records: Sequence[NoiseRecord]) -> list[NDArray[np.bool_]]:
 
     Where the noise is wider in motion, on the scale of the rest much of it would be taken for spikes.
     """
-    masks = find_spikes_in_records(records)
+    masks, nearby = find_spikes_on_scales(records, (False, True))
     if not records:
         return masks
-    nearby = find_spikes_in_records(records, local=True)
     ok = [np.isfinite(record.values) & ~mask for record, mask in zip(records, nearby, strict=True)]
     spacing = usual_spacing(records)
     for channel in range(records[0].values.shape[1]):

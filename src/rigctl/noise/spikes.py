@@ -69,24 +69,35 @@ def find_spikes(
     Source: Pearson, *Mining Imperfect Data* (2005), ch. 3; Hampel, J. Am. Stat. Assoc. 69 (1974) 383.
     """
     guarded = _after_switches(phase) if phase is not None else np.zeros(times.size, bool)
-    return np.asarray(_departures(values) & ~guarded[:, None])
+    (found,) = _departures(values, (False,))
+    return np.asarray(found & ~guarded[:, None])
 
 
 def _departures(
-    values: NDArray[np.float64], local: bool = False, off_model: bool = False
-) -> NDArray[np.bool_]:
-    """Samples that leave the signal and come back, whatever is switched there."""
-    found = np.zeros(values.shape, bool)
+    values: NDArray[np.float64], local: Sequence[bool], off_model: bool = False
+) -> list[NDArray[np.bool_]]:
+    """Samples that leave the signal and come back, whatever is switched there, on each of the scales."""
+    found = [np.zeros(values.shape, bool) for _ in local]
     for channel in range(values.shape[1]):
         finite = np.flatnonzero(np.isfinite(values[:, channel]))
         if finite.size > 2 * _HALF + 1:
-            found[finite, channel] = _spikes(values[finite, channel], local, off_model)
+            spikes = _spikes(values[finite, channel], local, off_model)
+            for mask, spiky in zip(found, spikes, strict=True):
+                mask[finite, channel] = spiky
     return found
 
 
 def find_spikes_in_records(
     records: Sequence[NoiseRecord], *, local: bool = False, off_model: bool = False
 ) -> list[NDArray[np.bool_]]:
+    """As `find_spikes_on_scales`, on one of them."""
+    (found,) = find_spikes_on_scales(records, (local,), off_model=off_model)
+    return found
+
+
+def find_spikes_on_scales(
+    records: Sequence[NoiseRecord], local: Sequence[bool], *, off_model: bool = False
+) -> list[list[NDArray[np.bool_]]]:
     """`find_spikes` of every record, less what happens in most of them at the same sample of the same phase.
 
     A departure that comes back in more than half of at least four records belongs to the bench, not to the
@@ -96,11 +107,24 @@ def find_spikes_in_records(
 
     Parameters
     ----------
-    local: the scale is that of the surroundings, for noise that is wider in some places than in others.
+    local: of each scale whether it is that of the surroundings, for noise that is wider in some places than
+        in others.
     off_model: the values are what a model leaves: fewer samples after a switch are left alone, and one that
         stands out beside an end of the record is a spike as well, as no signal can end there.
     """
-    masks = _guarded_as_needed(records, local, off_model)
+    departures = [_departures(record.values, local, off_model) for record in records]
+    return [
+        _less_what_comes_back(
+            records, _guarded_as_needed(records, [found[k] for found in departures], off_model)
+        )
+        for k in range(len(local))
+    ]
+
+
+def _less_what_comes_back(
+    records: Sequence[NoiseRecord], masks: list[NDArray[np.bool_]]
+) -> list[NDArray[np.bool_]]:
+    """The masks less what is marked in most records at the same place."""
     counts: dict[tuple[int, int, int], int] = {}
     indices = [_places(record, mask) for record, mask in zip(records, masks, strict=True)]
     for index in indices:
@@ -116,10 +140,9 @@ def find_spikes_in_records(
 
 
 def _guarded_as_needed(
-    records: Sequence[NoiseRecord], local: bool, off_model: bool
+    records: Sequence[NoiseRecord], departures: Sequence[NDArray[np.bool_]], off_model: bool
 ) -> list[NDArray[np.bool_]]:
     """The departures of each record, those after switches only in channels whose spikes come anywhere."""
-    departures = [_departures(record.values, local, off_model) for record in records]
     guard = _GUARD_OFF_MODEL if off_model else SWITCH_GUARD
     guards = [_after_switches(record.phase, guard)[:, None] for record in records]
     if not records:
@@ -160,19 +183,31 @@ def _after_switches(phase: NDArray[np.intp], guard: int = SWITCH_GUARD) -> NDArr
     return guarded
 
 
-def _spikes(x: NDArray[np.float64], local: bool, off_model: bool) -> NDArray[np.bool_]:
+def _spikes(x: NDArray[np.float64], local: Sequence[bool], off_model: bool) -> list[NDArray[np.bool_]]:
     from scipy.ndimage import median_filter
 
     along, away, level = _away(x)
     floor = max(1e-4 * float(np.ptp(level)), _CONVERTER_STEPS / THRESHOLD * _smallest_change(x))
     near = 1.4826 * np.asarray(median_filter(np.abs(away), size=2 * _NEAR + 1, mode="mirror"))
-    scale = np.maximum(
+    usual = np.maximum(
         max(_clipped_scale(away), _clipped_scale(away[_flattest(level)]), floor), _NEAR_WEIGHT * near
     )
-    if local:
-        wide = 1.4826 * np.asarray(median_filter(np.abs(away), size=2 * _WIDE + 1, mode="mirror"))
-        scale = np.maximum(scale, wide)
-    far = np.minimum(np.abs(along), np.abs(away)) > THRESHOLD * scale
+    height = np.minimum(np.abs(along), np.abs(away))
+    found = []
+    for of_surroundings in local:
+        scale = usual
+        if of_surroundings:
+            wide = 1.4826 * np.asarray(median_filter(np.abs(away), size=2 * _WIDE + 1, mode="mirror"))
+            scale = np.maximum(scale, wide)
+        found.append(_returning(x, height, scale, off_model))
+    return found
+
+
+def _returning(
+    x: NDArray[np.float64], height: NDArray[np.float64], scale: NDArray[np.float64], off_model: bool
+) -> NDArray[np.bool_]:
+    """The samples of the short departures, further than the threshold on a scale, that come back."""
+    far = height > THRESHOLD * scale
     spikes = np.zeros(x.size, bool)
     for first, last in _runs(far):
         if last - first > LONGEST_SPIKE:
@@ -238,7 +273,9 @@ def _clipped_scale(away: NDArray[np.float64]) -> float:
     scale = max(1.4826 * float(np.median(size)), float(np.quantile(size, 0.68)))
     for _ in range(10):
         kept = away[size <= 3.0 * scale]
-        scale = float(np.sqrt(np.mean(kept**2))) / _CUT_NORMAL
+        before, scale = scale, float(np.sqrt(np.mean(kept**2))) / _CUT_NORMAL
+        if scale == before:
+            break
     return scale
 
 

@@ -306,5 +306,8 @@ def most_likely_squares(terms: Floats, variance: Floats) -> Floats:
     squares = np.full(terms.shape[1], float(variance.mean())) / (terms.shape[1] * typical)
     for _ in range(_STEPS):
         mean = np.maximum(terms @ squares, 1e-300)
+        before = squares
         squares = squares * np.sqrt((variance / mean**2) @ terms / np.maximum((1.0 / mean) @ terms, 1e-300))
+        if np.array_equal(squares, before):
+            break
     return np.asarray(squares)

@@ -247,13 +247,17 @@ def _fitted(
 ) -> _Fitted:
     count = len(problem.records)
     silent: tuple[str, ...] = ()
-    if plan.refit and problem.shared:
-        problem, silent = _without_silent(problem, fitted)
     inner = problem.only(fitted)
+    begun = None if local is None else [local[k] for k in fitted]
+    if plan.refit and problem.shared:
+        silent = _silent(inner, begun)
+    if silent:
+        problem = problem.with_shared([one for one in problem.shared if one.name not in silent])
+        inner = problem.only(fitted)
     start = np.array([unknown.start for unknown in problem.shared])
     if plan.refit and problem.shared:
         _check_enough(inner)
-        inside = _started(inner, None if local is None else [local[k] for k in fitted])
+        inside = _started(inner, begun)
         if plan.starts > 1:
             solution = multi_start(
                 inner.evaluate, inner.shared, inside, count=plan.starts, seed=plan.seed, options=plan.options
@@ -271,9 +275,8 @@ def _fitted(
     rest = [index for index in range(count) if index not in record_local]
     record_local |= _local_unknowns(problem, values, rest, local)
     everything = tuple(record_local[index] for index in range(count))
-    simulated = problem.simulate(values, everything).require()
-    outputs = tuple(np.take(array, problem.channels, axis=1) for array in simulated.outputs)
-    return _Fitted(silent, solution, values, everything, outputs)
+    whole = inner if len(fitted) == count else problem  # what the fit has evaluated last is its end, mostly
+    return _Fitted(silent, solution, values, everything, whole.outputs_at(values, everything))
 
 
 def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> LeastSquaresResult:
@@ -318,28 +321,31 @@ def _with_noise_of(problem: Problem, fitted: FitResult) -> Problem | None:
     return better.with_shared([replace(u, start=at.get(u.name, u.start)) for u in better.shared])
 
 
-def _without_silent(problem: Problem, fitted: Sequence[int]) -> tuple[Problem, tuple[str, ...]]:
-    """The problem without the shared unknowns that affect no reading; these keep their values."""
-    inner = problem.only(fitted)
-    squares = _shared_squares(inner, 0.0)
+def _silent(problem: Problem, local: Sequence[Floats] | None) -> tuple[str, ...]:
+    """The shared unknowns that affect no reading; these keep their values.
+
+    Evaluated at the starting point of the fit, whose first evaluation it is.
+    """
+    record_local = _started(problem, local)
+    squares = _shared_squares(problem, record_local, 0.0)
     if squares is not None and not squares.all():
         # record-level unknowns may be what makes it act: a storage that starts at rest shows no rate
-        moved = _shared_squares(inner, 1.0)
+        moved = _shared_squares(problem, record_local, 1.0)
         squares = None if moved is None else squares + moved
     if squares is None:
-        return problem, ()
-    silent = [u.name for u, s in zip(problem.shared, squares, strict=True) if s == 0.0 and u.prior is None]
-    kept = [unknown for unknown in problem.shared if unknown.name not in silent]
-    return (problem.with_shared(kept) if silent else problem), tuple(silent)
+        return ()
+    return tuple(u.name for u, s in zip(problem.shared, squares, strict=True) if s == 0.0 and u.prior is None)
 
 
-def _shared_squares(problem: Problem, moved: float) -> Floats | None:
+def _shared_squares(
+    problem: Problem, record_local: Sequence[Sequence[Unknown]], moved: float
+) -> Floats | None:
     """Sums of squares of the shared unknowns' columns, with the record-level unknowns `moved` by that share
     of their sizes; None if the model cannot be simulated there."""
     start = np.array([unknown.start for unknown in problem.shared])
     local = [
-        np.array([min(max(u.start + moved * u.size, u.lower), u.upper) for u in record_local])
-        for record_local in problem.local_unknowns()
+        np.array([min(max(u.start + moved * u.size, u.lower), u.upper) for u in unknowns])
+        for unknowns in record_local
     ]
     blocks = problem.evaluate(start, local, derivatives=True)
     if isinstance(blocks, Refused):

@@ -50,6 +50,14 @@ _ROOM = 2**21
 _RECENT = 3
 
 
+@dataclass(frozen=True)
+class _Evaluated:
+    """Residuals with what derivatives were asked for, and (n, outputs) of each record that they come from."""
+
+    blocks: list[Block]
+    outputs: list[Floats]
+
+
 class _Recent:
     """The last evaluations of a problem, because a fit often starts where the previous one ended.
 
@@ -57,19 +65,19 @@ class _Recent:
     """
 
     def __init__(self) -> None:
-        self._found: tuple[tuple[tuple[bytes, ...], bool, list[Block]], ...] = ()
+        self._found: tuple[tuple[tuple[bytes, ...], bool, _Evaluated], ...] = ()
 
-    def at(self, point: tuple[bytes, ...], derivatives: bool) -> list[Block] | None:
-        """The blocks there; those with derivatives also serve requests without."""
-        for known, complete, blocks in self._found:
+    def at(self, point: tuple[bytes, ...], derivatives: bool) -> _Evaluated | None:
+        """What was evaluated there; an evaluation with derivatives also serves requests without."""
+        for known, complete, evaluated in self._found:
             if known == point and (complete or not derivatives):
-                return blocks
+                return evaluated
         return None
 
-    def keep(self, point: tuple[bytes, ...], columns: int, blocks: list[Block]) -> None:
+    def keep(self, point: tuple[bytes, ...], columns: int, evaluated: _Evaluated) -> None:
         """Remember one more, with derivatives by so many columns."""
-        if sum(block.residual.size for block in blocks) * max(1, columns) <= _ROOM:
-            self._found = ((point, columns > 0, blocks), *self._found[: _RECENT - 1])
+        if sum(block.residual.size for block in evaluated.blocks) * max(1, columns) <= _ROOM:
+            self._found = ((point, columns > 0, evaluated), *self._found[: _RECENT - 1])
 
 
 @dataclass(frozen=True)
@@ -328,28 +336,46 @@ class Problem:
 
     def evaluate(self, shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block] | Refused:
         """Whitened residuals ``W(f − y)`` and their derivatives; for `least_squares`."""
-        point = (shared.tobytes(), *(one.tobytes() for one in local))
-        blocks = self._recent.at(point, derivatives)
-        if blocks is not None:
-            return blocks
+        point = _point(shared, local)
+        known = self._recent.at(point, derivatives)
+        if known is not None:
+            return known.blocks
         found = self._evaluated(shared, local, derivatives)
-        if not isinstance(found, Refused) and found:
+        if isinstance(found, Refused):
+            return found
+        if found.blocks:
             self._recent.keep(point, 1 + len(self.shared) if derivatives else 0, found)
-        return found
+        return found.blocks
 
-    def _evaluated(self, shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block] | Refused:
+    def outputs_at(self, shared: Floats, local: Sequence[Floats]) -> tuple[Floats, ...]:
+        """(n, outputs) of each record, what the model says of what was measured; as it was evaluated last, if
+        that was there.
+
+        Raises
+        ------
+        RigctlError
+            a record cannot be simulated there.
+        """
+        known = self._recent.at(_point(shared, local), derivatives=False)
+        if known is not None:
+            return tuple(known.outputs)
+        return tuple(self._seen(self.simulate(shared, local).require().outputs))
+
+    def _evaluated(self, shared: Floats, local: Sequence[Floats], derivatives: bool) -> _Evaluated | Refused:
         names = [unknown.name for unknown in self.shared]
         columns = tuple(dict.fromkeys([*names, *self.local_names])) if derivatives else ()
         blocks: list[Block] = []
+        seen: list[Floats] = []
         for part in self.parts(len(columns) + len(self.initial_names)):
             inner = self if len(part) == len(self.records) else self.only(part)
             simulated = inner.simulate(shared, [local[index] for index in part], columns, initial=derivatives)
             if not simulated.ok:
                 return Refused(simulated.summary())
-            for at, (index, outputs) in enumerate(zip(part, self._seen(simulated.outputs), strict=True)):
+            seen += self._seen(simulated.outputs)
+            for at, (index, outputs) in enumerate(zip(part, seen[-len(part) :], strict=True)):
                 later = partial(self._derivatives, index, simulated, at, names) if derivatives else None
                 blocks.append(Block(self._residual(index, outputs), later=later))
-        return blocks
+        return _Evaluated(blocks, seen)
 
     @cached_property
     def channels(self) -> NDArray[np.intp]:
@@ -419,6 +445,11 @@ class Problem:
         place = {name: k for k, name in enumerate(simulated.columns)}
         record_local = [place[one.name] for one in self.local[index]]
         return white[:, [place[name] for name in names]], white[:, record_local]
+
+
+def _point(shared: Floats, local: Sequence[Floats]) -> tuple[bytes, ...]:
+    """What of a point an evaluation is remembered by."""
+    return (shared.tobytes(), *(one.tobytes() for one in local))
 
 
 def make_problem(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 from rigctl.dataset.run import Run
 from rigctl.errors import RigctlError
@@ -38,11 +39,14 @@ def rig_of(model: Model, runs: Sequence[Run]) -> Rig | None:
 
 
 def _recorded(run: Run) -> Rig | None:
-    text = run.header.rig.text
-    if not text:
-        return None
+    return _read(run.header.rig.text)
+
+
+@lru_cache(maxsize=8)
+def _read(text: str) -> Rig | None:
+    """The bench of a rig file's text, which runs of one bench have in common."""
     try:
-        return parse_rig(text)
+        return parse_rig(text) if text else None
     except RigctlError:  # a rig file of another version: its names are still in the data
         return None
 
