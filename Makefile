@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
-.PHONY: demo test check lint types imports unit bench docs site wheel clean system constraints torture explore
+.PHONY: demo test check lint types imports unit bench docs pictures site wheel clean system constraints torture explore
 
 demo: $(VENV)/.installed
 	$(BIN)/rigctl demo demo
@@ -54,6 +54,10 @@ explore: $(VENV)/.installed-dev
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python tools/generate_docs.py
+
+# The pictures of the workbench, taken anew on all records of the tutorial; a test says when they are out of date.
+pictures: $(VENV)/.installed-dev
+	$(BIN)/python tools/workbench_pictures.py
 
 # The site of the documentation, in build/site: `rigctl serve` shows it, and it opens from its folder.
 site: $(VENV)/.installed-dev

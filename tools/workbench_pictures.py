@@ -1,7 +1,8 @@
 """The pictures of the workbench that the documentation shows: ``python tools/workbench_pictures.py``.
 
 Does the tutorial of the hidden effect in Chromium, on all of its records, and writes what is seen on the way
-into ``docs/tutorial``. It takes some minutes.
+into ``docs/tutorial``, with the page's headings, buttons and labels in each picture: ``tests/web`` does the
+same steps on a few records, and fails where the page says something else by now. It takes some minutes.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 _ROOT = Path(__file__).parents[1]
-_INTO = _ROOT / "docs" / "tutorial"
 _COLOURS = 96
 
 
@@ -61,38 +61,44 @@ def tutorial(page: Any) -> None:
     page.mouse.move(0, 0)
     page.evaluate("scrollTo(0, 0)")
     page.wait_for_timeout(1000)
-    keep(page.screenshot(full_page=True), "workbench-by-hand")
+    keep(page.screenshot(full_page=True), "workbench-by-hand", page.locator(".bench"))
     page.get_by_role("button", name="Undo").click()
     exact.wait_for()
     verbs = page.get_by_role("toolbar", name="Analyses")
     verbs.get_by_role("button", name="Diagnose").click()
     found = page.locator("section.result[data-verb=diagnose]")
     found.wait_for()
-    keep(found.screenshot(), "workbench-diagnosis")
+    keep(found.screenshot(), "workbench-diagnosis", found)
     page.get_by_role("button", name="Add what is missing").click()
     page.locator('[data-open$="@2"]').wait_for()
     exact.wait_for()
     verbs.get_by_role("button", name="History").click()
     history = page.locator("section.result[data-verb=history]")
     history.wait_for()
-    keep(history.screenshot(), "workbench-history")
+    keep(history.screenshot(), "workbench-history", history)
     page.emulate_media(color_scheme="dark")
     page.set_viewport_size({"width": 420, "height": 860})
     page.wait_for_timeout(1000)
     page.get_by_label("flow area, typed").scroll_into_view_if_needed()
     page.wait_for_timeout(1000)
-    keep(page.screenshot(), "workbench-on-a-phone")
+    keep(page.screenshot(), "workbench-on-a-phone", page.locator(".bench"))
 
 
-def keep(picture: bytes, name: str) -> None:
-    """As a small PNG."""
+def keep(picture: bytes, name: str, place: Any) -> None:
+    """As a small PNG that says what was on the page."""
+    import json
     from io import BytesIO
 
     from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
 
+    from web.pictures import FIELD, FOLDER, outline
+
+    said = PngInfo()
+    said.add_text(FIELD, json.dumps(outline(place)))
     drawn = Image.open(BytesIO(picture)).convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE)
-    drawn.save(_INTO / f"{name}.png", optimize=True)
-    print(_INTO / f"{name}.png", (_INTO / f"{name}.png").stat().st_size)
+    drawn.save(FOLDER / f"{name}.png", optimize=True, pnginfo=said)
+    print(FOLDER / f"{name}.png", (FOLDER / f"{name}.png").stat().st_size)
 
 
 if __name__ == "__main__":

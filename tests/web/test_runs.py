@@ -12,6 +12,11 @@ import pytest
 from commands import answer, told
 from rigctl.dataset.catalogue import page_of_runs
 from rigctl.errors import RigctlError
+from rigctl.project import Project
+from rigctl.web.answer import Asked
+from rigctl.web.jobs import Jobs
+from rigctl.web.runs import Catalogue
+from rigctl.web.site import Site
 from web.serving import Served, Window, serving
 
 MARKUP = "<img src=x onerror=\"document.title='broken in'\"> & <b>worn</b>"
@@ -143,3 +148,9 @@ def test_the_catalogue_is_used_with_the_keyboard_alone(window: Window, two: tupl
     page.locator("aside h2", has_text=two[0]).wait_for()
     page.go_back()
     page.get_by_text("Choose a run to see").wait_for()
+
+
+def test_where_runs_lie_in_storage_too_the_page_says_which_it_lists(tmp_path: Path) -> None:
+    project = Project(tmp_path, tmp_path / "runs", store="s3://bucket/runs")
+    found = Catalogue(Site(project, Jobs(tmp_path))).page(Asked({}, {}))
+    assert (found["all"], found["store"]) == (0, "s3://bucket/runs")

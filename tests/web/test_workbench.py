@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import chdir
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,12 +23,13 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from commands import answer
-from rigctl.cli.init import create_project
+from rigctl.dataset import open_run
 from rigctl.web.workbench.frames import frame, read_frame
+from web.pictures import outline, outline_of_picture
 from web.serving import Served, Window, serving
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, Locator, Page
 
 #: of the shipped campaign that another program made with a leaking valve: 20 and 80 degC, and one of 60
 RECORDS = {"001", "019", "025", "028"}
@@ -36,12 +38,9 @@ MODEL = "models/hl32-textbook.yaml"
 
 @pytest.fixture(scope="module")
 def leaking(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    """A project with a file of measured data that is no run yet, served."""
+    """An empty folder, served."""
     project = tmp_path_factory.mktemp("leaking") / "bench"
-    create_project(project)
-    lines = (project / "data/unknown-bench.csv").read_text("utf-8").splitlines(keepends=True)
-    kept = [line for line in lines[1:] if line.split(",")[1] in RECORDS]
-    (project / "few.csv").write_text("".join([lines[0], *kept]), "utf-8")
+    project.mkdir()
     with pytest.MonkeyPatch.context() as patch:  # a job finds what the one before it has fitted
         patch.setenv("RIGCTL_RESULTS", str(tmp_path_factory.mktemp("results")))
         with serving(project, "--port", "0", state=tmp_path_factory.mktemp("state")) as found:
@@ -50,11 +49,14 @@ def leaking(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 @pytest.fixture(scope="module")
 def bench(browser: Browser, leaking: Served) -> Iterator[Page]:
-    """The page of the workbench, the data brought in and the textbook opened, as a user does it."""
+    """The page of the workbench: a project, data and a model, as a user gets them in an empty folder."""
     context = browser.new_context(viewport={"width": 1400, "height": 900})
     context.set_default_timeout(240_000)
     window = Window(context, leaking)
     page = window.open("/workbench")
+    page.get_by_role("button", name="Fill it with examples").click()
+    page.get_by_text("This folder holds no project yet").wait_for(state="detached")
+    write_few(leaking.project)
     page.get_by_text("Bring in measured data").click()
     page.get_by_label("File").fill("few.csv")
     page.get_by_label("Bench", exact=True).select_option("rigs/hl32-bench.yaml")
@@ -68,6 +70,13 @@ def bench(browser: Browser, leaking: Served) -> Iterator[Page]:
     yield page
     context.close()
     assert window.complaints == []
+
+
+def write_few(project: Path) -> None:
+    """A file of measured data that is no run yet."""
+    lines = (project / "data/unknown-bench.csv").read_text("utf-8").splitlines(keepends=True)
+    kept = [line for line in lines[1:] if line.split(",")[1] in RECORDS]
+    (project / "few.csv").write_text("".join([lines[0], *kept]), "utf-8")
 
 
 def settled(page: Page) -> None:
@@ -99,6 +108,11 @@ def drag(page: Page, label: str, steps: int) -> None:
         page.keyboard.press("ArrowRight" if steps > 0 else "ArrowLeft")
 
 
+def is_pictured(place: Locator, name: str) -> None:
+    """The documentation's picture shows this page, as it is now."""
+    assert outline(place) == outline_of_picture(name), "'python tools/workbench_pictures.py' takes it again"
+
+
 def test_the_hidden_effect_is_found_and_added_without_a_terminal(bench: Page, leaking: Served) -> None:
     page = bench
     before = position(page)
@@ -110,6 +124,7 @@ def test_the_hidden_effect_is_found_and_added_without_a_terminal(bench: Page, le
     moved = position(page)
     assert moved != before
     assert "rigctl model set" in page.locator(".standsfor").inner_text()
+    is_pictured(page.locator(".bench"), "workbench-by-hand")
     page.get_by_role("switch", name="valve leakage").check()
     settled(page)
     assert "--add" in page.locator(".standsfor").inner_text()
@@ -125,6 +140,9 @@ def test_the_hidden_effect_is_found_and_added_without_a_terminal(bench: Page, le
     label = page.locator("button.cell").nth(2).get_attribute("aria-label") or ""
     found = verb(page, "Diagnose")
     assert "valve leakage" in found
+    is_pictured(page.locator("section.result[data-verb=diagnose]"), "workbench-diagnosis")
+    measured_what_was_designed(page, leaking)
+
     page.get_by_role("button", name="Add what is missing").click()
     assert "added valve_leakage: the model now agrees" in card(page, "Diagnose and add")
     page.locator('[data-open$="@2"]').wait_for()
@@ -134,6 +152,7 @@ def test_the_hidden_effect_is_found_and_added_without_a_terminal(bench: Page, le
     assert page.locator(".channel .uplot").count() == 6  # the record that was looked at still is
     assert label.partition(":")[0] in page.locator("h2.record").inner_text()
     assert "v1" in verb(page, "History")
+    is_pictured(page.locator("section.result[data-verb=history]"), "workbench-history")
     with chdir(leaking.project):
         history = answer("model", "history", MODEL)
     assert [one["done"] for one in history["versions"]] == ["first version", "add valve_leakage"]
@@ -146,6 +165,96 @@ def test_the_hidden_effect_is_found_and_added_without_a_terminal(bench: Page, le
     page.locator('[data-open$="@3"]').wait_for()
     with chdir(leaking.project):
         assert answer("model", "history", MODEL)["versions"][-1]["kind"] == "set"
+
+
+def measured_what_was_designed(page: Page, leaking: Served) -> None:
+    """The next experiment: asked for, looked at, approved, and carried out on the simulated bench."""
+    proposed = verb(page, "Next experiment")
+    assert "valve_leakage is what is missing" in proposed
+    design = page.locator("section.result[data-verb=design]")
+    assert design.locator(".uplot").count() >= 1  # what it predicts
+    page.get_by_label("the simulated bench hides").fill("valve_leakage:conductance=7e-15 m^3")
+    page.get_by_role("button", name="Approve: run it on the simulated bench").click()
+    done = page.locator("section.result[data-verb=approve]")
+    done.wait_for()
+    run = done.locator(".statement").inner_text().partition(":")[0]
+    assert "rigctl simulate procedures/next-1.yaml --with" in done.inner_text()
+    design.locator("summary", has_text="The procedure").click()
+    with chdir(leaking.project):
+        told = open_run(run).info
+        assert told["status"] == "finished"
+        assert "valve_leakage (conductance=7e-15)" in told["backend"]["plant"]
+        assert Path("procedures/next-1.yaml").read_text("utf-8") == design.locator("pre").inner_text()
+
+
+def test_versions_are_compared_beside_each_other(bench: Page) -> None:
+    verb(bench, "History")
+    bench.get_by_role("button", name="Compare version 1 with version 3").click()
+    said = card(bench, "Compare")
+    assert f"rigctl compare {shown_run(bench)} --model {MODEL}@1 --model {MODEL}" in said
+    heads = bench.locator("section.result[data-verb=compare] thead th").all_inner_texts()
+    assert heads[1:3] == [f"{MODEL}@1", MODEL]
+    line = bench.locator("section.result[data-verb=compare] tbody tr", has_text="position").first
+    first, last = (float(text.split()[0]) for text in line.locator("td").all_inner_texts()[:2])
+    assert last < 0.9 * first
+    assert bench.locator("section.result[data-verb=compare] .uplot").count() >= 1  # what each leaves
+
+
+def test_a_reload_keeps_the_steps_and_what_was_found(bench: Page) -> None:
+    settled(bench)
+    kept = position(bench)
+    drag(bench, "flow area fitted", 4)
+    settled(bench)
+    moved = position(bench)
+    assert moved != kept
+    bench.reload()
+    settled(bench)
+    assert position(bench) == moved
+    assert f"{MODEL}@1" in card(bench, "Compare")
+    bench.get_by_role("button", name="Undo").click()
+    settled(bench)
+    assert position(bench) == kept
+    assert bench.get_by_role("button", name="Undo").is_disabled()
+    bench.get_by_role("button", name="Redo").click()
+    settled(bench)
+    assert position(bench) == moved
+    bench.get_by_role("button", name="Undo").click()
+    settled(bench)
+
+
+def shown_run(page: Page) -> str:
+    """The run that is open."""
+    return page.locator(".choosing > summary").inner_text().split(" on ")[1].partition(":")[0]
+
+
+def test_a_table_of_single_values_follows_its_sliders_too(bench: Page, leaking: Served) -> None:
+    page = bench.context.new_page()
+    page.goto(f"{leaking.base}/workbench")
+    page.get_by_text("Bring in measured data").click()
+    page.get_by_label("File").fill("data/hl32-viscosity.csv")
+    page.get_by_label("Bench", exact=True).select_option(label="no bench: a table")
+    page.get_by_role("button", name="Import").click()
+    page.get_by_role("checkbox", name=re.compile("viscosity")).wait_for()
+    assert page.get_by_label("Model", exact=True).input_value() == "models/hl32-oil.yaml"
+    page.get_by_role("button", name="Open", exact=True).click()
+    settled(page)
+    with chdir(leaking.project):
+        said = answer("compare", shown_run(page), "--model", "models/hl32-oil.yaml", "--no-fit")
+    assert read(page) == pytest.approx(said["channels"]["kinematic_viscosity"]["rmse"], rel=1e-3)
+    assert "over oil temperature" in page.locator("h2.record").inner_text()
+    assert page.locator("button.cell").count() == 13
+    drag(page, "vogel a fitted", 3)
+    settled(page)
+    assert read(page) > said["channels"]["kinematic_viscosity"]["rmse"]
+    page.get_by_role("button", name="Undo").click()
+    settled(page)
+    assert read(page) == pytest.approx(said["channels"]["kinematic_viscosity"]["rmse"], rel=1e-3)
+    page.close()
+
+
+def read(page: Page) -> float:
+    """The first channel's root mean square error that the page shows."""
+    return float(page.locator(".now li b").first.inner_text().split()[0])
 
 
 def test_a_cell_of_the_map_shows_its_record_and_arrows_go_to_the_next(bench: Page) -> None:
@@ -166,6 +275,8 @@ def test_nothing_serious_is_in_the_way_of_anybody(bench: Page, scheme: Any, widt
     bench.emulate_media(color_scheme=scheme)
     bench.set_viewport_size({"width": width, "height": 900})
     bench.wait_for_timeout(100)
+    if width == 420:
+        is_pictured(bench.locator(".bench"), "workbench-on-a-phone")
     found = Axe().run(bench).response["violations"]
     serious = [(one["id"], [node["html"] for node in one["nodes"]]) for one in found]
     assert [one for one in serious if found[serious.index(one)]["impact"] in ("serious", "critical")] == []

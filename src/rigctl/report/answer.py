@@ -19,6 +19,7 @@ from rigctl.analysis.improve import Ended, Improvement
 from rigctl.analysis.remainder import share_text
 from rigctl.learning import result as learning
 from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.problem import Problem
 from rigctl.planning.outline import clock_time
 from rigctl.report.everyday import everyday
 from rigctl.report.numbers import plural
@@ -145,7 +146,7 @@ def learning_answer(
     promises = [f"round {one.number}: {one.came_out.statement}" for one in found.rounds if one.came_out]
     facts = [
         ("added", ", ".join(f"{name} (version {v})" for one in found.rounds for name, v in one.added)),
-        ("size", _sizes_in(fits[-1], found.added) if fits else ""),
+        ("size", _sizes_in(fits[-1].problem, found.added) if fits else ""),
         ("error", _error_text(falls(fits, left or {})) if fits else ""),
         ("held out", _held_out(fits) if fits else ""),
         ("promised", "; ".join(promises[-1:])),
@@ -324,17 +325,20 @@ def _left(found: Diagnosis) -> str:
     return f"{share_text(left.share)} of the misfit, {left.size:.0f} sigma{where}{over}"
 
 
-def _sizes_in(fit: FitResult, added: Sequence[str]) -> str:
-    """The parameters of effects that a fitted model has, with what they come to on a bench."""
+def _sizes_in(problem: Problem, added: Sequence[str]) -> str:
+    """The parameters of effects as the model's file has them, with what they come to on a bench.
+
+    A fit of other records, or with noise learned again, would end a little beside them: one figure is told.
+    """
     parts = []
     for name in added:
-        effect = fit.model.effect(name)
-        for key, one in fit.model.effects[name].items():
+        effect = problem.model.effect(name)
+        for key, one in problem.model.effects[name].items():
             if not one.fit:
                 continue
             unit = parse_unit(one.unit or effect.parameter(key).unit)
             value = FoundParameter(one.si / unit.factor, unit.text, (one.std or math.nan) / unit.factor)
-            plain = everyday(effect, key, value, fit.problem)
+            plain = everyday(effect, key, value, problem)
             of = f"{name} " if len(added) > 1 else ""
             parts.append(f"{of}{key} {value}" + (f", {plain}" if plain else ""))
     return "; ".join(parts)

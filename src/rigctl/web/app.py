@@ -17,7 +17,8 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from rigctl.web.answer import delete, get, refusal_text
+from rigctl.web.answer import delete, get, post, refusal_text
+from rigctl.web.beginning import fill, is_empty
 from rigctl.web.gate import SESSION_PATH, App, Gate, Keys, set_cookie
 from rigctl.web.parts import PARTS
 from rigctl.web.site import Part, Site
@@ -43,6 +44,7 @@ def application(site: Site, keys: Keys, hosts: Collection[str], *, secure: bool)
         Route("/", lambda _: RedirectResponse(f"/{PARTS[0].name}")),
         Route(SESSION_PATH, _session(keys), methods=["POST"]),
         get("/api/status", lambda _: status(site)),
+        post("/api/project", lambda asked: fill(site, asked)),
         get("/api/jobs", lambda _: {"jobs": [job.document() for job in site.jobs.all()]}),
         get("/api/jobs/{id}", lambda asked: site.jobs.find(asked.text("id")).document()),
         delete("/api/jobs/{id}", lambda asked: site.jobs.stop(asked.text("id")).document()),
@@ -58,6 +60,7 @@ def application(site: Site, keys: Keys, hosts: Collection[str], *, secure: bool)
 
 def status(site: Site) -> dict[str, Any]:
     """What every page says of the project and of the server's work."""
+    site.refresh()
     root = site.project.root
     working = [job.document() for job in site.jobs.all() if job.state == "working"]
     return {
@@ -65,6 +68,7 @@ def status(site: Site) -> dict[str, Any]:
         "root": str(root),
         "runs": str(site.project.runs),
         "there": root.is_dir(),
+        "empty": is_empty(site),
         "version": installed_version(),
         "working": working,
     }

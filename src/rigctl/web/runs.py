@@ -52,7 +52,8 @@ class Catalogue:
             first=asked.whole("first", 0, 0, 1 << 40),
             count=asked.whole("count", 50, 1, _MOST),
         )
-        return {"runs": [asdict(run) for run in found.runs], "found": found.found, "all": found.all}
+        listed = {"runs": [asdict(run) for run in found.runs], "found": found.found, "all": found.all}
+        return listed | {"store": self._site.project.store}
 
     def show(self, asked: Asked) -> dict[str, Any]:
         """One run: what was carried out, on what, by whom, its records and what was said of it."""

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.project import Project
+from rigctl.project import MARKER, Project, find_project
 from rigctl.web.jobs import Jobs
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute
 
 
-@dataclass(frozen=True)
+@dataclass
 class Site:
     """One project in a browser.
 
@@ -27,6 +28,16 @@ class Site:
 
     project: Project
     jobs: Jobs
+
+    def __post_init__(self) -> None:
+        self._begun = (self.project.root / MARKER).is_file()
+
+    def refresh(self) -> None:
+        """Take what ``rigctl.toml`` says, where the folder has become a project since the server began."""
+        if not self._begun and (self.project.root / MARKER).is_file():
+            with suppress(RigctlError):  # half written: the next look reads it
+                self.project = find_project(self.project.root)
+                self._begun = True
 
     def require_project(self) -> Path:
         """The project's folder.

@@ -113,11 +113,6 @@ class Workbench:
         chosen = choice or DataOptions()
         model = load_model(model_path)
         data = read_runs(model, runs, hold_out=chosen.hold_out, only=chosen.only, on_progress=on_progress)
-        if data.measurements.table:
-            raise RigctlError(
-                "these runs are tables of single values, which have no course in time to draw",
-                hint="'rigctl compare' says how well a model agrees with them",
-            )
         subject = Subject(tuple(run.id for run in runs), named or str(model_path), chosen)
         return cls(Opened(model, tuple(runs), data, subject), on_progress)
 
@@ -208,6 +203,19 @@ class Workbench:
         """
         self.model_of(state)
         self.track = self.track.then(state)
+
+    def retrace(self, present: State, past: Sequence[State], future: Sequence[State]) -> None:
+        """Take up the steps of an earlier workbench on the same model and runs.
+
+        Raises
+        ------
+        RigctlError
+            effects that contradict one another are on.
+        """
+        for state in (*past, present, *future):
+            self.model_of(state)
+        before = tuple(past) or (() if present == self.start else (self.start,))
+        self.track = Track(present, before, tuple(future))
 
     def undo(self) -> State:
         """Go back to the state before; see `Track.undone`."""

@@ -1,5 +1,5 @@
 // The page around a part: lets the browser in, shows the project, and hands over to the part's script.
-import { api, complain, h, settle, wait } from "./lib.js";
+import { api, button, command, complain, h, settle, wait, work } from "./lib.js";
 
 const place = document.getElementById("part");
 
@@ -22,6 +22,20 @@ const showProject = (status) => {
   settle("project", status.there ? null : `The project's folder is gone: ${status.root}. This page goes on by itself when it is back.`);
 };
 
+// A folder without a project: the first step is a click, and the command that it stands for.
+const offer = () => {
+  const jobs = h("div", { class: "jobs", "aria-live": "polite" });
+  const fill = (minimal) => async () => {
+    await work(jobs, await api("/api/project", { method: "POST", body: { minimal } }));
+    location.reload();
+  };
+  place.before(h("section", { class: "panel beginning", "aria-label": "New project" },
+    h("p", { class: "finding" }, "This folder holds no project yet."),
+    h("p", {}, "Fill it with the shipped benches, their procedures, models and measured data, all of which run on a simulated bench; or mark it as a project, and bring your own."),
+    h("div", { class: "toolbar" }, button("Fill it with examples", fill(false), { class: "primary", title: "rigctl init" }), button("Mark it alone", fill(true), { title: "rigctl init --minimal" }), jobs),
+    command("rigctl init")));
+};
+
 const follow = async () => {
   for (;;) {
     await wait(document.hidden ? 8000 : 3000);
@@ -37,7 +51,9 @@ const follow = async () => {
 const begin = async () => {
   try {
     await enter();
-    showProject(await api("/api/status"));
+    const status = await api("/api/status");
+    showProject(status);
+    if (status.empty) offer();
   } catch (problem) {
     place.replaceChildren(
       h("p", { class: "statement warn" }, problem.status === 401 ? "This browser has not been let in yet." : problem.message),

@@ -54,7 +54,8 @@ export const plot = (options) => {
       place,
     );
     const listed = drawn.root.querySelectorAll(".u-legend .u-series");
-    options.series.forEach((one, k) => one.unlisted && listed[k + 1]?.classList.add("hidden"));
+    const first = listed.length - options.series.length; // a legend that is not live has no line for x
+    options.series.forEach((one, k) => one.unlisted && listed[k + first]?.classList.add("hidden"));
   };
 
   const set = (next) => {

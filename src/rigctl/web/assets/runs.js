@@ -29,6 +29,7 @@ export const show = async (place) => {
   const body = h("tbody");
   const head = h("tr");
   const pager = h("div", { class: "pager" });
+  const elsewhere = h("div");
   const actions = h("div", { class: "actions" });
   const side = h("aside", { class: "side", "aria-label": "The run that was chosen" });
   const below = h("div", { class: "below" });
@@ -42,7 +43,7 @@ export const show = async (place) => {
     h("div", { class: "split" },
       h("div", {},
         scrolling("Runs", h("table", { class: "runs" }, h("caption", { class: "hidden" }, "Runs"), h("thead", {}, head), body)),
-        pager, standsFor),
+        pager, elsewhere, standsFor),
       side),
     below,
   );
@@ -112,6 +113,7 @@ export const show = async (place) => {
     body.replaceChildren(...found.runs.map(line));
     if (!found.runs.length) body.append(h("tr", {}, h("td", { class: "empty", colspan: COLUMNS.length + 1 }, found.all ? "No run meets this." : "There are no runs yet: a simulation on the page Procedure makes one.")));
     stated.textContent = found.found === found.all ? count(found.all, "run") : `${found.found.toLocaleString("en")} of ${count(found.all, "run")}`;
+    elsewhere.replaceChildren(...(found.store ? [h("p", { class: "note" }, `These are the runs on this computer. Those that lie in ${found.store} alone are listed, and analysed, by commands.`), command("rigctl runs list")] : []));
     const last = Math.min(asked.first + PAGE, found.found);
     pager.replaceChildren(
       ...(found.found > PAGE

@@ -1,5 +1,5 @@
 // The workbench: a model on its runs, its parameters as sliders, its effects as switches, everything following.
-import { api, button, command, complain, h, say, work } from "./lib.js";
+import { api, button, command, complain, h, Refusal, say, work } from "./lib.js";
 import { makeCurves } from "./workbench/curves.js";
 import { readFrame } from "./workbench/frames.js";
 import { history } from "./workbench/history.js";
@@ -11,6 +11,8 @@ import { makeSlider, makeSwitch } from "./workbench/sliders.js";
 const KEPT = "rigctl-workbench";
 // ms between two moves that are one step
 const TOGETHER = 250;
+// steps back that a reload keeps
+const MOST_STEPS = 50;
 const remembered = () => {
   try {
     return JSON.parse(sessionStorage.getItem(KEPT) ?? "null");
@@ -105,30 +107,65 @@ const chooser = async (open, again) => {
 };
 
 // The buttons: each stands for a command, does what that does in a process of its own, and shows what it found.
-// `current()` is the model as it is open now: every version that is made opens it anew.
+// `current()` is the model as it is open now: every version that is made opens it anew. The server keeps what
+// was found, so that it is there again after a reload, and work that goes on is waited for again.
 const makeDesk = (current) => {
   const jobs = h("div", { class: "jobs", "aria-live": "polite" });
   const found = h("div", { class: "found" });
+  const listed = () => remembered()?.cards ?? [];
+  const list = (cards) => remember({ ...(remembered() ?? {}), cards });
+  const unlist = (id) => list(listed().filter((one) => one.id !== id));
 
   // What was moved is kept first, so that the command's model is the one that is seen.
-  const begin = async (verb, effect = "") => {
+  const begin = async (verb, { effect = "", beside = "" } = {}) => {
     if (current().changed()) await current().keep();
     const { runs, model, hold_out, only, assume } = current().asked;
-    const job = await api("/api/workbench/work", { method: "POST", body: { verb, effect, runs, model, hold_out: hold_out ?? "", only: only ?? "", assume: assume ?? [] } });
-    return { job, result: await work(jobs, job) };
+    const job = await api("/api/workbench/work", { method: "POST", body: { verb, effect, beside, runs, model, hold_out: hold_out ?? "", only: only ?? "", assume: assume ?? [] } });
+    if (verb in shows) list([...listed().filter((one) => one.verb !== verb), { verb, id: job.id, version: current().version }]);
+    try {
+      return { job, result: await work(jobs, job) };
+    } catch (problem) {
+      if (problem instanceof Refusal) unlist(job.id); // not where the page is being left
+      throw problem;
+    }
   };
-  const card = (name, job, inside) => {
+  const card = (name, job, inside, { version = current().version, quiet = false } = {}) => {
     found.querySelector(`[data-verb="${name}"]`)?.remove();
-    const version = current().version;
+    const close = () => {
+      made.remove();
+      unlist(job.id);
+    };
     const made = h("section", { class: "panel result", "data-verb": name, tabindex: -1 },
-      h("h2", {}, h("span", {}, job.name, version ? h("span", { class: "mark" }, ` of version ${version}`) : ""), button("×", () => made.remove(), { class: "small close", "aria-label": `Close ${job.name}` })),
+      h("h2", {}, h("span", {}, job.name, version ? h("span", { class: "mark" }, ` of version ${version}`) : ""), button("×", close, { class: "small close", "aria-label": `Close ${job.name}` })),
       command(job.command), ...inside.filter(Boolean));
     found.prepend(made);
+    if (version !== current().version) stripped(made);
+    if (quiet) return;
     made.scrollIntoView({ block: "nearest" });
     made.focus({ preventScroll: true });
   };
+  // What was found of an earlier version stays to be read; its buttons were for that version.
+  const stripped = (place) => {
+    for (const one of place.querySelectorAll(".buttons, .toolbar")) one.remove();
+  };
+  // What was found before a reload, as far as the server still has it.
+  const restore = async () => {
+    for (const { verb, id, version } of listed()) {
+      try {
+        const job = await api(`/api/jobs/${id}`);
+        card(verb, job, shows[verb](job.state === "working" ? await work(jobs, job) : done(job)), { version, quiet: true });
+      } catch (problem) {
+        if (problem instanceof Refusal) unlist(id); // stopped, or more than the server keeps
+        else throw problem;
+      }
+    }
+  };
+  const done = (job) => {
+    if (job.state !== "done") throw new Refusal(409, { message: `${job.name}: ${job.state}` });
+    return job.result;
+  };
   const changing = async (verb, effect) => {
-    const { job, result } = await begin(verb, effect);
+    const { job, result } = await begin(verb, { effect });
     await current().reload();
     card("change", job, verb === "improve" ? results.improvement(result) : results.change(result));
   };
@@ -165,7 +202,15 @@ const makeDesk = (current) => {
   run.fit = () => changing("fit");
   run.history = async () => {
     const inside = h("div");
-    await history(inside, current().asked.model.replace(/@\d+$/, ""));
+    const head = current().asked.model.replace(/@\d+$/, "");
+    await history(inside, head, {
+      version: current().version,
+      open: (version, newest) => current().open({ ...current().asked, model: version === newest ? head : `${head}@${version}`, state: null }),
+      beside: async (version) => {
+        const { job, result } = await begin("compare", { beside: `${head}@${version}` });
+        card("compare", job, results.comparison(result));
+      },
+    });
     card("history", { name: "History", command: current().commands.history }, [inside]);
   };
   const NAMES = { fit: "Fit", compare: "Compare", diagnose: "Diagnose", design: "Next experiment", discover: "Discover", history: "History" };
@@ -176,10 +221,8 @@ const makeDesk = (current) => {
     tell: (kept, commands) => {
       for (const [verb, one] of Object.entries(buttons)) one.title = [verb === "history" ? "" : kept, commands[verb]].filter(Boolean).join(" && ");
     },
-    // What was found of an earlier version stays to be read; its buttons were for that version.
-    retire: () => {
-      for (const one of found.querySelectorAll(".buttons, .toolbar")) one.remove();
-    },
+    restore,
+    retire: () => stripped(found),
   };
 };
 
@@ -191,6 +234,10 @@ const bench = (place, told, { send, asked, desk }) => {
   let sequence = 0;
   let waiting = false;
   let again = null;
+  // the steps of this page, so that undo goes on after a reload; as the server counts them
+  let steps = { past: [], future: [] };
+  let present = null;
+  let before = null; // a step that is refused is none
 
   const said = () => ({
     values: Object.fromEntries(Object.entries(state.values).filter(([name, value]) => value !== start.values[name])),
@@ -223,7 +270,18 @@ const bench = (place, told, { send, asked, desk }) => {
     sequence += 1;
     again = null;
     send({ do: "settle", seq: sequence, sent: performance.now(), ...said() });
-    remember({ ...asked, state: said() });
+    stepped();
+  };
+  const same = (one, other) => JSON.stringify([one.values, [...one.on].sort()]) === JSON.stringify([other.values, [...other.on].sort()]);
+  const stepped = () => {
+    before = { steps, present };
+    if (same(said(), present)) return;
+    steps = { past: [...steps.past, present].slice(-MOST_STEPS), future: [] };
+    noted();
+  };
+  const noted = () => {
+    present = said();
+    remember({ ...remembered(), state: present, steps, version: told.version });
   };
   const moved = (name, value) => {
     clearTimeout(resting);
@@ -284,6 +342,9 @@ const bench = (place, told, { send, asked, desk }) => {
   const step = (way) => {
     flush();
     mood("fitting");
+    const { past, future } = steps;
+    if (way === "undo" && past.length) steps = { past: past.slice(0, -1), future: [present, ...future] };
+    if (way === "redo" && future.length) steps = { past: [...past, present], future: future.slice(1) };
     send({ do: way, seq: (sequence += 1) });
   };
   const undo = button("Undo", () => step("undo"), { "aria-keyshortcuts": "Control+Z" });
@@ -353,7 +414,7 @@ const bench = (place, told, { send, asked, desk }) => {
         h("h2", {}, "Effects"), h("div", { class: "field" }, h("label", { for: "find-effect" }, "Find"), find),
         h("ul", { class: "effects" }, ...first.map((one) => one.element), ...rest.map((one) => one.element)),
         base.length ? h("details", {}, h("summary", {}, "Base physics"), h("ul", { class: "effects" }, ...base.map((one) => one.element))) : null),
-      h("div", { class: "panel spread" }, h("div", { class: "toolbar" }, h("h2", {}, "Every record")), map.element)),
+      h("div", { class: "panel spread" }, h("div", { class: "toolbar" }, h("h2", {}, told.over ? "Every row" : "Every record")), map.element)),
   );
 
   const drawn = (header) => {
@@ -374,7 +435,8 @@ const bench = (place, told, { send, asked, desk }) => {
         }
         if (header.shown.includes(shownRecord)) curves.setPicture(arrays[`model ${shownRecord}`], arrays[`error ${shownRecord}`]);
         const one = told.records[shownRecord];
-        title.textContent = [one.label, one.condition, one.held_out ? "held out" : ""].filter(Boolean).join(" · ");
+        const which = told.over ? [one.series, `over ${told.over.title}`] : [one.label, one.condition];
+        title.textContent = [...which, one.held_out ? "held out" : ""].filter(Boolean).join(" · ");
         drawMap();
         showNumbers(header);
         showCommand(header.command);
@@ -398,13 +460,21 @@ const bench = (place, told, { send, asked, desk }) => {
       state.on = new Set(header.state.on);
       showState();
       mood("fitting");
-      remember({ ...asked, state: said() });
+      noted();
     }
     if (header.kind === "kept") {
       say(`${header.model} is now version ${header.version}.`, "good");
     }
     if (header.kind === "problem") {
       waiting = false;
+      if (header.do === "settle" && before) {
+        ({ steps, present } = before);
+        remember({ ...remembered(), state: present, steps });
+      }
+      if (header.do === "retrace") {
+        steps = { past: [], future: [] };
+        rested();
+      }
       keeping?.fail(new Error(header.error.message));
       if (!keeping) say(header.error.message, "bad");
       keeping = null;
@@ -417,12 +487,22 @@ const bench = (place, told, { send, asked, desk }) => {
   };
   document.addEventListener("keydown", keys);
   const restore = (saved) => {
-    if (!saved?.on) return;
-    Object.assign(state.values, Object.fromEntries(Object.entries(saved.values).filter(([name]) => name in start.values)));
-    state.on = new Set(saved.on.filter((name) => told.switches.some((one) => one.name === name)));
+    if (!saved?.state?.on || (saved.version && saved.version !== told.version)) return;
+    // names that this model does not have were another version's
+    const known = (one) => ({
+      values: Object.fromEntries(Object.entries(one.values).filter(([name]) => name in start.values)),
+      on: one.on.filter((name) => told.switches.some((each) => each.name === name)),
+    });
+    const now = known(saved.state);
+    Object.assign(state.values, now.values);
+    state.on = new Set(now.on);
+    steps = { past: (saved.steps?.past ?? []).map(known), future: (saved.steps?.future ?? []).map(known) };
     showState();
-    rested();
+    mood("fitting");
+    send({ do: "retrace", seq: (sequence += 1), ...said(), ...steps });
+    noted();
   };
+  present = said();
   return {
     hear, restore, look, reload, asked,
     keep: keepNow,
@@ -450,7 +530,7 @@ export const show = async (place) => {
   const desk = makeDesk(() => now);
   const tools = h("div", { hidden: true }, desk.toolbar, desk.jobs);
 
-  const open = async (asked) => {
+  const open = async ({ state = null, steps = null, version = null, cards = [], ...asked }) => {
     if (!asked.runs.length) throw new Error("Choose a run.");
     link?.socket.close();
     now?.close();
@@ -459,8 +539,8 @@ export const show = async (place) => {
     desk.found.replaceChildren();
     area.replaceChildren();
     area.removeAttribute("data-open");
-    restoring = asked.state ?? null;
-    remember({ ...asked });
+    restoring = { state, steps, version };
+    remember({ ...asked, ...restoring, cards });
     const mine = connect((header, arrays) => {
       if (link !== mine) return;
       if (header.kind === "progress") progress.textContent = header.text;
@@ -474,9 +554,10 @@ export const show = async (place) => {
         area.dataset.open = `${header.model}@${header.version}`;
         summary.textContent = `${header.model}, version ${header.version}, on ${header.runs.join(", ")}: ${header.records.length} records`;
         choosing.open = false;
+        if (older) remember({ ...asked, cards: remembered()?.cards });
         now.restore(restoring);
         restoring = null;
-        if (older) remember({ ...asked });
+        if (!older) desk.restore().catch(complain);
       } else if (now) now.hear(header, arrays);
       else if (header.kind === "problem") {
         progress.textContent = "";

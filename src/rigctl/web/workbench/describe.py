@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from rigctl.analysis.localisation import variable_units
 from rigctl.model.fit.problem import Problem
 from rigctl.model.history.store import current_version
 from rigctl.model.measured.conditions import condition_text
+from rigctl.model.measured.table import curve_variable, curves
 from rigctl.report.numbers import symbol
 from rigctl.report.signals import plain_name
 from rigctl.report.thin import thin
@@ -42,7 +43,7 @@ def opened_document(bench: Workbench) -> dict[str, Any]:
         "channels": [
             {
                 "name": name,
-                "title": plain_name(name),
+                "title": plain_name(measured.titles.get(name, name)),
                 "unit": symbol(_difference_unit(unit)),
                 "shown": symbol(unit),
             }
@@ -52,6 +53,7 @@ def opened_document(bench: Workbench) -> dict[str, Any]:
         "switches": [{**one.document(), "title": plain_name(one.name)} for one in bench.switches],
         "records": _records(problem, held_out),
         "map": _axes(problem),
+        "over": _over(problem),
         "notes": [*measured.notes, problem.noise.statement],
         "state": state_document(bench.track.present),
         "commands": {verb: subject.analysis(verb) for verb in ("compare", "diagnose", "design", "discover")}
@@ -75,6 +77,7 @@ def _records(problem: Problem, held_out: set[int]) -> list[dict[str, Any]]:
             "label": record.label,
             "condition": condition_text(record.condition, units).replace("_", " "),
             "held_out": k in held_out,
+            "series": _series_text(problem, k),
             "phases": [{"name": name, "from": start} for name, start in _phases(problem, k)],
         }
         for k, record in enumerate(problem.records)
@@ -116,6 +119,37 @@ def _rounded(value: float) -> float:
     return float(f"{value:.5g}") if math.isfinite(value) else 0.0
 
 
+def _over(problem: Problem) -> dict[str, str] | None:
+    """Of a table, what its rows are drawn over; None where records have a course in time."""
+    measured = problem.measurements
+    if not measured.table:
+        return None
+    name = curve_variable(measured)
+    if name is None:
+        return {"title": "row", "unit": ""}
+    return {"title": plain_name(name), "unit": symbol(variable_units(measured)[name])}
+
+
+def series_of(problem: Problem, k: int) -> tuple[int, ...]:
+    """The records that are drawn as one with this one: itself, or the rows of a table on its curve."""
+    measured = problem.measurements
+    if not measured.table:
+        return (k,)
+    points, series = curves(measured)
+    rows = np.flatnonzero(series == series[k])
+    return tuple(int(row) for row in rows[np.argsort(points[rows], kind="stable")])
+
+
+def _series_text(problem: Problem, k: int) -> str:
+    """Of a row, what the rows of its curve have in common."""
+    measured = problem.measurements
+    if not measured.table:
+        return ""
+    over, condition = curve_variable(measured), measured.records[k].condition
+    common = {name: value for name, value in condition.items() if name != over}
+    return condition_text(common, variable_units(measured)).replace("_", " ") if common else ""
+
+
 def shown_samples(problem: Problem, k: int) -> NDArray[np.intp]:
     """The samples of a record that are drawn; extremes of every channel are among them."""
     record = problem.records[k]
@@ -126,18 +160,44 @@ def shown_samples(problem: Problem, k: int) -> NDArray[np.intp]:
     return np.unique(np.concatenate([thin(record.values[:, c], each) for c in range(columns)]))
 
 
+def _drawn(problem: Problem, k: int, of: Callable[[int], Floats]) -> Floats:
+    """(points, channels) of what `of` says of each sample of a record; of a row, its reading on its curve."""
+    if not problem.measurements.table:
+        return of(k)[shown_samples(problem, k)]
+    return np.array([_reading(problem, row, of(row)) for row in series_of(problem, k)])
+
+
+def _reading(problem: Problem, row: int, values: Floats) -> Floats:
+    """(channels) what belongs to the reading of each channel, which is the last that there is."""
+    here = problem.records[row].here
+    last = [int(np.flatnonzero(one)[-1]) if one.any() else -1 for one in here.T]
+    return values[last, np.arange(len(last))]
+
+
+def _places(problem: Problem, k: int) -> Floats:
+    """(points) times, s; of a table's rows, what they are drawn over in its unit."""
+    measured = problem.measurements
+    if not measured.table:
+        return problem.records[k].times[shown_samples(problem, k)]
+    rows, name = list(series_of(problem, k)), curve_variable(measured)
+    if name is None:
+        return np.array(rows, dtype=float) + 1.0
+    unit = parse_unit(variable_units(measured)[name])
+    return np.array([unit.from_si(point) for point in curves(measured)[0][rows]])
+
+
 def record_frame(bench: Workbench, k: int) -> bytes:
     """What was measured in a record: times, readings, their noise and which of them count."""
     problem = bench.problem
-    record, at = problem.records[k], shown_samples(problem, k)
     units = problem.measurements.units
+    records, sigma, counts = problem.records, problem.sigma, problem.ok
     return frame(
         {"kind": "record", "record": k},
         [
-            ("times", record.times[at]),
-            ("measured", _in_units(record.values[at], units).T),
-            ("sigma", (problem.sigma[k][at] / _factors(units)).T),
-            ("counts", problem.ok[k][at].T),
+            ("times", _places(problem, k)),
+            ("measured", _in_units(_drawn(problem, k, lambda at: records[at].values), units).T),
+            ("sigma", (_drawn(problem, k, lambda at: sigma[at]) / _factors(units)).T),
+            ("counts", _drawn(problem, k, lambda at: counts[at].astype(float)).T),
         ],
     )
 
@@ -150,11 +210,11 @@ def picture_frame(
     units = problem.measurements.units
     named = dict(zip(problem.measurements.outputs, units, strict=True))
     arrays: list[tuple[str, Floats]] = [("size", picture.size), ("bias", picture.bias)]
-    drawn = [k for k in dict.fromkeys(shown) if k in picture.outputs]
+    drawn = [k for k in dict.fromkeys(shown) if set(series_of(problem, k)) <= set(picture.outputs)]
     for k in drawn:
-        at = shown_samples(problem, k)
-        arrays.append((f"model {k}", _in_units(picture.outputs[k][at], units).T))
-        arrays.append((f"error {k}", picture.errors[k][at].T))
+        modelled = _drawn(problem, k, picture.outputs.__getitem__)
+        arrays.append((f"model {k}", _in_units(modelled, units).T))
+        arrays.append((f"error {k}", _drawn(problem, k, picture.errors.__getitem__).T))
     document = {"kind": "picture", **header, **picture.document(named), "shown": drawn}
     return frame(_finite(document), arrays)
 

@@ -27,6 +27,7 @@ from rigctl.web.workbench.describe import (
     opened_document,
     picture_frame,
     record_frame,
+    series_of,
     state_document,
 )
 from rigctl.workbench import State, Workbench
@@ -34,6 +35,8 @@ from rigctl.workbench.session import Unwanted
 
 logger = logging.getLogger(__name__)
 
+#: steps back and forth that are taken from a page
+_RETRACED = 200
 #: before a message to the page: its text, or its bytes
 TEXT, BYTES = b"t", b"b"
 
@@ -69,6 +72,7 @@ class _Session:
             "settle": self._settle,
             "undo": self._undo,
             "redo": self._redo,
+            "retrace": self._retrace,
             "keep": self._keep,
             "reload": self._reload,
         }
@@ -196,11 +200,25 @@ class _Session:
     def _follow(self, asked: Mapping[str, Any]) -> None:
         bench = self._open_bench
         state = _state_of(bench, asked)
-        picture = bench.follow(state, self._shown)
+        picture = bench.follow(state, self._drawn(bench))
         self._send(BYTES + picture_frame(bench, picture, self._shown, self._header(asked, state)))
+
+    def _drawn(self, bench: Workbench) -> list[int]:
+        """The records behind the curves that are shown; of a table all rows of a curve."""
+        return [row for k in self._shown for row in series_of(bench.problem, k)]
 
     def _settle(self, asked: Mapping[str, Any]) -> None:
         self._open_bench.step(_state_of(self._open_bench, asked))
+        self._picture_now(asked)
+
+    def _retrace(self, asked: Mapping[str, Any]) -> None:
+        """The steps of a page that was loaded again."""
+        bench = self._open_bench
+        past, future = (
+            [_state_of(bench, one) for one in list(asked.get(name) or ())[-_RETRACED:]]
+            for name in ("past", "future")
+        )
+        bench.retrace(_state_of(bench, asked), past, future)
         self._picture_now(asked)
 
     def _undo(self, asked: Mapping[str, Any]) -> None:
@@ -221,7 +239,7 @@ class _Session:
         if moved:
             self._tell({"kind": "state", "state": state_document(state)})
         header = self._header(asked, state)
-        at_once = bench.follow(state, self._shown, budget=math.inf)
+        at_once = bench.follow(state, self._drawn(bench), budget=math.inf)
         self._send(BYTES + picture_frame(bench, at_once, self._shown, header))
         try:
             exact = bench.settle(state, wanted=self._idle)

@@ -128,6 +128,7 @@ def begin(site: Site, asked: Asked) -> dict[str, Any]:
 
     site.require_project()
     verb, subject, effect = asked.text("verb"), subject_of(asked), asked.text("effect", "")
+    beside = asked.text("beside", "") if verb == "compare" else ""
     if verb not in _VERBS:
         raise unknown_name("work", verb, _VERBS)
     given = {
@@ -137,13 +138,19 @@ def begin(site: Site, asked: Asked) -> dict[str, Any]:
         "only": subject.choice.only,
         "assume": list(subject.choice.assume),
         "effect": effect,
+        "beside": beside,
     }
     name = f"{_NAMES[verb]} {effect}".strip()
-    return site.jobs.start(name, command_of(verb, subject, effect), getattr(work, verb), given).document()
+    return site.jobs.start(
+        name, command_of(verb, subject, effect, beside), getattr(work, verb), given
+    ).document()
 
 
-def command_of(verb: str, subject: Subject, effect: str = "") -> str:
-    """The command that a button stands for."""
+def command_of(verb: str, subject: Subject, effect: str = "", beside: str = "") -> str:
+    """The command that a button stands for; `beside` is another version to compare with."""
+    if beside:
+        words = [verb, *subject.runs, "--model", beside, "--model", subject.model]
+        return command(words, subject.choice)
     if verb in ("fit", "add", "remove"):
         return subject.change(verb, *([effect] if effect else []))
     if verb == "improve":

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rigctl.dataset import Run
     from rigctl.design.result import DesignResult
     from rigctl.model import Model
+    from rigctl.model.fit.problem import Problem
 
 Floats = NDArray[np.float64]
 Asked = Mapping[str, Any]
@@ -34,8 +35,12 @@ _DRAWN = 4
 
 
 def compare(report: Report, asked: Asked) -> dict[str, Any]:
-    """As ``rigctl compare``."""
-    return _compared(report, asked).document()
+    """As ``rigctl compare``; beside another version of the model, what each leaves of a record."""
+    found = _compared(report, asked)
+    if len(found.models) == 1:
+        return found.document()
+    names = [str(asked["beside"]), str(asked["model"])]
+    return found.document() | {"names": names, "residuals": _residuals(found, names)}
 
 
 def diagnose(report: Report, asked: Asked) -> dict[str, Any]:
@@ -189,9 +194,11 @@ def _runs(asked: Asked) -> list[Run]:
 def _compared(report: Report, asked: Asked) -> Comparison:
     from rigctl.analysis.comparison import compare as compared
 
+    other = str(asked.get("beside") or "")
+    models = [*([_model({"model": other})] if other else []), _model(asked)]
     return compared(
         _runs(asked),
-        [_model(asked)],
+        models,
         hold_out=asked.get("hold_out") or None,
         only=asked.get("only") or None,
         on_progress=report,
@@ -226,7 +233,19 @@ def _signatures(found: Diagnosis) -> dict[str, Any] | None:
         / before.problem.sigma[k]
         for one in trials
     }
-    return _curves(found, k, {"measured − model": -before.normalised_error(k), **curves})
+    return _curves(before.problem, k, {"measured − model": -before.normalised_error(k), **curves})
+
+
+def _residuals(found: Comparison, names: Sequence[str]) -> dict[str, Any] | None:
+    """What two versions leave of the record in which they differ most, in sigmas."""
+    fits = [model.fit for model in found.models]
+    problem = fits[-1].problem
+    if problem.measurements.table:
+        return None
+    errors = [[-fit.normalised_error(k) for k in range(len(fit.outputs))] for fit in fits]
+    moved = [float(np.nanmean((old - new) ** 2)) for old, new in zip(*errors, strict=True)]
+    k = int(np.argmax(moved))
+    return _curves(problem, k, {name: each[k] for name, each in zip(names, errors, strict=True)})
 
 
 def _alike(found: Diagnosis, names: Sequence[str]) -> dict[str, Any]:
@@ -245,13 +264,12 @@ def _alike(found: Diagnosis, names: Sequence[str]) -> dict[str, Any]:
             range(len(sigma)), key=lambda at: max(float(np.abs(each[at]).max()) for each in apart.values())
         )
         named = {f"{plain_name(name)} − {plain_name(present[0])}": each[k] for name, each in apart.items()}
-        drawn = _curves(found, k, named)
+        drawn = _curves(found.before.fit.problem, k, named)
     return {"names": list(names), "titles": [plain_name(name) for name in names], "difference": drawn}
 
 
-def _curves(found: Diagnosis, k: int, named: Mapping[str, Floats]) -> dict[str, Any]:
+def _curves(problem: Problem, k: int, named: Mapping[str, Floats]) -> dict[str, Any]:
     """Curves of one record in sigmas, by channel."""
-    problem = found.before.fit.problem
     record = problem.records[k]
     every = max(1, -(-record.times.size // _POINTS))
     at = slice(None, None, every)

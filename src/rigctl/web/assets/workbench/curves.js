@@ -6,18 +6,22 @@ import { row } from "./frames.js";
 // One pair of plots for each channel. `set(record, picture)` as frames.js reads them.
 export const makeCurves = (opened) => {
   const narrow = window.matchMedia("(max-width: 40rem)").matches;
+  // A table has points over what was varied, and no course between them.
+  const { over } = opened;
+  const xLabel = over ? `${over.title}${over.unit ? ` [${over.unit}]` : ""}` : "time in the record [s]";
+  const along = over ? over.title : "time";
   const element = h("div", { class: "channels" });
   const pairs = opened.channels.map((channel, c) => {
     const upper = plot({
       height: narrow ? 130 : 170,
       sync: "workbench",
       yLabel: `${channel.title}${channel.shown ? ` [${channel.shown}]` : ""}`,
-      describe: `${channel.title}: measured and modelled over time, with the noise of a reading`,
+      describe: `${channel.title}: measured and modelled over ${along}, with the noise of a reading`,
       series: [
-        { label: "measured", colour: 1, width: 0, points: true, size: 3 },
+        { label: "measured", colour: 1, width: 0, points: true, size: over ? 8 : 3 },
         { label: "± 2 sigma", colour: "--band", width: 0 },
         { label: "", colour: "--band", width: 0 },
-        { label: "model", colour: 0, width: 2 },
+        { label: "model", colour: 0, width: over ? 1 : 2, points: Boolean(over), size: 5 },
       ],
       bands: [{ between: [2, 3] }],
       ySpace: 28,
@@ -27,12 +31,12 @@ export const makeCurves = (opened) => {
       height: narrow ? 90 : 105,
       sync: "workbench",
       yLabel: narrow ? "[σ]" : "residual [σ]",
-      xLabel: c === opened.channels.length - 1 ? "time in the record [s]" : "",
+      xLabel: c === opened.channels.length - 1 ? xLabel : "",
       describe: `${channel.title}: measured less modelled, in sigmas of the noise`,
       series: [
         { label: "+ 2 sigma", colour: "--band", width: 0 },
         { label: "− 2 sigma", colour: "--band", width: 0 },
-        { label: "residual", colour: 0, width: 1.3 },
+        { label: "residual", colour: 0, width: over ? 0 : 1.3, points: Boolean(over), size: 8 },
       ],
       bands: [{ between: [1, 2] }],
       ySpace: 18,

@@ -1,5 +1,5 @@
 // How the error fell from version to version, down to the noise, below which no model comes.
-import { api, h } from "../lib.js";
+import { api, button, h } from "../lib.js";
 import { figure, plain } from "./numbers.js";
 
 const NS = "http://www.w3.org/2000/svg";
@@ -36,13 +36,17 @@ const chart = (name, errors) => {
   return h("figure", { class: "fall" }, h("figcaption", {}, `${plain(name)} [σ]`), drawing);
 };
 
-export const history = async (place, model) => {
+// `open(version)` looks at another version; `beside(version)` compares it with the one that is open.
+export const history = async (place, model, { version: here, open, beside }) => {
   const found = await api("/api/workbench/history", { query: { model } });
   const channels = [...new Set(found.errors.flatMap((error) => Object.keys(error.rmse)))];
   const alike = new Set(found.errors.map((error) => JSON.stringify([error.runs, error.hold_out, error.only, error.assume])));
   place.replaceChildren(
     found.errors.length ? h("div", { class: "falls" }, ...channels.map((name) => chart(name, found.errors))) : h("p", { class: "note" }, "No version has been held against runs yet."),
     alike.size > 1 ? h("p", { class: "note" }, "Not all were found on the same runs and held-out records: compare with care.") : "",
-    h("ol", { class: "versions" }, ...found.versions.map((one) => h("li", { value: one.version, class: one.version === found.current ? "current" : "" }, h("strong", {}, one.done), h("span", { class: "note" }, ` ${one.time.slice(0, 16).replace("T", " ")} UTC${one.note ? `: ${one.note}` : ""}`)))),
+    h("ol", { class: "versions" }, ...found.versions.map((one) => h("li", { value: one.version, class: one.version === found.current ? "current" : "" }, h("strong", {}, one.done), one.version === here ? h("span", { class: "mark" }, " open here") : h("span", { class: "buttons" },
+      button("Open", () => open(one.version, found.current), { class: "small", "aria-label": `Open version ${one.version}` }),
+      button("Compare", () => beside(one.version), { class: "small", "aria-label": `Compare version ${one.version} with version ${here}`, title: "Both on these records, beside each other" })),
+      h("span", { class: "note" }, ` ${one.time.slice(0, 16).replace("T", " ")} UTC${one.note ? `: ${one.note}` : ""}`)))),
   );
 };

@@ -25,7 +25,7 @@ export const spread = (value, std) => {
 };
 
 export const chance = (p) => (p === null || p === undefined ? "–" : p < 1e-6 ? "< 1e-6" : figure(p, 2));
-export const percent = (share) => `${(100 * share).toFixed(share > 0.1 ? 0 : 1)} %`;
+export const percent = (share) => (share < 0.0005 ? "< 0.1 %" : `${(100 * share).toFixed(share > 0.1 ? 0 : 1)} %`);
 
 // s as a person says them
 export const duration = (seconds) => {

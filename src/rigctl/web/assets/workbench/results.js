@@ -11,22 +11,49 @@ const table = (caption, heads, lines, kind = "numbers") =>
 const fold = (title, ...inside) => h("details", {}, h("summary", {}, title), ...inside);
 
 // Curves by name over one x: { times, curves: { name: [...] } }
-const curves = ({ x, named, xLabel, yLabel, describe, height, bands = [], hidden = [], first = 0 }) => {
+const curves = ({ x, named, xLabel, yLabel, describe, height, bands = [], hidden = [], quiet = "", first = 0 }) => {
   const names = Object.keys(named);
+  const colourOf = (label, k) => (hidden.includes(label) ? "--band" : label === quiet ? "--series-8" : COLOURS[(k + first) % COLOURS.length]);
   const drawn = plot({
     height: height ?? 190, xLabel, yLabel, describe, legend: true, bands,
-    series: names.map((label, k) => ({ label, colour: hidden.includes(label) ? "--band" : COLOURS[(k + first) % COLOURS.length], width: hidden.includes(label) ? 0 : 1.6, unlisted: hidden.includes(label) && label !== "± 2 sigma" })),
+    series: names.map((label, k) => ({ label, colour: colourOf(label, k), width: hidden.includes(label) ? 0 : label === quiet ? 1 : 1.8, unlisted: hidden.includes(label) && label !== "± 2 sigma" })),
   });
   drawn.set([x, ...names.map((name) => named[name])]);
   return drawn.element;
 };
 
-const inSigmas = (found) =>
-  found.channels
-    .filter(({ curves: named }) => Object.values(named).some((values) => values.some((value) => Math.abs(value ?? 0) > 0.5)))
-    .map(({ title, curves: named }) => curves({ x: found.times, named, xLabel: "time in the record [s]", yLabel: `${title} [σ]`, describe: `${title} in sigmas: ${Object.keys(named).join(", ")}` }));
+// The channels on which something is to be seen, and always that with the largest. `quiet` is drawn behind the others.
+const inSigmas = (found, { quiet = "" } = {}) => {
+  const most = (channel) => Math.max(0, ...Object.entries(channel.curves).filter(([name]) => name !== quiet).flatMap(([, values]) => values.map((value) => Math.abs(value ?? 0))));
+  const largest = Math.max(...found.channels.map(most));
+  return found.channels
+    .filter((channel) => most(channel) > 0.5 || most(channel) === largest)
+    .map(({ title, curves: named }) => curves({ x: found.times, named, quiet, first: quiet ? -1 : 0, xLabel: "time in the record [s]", yLabel: `${title} [σ]`, describe: `${title} in sigmas: ${Object.keys(named).join(", ")}` }));
+};
 
-export const comparison = (found) => [
+// Versions of a model on the same records and the same noise, a column each.
+const beside = (found) => {
+  const [first, last] = found.models;
+  const names = Object.keys(last.channels);
+  const cell = (one, name) => (one.channels[name] ? `${figure(one.channels[name].rmse)} ${one.channels[name].unit}` : "–");
+  const held = (one, name) => one.channels[name]?.heldout_rmse ?? null;
+  return [
+    h("p", { class: `statement ${last.adequate ? "good" : last.below_noise ? "warn" : "bad"}` }, last.statement),
+    h("p", { class: "note" }, first.statement),
+    table("Root mean square error, on the same records", ["", found.names[0], found.names[1], "noise"], [
+      ...names.flatMap((name) => [
+        [plain(name), cell(first, name), cell(last, name), `${figure(last.channels[name].noise)} ${last.channels[name].unit}`],
+        ...(held(last, name) === null ? [] : [[`${plain(name)}, held out`, figure(held(first, name)), figure(held(last, name)), ""]]),
+      ]),
+      ["reduced χ²", figure(first.chi2_reduced), figure(last.chi2_reduced), "1"],
+    ]),
+    ...(found.residuals ? [h("h3", {}, "What each leaves"), h("p", { class: "note" }, found.residuals.record), ...inSigmas(found.residuals)] : []),
+  ];
+};
+
+export const comparison = (found) => (found.models?.length > 1 ? beside(found) : agreement(found));
+
+const agreement = (found) => [
   h("p", { class: `statement ${found.adequate ? "good" : found.below_noise ? "warn" : "bad"}` }, found.statement),
   table("By channel", ["channel", "RMSE", "noise", "RMSE/noise", "bias", "χ²"], Object.entries(found.channels).map(([name, one]) => [plain(name), `${figure(one.rmse)} ${one.unit}`, `${figure(one.noise)} ${one.unit}`, figure(one.nrmse, 3), `${figure(one.bias, 2)} ${one.unit}`, figure(one.chi2_reduced, 4)])),
   fold("Where it fails, and the tests",
@@ -54,15 +81,15 @@ export const diagnosis = (found, actions) => {
         button("Add", () => actions.add(one.effect), { class: "small", title: "Fit it, and keep it as the next version" })));
   };
   const group = (one) => h("div", { class: "group" },
-    h("p", {}, h("strong", {}, one.titles.join("  =  ")), " — these data cannot tell them apart; what is between them:"),
+    h("p", {}, h("strong", {}, `${one.titles.slice(0, -1).join(", ")} or ${one.titles.at(-1)}`), ` — these data cannot tell them apart${one.difference ? "; what is between them:" : "."}`),
     ...(one.difference ? [h("p", { class: "note" }, one.difference.record), ...inSigmas(one.difference)] : []));
   return [
     h("p", { class: `statement ${tone}` }, h("strong", {}, `${found.title}. `), found.statement),
     ranked.length ? h("ul", { class: "ranking", "aria-label": "Probability that an effect is among what is missing" }, ...ranked.map(line)) : null,
-    found.effects.length ? h("div", { class: "toolbar" }, button("Add what is missing", actions.improve, { class: "primary" })) : null,
+    found.effects.length ? h("div", { class: "toolbar" }, button(found.verdict === "missing_effect" ? "Add what is missing" : "Add the most likely", actions.improve, { class: found.verdict === "missing_effect" ? "primary" : "" })) : null,
     found.alike.length ? h("div", {}, h("h3", {}, "Not told apart"), ...found.alike.map(group)) : null,
-    h("div", { class: "toolbar" }, found.alike.length ? button("What to measure next", actions.design) : null, found.verdict === "outside_library" ? button("Look for a formula", actions.discover) : null),
-    found.signatures ? fold("What each would explain", h("p", { class: "note" }, `over the residual of ${found.signatures.record}`), ...inSigmas(found.signatures)) : null,
+    h("div", { class: "toolbar" }, found.alike.length ? button("What to measure next", actions.design, { class: "primary" }) : null, found.verdict === "outside_library" ? button("Look for a formula", actions.discover) : null),
+    found.signatures ? fold("What each would explain", h("p", { class: "note" }, `over the residual of ${found.signatures.record}, in grey`), ...inSigmas(found.signatures, { quiet: "measured − model" })) : null,
     fold("For and against", h("ul", {}, ...found.evidence.map((text) => h("li", {}, text))), ...(found.drift.length ? [table("Fitted parameters", ["", "without", "with it"], found.drift.map((one) => [plain(one.parameter), spread(one.before, one.before_std), `${spread(one.after, one.after_std)} ${unitText(one.unit)}`]))] : [])),
   ];
 };
@@ -93,10 +120,10 @@ export const discovery = (found) => [
 // `approve(effects)` carries it out on the simulated bench
 export const experiment = (found, { approve, toReal }) => {
   const titleOf = (name) => found.titles[name] ?? plain(name);
-  const hidden = h("input", { type: "text", id: "bench-hides", placeholder: "valve_leakage", size: 28, spellcheck: "false" });
+  const hidden = h("input", { type: "text", id: "bench-hides", placeholder: "valve_leakage:conductance=4e-16 m^3", size: 34, spellcheck: "false" });
   const record = (one, k) => h("div", { class: "group" },
-    h("h3", {}, `Record ${k + 1}: ${Object.entries(one.settings).map(([name, value]) => `${plain(name)} ${value}`).join(", ")}`),
-    h("p", { class: "note" }, `${one.why}. It takes ${duration(one.duration)}.`),
+    h("h3", {}, `${one.duration ? "Record" : "Row"} ${k + 1}: ${Object.entries(one.settings).map(([name, value]) => `${plain(name)} ${value}`).join(", ")}`),
+    h("p", { class: "note" }, one.duration ? `${one.why}. It takes ${duration(one.duration)}.` : `${one.why}.`),
     ...telling(found.predictions[k] ?? []).flatMap(predicted));
   // What the rivals do not differ in says nothing of them.
   const telling = (channels) => {
@@ -123,8 +150,8 @@ export const experiment = (found, { approve, toReal }) => {
     found.records.length
       ? h("ul", { class: "figures" },
           h("li", {}, h("b", {}, `${percent(found.probability_before)} → ${percent(found.probability)}`), "chance that a diagnosis names what is right"),
-          h("li", {}, h("b", {}, duration(found.duration)), "of the rig's time"),
-          h("li", {}, h("b", {}, String(found.records.length)), found.records.length === 1 ? "record" : "records"))
+          found.duration ? h("li", {}, h("b", {}, duration(found.duration)), "of the rig's time") : null,
+          h("li", {}, h("b", {}, String(found.records.length)), `${found.duration ? "record" : "row"}${found.records.length === 1 ? "" : "s"}`))
       : null,
     table("Rivals", ["", "weight", "parameters"], found.rivals.map((one) => [titleOf(one.name), percent(one.weight), parameters(one.parameters)])),
     ...found.records.map(record),
@@ -132,7 +159,7 @@ export const experiment = (found, { approve, toReal }) => {
       ? h("div", {},
           fold("The procedure", h("pre", { tabindex: 0, "aria-label": "The procedure" }, found.procedure)),
           h("div", { class: "toolbar" },
-            button("Approve: run it on the simulated bench", () => approve(hidden.value.split(/[;\s]+/).filter(Boolean)), { class: "primary" }),
+            button("Approve: run it on the simulated bench", () => approve(hidden.value.split(";").map((one) => one.trim()).filter(Boolean)), { class: "primary" }),
             h("label", { for: "bench-hides" }, "the simulated bench hides"), hidden),
           h("div", { class: "toolbar" }, button("Approve for the real bench…", toReal), h("span", { class: "note" }, "keeps the procedure; the page of procedures asks for the bench by its name")))
       : null,

@@ -1,0 +1,35 @@
+"""An empty folder in a browser: what ``rigctl init`` writes is a click away."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+from rigctl.errors import RigctlError
+from rigctl.project import MARKER
+from rigctl.web.answer import Asked
+
+if TYPE_CHECKING:
+    from rigctl.web.site import Site
+
+_HOLDS: Final = (MARKER, "rigs", "models", "procedures", "runs", "families")
+
+
+def is_empty(site: Site) -> bool:
+    """Whether the folder holds nothing of a project."""
+    root = site.project.root
+    return root.is_dir() and not any((root / name).exists() for name in _HOLDS)
+
+
+def fill(site: Site, asked: Asked) -> dict[str, Any]:
+    """Begin a project in the folder: ``rigctl init``, or with ``--minimal`` one of one's own.
+
+    Raises
+    ------
+    RigctlError
+        the folder holds a project.
+    """
+    root = site.require_project()
+    if not is_empty(site):
+        raise RigctlError("this folder holds a project already", value=str(root))
+    minimal = ["--minimal"] if asked.body.get("minimal") is True else []
+    return site.jobs.start_command("New project", ["init", *minimal]).document()
