@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,9 @@ def test_the_demo_asks_the_bench_what_it_hides_and_adds_it(
     assert f"hidden: {told['hidden'].replace('_', ' ')}, conductance" in end
     assert f"found: {told['hidden'].replace('_', ' ')}, conductance (" in end
     assert end.count("<section") == 1
+    # the size that was found is one figure, at the top and at the end
+    (size,) = re.findall(r"found: .*?conductance (\(.*? m³)", end)
+    assert size in page[page.index('<section id="answer">') : page.index('<section id="learning"')]
 
 
 def test_demo_again_makes_another_run_and_overwrites_nothing(

@@ -5,6 +5,20 @@ export const palette = () => ["--curve-1", "--curve-2", "--curve-3", "--curve-4"
 
 const font = () => `12px ${getComputedStyle(document.body).fontFamily}`;
 
+// Marks of an axis: as many digits as tell one from the next, and powers of ten where they are very small or large.
+const marks = (_, values) => {
+  const known = values.filter((value) => value !== null);
+  const step = known.length > 1 ? Math.abs(known[1] - known[0]) : 1;
+  const most = Math.max(...known.map(Math.abs), 0);
+  if (most && (most < 1e-3 || most >= 1e6)) {
+    const digits = Math.min(Math.max(Math.floor(Math.log10(most)) - Math.floor(Math.log10(step) + 1e-9), 0) + 1, 7);
+    const short = (value) => value.toExponential(digits).replace(/\.?0+e/, "e").replace("e+", "e");
+    return values.map((value) => (value === null ? null : value ? short(value) : "0"));
+  }
+  const digits = Math.min(Math.max(-Math.floor(Math.log10(step) + 1e-9), 0), 12);
+  return values.map((value) => (value === null ? null : String(Number(value.toFixed(digits + 1)))));
+};
+
 const axis = (label, more = {}) => ({
   stroke: colour("--quiet"),
   grid: { stroke: colour("--grid"), width: 1 },
@@ -42,7 +56,7 @@ export const plot = (options) => {
         width: Math.max(place.clientWidth, 200),
         height: options.height ?? 220,
         scales: { x: { time: false, range: options.xRange }, y: { range: options.yRange } },
-        axes: [axis(options.xLabel, { size: options.xLabel ? 26 : 24, values: options.xValues }), axis(options.yLabel, { size: 56, ...(options.ySpace ? { space: options.ySpace } : {}) })],
+        axes: [axis(options.xLabel, { size: options.xLabel ? 26 : 24, values: options.xValues ?? marks }), axis(options.yLabel, { size: 56, values: marks, ...(options.ySpace ? { space: options.ySpace } : {}) })],
         bands,
         series: [{ label: options.xName ?? "time", value: (_, value) => (value === null || value === undefined ? "–" : value.toFixed(2)) }, ...series],
         legend: { show: options.legend ?? series.length > 1, live: options.live ?? false },
