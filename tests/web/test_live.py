@@ -51,7 +51,7 @@ def test_a_window_is_told_what_it_needs_to_draw(served: Served, cookie: str, run
         listener.want(running.id, window=20.0, width=4000)
         listener.hear_until(lambda: listener.rows.shape[1] > 150 and listener.told.get("set_points"))
         held = listener.told["set_points"][-1]
-        listener.hear_until(lambda: listener.rows[0, -1] > held["begin"] + 0.1)
+        listener.hear_until(lambda: listener.rows[0, -1] > held["begin"] + 0.5)
         seen = listener.rows
         about, state = listener.told["run"], listener.told["state"]
     assert state["state"] == "running"
@@ -65,7 +65,7 @@ def test_a_window_is_told_what_it_needs_to_draw(served: Served, cookie: str, run
     pressure = next(channel for channel in about["channels"] if channel["name"] == "supply_pressure")
     assert pressure["set_point"] == "relief_valve"
     assert (held["channel"], held["within"]) == ("supply_pressure", pytest.approx(40.0))
-    near = np.abs(seen[0] - held["begin"]) < 0.05
+    near = np.abs(seen[0] - held["begin"]) < 0.3
     assert np.abs(seen[2, near] - held["to"]).min() < 1e-4  # a reading of its begin
 
 

@@ -106,16 +106,22 @@ export const change = (found) => [
     : null,
 ];
 
-export const discovery = (found) => [
-  h("p", { class: "statement" }, found.statement),
-  ...found.curves.map((one) => {
+export const discovery = (found) => {
+  const drawn = found.curves.map((one) => {
     const points = one.points;
     const column = (key) => points.map((point) => point[key]);
-    return h("div", {}, h("h3", {}, `${plain(one.slot)} over ${plain(one.over)}`),
-      curves({ x: column("x"), named: { "the term": column("value"), "highest within its band": column("high"), "lowest within its band": column("low") }, hidden: ["highest within its band", "lowest within its band"], bands: [{ between: [2, 3] }], xLabel: `${plain(one.over)} [${unitText(one.over_unit)}]`, yLabel: `${plain(one.slot)} [${unitText(one.unit)}]`, describe: `The term at ${plain(one.slot)} over ${plain(one.over)}, with its band` }));
-  }),
-  found.formulas.length ? table("Formulas that these data do not tell from the best", ["formula", "parameters", "Δ", "accepted"], found.formulas.map((one) => [one.formula, parameters(one.parameters), figure(one.delta, 3), one.accepted ? "yes" : "no"]), "") : null,
-];
+    const multiplied = one.times ? ` (times ${one.times})` : "";
+    return h("div", {}, h("h3", {}, `${plain(one.slot)} over ${plain(one.over)}${multiplied}`),
+      one.free ? h("p", { class: "note" }, "The fit absorbs part of this term: that part may have any size for all these data say, and is not in the curve.") : "",
+      curves({ x: column("x"), named: { "the term": column("value"), "highest within its band": column("high"), "lowest within its band": column("low") }, hidden: ["highest within its band", "lowest within its band"], bands: [{ between: [2, 3] }], xLabel: `${plain(one.over)} [${unitText(one.over_unit)}]`, yLabel: `${plain(one.slot)} [${unitText(one.unit)}]`, describe: `The term at ${plain(one.slot)} over ${plain(one.over)}, with its 95 % band` }));
+  });
+  return [
+    h("p", { class: "statement" }, found.statement),
+    ...drawn.slice(0, 1),
+    drawn.length > 1 ? fold("The same misfit at other places, or over other variables", ...drawn.slice(1)) : null,
+    found.formulas.length ? table("Formulas that these data do not tell from the best", ["formula", "parameters", "Δ", "accepted"], found.formulas.map((one) => [one.formula, parameters(one.parameters), figure(one.delta, 3), one.accepted ? "yes" : "no"]), "") : null,
+  ];
+};
 
 // `approve(effects)` carries it out on the simulated bench
 export const experiment = (found, { approve, toReal }) => {
