@@ -1,7 +1,8 @@
 /* A closed loop from an input to the PWM, at a fixed period of timer 2, however busy the rest of the program is.
  *
- * The timer's interrupt lets the others in while it computes, so that no character and no reading is lost. Whatever
- * switches outputs off ends the loop first (`control_halt`), and an update that has begun then writes nothing. */
+ * The timer's interrupt lets the others in while it computes, so that no character and no reading is lost. How long
+ * that takes depends on them; so the output is set by a second interrupt, always at the same time after the tick.
+ * Whatever switches outputs off ends the loop first (`control_halt`), and nothing that was computed is set then. */
 #include <avr/interrupt.h>
 #include <avr/pgmspace.h>
 #include <math.h>
@@ -13,10 +14,11 @@
 #include "pid.h"
 
 #define TICK_COUNTS 250 /* of 4 us each: a tick is a millisecond */
+#define OUTPUT_COUNT 240 /* 0.96 ms after the tick: an update takes 0.3 to 0.75 ms */
 #define COUNT_US 4
 #define BINS 32
 #define JITTER_BIN 2 /* counts of 4 us */
-#define DELAY_BIN 4
+#define DELAY_BIN 10
 
 typedef struct {
     float calibration[4];             /* reading = c0 + c1*n + c2*n^2 + c3*n^3 of the converter's counts n */
@@ -49,7 +51,8 @@ static bool bumpless, clamping;
 static volatile bool running;
 static volatile bool busy; /* an update is being computed */
 static volatile uint16_t to_go, elapsed; /* ms until the next update is due; since the last one that was made */
-static volatile uint8_t ago;             /* ms since the update in progress was due */
+static volatile uint8_t ago;             /* ms since the newest update was due */
+static volatile uint16_t computed; /* counts that are to be put out */
 static pid_state_t pid;
 static float first, setpoint, scale;
 static uint32_t ramped; /* ms since the first reading */
@@ -64,7 +67,7 @@ static void count(spread_t *spread, uint16_t value, uint8_t width) {
         spread->largest = value;
 }
 
-/* In interrupts only, or with them off: 4 us counts since the update in progress was due. */
+/* In interrupts only, or with them off: 4 us counts since the newest update was due. */
 static uint16_t since_due(void) {
     uint8_t now = TCNT2;
     uint16_t ms = ago;
@@ -101,18 +104,28 @@ static uint16_t counts_of(float output) {
     return counts >= 1023 ? 1023 : counts > 0 ? (uint16_t)counts : 0; /* of no number too */
 }
 
-/* The output goes to its pin, and when it does is counted. */
+/* The output is to be set at its time. */
 static void put_out(uint16_t counts) {
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
-        if (running && pressure_regulate(counts)) {
-            uint16_t now = since_due();
-            count(&delay, now, DELAY_BIN);
-            if (updates++)
-                count(&jitter, now > last_delay ? now - last_delay : last_delay - now, JITTER_BIN);
-            last_delay = now;
-            saturated += pid.saturated;
+        if (running) {
+            computed = counts;
+            TIFR2 = _BV(OCF2B); /* of an earlier millisecond */
+            TIMSK2 |= _BV(OCIE2B);
         }
     }
+}
+
+/* The output goes to its pin, and when it does is counted. */
+ISR(TIMER2_COMPB_vect) {
+    TIMSK2 &= ~_BV(OCIE2B);
+    if (!pressure_regulate(computed))
+        return;
+    uint16_t now = since_due();
+    count(&delay, now, DELAY_BIN);
+    if (updates++)
+        count(&jitter, now > last_delay ? now - last_delay : last_delay - now, JITTER_BIN);
+    last_delay = now;
+    saturated += pid.saturated;
 }
 
 static void update(void) {
@@ -230,6 +243,7 @@ int16_t control_start(bool from_here, bool clamped) {
         elapsed = ago = 0;
         TCCR2A = _BV(WGM21);
         OCR2A = TICK_COUNTS - 1;
+        OCR2B = OUTPUT_COUNT;
         TCNT2 = 0;
         TIFR2 = _BV(OCF2A);
         TCCR2B = _BV(CS22); /* 16 MHz / 64 */

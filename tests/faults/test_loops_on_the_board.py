@@ -115,7 +115,7 @@ def test_every_ending_stops_the_loop_with_its_output_safe(
         script.at(1.0, lambda one: one.avr.reset())
     if how == "oscillation":
         text = recorded("rate: 10 Hz, where: board, for: 6 s")
-        text = text.replace("gain: 0.5, integral: 8 1/s", "gain: 10, oscillation: 0.5 bar, start: zero")
+        text = text.replace("gain: 0.5, integral: 8 1/s", "gain: 100, oscillation: 0.5 bar, start: zero")
     bench = board.bench(noise="off", faults=[faults[how]] if how in faults else [])
     bench.open()
     done = board.workshop.run(text, rig=board.rig(), backend=bench, control=control)

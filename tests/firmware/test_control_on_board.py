@@ -227,6 +227,19 @@ def test_the_boards_interlocks_end_a_loop(chip: Chip, counts: tuple[int, int, in
     assert chip.avr.pwm == 0.0
 
 
+def test_a_trip_at_any_time_of_an_update_leaves_the_output_off(chip: Chip) -> None:
+    for phase in range(0, 1000, 90):
+        begin(chip, period_ms=1, KD=0.01, TF=0.01)
+        chip.run(0.01 + phase * 1e-6)
+        chip.put(1023, 500, 300)
+        chip.run(0.004)
+        assert chip.avr.pwm == 0.0
+        chip.put(200, 500, 300)
+        chip.run(0.003)
+        assert chip.avr.pwm == 0.0
+        assert chip.ask("#1 SYST:TRIP:CLE") == "#1 OK"
+
+
 def test_a_silent_host_ends_a_loop_even_while_its_output_is_off(chip: Chip) -> None:
     chip.put(600, 500, 300)  # above the set-point: the output rests at its low end
     begin(chip)
@@ -304,8 +317,8 @@ def test_the_loop_is_even_and_says_so_itself_while_the_line_is_full(chip: Chip) 
     outside = max(abs(gap) for gap in gaps if abs(gap) < 0.5 * PERIOD)
     assert len(written) > 190
     assert (late, missed) == (0, 0)
-    assert outside < 0.2e-3, "the goal of a loop on the board"
-    assert p99 * 1e-6 <= most * 1e-6 < 0.2e-3
+    assert outside < 0.03e-3, "the goal of a loop on the board is 0.2 ms"
+    assert p99 * 1e-6 <= most * 1e-6 < 0.03e-3
     assert most * 1e-6 == pytest.approx(outside, abs=20e-6)
 
 

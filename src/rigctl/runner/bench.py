@@ -311,6 +311,7 @@ class Bench:
     def stop_regulating(self, actuator: str) -> Waiting:
         """End such a loop, its output as it is, and wait until the bench has said so and how it ran."""
         yield from self.settled(actuator)
+        self.doubtful[actuator] = self.commanded.get(actuator, self.safe_value(actuator))  # until answered
         yield from self._asked(actuator, lambda bench: bench.stop_regulating(actuator))
         if self.reachable and actuator not in self.doubtful:
             self._loops.discard(actuator)
