@@ -123,6 +123,52 @@ def test_an_fmu_that_crashes_or_does_not_fit_says_so(project: Path, fits: dict[s
             judge_fmu(project / f"{name}.fmu", fits["right"], "right")
 
 
+def test_a_hostile_archive_is_refused_before_it_is_unpacked(
+    project: Path, fits: dict[str, FitResult]
+) -> None:
+    source, about = project / "right.fmu", "modelDescription.xml"
+
+    def entity(text: bytes) -> bytes:
+        declared = b'<!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/hostname">]>'
+        return text.replace(b"<fmiModelDescription", declared + b"<fmiModelDescription", 1)
+
+    with_text(source, project / "entity.fmu", about, entity)
+    with_text(source, project / "bomb.fmu", "none", bytes)
+    with zipfile.ZipFile(project / "bomb.fmu", "a", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("resources/zeros", bytes(110_000_000))
+    with_text(source, project / "outside.fmu", "none", bytes)
+    with zipfile.ZipFile(project / "outside.fmu", "a") as archive:
+        archive.writestr("../outside.txt", "written")
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(project / "elsewhere.fmu", "w") as new:
+        for entry in old.infolist():
+            parts = entry.filename.split("/")
+            name = "/".join([parts[0], "amiga68", *parts[2:]]) if parts[0] == "binaries" else entry.filename
+            new.writestr(name, old.read(entry))
+    for name, said in (
+        ("entity", "declares a document type"),
+        ("bomb", "unpacks to too much"),
+        ("outside", "lies outside its folder"),
+        ("elsewhere", "no program for this computer, got 'amiga68'"),
+    ):
+        with pytest.raises(RigctlError, match=said):
+            judge_fmu(project / f"{name}.fmu", fits["right"], "right")
+
+
+def test_what_is_no_number_is_no_output_without_an_error(project: Path, fits: dict[str, FitResult]) -> None:
+    """NaN stands for channels that an FMU does not have, and those count as if they were right."""
+    source = project / "wrong.fmu"
+    with zipfile.ZipFile(source) as archive:
+        (library,) = (name for name in archive.namelist() if name.startswith("binaries/"))
+        files = {name: archive.read(name) for name in archive.namelist()}
+    change = (b"value[i] = outputs[", b"value[i] = s->time > 10.0 ? 0.0/0.0 : outputs[")
+    assert change[0] in files["sources/slave.c"]
+    files["sources/slave.c"] = files["sources/slave.c"].replace(*change)
+    broken = _compiled(files, Path(library).name)
+    with_text(source, project / "nan.fmu", library, lambda _: broken)
+    with pytest.raises(RigctlError, match="temperature_1 is nan"):
+        judge_fmu(project / "nan.fmu", fits["right"], "right")
+
+
 @pytest.mark.parametrize(("nearer", "count"), [(0, 0), (4, 8), (1, 9), (8, 8), (0, 11), (20, 27)])
 def test_the_sign_test_is_the_binomial_one(nearer: int, count: int) -> None:
     expected = binomtest(nearer, count, 0.5).pvalue if count else 1.0

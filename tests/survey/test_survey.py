@@ -212,3 +212,18 @@ def test_a_run_of_another_bench_is_no_run_of_this_survey(year: Path) -> None:
             for file in sorted((year / "runs").glob(f"**/{run}/*")):
                 file.unlink()
     assert "draught" in said or "fan" in said
+
+
+def test_a_file_that_was_imported_twice_counts_once(year: Path) -> None:
+    with chdir(year):
+        before = list_runs()[-1].id
+        again = json.loads(told("import", "log.csv", "--rig", "rigs/pump.yaml", "--json"))["run"]
+        try:
+            found = answer("survey", before, again, *SHARED)
+            refused = refusal("compare", before, again, "--model", "models/pump.yaml")
+        finally:
+            for file in sorted((year / "runs").glob(f"**/{again}/*")):
+                file.unlink()
+    assert [run["run"] for run in found["runs"]] == [again]
+    assert any(before in note and again in note for note in found["notes"])
+    assert "same measurements" in refused and before in refused and again in refused

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import Choice
 from rigctl.analysis.localisation import variable_units
+from rigctl.dataset.copies import without_copies
 from rigctl.dataset.run import Run
 from rigctl.engine.least_squares import Iteration, started
 from rigctl.engine.one_thread import one_thread
@@ -70,6 +71,7 @@ def read_runs(
         the runs are not of the model's bench, or a condition selects none or all of the records.
     """
     on_progress("Reading the records")
+    _require_no_copies(runs)
     measurements = read_measurements(model, runs)
     noise = noise_of(measurements)
     units = variable_units(measurements)
@@ -81,6 +83,18 @@ def read_runs(
         choice = replace(choice, rest=rest)
         measurements, noise = measurements.only(indices), noise.only(indices)
     return Data(measurements, noise, held_out(measurements, hold_out, units, only), choice)
+
+
+def _require_no_copies(runs: Sequence[Run]) -> None:
+    """Refuse runs with the same measurements: counted twice, every misfit would seem surer than it is."""
+    _, copies = without_copies(runs)
+    for copy, kept in copies:
+        raise RigctlError(
+            f"it holds the same measurements as {kept.id}",
+            value=copy.id,
+            expected="each measurement once",
+            hint="Give one of the two",
+        )
 
 
 def fit_to_data(

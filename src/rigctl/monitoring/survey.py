@@ -11,6 +11,7 @@ import numpy as np
 from rigctl.analysis.candidates import Candidate, by_effect, candidates, data_ranges
 from rigctl.analysis.fitting import fit_problem, no_progress
 from rigctl.dataset import Run
+from rigctl.dataset.copies import without_copies
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import ExitCode, RigctlError, unknown_name
 from rigctl.model.measured.record import Measurements
@@ -65,6 +66,7 @@ def survey(
     said = on_progress or no_progress
     shared = _shared(model, share)
     freed = tuple(name for name in model.fitted if name not in shared)
+    runs, copies = without_copies(runs)
     found = entries_of(runs, by, over)
     started, picked = _begun(model, freed, found.entries, only, tuple(assume), effects, said)
     plan = Plan(started, freed, shared, picked, only, tuple(assume))
@@ -102,8 +104,15 @@ def survey(
         lines=tuple(_lines(found, outcomes)),
         judged=judged,
         named=named,
-        notes=(*notes, *found.notes),
+        notes=(*notes, *_said_of(copies), *found.notes),
     )
+
+
+def _said_of(copies: Sequence[tuple[Run, Run]]) -> Iterator[str]:
+    if copies:
+        (copy, kept), *more = copies
+        others = f", and {len(more)} more likewise" if more else ""
+        yield f"left out: {copy.id} holds the same measurements as {kept.id}{others}"
 
 
 def _lines(found: Entries, outcomes: Sequence[Reading | Failure]) -> Iterator[Line]:

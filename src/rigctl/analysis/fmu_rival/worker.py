@@ -7,11 +7,13 @@ Only FMI 2.0 for co-simulation is supported, through FMPy.
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import sys
+import zipfile
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from tempfile import mkdtemp
 from typing import Any
 
@@ -20,6 +22,11 @@ from rigctl.units import parse_unit
 
 #: possible names of the variable that sets a channel's initial value
 _STARTS = ("state.{}", "{}_start", "{}_0")
+_ABOUT = "modelDescription.xml"
+#: bytes that an FMU may unpack to at most, from which it counts as large, and that its description may have
+_LARGEST, _LARGE, _LONGEST = 2_000_000_000, 100_000_000, 50_000_000
+#: a large archive that shrank to less than one part in so many is made to fill disks
+_SQUEEZED = 100
 #: two times closer than this are equal, s
 _SAME = 1e-12
 
@@ -28,10 +35,13 @@ class _Fmu:
     """An FMU's variables by name, with the units in which they are read and written."""
 
     def __init__(self, path: Path, folder: str) -> None:
-        from fmpy import extract, read_model_description
+        from fmpy import extract, platform, read_model_description
 
         try:
+            _require_harmless(path)
             self.description: Any = read_model_description(str(path))
+        except RigctlError:
+            raise
         except Exception as problem:
             raise RigctlError(f"not an FMU: {problem}", value=path.name) from problem
         if self.description.fmiVersion != "2.0" or self.description.coSimulation is None:
@@ -39,6 +49,13 @@ class _Fmu:
                 "an unsupported kind of FMU",
                 value=f"FMI {self.description.fmiVersion}",
                 expected="2.0, co-simulation",
+            )
+        platforms = _platforms(path)
+        if platform not in platforms:
+            raise RigctlError(
+                "the FMU has no program for this computer",
+                value=", ".join(platforms) or "sources alone",
+                expected=platform,
             )
         self.folder: str = extract(str(path), folder)
         self._by_name = {one.name: one for one in self.description.modelVariables if one.type == "Real"}
@@ -71,6 +88,38 @@ class _Fmu:
         one = self._by_name[name]
         declared = getattr(one.declaredType, "unit", None) if one.declaredType is not None else None
         return parse_unit(one.unit or declared or "1")
+
+
+def _require_harmless(path: Path) -> None:
+    """Refuse an archive that would fill the disk or write elsewhere, and XML that declares entities."""
+    with zipfile.ZipFile(path) as archive:
+        entries = archive.infolist()
+        size = sum(entry.file_size for entry in entries)
+        if size > _LARGEST or size > max(_LARGE, _SQUEEZED * path.stat().st_size):
+            raise RigctlError(
+                "the FMU unpacks to too much",
+                value=f"{size / 1e6:.0f} MB from {path.stat().st_size / 1e6:.1f} MB",
+            )
+        for entry in entries:
+            name = entry.filename
+            if ".." in PurePosixPath(name).parts or name.startswith("/") or "\\" in name or ":" in name:
+                raise RigctlError("a file of the FMU lies outside its folder", value=name)
+        (about,) = (one for one in entries if one.filename == _ABOUT)
+        if about.file_size > _LONGEST:
+            raise RigctlError(
+                "the description of the FMU is too long", value=f"{about.file_size / 1e6:.0f} MB"
+            )
+        text = archive.read(about)
+    # entities could stand for other files of this computer, or for more text than it has memory
+    if b"<!DOCTYPE" in text or b"<!ENTITY" in text or text[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise RigctlError("the description of the FMU declares a document type", value=_ABOUT)
+
+
+def _platforms(path: Path) -> list[str]:
+    """The kinds of computers that it has a program for."""
+    with zipfile.ZipFile(path) as archive:
+        parts = [PurePosixPath(name).parts for name in archive.namelist()]
+    return sorted({one[1] for one in parts if len(one) > 2 and one[0] == "binaries"})
 
 
 def simulate(job: Mapping[str, Any], folder: str) -> dict[str, Any]:
@@ -118,7 +167,10 @@ def _record(
     signal = _Signal(job["inputs"], record)
     written = [fmu.reference(name) for name in inputs]
     read = [fmu.reference(name) for name in outputs]
-    slave = instantiate_fmu(fmu.folder, fmu.description, "CoSimulation")
+    try:
+        slave = instantiate_fmu(fmu.folder, fmu.description, "CoSimulation")
+    except Exception as problem:
+        raise RigctlError(f"the FMU does not start: {problem}") from problem
     time = signal.begin
     values: list[list[float]] = []
     try:
@@ -137,7 +189,9 @@ def _record(
                 time = point
             if point in wanted:  # a sample at a switch shows the state before it
                 row = slave.getReal(read)
-                values.append([fmu.to_si(name, value) for name, value in zip(outputs, row, strict=True)])
+                values.append(
+                    [fmu.to_si(name, _finite(name, v)) for name, v in zip(outputs, row, strict=True)]
+                )
             _set(slave, fmu, written, inputs, signal.at(time))
         slave.terminate()
     except Exception as problem:
@@ -147,6 +201,13 @@ def _record(
     finally:
         slave.freeInstance()
     return values
+
+
+def _finite(name: str, value: float) -> float:
+    """A value of an output: nothing that is no number may pass for one that the FMU does not have."""
+    if not math.isfinite(value):
+        raise ValueError(f"{name} is {value}")
+    return value
 
 
 def _set(
