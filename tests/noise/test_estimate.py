@@ -146,7 +146,7 @@ def test_phases_too_short_for_a_correlation_leave_the_differences() -> None:
     channel = estimate_noise([record], ["x"]).channels[0]
     assert channel.source == "differences"
     assert channel.sigma == pytest.approx(0.2, rel=0.2)
-    assert "cannot tell correlation" in channel.statement
+    assert "cannot show correlation" in channel.statement
 
 
 def test_what_the_data_cannot_tell_comes_from_the_rig_file_and_is_said() -> None:

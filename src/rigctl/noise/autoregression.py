@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-#: correlations below this are not worth a difference
+#: smaller correlations count as zero
 _NO_CORRELATION = 1e-9
 
 
 @dataclass(frozen=True)
 class Innovations:
-    """What turns noise of unit variance into its innovations, of unit variance and uncorrelated.
+    """The transformation of noise of unit variance into its innovations, uncorrelated and of unit variance.
 
     The differences ``u_i = e_i − r_i·e_(i−1)``, ``r_i = ρ^(Δt_i)``, of noise with the covariance
     ``(1 − w)·ρ^|t_i − t_j| + w·[i = j]`` have a tridiagonal covariance ``L·D·Lᵀ``: on its diagonal
@@ -23,7 +23,7 @@ class Innovations:
     ----------
     kept: r (one less than the samples); empty for white noise.
     root: (samples) the square root of D.
-    below: what stands below the diagonal of L (one less than the samples); None when w = 0.
+    below: the subdiagonal of L (one less than the samples); None when w = 0.
     """
 
     kept: NDArray[np.float64]
@@ -32,7 +32,7 @@ class Innovations:
 
     @property
     def log_determinant(self) -> float:
-        """Of the covariance."""
+        """Of the covariance matrix."""
         return 2.0 * float(np.sum(np.log(self.root)))
 
     def __call__(self, errors: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -75,7 +75,7 @@ def _forward(
         z = u / root[(slice(None),) + (None,) * (u.ndim - 1)]
         z[1] -= below[0] * u[0] / root[1]
         return np.asarray(z)
-    if u.size == 0:  # of a model with nothing to differentiate by; dgttrs corrupts the heap without columns
+    if u.size == 0:  # a model without derivatives; dgttrs corrupts the heap without columns
         return u
     from scipy.linalg.lapack import dgttrs
 

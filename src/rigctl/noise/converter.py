@@ -1,4 +1,4 @@
-"""A converter's steps: how large they are, and what they do to the noise."""
+"""Quantisation: the step of a converter, and its effect on the noise."""
 
 from __future__ import annotations
 
@@ -7,25 +7,26 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-#: differences between neighbouring values that a grid must be read from
+#: least number of differences between neighbouring values from which a grid is determined
 _FEWEST = 4
-#: a difference may miss the grid by this share of a step: files are rounded
+#: largest deviation of a difference from the grid, as a share of a step, because files are rounded
 _OFF_GRID = 0.12
-#: and this share of them must not
+#: least share of the differences that must lie on the grid
 _ON_GRID = 0.95
-#: harmonics of the error of a converter that are summed
+#: harmonics of the quantisation error in the sum
 _HARMONICS = np.arange(1, 21)
 
 
 def find_step(series: Sequence[NDArray[np.float64]]) -> float:
-    """The converter's step of one channel; 0 when its values lie on no grid.
+    """The converter's step for one channel; 0 if its values lie on no grid.
 
-    The differences between neighbouring values that occur must be whole multiples of one step, but for a few
-    (a placeholder that a logger writes), and values must come back: a tenth of the samples or more repeat.
+    The differences between occurring neighbouring values must be whole multiples of one step, except for a
+    few (such as a logger's placeholder), and values must recur: at least a tenth of the samples repeat
+    earlier ones.
 
     Parameters
     ----------
-    series: the finite values of the channel, record by record; each record may have an offset of its own.
+    series: the finite values of the channel, record by record; each record may have a different offset.
     """
     between, samples, distinct = [], 0, 0
     for values in series:
@@ -52,14 +53,15 @@ def find_step(series: Sequence[NDArray[np.float64]]) -> float:
 
 
 def stretch_bias(step: float, before: float) -> float:
-    """Standard deviation (SI) of the error that all samples at one level have in common after conversion.
+    """Standard deviation (SI) of the quantisation error shared by all samples at one level.
 
-    The mean of ``round(x)`` over normal noise of standard deviation σ₀ is off the level x by
-    ``Σ_k (−1)^k·Δ/(π·k)·exp(−2π²k²σ₀²/Δ²)·sin(2πk·x/Δ)``; over levels its standard deviation is
+    The mean of ``round(x)`` over normal noise of standard deviation σ₀ differs from the level x by
+    ``Σ_k (−1)^k·Δ/(π·k)·exp(−2π²k²σ₀²/Δ²)·sin(2πk·x/Δ)``; over levels the standard deviation of that is
 
         ``√(Σ_k (Δ/(π·k))²·exp(−4π²k²σ₀²/Δ²)/2)``,
 
-    the first term of which is ``Δ/π·exp(−2π²σ₀²/Δ²)/√2``. It is Δ/√12 without noise, nothing from σ₀ ≈ Δ on.
+    the first term of which is ``Δ/π·exp(−2π²σ₀²/Δ²)/√2``. It is Δ/√12 without noise, and negligible from σ₀ ≈
+    Δ on.
 
     Parameters
     ----------
@@ -87,22 +89,22 @@ def noise_before(step: float, sigma: float) -> float:
 
 
 def window_share(levels: NDArray[np.float64], step: float, before: float) -> NDArray[np.float64]:
-    """Variance after conversion inside windows, as a share of ``σ₀² + Δ²/12``, to which it averages.
+    """Variance after quantisation inside windows, as a share of ``σ₀² + Δ²/12``, its average over all levels.
 
-    Noise narrower than a step comes out narrower in the middle of a step and wider at its edge, and a signal
-    that moves inside a step carries the bias of every level into the window. In steps, the converter gives n
-    at level x with the probability ``P_n(x) = Φ((n + ½ − x)/s) − Φ((n − ½ − x)/s)``; the share is the mean
-    over the window of the variance of n, and the variance over the window of ``E[n] − x``.
+    Noise smaller than a step is reduced in the middle of a step and increased at its edge, and a signal that
+    moves within a step carries the bias of every level into the window. In units of steps, the converter
+    returns n at level x with the probability ``P_n(x) = Φ((n + ½ − x)/s) − Φ((n − ½ − x)/s)``; the share is
+    the mean over the window of the variance of n, plus the variance over the window of ``E[n] − x``.
 
     Parameters
     ----------
-    levels: (windows, samples) SI, counted from a value the converter gives.
+    levels: (windows, samples) SI, relative to a value that the converter can return.
     step: Δ, SI.
     before: σ₀, SI.
 
     Returns
     -------
-    (windows) 1 over a signal that crosses whole steps; less or more where it rests.
+    (windows) 1 for a signal that crosses whole steps; less or more if it is at rest.
     """
     from scipy.special import ndtr
 

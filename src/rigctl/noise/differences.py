@@ -1,4 +1,4 @@
-"""Noise from differences along a record: the last resort of the data, blind to correlation."""
+"""Noise from differences along a record: the last resort for data, blind to correlation."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from rigctl.noise.record import NoiseRecord
 #: order of the difference: a cubic signal leaves nothing
 ORDER = 4
 _WEIGHTS = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
-#: differences that a number can be read from
+#: least number of differences
 FEWEST = 10
 
 
 def difference_noise(
     records: Sequence[NoiseRecord], ok: Sequence[NDArray[np.bool_]], channel: int
 ) -> tuple[float, int]:
-    """Sigma (SI) of one channel from fourth differences inside the phases, and how many there were.
+    """Sigma (SI) of one channel from fourth differences inside the phases, and their number.
 
     ``d_i = x_(i−2) − 4·x_(i−1) + 6·x_i − 4·x_(i+1) + x_(i+2)`` of white noise has the variance 70·σ²; the
-    median of ``|d|`` is 0.6745 of its standard deviation whatever a few transients do. Correlated noise shows
-    too small. Zero when there are no differences.
+    median of ``|d|`` is 0.6745 of its standard deviation and is robust to a few transients. Correlated noise
+    is underestimated. Zero if there are no differences.
 
     Source: von Neumann et al., Ann. Math. Stat. 12 (1941) 153; Gasser, Sroka & Jennen-Steinmetz, Biometrika
     73 (1986) 625.

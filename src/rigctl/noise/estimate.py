@@ -1,4 +1,4 @@
-"""The noise of every channel from the records themselves, or from the rig file where they cannot tell."""
+"""The noise of every channel from the records themselves, or else from the rig file."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from rigctl.noise.spikes import find_spikes_on_scales
 from rigctl.noise.statements import channel_statement, model_statement
 from rigctl.noise.variance import smooth_course, variance_law
 
-#: a sigma below this share of the values' size is rounding, not noise
+#: a sigma below this share of the values' magnitude is rounding, not noise
 _ROUNDING = 1e-12
-#: what is as slow as this in the quietest stretches may be a signal
+#: noise with a higher correlation than this in the quietest stretches may be a signal
 _SLOW = 0.975
-#: orders of the trend inside a window that are tried where a lower one leaves what may be a signal
+#: higher orders of the trend inside a window, tried if a lower one leaves what may be a signal
 _HIGHER_ORDERS = (4, 6)
-#: assumed where nothing at all is known: this share of the values' size
+#: sigma assumed if nothing is known, as a share of the values' magnitude
 _ASSUMED = 0.01
 
 
@@ -37,21 +37,21 @@ def estimate_noise(
 ) -> NoiseModel:
     """The noise of every channel.
 
-    In this order: stretches that show noise alone (under a quadratic trend), and differences between
-    replicates where the records move too much, together by restricted maximum likelihood (`pool`); fourth
-    differences, which cannot tell correlation; the number of the rig file; a guess. No model of the bench
-    enters.
+    In this order: stretches that show noise alone (under a quadratic trend), combined with differences
+    between replicates if the records move too much, by restricted maximum likelihood (`pool`); fourth
+    differences, which cannot show correlation; the number in the rig file; a guess. No model of the bench is
+    used.
 
     Parameters
     ----------
-    records: of one campaign; those of equal `condition` are replicates.
+    records: of one campaign; those with equal `condition` are replicates.
     names: of the channels, in the order of the columns of `values`.
-    known: sigma (SI) by the rig file, used where the data cannot tell.
-    spikes: per record, (n, channels), what to leave out; found here when not given.
+    known: sigma (SI) from the rig file, used if the data do not determine it.
+    spikes: for each record, (n, channels), the samples to leave out; determined here by default.
 
     Returns
     -------
-    the noise of all channels; `guessed` tells where the data could not.
+    the noise of all channels; `guessed` marks those that the data do not determine.
 
     Raises
     ------
@@ -73,9 +73,9 @@ def estimate_noise(
 
 
 def spikes_of(records: Sequence[NoiseRecord]) -> list[NDArray[np.bool_]]:
-    """The spikes of every record, (n, channels); on the scale of their surroundings where noise grows.
+    """The spikes of every record, (n, channels), relative to the local noise if that varies.
 
-    Where the noise is wider in motion, on the scale of the rest much of it would be taken for spikes.
+    If the noise is larger during motion, much of it would be mistaken for spikes on the scale at rest.
     """
     masks, nearby = find_spikes_on_scales(records, (False, True))
     if not records:
@@ -138,11 +138,11 @@ def _channel_noise(
 
 
 def _learnt(data: ChannelData) -> Pooled | None:
-    """The noise from windows under the lowest trend that leaves nothing as slow as a signal.
+    """The noise from windows under the lowest order of trend that leaves nothing as slow as a signal.
 
-    A signal that turns within a window is left over by a parabola, and what is left is slow. A trend of a
-    higher order takes it, and of slow noise too little to hide it: the likelihood counts what a trend takes
-    (REML). Where every order leaves something slow, it may be noise, and the lowest is kept.
+    A signal that turns within a window is not fitted by a parabola, and the rest is slow. A trend of higher
+    order fits it, and removes too little of slow noise to hide that: the likelihood accounts for the trend
+    (REML). If every order leaves something slow, it may be noise, and the lowest order is kept.
     """
     found = learn_noise(data)
     if found is None or not _may_be_signal(found):
@@ -155,7 +155,7 @@ def _learnt(data: ChannelData) -> Pooled | None:
 
 
 def _may_be_signal(found: Pooled) -> bool:
-    """Whether what the quiet stretches show is mostly so slow that it could be a signal."""
+    """Whether the quiet stretches mostly show something so slow that it could be a signal."""
     return found.replicates <= found.quiet and found.fit.correlation > _SLOW and found.fit.white < 0.5
 
 
@@ -166,7 +166,7 @@ def _with_law(
     channel: int,
     spacing: float,
 ) -> ChannelNoise:
-    """With how the noise grows with level and rate, where the data show that it does."""
+    """With the dependence of the noise on level and rate, if the data show one."""
     if noise.guessed:
         return noise
     law = variance_law(
@@ -191,7 +191,7 @@ def _with_law(
 
 
 def _with_steps(sigma: float, step: float) -> tuple[float, float]:
-    """Sigma, no less than a converter's own error, and the part of it that quiet stretches have in common."""
+    """Sigma, at least the converter's own error, and the part of it that quiet stretches have in common."""
     before = float(np.sqrt(max(0.0, sigma**2 - step**2 / 12.0)))
     return float(np.hypot(before, step / np.sqrt(12.0))) if step else sigma, stretch_bias(step, before)
 

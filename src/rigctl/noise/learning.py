@@ -13,13 +13,13 @@ from rigctl.noise.pooling import Pooled, pool
 from rigctl.noise.record import NoiseRecord
 from rigctl.noise.windows import TREND_ORDER, Cell, WindowGroup, contrasts, cut_windows
 
-#: windows in a row that may become one: the longer, the better slow noise is seen
+#: largest number of consecutive windows that are joined: the longer, the better slow noise is seen
 _LONGEST_JOIN = 4
-#: noise wider than this many steps does not feel them
+#: noise larger than this many steps is not affected by them
 _FINE = 0.6
-#: the variance referred to all levels holds to this factor when the noise is slow
+#: tolerance factor of the variance referred to all levels if the noise is slow
 _COARSE_TOLERANCE = 1.3
-#: a window whose noise a converter leaves less of than this says nothing about it
+#: a window in which a converter leaves a smaller share of the noise than this is not used
 _SWALLOWED = 0.2
 
 
@@ -36,12 +36,12 @@ class ChannelData:
 
 
 def learn_noise(data: ChannelData) -> Pooled | None:
-    """The noise of one channel from windows of its records; None when they do not tell.
+    """The noise of one channel from windows of its records; None if they do not determine it.
 
-    First over short windows; then, where several in a row show noise alone, over long ones, which see more of
-    slow noise. Where a converter's steps are coarse, the variance of each window is referred to that over all
-    levels (`window_share`): a rod that rests in the middle of a step looks quieter than it is, and the
-    sigma returned is ``√(σ₀² + Δ²/12)``.
+    First from short windows; then, where several consecutive ones show noise alone, from long ones, which
+    show more of slow noise. If a converter's steps are coarse, the variance of each window is referred to
+    that over all levels (`window_share`), because a rod that rests in the middle of a step looks quieter than
+    it is, and the sigma returned is ``√(σ₀² + Δ²/12)``.
     """
     groups, cells = cut_windows(data.records, data.ok, data.channel, data.spacing, order=data.order)
     found = pool(groups, contrasts(groups), len(cells))
@@ -88,14 +88,15 @@ def _pool(
 
 
 def _referred(group: WindowGroup, step: float, before: float) -> WindowGroup:
-    """The windows with the variance they would have over all levels, less those whose noise was swallowed."""
+    """The windows with the variance they would have over all levels, without those that show too little
+    noise."""
     share = window_share(group.levels, step, before)
     trusted = group.only(share > _SWALLOWED)
     return replace(trusted, rows=trusted.rows / np.sqrt(share[share > _SWALLOWED])[:, None])
 
 
 def _runs(used: Sequence[Cell]) -> dict[Cell, int]:
-    """Which cells begin a run of cells in use (towards the front of their phase), and how long it is."""
+    """Cells that start a run of used cells (towards the front of their phase), and the length of the run."""
     left = set(used)
     runs = {}
     for phase, nth in sorted(used):

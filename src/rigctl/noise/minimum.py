@@ -1,4 +1,4 @@
-"""The least value of a function of one variable on an interval."""
+"""The minimum of a function of one variable on an interval."""
 
 from __future__ import annotations
 
@@ -6,30 +6,30 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-#: of the square root of rounding, below which the place of a minimum is not known
+#: relative accuracy of the location of a minimum: the square root of the rounding error
 _ROOT = math.sqrt(2.2e-16)
 _GOLDEN = 0.5 * (3.0 - math.sqrt(5.0))
 _MOST = 500
 
 
 class Minimum(NamedTuple):
-    """Where a function is least, and what it is there."""
+    """The location of a minimum, and the function's value there."""
 
     at: float
     value: float
 
 
 def least_between(function: Callable[[float], float], low: float, high: float, within: float) -> Minimum:
-    """The least value that golden sections and parabolas find between `low` and `high`.
+    """The least value found by golden sections and parabolas between `low` and `high`.
 
-    The parabola through the three best points says where to look next, unless it leads out of the interval
-    or no faster than the step before the last; then the larger part is divided in the golden section. The
-    same steps as those of ``scipy.optimize.minimize_scalar(method="bounded")``, whose package takes longer to
-    import than most of the searches here take.
+    The vertex of the parabola through the three best points is tried next, unless it lies outside the
+    interval or converges no faster than the step before the last; then the larger part is divided by the
+    golden section. The steps are those of ``scipy.optimize.minimize_scalar(method="bounded")``, whose package
+    takes longer to import than most of the searches here take.
 
     Parameters
     ----------
-    within: by how much the place may be off.
+    within: tolerance of the location.
 
     Source: R. P. Brent, Algorithms for Minimization without Derivatives (1973), chapter 5.
     """
@@ -79,5 +79,5 @@ def least_between(function: Callable[[float], float], low: float, high: float, w
 
 
 def _sign(value: float) -> float:
-    """1 where it is not negative."""
+    """1 if not negative, else −1."""
     return -1.0 if value < 0.0 else 1.0

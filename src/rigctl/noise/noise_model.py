@@ -1,4 +1,4 @@
-"""The noise of every channel: how wide it is, how long it remembers, and where that was learned."""
+"""The noise of every channel: its standard deviation, its correlation, and the source of both."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from rigctl.noise.variance import VarianceLaw, smooth_course
 
-#: where a channel's noise was learned, best first
+#: sources of a channel's noise, best first
 Source = Literal["replicates", "quiet", "residuals", "differences", "rig", "assumed"]
 
 
 @dataclass(frozen=True)
 class ChannelNoise:
-    """Noise of one channel: a first-order autoregression and white noise on top.
+    """Noise of one channel: a first-order autoregression plus white noise.
 
     The covariance of samples at times t and t′ is
     ``sigma²·((1 − white)·correlation^(|t − t′|/spacing) + white·[t = t′])``;
@@ -28,20 +28,21 @@ class ChannelNoise:
     sigma: SI, standard deviation of one sample, converter steps included.
     correlation: ρ, of the autoregressive part, between samples one `NoiseModel.spacing` apart; 0 ≤ ρ < 1.
     step: SI, the converter step found in the data; 0 when there is none.
-    source: where sigma was learned.
-    guessed: the data could not tell; sigma is the rig file's number or an assumption.
-    masked: samples that were found to be spikes and left out.
+    source: from which sigma was learned.
+    guessed: the data do not determine it; sigma is the rig file's number or an assumption.
+    masked: number of samples identified as spikes and left out.
     statement: one sentence that says all this.
-    white: share of the variance that neighbouring samples do not have in common, 0…1.
-    bias: SI, the part of sigma that a whole quiet stretch has in common because the converter's steps are
-        coarse against the noise (see `converter.stretch_bias`): it does not average out there. Over a moving
-        signal there is no such part.
-    degrees: of freedom behind sigma: a whitened sum of squares over n rows, divided by n, is distributed like
-        F(n, degrees), not χ²(n)/n; 0 when guessed.
-    edges: samples on edges beside a switch that the sampling does not resolve, left out (`edges.find_edges`).
-    share: where it is not 0, the standard deviation of a value is this share of its size, and sigma is that
-        of a typical one.
-    law: how the standard deviation grows with the channel's level and rate; sigma is then the root of the
+    white: share of the variance that is white, 0…1.
+    bias: SI, the part of sigma that all samples of a quiet stretch share because the converter's steps are
+        coarse compared with the noise (see `converter.stretch_bias`): it does not average out there. A moving
+        signal has no such part.
+    degrees: of freedom of sigma: a whitened sum of squares over n rows, divided by n, is distributed like
+        F(n, degrees), not χ²(n)/n; 0 if guessed.
+    edges: number of samples left out on edges at a switch that the sampling does not resolve
+        (`edges.find_edges`).
+    share: if not 0, the standard deviation of a value is this share of its magnitude, and sigma is that of a
+        typical one.
+    law: how the standard deviation depends on the channel's level and rate; sigma is then the root of the
         mean square over the readings.
     """
 
@@ -75,9 +76,9 @@ class ChannelNoise:
     def sigma_at(
         self, values: NDArray[np.float64], times: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """Standard deviation (SI) of each value; that of a typical one where a value is 0 or missing.
+        """Standard deviation (SI) of each value; that of a typical one if a value is 0 or missing.
 
-        Noise with a `law` wants the whole course of a record and its `times`.
+        Noise with a `law` needs the whole time series of a record and its `times`.
         """
         if self.law is not None and times is not None:
             return self.law.sigma(*smooth_course(times, values))
@@ -99,7 +100,7 @@ class NoiseModel:
     ----------
     channels: one for each channel.
     spacing: s, the usual time between neighbouring samples, to which every `correlation` refers.
-    statement: one sentence for a reader: where the numbers come from, and what was guessed.
+    statement: one sentence for a reader: the sources of the numbers, and what was guessed.
     """
 
     channels: tuple[ChannelNoise, ...]
@@ -129,18 +130,19 @@ class NoiseModel:
 
     @property
     def guessed(self) -> tuple[str, ...]:
-        """The channels whose noise the data could not tell."""
+        """The channels whose noise the data do not determine."""
         return tuple(channel.name for channel in self.channels if channel.guessed)
 
     def channel(self, name: str) -> ChannelNoise:
-        """The noise of one channel; KeyError when there is none of that name."""
+        """The noise of one channel; KeyError if there is none with that name."""
         for channel in self.channels:
             if channel.name == name:
                 return channel
         raise KeyError(name)
 
     def draw(self, times: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
-        """Noise (n, channels) with exactly this covariance at `times` (s); one generator state, one answer.
+        """Noise (n, channels) with exactly this covariance at `times` (s); reproducible from the generator's
+        state.
 
         Each channel is ``sigma·(√(1 − white)·a + √white·w)`` with w white and a the stationary recursion
         ``a_i = r_i·a_(i−1) + √(1 − r_i²)·v_i``, ``r_i = correlation^(Δt_i/spacing)``.

@@ -1,4 +1,5 @@
-"""The width of the noise by differences of what a model leaves, and how that grows with the model's level."""
+"""The standard deviation of the noise from differences of a model's residuals, and its dependence on the
+level."""
 
 from __future__ import annotations
 
@@ -15,39 +16,39 @@ Floats = NDArray[np.float64]
 
 #: orders of the difference, the lowest that shows noise alone first; each has to agree with the next one
 _ORDERS = (2, 4, 6)
-#: the mean squares of two orders lie within this factor of each other where both show noise alone
+#: largest ratio of the mean squares of two orders if both show noise alone
 _AGREE = 1.15
 #: the same in parts of the range of levels, which have fewer differences
 _AGREE_IN_PARTS = 1.6
 _PARTS = 3
-#: differences below which nothing is said
+#: least number of differences
 _FEWEST = 100
-#: rise of 2·ln L above which a term is believed: 0.01 % at one degree of freedom
+#: least increase of 2·ln L for a term: 0.01 % at one degree of freedom
 _PAYS = 15.0
-#: σ is wider by this factor than where it is least, in this share of the differences at least
+#: σ must exceed its minimum by this factor, in at least this share of the differences
 _WIDER, _OFTEN = 1.25, 0.1
-#: in the middle of these the variance is what the law says, to this factor
+#: largest ratio of the median variance among these to the law's
 _MIDDLE = 1.5
-#: a difference further out than this quantile of what the law allows is a misfit's or a spike's
+#: differences beyond this quantile under the law are attributed to a misfit or a spike
 _TRIMMED = 1e-3
 _ROUNDS = 4
-#: of the typical variance, the least that noise is anywhere
+#: least variance anywhere, as a share of the typical one
 _SMALLEST = 1e-4
 #: kurtosis of normal noise
 _NORMAL = 3.0
-#: samples of a stretch over which the overlap of differences is worked out
+#: number of samples over which the overlap of differences is computed
 _STRETCH = 60
 
 
 @dataclass(frozen=True)
 class LeftOver:
-    """What a model leaves of one record.
+    """A model's residuals for one record.
 
     Parameters
     ----------
     errors: (n, channels) SI, model less reading; NaN where no reading counts.
-    levels: (n, channels) SI, what the model says.
-    phase: (n) the number of the stretch of constant commands each sample lies in.
+    levels: (n, channels) SI, predicted by the model.
+    phase: (n) index of the period of constant commands of each sample.
     """
 
     errors: Floats
@@ -57,13 +58,13 @@ class LeftOver:
 
 @dataclass(frozen=True)
 class Width:
-    """The noise of one channel off a model.
+    """The noise of one channel from a model's residuals.
 
     Parameters
     ----------
-    sigma: SI, root of the mean variance over the differences, all of them: heavy tails count.
-    degrees: of freedom behind it, fewer for heavy tails.
-    law: how σ grows with the level; None where it does not, or not otherwise than was known.
+    sigma: SI, root of the mean variance over all differences, so that heavy tails count.
+    degrees: of freedom of sigma, fewer for heavy tails.
+    law: dependence of σ on the level; None if there is none, or no other than the known one.
     """
 
     sigma: float
@@ -80,25 +81,25 @@ def width_off_model(
     step: float = 0.0,
     known: Sequence[Floats] | None = None,
 ) -> Width | None:
-    """How wide the noise of one channel is, and how that grows with the level; None where it cannot be told.
+    """The standard deviation of one channel's noise, and its dependence on the level; None if undetermined.
 
     Squared differences of a model's residuals, ``v_i = (wᵀr_i)²/(wᵀRw)``, R the correlation of the noise,
-    hold nothing of a misfit that is smooth over their few samples. The lowest order of 2 and 4 is taken whose
-    mean square agrees with that of the next one, as it does for noise and not for what is smooth. Of noise
-    with the variance ``σ²(y) = a² + s·x + b²·x²``, x the distance of the model's level y from an end of its
-    range or from 0, v_i has the mean ``Σ_j w_j²·σ²(y_j)/Σ_j w_j²``. The law is the one of highest likelihood
-    with no negative term; a term is there where 2·ln L rises by more than 15, the overlap of the differences
-    taken into account. None where it is hardly wider anywhere, where the middle one of its wide differences
-    is not as wide as it says (a misfit at some edges), or where the next order says something else in a third
-    of the range.
+    contain nothing of a misfit that is smooth over their few samples. Of the orders 2 and 4 the lowest is
+    used whose mean square agrees with that of the next one, as it does for noise but not for a smooth misfit.
+    For noise with the variance ``σ²(y) = a² + s·x + b²·x²``, x the distance of the model's level y from an
+    end of its range or from 0, v_i has the mean ``Σ_j w_j²·σ²(y_j)/Σ_j w_j²``. The law is the one of highest
+    likelihood without negative terms; a term is included if it raises 2·ln L by more than 15, taking the
+    overlap of the differences into account. There is no law if σ hardly varies, if the median of the
+    differences with large σ is smaller than predicted (a misfit at some edges), or if the next order
+    disagrees in a third of the range.
 
-    Only a variance is learned: what the residuals' mean is, or how it moves, does not enter.
+    Only a variance is learned: the mean of the residuals, or its changes, do not enter.
 
     Parameters
     ----------
-    correlation, white: of the noise, as `ChannelNoise` has them.
-    step: SI, of the channel's converter; noise that is anywhere narrower than it has no law.
-    known: (n) of each record, σ (SI) by the law so far; a new one has to be likelier by as much as a term.
+    correlation, white: of the noise, as in `ChannelNoise`.
+    step: SI, of the channel's converter; noise that is smaller than it anywhere has no law.
+    known: (n) of each record, σ (SI) by the previous law; a new one must be more likely by as much as a term.
 
     Source: Davidian & Carroll, J. Am. Stat. Assoc. 82 (1987) 1079 (variance functions); Rocke & Durbin, J.
     Comput. Biol. 8 (2001) 557 (noise at rest and a share of the level); Gasser, Sroka & Jennen-Steinmetz,
@@ -121,9 +122,10 @@ def width_off_model(
 
 @dataclass(frozen=True)
 class _Differences:
-    """(m) squared differences of unit gain, (m, order + 1) the levels in each and the variance so far.
+    """(m) squared differences of unit gain, (m, order + 1) the levels in each and the previous variance.
 
-    `share` is that of each of their samples in the variance, `degrees` of freedom those of each square.
+    `share` is the weight of each of their samples in the variance, `degrees` the degrees of freedom of each
+    square.
     """
 
     squares: Floats
@@ -133,7 +135,7 @@ class _Differences:
     degrees: float
 
     def means(self, law: VarianceLaw) -> Floats:
-        """(m) what each square is in the mean."""
+        """(m) expectation of each square."""
         return np.asarray(law.sigma(self.levels, np.zeros(1)) ** 2 @ self.share)
 
 
@@ -177,7 +179,7 @@ def _alike(one: Floats, other: Floats) -> bool:
 
 
 def _law(seen: _Differences, step: float) -> tuple[VarianceLaw | None, Floats]:
-    """The likeliest law that pays, and what it makes of each square; None for one variance of all."""
+    """The most likely law with significant terms, and its prediction for each square; None for a constant."""
     least = np.full(seen.squares.size, float(seen.squares.mean()))
     best, law = _cost(least, seen) + _PAYS, None
     low, high = float(seen.levels.min()), float(seen.levels.max())
@@ -203,7 +205,7 @@ def _law(seen: _Differences, step: float) -> tuple[VarianceLaw | None, Floats]:
 
 
 def _trimmed(terms: Floats, seen: _Differences) -> Floats:
-    """The squares of highest likelihood, over the differences that agree with them: a few are no noise."""
+    """The squares of highest likelihood over the differences that agree with them; a few are not noise."""
     from scipy.special import chdtr, chdtri
 
     most = float(chdtri(1, _TRIMMED))
@@ -214,24 +216,24 @@ def _trimmed(terms: Floats, seen: _Differences) -> Floats:
         if stay.sum() < _FEWEST or np.array_equal(stay, kept):
             break
         kept = stay
-    # what is left of χ² below a bound has a mean below 1
+    # the truncated part of χ² below a bound has a mean below 1
     return np.asarray(squares * chdtr(1, most) / chdtr(3, most))
 
 
 def _cost(mean: Floats, seen: _Differences) -> float:
-    """−2·ln L of one mean of each square, as many degrees of freedom behind them as their overlap leaves."""
+    """−2·ln L of the mean of each square, with the degrees of freedom reduced by the overlap."""
     return seen.degrees * float(np.sum(np.log(mean) + seen.squares / mean))
 
 
 def _better(mean: Floats, seen: _Differences) -> bool:
-    """Whether a law is likelier than what was known of σ, scaled to these differences."""
+    """Whether a law is more likely than the previous σ, scaled to these differences."""
     known = seen.known @ seen.share
     known = known * float(np.mean(seen.squares / known))
     return _cost(mean, seen) + _PAYS < _cost(known, seen)
 
 
 def _borne_out(law: VarianceLaw, mean: Floats, seen: _Differences, check: _Differences) -> bool:
-    """Whether enough differences are wide, most as wide as a law says, and those of the next order too."""
+    """Whether enough differences have a large σ, most as large as predicted, confirmed by the next order."""
     from scipy.special import gammaincinv
 
     wide = mean > _WIDER**2 * mean.min()

@@ -1,4 +1,4 @@
-"""Which windows show noise alone: those that agree with the quietest, cell by cell."""
+"""Windows that show noise alone: those that agree with the quietest, cell by cell."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 from rigctl.noise.reml import NoiseFit, fit_noise, whitened
 from rigctl.noise.windows import WindowGroup
 
-#: chance that a window, or a cell, that holds noise alone is left out
+#: probability that a window, or a cell, that holds noise alone is left out
 _WINDOW_LEVEL = 1e-4
 _CELL_LEVEL = 1e-3
-#: the share of cells the search starts from: the quietest
+#: share of the cells with which the search starts: the quietest
 _START = 0.25
-#: degrees of freedom below which no correlation is looked for
+#: least degrees of freedom for estimating a correlation
 FEWEST = 30
 _ROUNDS = 12
 
 
 @dataclass(frozen=True)
 class Pooled:
-    """The fit to the windows that agree, and where its degrees of freedom came from.
+    """The fit to the windows that agree, and the sources of its degrees of freedom.
 
     Parameters
     ----------
@@ -45,22 +45,22 @@ def pool(
     start: NoiseFit | None = None,
     tolerance: float = 1.0,
 ) -> Pooled | None:
-    """Fit the noise to every cell that shows nothing but noise; None when too little is quiet.
+    """Fit the noise to every cell that shows noise alone; None if too few are quiet.
 
-    A cell is one place of the procedure (a phase, and so many windows before its end) over all records. The
-    search begins with the quietest quarter of the cells, fits them, takes in every cell that agrees with the
-    fit, and repeats until nothing changes. A cell agrees when its Σz² is no larger than the noise allows (F
-    test at 0.1 %), and when the mean of z over the records is no larger either: a signal left over has the
-    same shape in every record, noise has not. Where the records themselves do not agree, the differences
-    between replicates may, and stand in. Single windows far off (at 0.01 %) are left out.
+    A cell is one place of the procedure (a phase, and a number of windows before its end) over all records.
+    The search starts with the quietest quarter of the cells, fits them, adds every cell that agrees with the
+    fit, and repeats until nothing changes. A cell agrees if its Σz² is no larger than the noise allows (F
+    test at 0.1 %), and neither is the mean of z over the records: a remaining signal has the same shape in
+    every record, noise does not. Where the records themselves do not agree, the differences between
+    replicates may, and are used instead. Single outlying windows (at 0.01 %) are left out.
 
     Parameters
     ----------
     groups: windows of the records.
     differences: contrasts of replicates of the same cells.
-    cells: how many cells there are.
-    start: a fit to begin with instead of the quietest cells.
-    tolerance: by which the Σz² of a cell may be larger still, where it is known to differ from cell to cell.
+    cells: number of cells.
+    start: a fit to start with instead of the quietest cells.
+    tolerance: factor by which the Σz² of a cell may be larger, if it is known to differ from cell to cell.
     """
     total = sum(group.total_degrees for group in groups)
     if total < FEWEST or not any(np.any(group.rows) for group in groups):
@@ -76,7 +76,7 @@ def pool(
         if agreed is None:
             break
         chosen = agreed
-        # looking for white noise on top costs ten times a fit, so it waits until the rest stands
+        # estimating added white noise takes ten fits, so it waits until the cells have settled
         settled = chosen.state in seen
         fit = fit_noise(chosen.windows, white=None if settled else white)
         if settled:
@@ -95,7 +95,7 @@ def pool(
 
 @dataclass(frozen=True)
 class _Taken:
-    """The cells that were taken, of the records and of their differences, and the windows left of them."""
+    """The cells included, of the records and of their differences, and the windows left in them."""
 
     used: NDArray[np.bool_]
     used_differences: NDArray[np.bool_]
@@ -108,7 +108,7 @@ class _Taken:
 
     @property
     def state(self) -> bytes:
-        """The same where the same cells were taken."""
+        """Equal if the same cells were included."""
         return self.used.tobytes() + self.used_differences.tobytes()
 
 
@@ -120,7 +120,7 @@ def _taken(
     far: Sequence[NDArray[np.bool_]] | None = None,
     far_differences: Sequence[NDArray[np.bool_]] | None = None,
 ) -> _Taken:
-    """The windows of the cells, those left out that are far off."""
+    """The windows of the cells, without outlying ones."""
     return _Taken(
         used,
         used_differences,
@@ -136,7 +136,7 @@ def _agreed(
     cells: int,
     tolerance: float,
 ) -> _Taken | None:
-    """What agrees with a fit: of the records, else of their differences; None where nothing does."""
+    """What agrees with a fit: of the records, else of their differences; None if nothing does."""
     far = [_far(group, fit) for group in groups]
     far_differences = [_far(group, fit) for group in differences]
     used = _agreeing(groups, far, fit, cells, tolerance, means=True)
@@ -151,13 +151,13 @@ def _quietest(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """The quarter of the cells with the smallest median variance, of the records or of their differences.
 
-    More if that is too little data. Differences come in where they are quieter by half: where records move.
+    More if that is too little data. Differences are used where they are quieter by half: where records move.
     """
     variance, degrees = _typical(groups, cells)
     between, between_degrees = _typical(differences, cells)
     instead = between < 0.5 * variance
     typical = np.where(instead, between, variance)
-    # a cell that does not vary at all (a signal below one converter step) says nothing about the others
+    # a constant cell (a signal below one converter step) says nothing about the others
     order = [i for i in np.argsort(typical, kind="stable").tolist() if 0.0 < typical[i] < np.inf]
     order = order or [i for i in range(cells) if typical[i] < np.inf]
     used, enough = np.zeros(cells, bool), 0.0
@@ -195,7 +195,7 @@ def _chosen(
 
 
 def _far(group: WindowGroup, fit: NoiseFit) -> NDArray[np.bool_]:
-    """Windows whose Σz² is beyond chance."""
+    """Windows whose Σz² is too large for chance."""
     from scipy.special import chdtri
 
     return np.asarray(np.sum(whitened(group, fit) ** 2, axis=1) > chdtri(group.degrees, _WINDOW_LEVEL))
@@ -210,7 +210,7 @@ def _agreeing(
     *,
     means: bool,
 ) -> NDArray[np.bool_]:
-    """The cells of which most windows are left and whose Σz² and mean z are what noise makes them."""
+    """The cells with most of their windows left and with Σz² and mean z as expected for noise."""
     from scipy.special import fdtri
 
     squares, degrees, count, left = (np.zeros(cells) for _ in range(4))

@@ -1,4 +1,4 @@
-"""What the noise is estimated from: the measured channels of one record, without any model."""
+"""The input of a noise estimate: the measured channels of one record, without any model."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class NoiseRecord:
     times: (n) s, increasing.
     values: (n, channels) SI, NaN where a value is missing.
     condition: number of the operating point; records that share it are replicates.
-    phase: (n) the number of the stretch of constant commands each sample lies in.
+    phase: (n) index of the period of constant commands of each sample.
 
     Raises
     ------

@@ -12,9 +12,9 @@ from rigctl.noise.autoregression import innovations
 from rigctl.noise.minimum import least_between
 from rigctl.noise.windows import WindowGroup
 
-#: a slower process cannot be told from a trend inside a window
+#: a slower process cannot be distinguished from a trend inside a window
 HIGHEST_CORRELATION = 0.98
-#: −2·ln of the likelihood ratio above which white noise on top is believed (1 % at one degree of freedom)
+#: least −2·ln of the likelihood ratio for added white noise (1 % at one degree of freedom)
 _WHITE_PAYS = 6.63
 _WHITE_GRID = (0.12, 0.3, 0.5, 0.7, 0.88, 0.96)
 #: share of the sum of squares that may be rounding
@@ -23,7 +23,7 @@ _ROUNDING = 1e-14
 
 @dataclass(frozen=True)
 class NoiseFit:
-    """Sigma (SI), correlation and white share that fit a set of windows best, and how much data stood behind.
+    """Sigma (SI), correlation and white share that best fit a set of windows, and their degrees of freedom.
 
     Parameters
     ----------
@@ -45,9 +45,8 @@ def fit_noise(groups: Sequence[WindowGroup], *, white: float | None = None) -> N
         −2·ln L(ρ, w) = Σ (ln|R| + ln|XᵀR⁻¹X|) + ν·ln(Q/ν),   σ² = Q/ν,
         Q = Σ (eᵀR⁻¹e − eᵀR⁻¹X·(XᵀR⁻¹X)⁻¹·XᵀR⁻¹e).
 
-    Detrending makes the plain autocorrelation too small; this likelihood knows that the trend was taken out.
-    w is `white` where that is given; otherwise w = 0 unless w > 0 raises 2·ln L by more than 6.63. Windows
-    that do not vary at all give sigma 0.
+    Detrending makes the plain autocorrelation too small; this likelihood accounts for the trend. w is `white`
+    if given; otherwise w = 0 unless w > 0 raises 2·ln L by more than 6.63. Constant windows give sigma 0.
 
     Source: Patterson & Thompson, Biometrika 58 (1971) 545; Harville, J. Am. Stat. Assoc. 72 (1977) 320.
     """
@@ -60,7 +59,7 @@ def fit_noise(groups: Sequence[WindowGroup], *, white: float | None = None) -> N
 
     def cost(rho: float, white: float) -> float:
         determinant, quadratic = _sums(parts, rho, white)
-        # readings that all but follow their trend leave nothing but rounding, which may be zero at some ρ
+        # readings that nearly follow their trend leave only rounding errors, which may be zero at some ρ
         quadratic = max(quadratic, rounding)
         return determinant + degrees * float(np.log(quadratic / degrees))
 
@@ -82,13 +81,13 @@ def whitened(group: WindowGroup, fit: NoiseFit) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class _Part:
-    """A group of windows as the likelihood sees it.
+    """A group of windows in the form used by the likelihood.
 
     Parameters
     ----------
-    columns: (samples, orders + samples at most) the trend, and what the windows come to: see `_compressed`.
-    orders: how many of the columns are the trend.
-    windows, degrees: how many windows there are, and their degrees of freedom together.
+    columns: (samples, orders + samples at most) the trend, and the compressed windows: see `_compressed`.
+    orders: number of columns of the trend.
+    windows, degrees: number of windows, and their total degrees of freedom.
     """
 
     positions: NDArray[np.float64]
@@ -126,7 +125,7 @@ def _sums(parts: Sequence[_Part], rho: float, white: float) -> tuple[float, floa
 
 
 def _best_correlation(cost: Callable[[float], float], *, within: float = 1e-3) -> tuple[float, float]:
-    """The least cost over 0 ≤ ρ ≤ highest, looked for in atanh ρ, and 0 itself if nothing beats it."""
+    """The least cost over 0 ≤ ρ ≤ highest, searched in atanh ρ, and 0 itself if nothing is lower."""
     top = float(np.arctanh(HIGHEST_CORRELATION))
     found = least_between(lambda at: cost(float(np.tanh(at))), 0.0, top, within)
     at_zero = cost(0.0)
@@ -136,14 +135,14 @@ def _best_correlation(cost: Callable[[float], float], *, within: float = 1e-3) -
 
 
 def _with_white(cost: Callable[[float, float], float], rho: float, least: float) -> tuple[float, float]:
-    """Correlation and white share where white noise on top pays; the correlation alone where it does not."""
+    """Correlation and white share if white noise is significant; else the correlation alone."""
 
     def profile(white: float) -> float:
         return _best_correlation(lambda at: cost(at, white), within=0.03)[1]
 
     grid = [(profile(white), white) for white in _WHITE_GRID]
     best, start = min(grid)
-    if best > least - 0.3 * _WHITE_PAYS:  # what lies between the grid's points cannot make up for the rest
+    if best > least - 0.3 * _WHITE_PAYS:  # points between those of the grid cannot make up for the rest
         return rho, 0.0
     found = least_between(profile, max(0.0, start - 0.2), min(0.99, start + 0.2), 0.01)
     if min(best, found.value) > least - _WHITE_PAYS:

@@ -1,4 +1,4 @@
-"""Noise of a table: what neighbouring rows do not have in common with a smooth curve through them."""
+"""Noise of a table: the deviations of neighbouring rows from a smooth curve."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-#: neighbouring points of one difference: with their quadratic taken out, one number is left
+#: number of neighbouring points in one difference: without their quadratic, one number is left
 POINTS = 4
-#: so much less with one point more, and the cubic taken out too, is no chance: from 11 rows on, noise alone
-#: does so in less than one table of 10 000
+#: such a ratio with one more point, and the cubic removed too, is significant: from 11 rows on, noise alone
+#: shows it in less than one table in 10 000
 _BENDS = 0.5
-#: differences that a number can be read from
+#: least number of differences
 FEWEST = 6
-#: values that span more than this factor are read with an error that is a share of the value
+#: values that span more than this factor are read with a relative error
 _SPANS = 3.0
 
 
@@ -26,10 +26,10 @@ class RowNoise:
 
     Parameters
     ----------
-    sigma: standard deviation of one value: SI, or where `relative` a share of the value.
-    relative: the scatter is a share of the value.
-    differences: how many it was read from; `repeats` of them between rows at one point.
-    degrees: of freedom behind sigma: differences overlap, so these are fewer.
+    sigma: standard deviation of one value: SI, or if `relative` a share of the value.
+    relative: whether the scatter is a share of the value.
+    differences: their number; `repeats` of them between rows at one point.
+    degrees: of freedom of sigma, fewer because differences overlap.
     """
 
     sigma: float
@@ -40,7 +40,7 @@ class RowNoise:
 
 
 def is_relative(values: Floats) -> bool:
-    """Whether the noise of these values is a share of each: all are positive, and they span a factor of 3."""
+    """Whether the noise of these values is a share of each: if all are positive and span a factor of 3."""
     present = values[np.isfinite(values)]
     return bool(present.size and present.min() > 0.0 and present.max() > _SPANS * present.min())
 
@@ -48,28 +48,28 @@ def is_relative(values: Floats) -> bool:
 def row_noise(points: Floats, values: Floats, series: NDArray[np.intp]) -> RowNoise | None:
     """The noise of one column of a table, without any model.
 
-    Of each four neighbouring points x_1 … x_4 the one combination ``d = w·y``, ``|w| = 1``, is taken that no
-    quadratic in x shows (``Σ w = Σ w·x = Σ w·x² = 0``; at equal steps the third difference over √20): of
-    independent values it has the variance σ², and what a curve adds is its departure from a quadratic over
-    four points, at equal steps h ``h³·y‴/√20``. Where five points without their cubic show less than half of
-    that scatter, it was the curve's, and theirs is taken. What stays is a floor, below which noise cannot be
-    read: for the viscosity of a mineral oil over 13 rows 0.002 % from 20 to 80 °C and 0.05 % from −20 to
-    100 °C; of 9 rows, too few for differences of five points, 0.07 % and 1 %. Noise is then read too wide,
-    and an effect has to be larger to show.
+    For each four neighbouring points x_1 … x_4 the combination ``d = w·y``, ``|w| = 1``, is used to which no
+    quadratic in x contributes (``Σ w = Σ w·x = Σ w·x² = 0``; at equal steps the third difference over √20):
+    for independent values it has the variance σ², and the contribution of a curve is its departure from a
+    quadratic over four points, at equal steps h ``h³·y‴/√20``. If five points without their cubic show less
+    than half of that scatter, it was due to the curve, and theirs is used. The rest is a floor below which
+    noise cannot be determined: for the viscosity of a mineral oil over 13 rows 0.002 % from 20 to 80 °C and
+    0.05 % from −20 to 100 °C; with 9 rows, too few for differences of five points, 0.07 % and 1 %. The noise
+    is then overestimated, and an effect must be larger to be detected.
 
-    Differences between rows at one point have the variance σ² too; their mean then stands for the point. y is
-    ln(value) where the noise is a share of the value. ``σ² = mean d²``, and as rows occur in several d its
+    Differences between rows at one point have the variance σ² too; their mean then represents the point. y is
+    ln(value) if the noise is a share of the value. ``σ² = mean d²``, and as rows occur in several d its
     degrees of freedom are ``tr(Q)²/tr(Q²)``, Q the matrix of the products of all w.
 
     Parameters
     ----------
-    points: (rows) what the rows are ordered by, in any unit.
-    values: (rows) SI; NaN where a value is missing.
-    series: (rows) rows of one number lie on one curve.
+    points: (rows) the variable by which the rows are ordered, in any unit.
+    values: (rows) SI; NaN if a value is missing.
+    series: (rows) rows with one number lie on one curve.
 
     Returns
     -------
-    None where there are fewer than `FEWEST` differences, or no scatter at all.
+    None if there are fewer than `FEWEST` differences, or no scatter at all.
 
     Source: von Neumann et al., Ann. Math. Stat. 12 (1941) 153; Gasser, Sroka & Jennen-Steinmetz, Biometrika
     73 (1986) 625; Satterthwaite, Biometrics Bulletin 2 (1946) 110.
@@ -116,7 +116,7 @@ def _contrasts(points: Floats, values: Floats, series: NDArray[np.intp], size: i
 
 
 def _helmert(rows: NDArray[np.intp], size: int) -> list[Floats]:
-    """Of m repeats the m − 1 differences of each to the mean of those before it, of unit length."""
+    """For m repeats the m − 1 differences of each to the mean of those before it, of unit length."""
     found = []
     for k in range(1, rows.size):
         weight = np.zeros(size)
@@ -126,10 +126,10 @@ def _helmert(rows: NDArray[np.intp], size: int) -> list[Floats]:
 
 
 def same_reading(one: Floats, other: Floats, points: Floats, series: NDArray[np.intp]) -> bool:
-    """Whether a column was worked out from another: what scatters in the one scatters alike in the other.
+    """Whether a column was computed from another: the scatter of the one follows that of the other.
 
-    True when the ratio of the two has less than a twentieth of the scatter that each of them has: then their
-    errors are correlated by more than 0.998, and the second says nothing new.
+    True if the ratio of the two has less than a twentieth of the scatter of each: then their errors have a
+    correlation above 0.998, and the second adds no information.
     """
     if not (is_relative(one) and is_relative(other)):
         return False

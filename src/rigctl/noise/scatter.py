@@ -1,4 +1,4 @@
-"""Scatter from run to run: what differs between records of one condition although nobody meant it."""
+"""Scatter from run to run: unintended differences between records of one condition."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 #: the prior weighs as much as this many differences between replicates
 PRIOR_DEGREES = 2.0
-#: chance of differences so large if the prior is right, below which it is given up
+#: the prior is abandoned if such large differences are less probable than this under it
 _SURPRISE = 0.05
 #: without replicates the prior is widened by this factor
 CAUTION = 1.5
@@ -21,10 +21,10 @@ class Scatter:
 
     Parameters
     ----------
-    sigma: (quantities) in the quantities' units; never zero where the prior is not.
+    sigma: (quantities) in the quantities' units; never zero unless the prior is.
     degrees: (quantities) effective degrees of freedom of sigma, the prior's included.
-    replicates: how many records repeat another one's condition.
-    statement: one sentence that says where sigma comes from.
+    replicates: number of records that repeat another one's condition.
+    statement: one sentence on the source of sigma.
     """
 
     sigma: NDArray[np.float64]
@@ -42,14 +42,14 @@ def estimate_scatter(
 ) -> Scatter:
     """Scatter of record-level quantities between replicates, shrunk towards a prior.
 
-    Of replicates ``v_gi = μ_g + s_gi + e_gi``, s ~ N(0, τ²) the scatter and e ~ N(0, std²) the known
+    For replicates ``v_gi = μ_g + s_gi + e_gi``, s ~ N(0, τ²) the scatter and e ~ N(0, std²) the known
     uncertainty of each value. τ̂² solves ``Σ (v_gi − μ̂_g)²/(τ² + std_gi²) = ν``, ν = records − conditions,
-    with μ̂_g the weighted mean (zero when the left side is smaller than ν at τ = 0). It counts for
+    with μ̂_g the weighted mean (zero if the left side is smaller than ν at τ = 0). It counts as
 
         ``d = ν·(m/(m + mean std²))²``
 
-    degrees of freedom, because a scatter small against std shows little of itself; m is prior², and τ̂² where
-    the differences are too large for the prior to be right (χ² test at 5 %). Then
+    degrees of freedom, because a scatter small compared with std is poorly determined; m is prior², and τ̂²
+    if the differences are too large for the prior (χ² test at 5 %). Then
 
         ``sigma² = (d·τ̂² + 2·prior²)/(d + 2)``.
 
@@ -60,7 +60,7 @@ def estimate_scatter(
     values: (records, quantities); NaN where a record has none.
     std: (records, quantities) standard deviation of each value.
     conditions: (records) records that share a number are replicates.
-    prior: (quantities) scatter to expect, from the rig file.
+    prior: (quantities) expected scatter, from the rig file.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def estimate_scatter(
 def _between(
     values: NDArray[np.float64], variance: NDArray[np.float64], group: NDArray[np.intp], free: int
 ) -> float:
-    """τ̂² by Paule and Mandel's equation, which falls steadily in τ²."""
+    """τ̂² by Paule and Mandel's equation, whose left side decreases monotonically in τ²."""
 
     spread = float(np.sum((values - (np.bincount(group, values) / np.bincount(group))[group]) ** 2))
     if spread == 0.0:

@@ -1,4 +1,4 @@
-"""Spikes: readings of a few samples that leave the signal and come back, found without a model."""
+"""Spikes: readings of a few samples that leave the signal and return, found without a model."""
 
 from __future__ import annotations
 
@@ -9,34 +9,35 @@ from numpy.typing import NDArray
 
 from rigctl.noise.record import NoiseRecord
 
-#: a longer departure is taken for a signal
+#: a longer departure counts as signal
 LONGEST_SPIKE = 3
 #: in robust standard deviations; one in 150 000 samples of normal noise lies further out
 THRESHOLD = 4.5
-#: samples after a switch in which a narrow peak may be real
+#: number of samples after a switch in which a narrow peak may be real
 SWITCH_GUARD = 10
-#: the same where a model has taken the bench's own peaks off
+#: the same if a model has removed the bench's own peaks
 _GUARD_OFF_MODEL = 3
-#: the running median spans this many samples to either side: more than half of it outlasts the longest spike
+#: samples on either side in the running median, of which more than half outlast the longest spike
 _HALF = LONGEST_SPIKE + 1
-#: the scale around a sample is taken from this many samples to either side, and weighs so much
+#: number of samples on either side that determine the local scale, and their weight
 _NEAR = 6
 _NEAR_WEIGHT = 0.4
-#: and, where noise grows with what is measured, from so many, which see enough of it to weigh in full
+#: the same for noise that depends on the signal: enough samples for full weight
 _WIDE = 25
-#: samples on either side that a line takes
+#: least number of samples on either side for a line
 _LEAST_SIDE = 3
-#: a spike is off the lines through its neighbours by this share of the threshold at least
+#: least deviation of a spike from the lines through its neighbours, as a share of the threshold
 _OFF_LINE = 0.4
-#: one spike in so many readings, and they are the logger's habit: none in a thousand of normal noise
+#: spikes are common if there is at least one in this many readings; normal noise has fewer than one in a
+#: thousand
 _COMMON = 200
-#: a rate beside switches that is not this many times the rate elsewhere is the same one
+#: a rate near switches that is less than this many times the rate elsewhere counts as the same
 _ALIKE = 2.0
-#: samples worked on at a time
+#: number of samples processed at a time
 _CHUNK = 65536
-#: a deviation of fewer converter steps than this is the converter's
+#: a deviation of fewer converter steps than this is attributed to the converter
 _CONVERTER_STEPS = 2.7
-#: standard deviation of a normal distribution cut off at ±3
+#: standard deviation of a normal distribution truncated at ±3
 _CUT_NORMAL = 0.98658
 
 
@@ -45,26 +46,26 @@ def find_spikes(
 ) -> NDArray[np.bool_]:
     """Which samples are spikes.
 
-    A sample is a spike when (1) it stands further than `THRESHOLD` robust standard deviations from the
-    running median of its nine neighbours, taken as they are and along their slope (Hampel's filter, which
-    follows steps and ramps), on the scale of the record or of its surroundings if larger; (2) at most
-    `LONGEST_SPIKE` neighbours do so together; (3) it is off the lines through the samples on either side, and
-    these meet within half its height. A step, a ramp, ringing and a converter's toggling are therefore no
-    spikes.
+    A sample is a spike if (1) it deviates by more than `THRESHOLD` robust standard deviations from the
+    running median of its nine neighbours, both unchanged and shifted along their slope (Hampel's filter,
+    which follows steps and ramps), on the scale of the record or of its surroundings if larger; (2) at most
+    `LONGEST_SPIKE` neighbours do so together; (3) it deviates from the lines through the samples on either
+    side, and these meet within half its height. A step, a ramp, ringing and a toggling converter are
+    therefore not spikes.
 
-    A real peak of one sample right after a switch (a chamber's pressure when the valve opens) cannot be told
-    from a spike in one record: hand in `phase`, and the first `SWITCH_GUARD` samples after every switch are
-    left alone.
+    A real peak of one sample right after a switch (the pressure in a chamber when the valve opens) cannot be
+    distinguished from a spike in one record: with `phase` given, the first `SWITCH_GUARD` samples after every
+    switch are left alone.
 
     Parameters
     ----------
     times: (n) s, increasing.
-    values: (n, channels), NaN where missing.
-    phase: (n) the number of the stretch of constant commands each sample lies in.
+    values: (n, channels), NaN if missing.
+    phase: (n) index of the period of constant commands of each sample.
 
     Returns
     -------
-    (n, channels) true where a sample is a spike; never where it is missing.
+    (n, channels) True if a sample is a spike; False if it is missing.
 
     Source: Pearson, *Mining Imperfect Data* (2005), ch. 3; Hampel, J. Am. Stat. Assoc. 69 (1974) 383.
     """
@@ -76,7 +77,7 @@ def find_spikes(
 def _departures(
     values: NDArray[np.float64], local: Sequence[bool], off_model: bool = False
 ) -> list[NDArray[np.bool_]]:
-    """Samples that leave the signal and come back, whatever is switched there, on each of the scales."""
+    """Samples that leave the signal and return, regardless of switches, on each of the scales."""
     found = [np.zeros(values.shape, bool) for _ in local]
     for channel in range(values.shape[1]):
         finite = np.flatnonzero(np.isfinite(values[:, channel]))
@@ -90,7 +91,7 @@ def _departures(
 def find_spikes_in_records(
     records: Sequence[NoiseRecord], *, local: bool = False, off_model: bool = False
 ) -> list[NDArray[np.bool_]]:
-    """As `find_spikes_on_scales`, on one of them."""
+    """As `find_spikes_on_scales`, for a single scale."""
     (found,) = find_spikes_on_scales(records, (local,), off_model=off_model)
     return found
 
@@ -98,19 +99,18 @@ def find_spikes_in_records(
 def find_spikes_on_scales(
     records: Sequence[NoiseRecord], local: Sequence[bool], *, off_model: bool = False
 ) -> list[list[NDArray[np.bool_]]]:
-    """`find_spikes` of every record, less what happens in most of them at the same sample of the same phase.
+    """`find_spikes` for every record, except what most of them share at the same sample of the same phase.
 
-    A departure that comes back in more than half of at least four records belongs to the bench, not to the
-    converter. The first and the last sample of a record are not excused by that. Where spikes are common (one
-    reading in `_COMMON`), they do not keep away from switches: those right after a switch are taken out too,
-    unless they are more frequent there than elsewhere, and thus the bench's.
+    A departure that returns in more than half of at least four records belongs to the bench, not to the
+    converter. This does not apply to the first and the last sample of a record. If spikes are common (one
+    reading in `_COMMON`), they also occur near switches: those right after a switch are removed too, unless
+    they are more frequent there than elsewhere, and thus the bench's.
 
     Parameters
     ----------
-    local: of each scale whether it is that of the surroundings, for noise that is wider in some places than
-        in others.
-    off_model: the values are what a model leaves: fewer samples after a switch are left alone, and one that
-        stands out beside an end of the record is a spike as well, as no signal can end there.
+    local: for each scale whether it is that of the surroundings, for noise that varies along the record.
+    off_model: the values are a model's residuals: fewer samples after a switch are left alone, and an outlier
+        near an end of the record is a spike as well, as no signal can end there.
     """
     departures = [_departures(record.values, local, off_model) for record in records]
     return [
@@ -124,7 +124,7 @@ def find_spikes_on_scales(
 def _less_what_comes_back(
     records: Sequence[NoiseRecord], masks: list[NDArray[np.bool_]]
 ) -> list[NDArray[np.bool_]]:
-    """The masks less what is marked in most records at the same place."""
+    """The masks without what is marked at the same place in most records."""
     counts: dict[tuple[int, int, int], int] = {}
     indices = [_places(record, mask) for record, mask in zip(records, masks, strict=True)]
     for index in indices:
@@ -156,7 +156,7 @@ def _guarded_as_needed(
 def _rate(
     masks: Sequence[NDArray[np.bool_]], guards: Sequence[NDArray[np.bool_]], inside: bool
 ) -> NDArray[np.float64]:
-    """(channels) the share of the samples beside switches, or of all others, that are marked."""
+    """(channels) the share of marked samples near switches, or among all others."""
     marked = sum(mask.sum(axis=0) for mask in masks)
     samples = sum(int((guard == inside).sum()) for guard in guards)
     return np.asarray(marked, float) / max(samples, 1)
@@ -165,7 +165,7 @@ def _rate(
 def _places(
     record: NoiseRecord, mask: NDArray[np.bool_]
 ) -> list[tuple[tuple[int, int, int], tuple[int, int]]]:
-    """Each spike's place in its phase, (phase, samples after its begin, channel), and in the record."""
+    """Each spike's location in its phase, (phase, samples after its start, channel), and in the record."""
     starts: dict[int, int] = {}
     for sample, phase in enumerate(record.phase.tolist()):
         starts.setdefault(phase, sample)
@@ -219,11 +219,11 @@ def _returning(
 
 
 def _away(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Each sample less the median of its nine neighbours moved along their slope, less that left; and that.
+    """Each sample less the shifted median of its nine neighbours, less the unshifted one, and that median.
 
-    The slope is the median of the eight differences: it follows a ramp, but not a step nor a spike. Moved
-    along it, the median on a ramp is not dragged by a spike close by. As it is, the median takes every bend
-    of a rising or falling signal for what it is.
+    The slope is the median of the eight differences: it follows a ramp, but neither a step nor a spike.
+    Shifted along it, the median on a ramp is not distorted by a nearby spike. Unshifted, the median follows
+    every curvature of a rising or falling signal.
     """
     padded = np.concatenate([_before(x)[::-1], x, _before(x[::-1])])
     level, still = np.empty(x.size), np.empty(x.size)
@@ -239,7 +239,7 @@ def _away(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float
 
 
 def _before(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What would have stood before x, nearest first: a robust line through its samples but the first."""
+    """Extrapolation to before x, nearest first: a robust line through its samples except the first."""
     part = x[1 : 2 + 3 * _HALF]
     at = np.arange(1.0, part.size + 1.0)
     half = part.size // 2
@@ -249,17 +249,17 @@ def _before(x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _smallest_change(x: NDArray[np.float64]) -> float:
-    """The smallest difference between two values that occur: a converter's step, or next to nothing."""
+    """The smallest difference between two occurring values: a converter's step, or nearly zero."""
     between = np.diff(np.unique(x))
     real = between[between > 1e-6 * float(np.ptp(x))]
     return float(real.min()) if real.size else 0.0
 
 
 def _flattest(level: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """The quarter of the samples where the level changes least.
+    """The quarter of the samples at which the level changes least.
 
     On a ramp steeper than the noise the running median is the sample itself and the deviation zero: a record
-    that is mostly ramp would show too small a scale.
+    that is mostly ramp would give too small a scale.
     """
     change = np.abs(np.roll(level, -_HALF) - np.roll(level, _HALF))
     change[:_HALF] = change[_HALF]
@@ -268,7 +268,7 @@ def _flattest(level: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _clipped_scale(away: NDArray[np.float64]) -> float:
-    """Standard deviation of what is left when everything beyond three of them is left out, repeatedly."""
+    """Standard deviation after repeatedly removing everything beyond three of them."""
     size = np.abs(away)
     scale = max(1.4826 * float(np.median(size)), float(np.quantile(size, 0.68)))
     for _ in range(10):
@@ -288,10 +288,10 @@ def _runs(far: NDArray[np.bool_]) -> list[tuple[int, int]]:
 def _leaves_and_returns(
     x: NDArray[np.float64], far: NDArray[np.bool_], first: int, last: int, scale: float
 ) -> bool:
-    """Whether a departure is off the lines through the samples on either side, and these lines meet.
+    """Whether a departure deviates from the lines through the samples on either side, and these lines meet.
 
-    The crest of an oscillation lies where the lines before and after it lead. At an end of the record there
-    is one side only, and none to judge by.
+    The crest of an oscillation lies where the lines before and after it lead. At an end of the record only
+    one side exists, which is not enough to decide.
     """
     before = np.flatnonzero(~far[max(0, first - 8) : first])[-4:] + max(0, first - 8)
     after = np.flatnonzero(~far[last : last + 8])[:4] + last
@@ -309,7 +309,7 @@ def _leaves_and_returns(
 
 
 def _at(samples: NDArray[np.intp], x: NDArray[np.float64], where: float) -> float:
-    """The least-squares line through a few samples, at a place."""
+    """The least-squares line through a few samples, evaluated at a point."""
     centred = samples - samples.mean()
     slope = float(centred @ x) / float(centred @ centred)
     return float(x.mean()) + slope * (where - float(samples.mean()))

@@ -1,4 +1,4 @@
-"""What is known about the noise, in plain sentences."""
+"""Statements about the noise, in plain sentences."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from rigctl.noise.noise_model import ChannelNoise, NoiseModel
 _FROM = {
     "replicates": "differences between replicates and quiet stretches",
     "quiet": "quiet stretches of the records",
-    "residuals": "what the model leaves of the records within short windows",
-    "differences": "differences between neighbouring samples, which cannot tell correlation",
-    "rig": "the rig file: the data could not tell",
-    "assumed": "nothing but a guess: the data could not tell and the rig file does not say",
+    "residuals": "the model's residuals within short windows",
+    "differences": "differences between neighbouring samples, which cannot show correlation",
+    "rig": "the rig file: the data do not determine it",
+    "assumed": "nothing but a guess: neither the data nor the rig file determines it",
 }
 
 
 def channel_statement(noise: ChannelNoise, known: float | None) -> str:
-    """One sentence: where sigma comes from, correlation, converter, spikes, and what the rig file says."""
+    """One sentence: source of sigma, correlation, converter, spikes, and the value in the rig file."""
     parts = [f"sigma from {_FROM[noise.source]}"]
     if noise.correlation >= 0.05:
         rest = f", {noise.white:.0%} of the variance white" if noise.white else ""
@@ -42,7 +42,7 @@ def channel_statement(noise: ChannelNoise, known: float | None) -> str:
 
 
 def model_statement(channels: Sequence[ChannelNoise]) -> str:
-    """One sentence for all channels: where the numbers come from, and which of them are guesses."""
+    """One sentence for all channels: the sources of the numbers, and which of them are guesses."""
     learned = [channel for channel in channels if not channel.guessed]
     parts = []
     for source in dict.fromkeys(channel.source for channel in learned):
@@ -61,7 +61,7 @@ def model_statement(channels: Sequence[ChannelNoise]) -> str:
 
 
 def _growth(noise: ChannelNoise) -> str:
-    """With what the noise grows, and by how much over what it is at rest."""
+    """What the noise depends on, and its ratio to that at rest."""
     law = noise.law
     if law is None:
         return ""
@@ -78,8 +78,8 @@ def _growth(noise: ChannelNoise) -> str:
 
 
 def recounted(noise: NoiseModel, masked: Sequence[int], edges: Sequence[int]) -> NoiseModel:
-    """The same noise for some of the records that it was learned from: so many samples of each channel
-    are spikes there, and so many lie on edges.
+    """The same noise for some of the records from which it was learned: the numbers of samples of each
+    channel that are spikes, or lie on edges, in these.
     """
     channels = tuple(
         replace(

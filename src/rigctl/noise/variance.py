@@ -1,4 +1,4 @@
-"""Noise that is wider where a channel stands higher, or changes faster, than where it rests."""
+"""Noise that depends on a channel's level or rate of change."""
 
 from __future__ import annotations
 
@@ -13,36 +13,36 @@ from rigctl.noise.record import NoiseRecord
 
 Floats = NDArray[np.float64]
 
-#: samples of a block; the signal in it is followed by differences, not by a trend
+#: samples in a block; the signal in it is removed by differences, not by a trend
 BLOCK = 20
-#: orders of the difference that the variance is read from, and of the one that has to agree with it: a smooth
-#: signal leaves much less in the higher one
+#: order of the difference from which the variance is estimated, and the order that must agree with it: a
+#: smooth signal leaves much less in the higher one
 _ORDER, _CHECK = 4, 6
-#: the two of a block that shows noise alone lie within this factor of each other
+#: largest ratio of the two for a block that shows noise alone
 _AGREE = 1.6
-#: slow noise with less than this of the density of white noise at the highest frequency hardly shows in
-#: differences: what shows there is the signal
+#: slow noise with less than this share of the spectral density of white noise at the highest frequency hardly
+#: contributes to differences: these show the signal
 _SEEN = 0.1
-#: blocks below which no law is looked for
+#: least number of blocks for a law
 _FEWEST = 12
-#: rise of 2·ln L above which a term is believed: 0.01 % at one degree of freedom
+#: least increase of 2·ln L for a term: 0.01 % at one degree of freedom
 _PAYS = 15.0
-#: so many blocks at least have to show a sigma that is wider by this factor than at rest
+#: least ratio of sigma to that at rest in the blocks that show a law
 _WIDER = 1.25
-#: and so large a share of all: a bench that is stirred up rings while it changes fast, and not for long
+#: least shares of such blocks: a bench that is excited rings while it changes fast, and not for long
 _OFTEN, _SOMETIMES = 0.2, 0.05
-#: in the middle of these blocks the variance has to be what the law says, to this factor: a few large ones
-#: among many small ones are a signal, ringing say, that only comes where the channel is fast
+#: largest ratio of the median variance of these blocks to the law's: a few large ones among many small ones
+#: are a signal, such as ringing, that only occurs where the channel is fast
 _MIDDLE = 1.5
-#: samples after a switch that no block takes: a signal faster than the sampling looks like noise there
+#: samples after a switch that are in no block: a signal faster than the sampling looks like noise there
 _GUARD = 10
-#: blocks further out than this quantile of what the law allows hold a signal, and are left out
+#: blocks beyond this quantile under the law hold a signal, and are left out
 _TRIMMED = 1e-3
 _ROUNDS = 6
 _STEPS = 100
-#: samples to either side that a channel's level and slope are averaged over
+#: samples on either side over which a channel's level and slope are averaged
 _SMOOTHED = 5
-#: of the typical variance of a block, the least that noise is at rest
+#: least variance at rest, as a share of a block's typical one
 _SMALLEST = 1e-6
 
 
@@ -55,10 +55,10 @@ class VarianceLaw:
     floor: σ at rest, SI.
     level: σ for each unit of the channel's distance from `origin`.
     rate: s, σ for each unit per second of its slope.
-    origin: SI, where the channel's level is counted from.
-    degrees: of freedom of the blocks or differences that the law was read from.
-    shot: SI, σ² for each unit of that distance: of what is counted (shot noise) and, beside `level`, of a σ
-        that is a straight line of the level.
+    origin: SI, from which the channel's level is measured.
+    degrees: of freedom of the blocks or differences from which the law was learned.
+    shot: SI, σ² for each unit of that distance: for counted events (shot noise) and, together with `level`,
+        for a σ that is linear in the level.
     """
 
     floor: float
@@ -69,13 +69,13 @@ class VarianceLaw:
     shot: float = 0.0
 
     def sigma(self, level: Floats, slope: Floats) -> Floats:
-        """σ (SI) at a smooth course of the channel (SI) and its slope (SI/s)."""
+        """σ (SI) at a smoothed level (SI) and its slope (SI/s)."""
         distance = np.abs(level - self.origin)
         squares = self.shot * distance + (self.level * distance) ** 2 + (self.rate * slope) ** 2
         return np.sqrt(self.floor**2 + squares)
 
     def scaled(self, factor: float) -> VarianceLaw:
-        """The same growth of a noise that is wider by this factor everywhere."""
+        """The same law for noise larger by this factor everywhere."""
         return replace(
             self,
             floor=self.floor * factor,
@@ -86,9 +86,9 @@ class VarianceLaw:
 
 
 def smooth_course(times: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """A channel's level (SI) and slope (SI/s) at each sample: means over `_SMOOTHED` samples to either side.
+    """A channel's level (SI) and slope (SI/s) at each sample: means over `_SMOOTHED` samples on either side.
 
-    What is missing is bridged by a straight line; a record without a value has level and slope 0.
+    Missing values are bridged linearly; a record without a value has level and slope 0.
     """
     from scipy.ndimage import uniform_filter1d
 
@@ -110,20 +110,20 @@ def variance_law(
     white: float = 0.0,
     step: float = 0.0,
 ) -> VarianceLaw | None:
-    """How the noise of one channel grows with its level and its rate; None where it does not.
+    """The dependence of one channel's noise on its level and its rate; None if there is none.
 
-    The variance of each block of `BLOCK` samples inside a phase is read from fourth differences,
+    The variance of each block of `BLOCK` samples inside a phase is estimated from fourth differences,
     ``v = mean (wᵀy)²/(wᵀRw)``, R the correlation of the noise. A smooth signal leaves less the higher the
-    order is, noise the same: blocks whose sixth differences say something else (by a factor of 1.6) show a
-    signal and are left out. What is left is distributed like ``σ²·χ²(ν)/ν``, ν by Satterthwaite, and the law
-    is the one of highest likelihood with no negative term.
-    A term is there where it raises 2·ln L by more than 15 and makes σ wider by a quarter at least.
+    order is, noise the same: blocks whose sixth differences disagree (by a factor of 1.6) show a signal and
+    are left out. The others are distributed like ``σ²·χ²(ν)/ν``, ν by Satterthwaite, and the law is the one
+    of highest likelihood without negative terms. A term is included if it raises 2·ln L by more than 15 and
+    increases σ by at least a quarter.
 
     Parameters
     ----------
-    correlation, white: of the noise, as `ChannelNoise` has them.
-    step: SI, of the channel's converter. Noise at rest that is narrower than a step has no law: what the
-        steps make of it depends on the level's place among them.
+    correlation, white: of the noise, as in `ChannelNoise`.
+    step: SI, of the channel's converter. Noise at rest that is smaller than a step has no law: its variance
+        depends on the position of the level between the steps.
 
     Source: Davidian & Carroll, J. Am. Stat. Assoc. 82 (1987) 1079 (variance functions); Gasser, Sroka &
     Jennen-Steinmetz, Biometrika 73 (1986) 625 (differences).
@@ -146,9 +146,9 @@ def variance_law(
 
 @dataclass(frozen=True)
 class _Blocks:
-    """(blocks) each one's variance (SI²), mean level, mean square of the level about it, and of the slope.
+    """(blocks) variance of each (SI²), mean level, mean square of the level about it, and of the slope.
 
-    `degrees` are those of freedom of each variance.
+    `degrees` are the degrees of freedom of each variance.
     """
 
     variance: Floats
@@ -166,7 +166,7 @@ def _blocks(
     correlation: float,
     white: float,
 ) -> _Blocks | None:
-    """The blocks that show noise alone; None where there are too few."""
+    """The blocks that show noise alone; None if there are too few."""
     weights = [difference_weights(order, correlation, white) for order in (_ORDER, _CHECK)]
     found = [
         _blocks_of(record.times, record.values[:, channel], kept[:, channel], record.phase, spacing, weights)
@@ -221,7 +221,7 @@ def _blocks_of(
 
 @lru_cache(maxsize=16)
 def difference_weights(order: int, correlation: float, white: float) -> Floats:
-    """Weights of a difference, of variance 1 for noise of variance 1 with that correlation."""
+    """Weights of a difference with variance 1 for noise of variance 1 with that correlation."""
     weights = np.array([1.0])
     for _ in range(order):
         weights = np.convolve(weights, [1.0, -1.0])
@@ -235,7 +235,7 @@ def _correlations(size: int, correlation: float, white: float) -> Floats:
 
 
 def difference_degrees(weights: Floats, correlation: float, white: float, samples: int = BLOCK) -> float:
-    """Degrees of freedom of the mean square of the differences of so many samples: ``tr(C)²/tr(C²)``."""
+    """Degrees of freedom of the mean square of the differences of this many samples: ``tr(C)²/tr(C²)``."""
     count = samples - weights.size + 1
     rows = np.zeros((count, samples))
     for k in range(count):
@@ -245,13 +245,13 @@ def difference_degrees(weights: Floats, correlation: float, white: float, sample
 
 
 def _origin(level: Floats) -> float:
-    """Where a level is counted from: 0 where the channel comes near it, else where it is least."""
+    """The origin of a level: 0 if the channel comes near it, else its minimum."""
     size = np.abs(level)
     return 0.0 if size.min() < 0.25 * size.max() else float(level[np.argmin(size)])
 
 
 def _chosen_terms(terms: Floats, blocks: _Blocks) -> tuple[Floats, NDArray[np.bool_]]:
-    """The squares of floor, level and rate, 0 for what does not pay; and the blocks that they stand on."""
+    """The squares of floor, level and rate, 0 for insignificant ones; and the blocks from which they come."""
     costs = {
         columns: _cost(terms[:, columns], blocks) + _PAYS * len(columns)
         for columns in ((0,), (0, 1), (0, 2), (0, 1, 2))
@@ -263,7 +263,7 @@ def _chosen_terms(terms: Floats, blocks: _Blocks) -> tuple[Floats, NDArray[np.bo
 
 
 def _borne_out(terms: Floats, squares: Floats, blocks: _Blocks) -> bool:
-    """Whether enough blocks show wider noise than at rest, and most of them as wide as the law says."""
+    """Whether enough blocks show larger noise than at rest, and most of them as large as predicted."""
     from scipy.special import gammaincinv
 
     mean = terms @ squares

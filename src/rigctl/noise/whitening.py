@@ -1,4 +1,4 @@
-"""Whitening: residuals of a record with the noise's correlation taken out, one unit of variance per row."""
+"""Whitening: residuals of a record with the noise's correlation removed, of unit variance in each row."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rigctl.noise.noise_model import NoiseModel
 
 @dataclass(frozen=True)
 class _ChannelWhitener:
-    """One channel of one record: the samples it keeps, and the innovations of its noise."""
+    """One channel of one record: the samples used, and the innovations of its noise."""
 
     samples: NDArray[np.intp]
     sigma: NDArray[np.float64]
@@ -24,7 +24,7 @@ class _ChannelWhitener:
         return self.innovations(errors[self.samples] / sigma)
 
 
-#: scatter below this share of the noise changes nothing
+#: scatter below this share of the noise is ignored
 _SEEN = 0.05
 
 
@@ -47,7 +47,7 @@ class Whitener:
 
     Parameters
     ----------
-    rows: (rows, 2) sample index and channel index of each row: channel after channel, in time.
+    rows: (rows, 2) sample index and channel index of each row: channel after channel, in order of time.
     log_determinant: ln of the determinant of the covariance of the kept samples, so that
         ``−2·ln likelihood = Σ z² + log_determinant + rows·ln 2π``.
     """
@@ -65,7 +65,7 @@ class Whitener:
     def __call__(self, errors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Whitened rows of errors (n, channels) or (n, channels, k): (rows) or (rows, k).
 
-        What stands at samples left out, NaN included, does not matter.
+        Values at samples left out, including NaN, do not matter.
         """
         if errors.ndim not in (2, 3) or errors.shape[1] != len(self._channels):
             raise ValueError(f"expected (samples, {len(self._channels)}[, k]), got {errors.shape}")
@@ -73,14 +73,14 @@ class Whitener:
         return white if self._scatter is None else self._scatter(white)
 
     def with_scatter(self, columns: NDArray[np.float64]) -> Whitener:
-        """The whitener of this noise and, beside it, of ``Σ a_k·columns_k`` with unknown a_k ~ N(0, 1).
+        """The whitener for this noise plus ``Σ a_k·columns_k`` with unknown a_k ~ N(0, 1).
 
-        With D the whitened columns, ``z = (1 + D·Dᵀ)^(−½)·W·e``: what is known to vary, but is no unknown of
-        its own, costs no degree of freedom.
+        With D the whitened columns, ``z = (1 + D·Dᵀ)^(−½)·W·e``: known scatter that is not an unknown of its
+        own costs no degree of freedom.
 
         Parameters
         ----------
-        columns: (n, channels, k), of one standard deviation each.
+        columns: (n, channels, k), for one standard deviation each.
         """
         left, values, _ = np.linalg.svd(replace(self, _scatter=None)(columns), full_matrices=False)
         seen = values > _SEEN
@@ -112,14 +112,14 @@ def whiten(
     ----------
     noise: of all channels.
     times: (n) s, increasing.
-    ok: (n, channels) the samples to keep: finite, and no spike.
-    values: (n, channels) SI, what was read; wanted only by noise that is a share of the value.
-    extra: (channels) SI, standard deviation of what is added to the noise of each channel.
-    sigma: (n, channels) SI, the standard deviation of the noise of each reading, where it is known already.
+    ok: (n, channels) the samples to use: finite, and not spikes.
+    values: (n, channels) SI, the readings; needed only for noise that is a share of the value.
+    extra: (channels) SI, standard deviation of additional noise of each channel.
+    sigma: (n, channels) SI, the standard deviation of the noise of each reading, if already known.
 
     Returns
     -------
-    a whitener with one row for each true value of `ok`; ``Var z = 1`` when the noise is as stated.
+    a whitener with one row for each True value of `ok`; ``Var z = 1`` if the noise is as stated.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Windows: short pieces of the records that noise is estimated from, with their trend taken out."""
+"""Windows: short pieces of the records for estimating noise, with their trend removed."""
 
 from __future__ import annotations
 
@@ -12,35 +12,35 @@ from numpy.typing import NDArray
 
 from rigctl.noise.record import NoiseRecord
 
-#: samples of a window; long enough to show a correlation of 0.95, short enough for a low-order trend
+#: samples in a window; long enough to show a correlation of 0.95, short enough for a low-order trend
 LENGTH = 40
 #: a shorter piece says nothing about correlation
 SHORTEST = 12
-#: the rest at the front of a phase becomes a window of its own from this length on
+#: least length of a remaining piece at the front of a phase that becomes a window of its own
 _REST = 20
-#: order of the polynomial that stands for the signal inside a window
+#: order of the polynomial that represents the signal inside a window
 TREND_ORDER = 2
-#: a window of which less than this share is left after spikes and gaps is not used
+#: a window with less than this share of samples left after spikes and gaps is not used
 _LEFT = 0.6
-#: windows with gaps have a likelihood of their own each; more patterns than this add time, not knowledge
+#: largest number of patterns of gaps, each of which needs its own likelihood: more take time and add little
 _PATTERNS = 60
 
-#: where in the records a window lies: phase, and how many windows before the phase's end
+#: location of a window in the records: phase, and number of windows before the phase's end
 Cell = tuple[int, int]
 
 
 @dataclass(frozen=True)
 class WindowGroup:
-    """Windows of one channel that were sampled at the same places.
+    """Windows of one channel with the same sampling pattern.
 
     Parameters
     ----------
     positions: (samples) times in units of the spacing.
-    trend: (samples, orders) the polynomials that stand for the signal.
+    trend: (samples, orders) the polynomials that represent the signal.
     rows: (windows, samples) SI, each less its mean.
     cells: (windows) index of the cell of each window.
     conditions: (windows) the condition of each window's record.
-    levels: (windows, samples) SI, the signal as its trend shows it, counted from a value that occurs.
+    levels: (windows, samples) SI, the signal according to its trend, relative to an occurring value.
     """
 
     positions: NDArray[np.float64]
@@ -52,7 +52,7 @@ class WindowGroup:
 
     @property
     def degrees(self) -> int:
-        """Degrees of freedom of one window after its trend was taken out."""
+        """Degrees of freedom of one window after removing its trend."""
         return int(self.trend.shape[0] - self.trend.shape[1])
 
     @property
@@ -83,12 +83,12 @@ def cut_windows(
 
     Parameters
     ----------
-    joined: how many windows in a row, from the cell named towards the front, are one long window.
-    order: of the polynomial that stands for the signal inside a window.
+    joined: number of consecutive windows, from the given cell towards the front, that form one long window.
+    order: of the polynomial that represents the signal inside a window.
 
     Returns
     -------
-    groups of windows sampled alike, and the cells to which their `cells` are positions.
+    groups of windows with equal sampling, and the cells to which their `cells` are indices.
     """
     found: dict[tuple[float, ...], list[tuple[NDArray[np.float64], int, int]]] = defaultdict(list)
     cells: dict[Cell, int] = {}
@@ -105,7 +105,7 @@ def cut_windows(
 
 
 def _pieces(phase: NDArray[np.intp], joined: Mapping[Cell, int]) -> list[tuple[int, int, int, int]]:
-    """(phase, how many before its end, first sample, one past the last) of every window of a record."""
+    """(phase, number before its end, first sample, one past the last) of every window of a record."""
     if phase.size == 0:
         return []
     edges = [0, *(np.flatnonzero(np.diff(phase)) + 1).tolist(), phase.size]
@@ -128,7 +128,7 @@ def _group(
     polynomials = np.polynomial.legendre.legvander(2.0 * positions / positions[-1] - 1.0, order)
     trend = np.linalg.qr(polynomials)[0]
     values = np.stack([value for value, _, _ in members])
-    # the level is taken off first, so that nothing is lost to rounding on 300 K with noise of 1 mK
+    # the level is removed first, so that nothing is lost to rounding on 300 K with noise of 1 mK
     level = values.mean(axis=1, keepdims=True)
     rows = values - level
     cells = np.array([cell for _, cell, _ in members], np.intp)
@@ -139,11 +139,11 @@ def _group(
 
 
 def contrasts(groups: Sequence[WindowGroup]) -> list[WindowGroup]:
-    """Differences between replicates: what records of one condition do not have in common.
+    """Differences between replicates: the deviations of records of one condition from each other.
 
-    Of m windows of one cell and one condition the m − 1 Helmert contrasts
-    ``(Σ_(i<k) u_i − k·u_k)/√(k·(k + 1))`` have the covariance of a single window, and the signal they share
-    is gone whatever its shape.
+    For m windows of one cell and one condition the m − 1 Helmert contrasts
+    ``(Σ_(i<k) u_i − k·u_k)/√(k·(k + 1))`` have the covariance of a single window, and the shared signal
+    cancels whatever its shape.
     """
     made = []
     for group in groups:
