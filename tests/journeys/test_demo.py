@@ -57,7 +57,7 @@ def test_the_demo_asks_the_bench_what_it_hides_and_adds_it(
     page = Path(told["page"]).read_text(encoding="utf-8")
     assert page.count("<html") == 1
     assert "<h1>hl32-demo.yaml, version 2</h1>" in page
-    for words in ("promised, and what came out", "How the systematic error falls", "position, version 1"):
+    for words in ("predicted and achieved", "How the systematic error falls", "position, version 1"):
         assert words in page
     assert f"{told['run']} agrees" not in page  # a model is never called by a run
     end = page[page.index('<section id="hidden">') :]

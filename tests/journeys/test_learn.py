@@ -50,7 +50,7 @@ def test_from_an_ambiguous_campaign_to_what_is_hidden() -> None:
     assert runs == {one["run"] for one in learned["rounds"]}
     page = Path(learned["page"]).read_text(encoding="utf-8")
     assert "What was learnt" in page
-    assert "promised: valve leakage over" in page
+    assert "predicted: valve leakage over" in page
     assert "this learning has ended: adequate" in refusal("learn", "--resume")
 
 

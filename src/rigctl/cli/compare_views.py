@@ -35,20 +35,20 @@ _KINDS = {
 }
 _MOST = {"condition": 5, "state": 3, "stretch": 3, "cell": 5}
 _BAR = 16
-#: of what the values of a table say, told without being asked
+#: findings on the values of a table that are shown without `-v`
 _MOST_FINDINGS = 2
 
 
 def show_fmu_rivals(rivals: Sequence[FmuRival]) -> None:
-    """Each FMU beside the model, channel by channel, and which is nearer."""
+    """Show the errors of each FMU and of the model, channel by channel, and which is smaller."""
     out = console()
     for rival in rivals:
         out.print()
         out.print(f"{escape(rival.statement)}.", soft_wrap=True)
         for name in rival.missing:
-            out.print(f"  {escape(name)} is no output of {escape(rival.name)}: it does not count")
+            out.print(f"  {escape(name)} is not an output of {escape(rival.name)}: it is not compared")
         for name in rival.begins:
-            out.print(f"  {escape(rival.name)} has no start of {escape(name)}: it begins where it will")
+            out.print(f"  {escape(rival.name)} cannot be started at {escape(name)}: its own value is used")
         shown = table("channel", "RMSE/noise of the FMU", "of the model")
         for name, error in rival.channels.items():
             shown.add_row(name, f"{error.nrmse:.3g}", f"{rival.beside[name].nrmse:.3g}")
@@ -56,7 +56,7 @@ def show_fmu_rivals(rivals: Sequence[FmuRival]) -> None:
 
 
 def show_comparison(found: Comparison, *, verbose: bool = False) -> None:
-    """The statement of each model and what is asked next; with `verbose` the figures behind it."""
+    """Show the statement on each model and the next command; with `verbose` the figures behind it."""
     if verbose:
         _show_evidence(found)
         return
@@ -132,23 +132,23 @@ def _show_evidence(found: Comparison) -> None:
 
 
 def show_statement(model: ModelComparison) -> None:
-    """What a comparison says in one sentence: green where it agrees, yellow where it cannot tell."""
+    """Show a comparison's one-sentence result: green if it agrees, yellow if it cannot decide."""
     colour = "yellow" if model.adequacy.below_noise else "green" if model.adequate else "red"
     console().print(f"[bold {colour}]{escape(model.statement)}[/]", soft_wrap=True)
 
 
 def show_departures(found: Sequence[Departure]) -> None:
-    """A warning for each range that the model leaves."""
+    """Show a warning for each range of validity that the model leaves."""
     for one in found:
         console().print(f"  [yellow]warning:[/] {escape(one.statement)}.", soft_wrap=True)
 
 
 def show_record_level(model: ModelComparison) -> None:
-    """What each record has of its own, by quantity, and what of it is evidence."""
+    """Show the record-level parameters, by quantity, and which of them are suspicious."""
     out = console()
     if not model.record_level:
         return
-    made = table("each record's own", "known beforehand", "lowest", "mean", "highest", "records")
+    made = table("record-level parameter", "prior", "lowest", "mean", "highest", "records")
     for column in made.columns[2:]:
         column.justify = "right"
     for one in model.record_level:
@@ -281,9 +281,9 @@ def _show_slots(model: ModelComparison) -> None:
         return
     if model.rows and len(shown[0].alike) > 1:
         alike = ", ".join((shown[0].slot, *shown[0].alike))
-        out.print(f"  single values do not tell which equation wants a term: {escape(alike)}", soft_wrap=True)
+        out.print(f"  single values do not show which equation lacks a term: {escape(alike)}", soft_wrap=True)
         return
-    out.print("  [bold]which equation wants a term[/], log-evidence")
+    out.print("  [bold]which equation lacks a term[/], log-evidence")
     width = max(len(slot.slot) for slot in shown)
     for slot in shown:
         bar = draw_bar(slot.log_evidence, shown[0].log_evidence, width=2 * _BAR)

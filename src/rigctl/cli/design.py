@@ -1,4 +1,4 @@
-"""`rigctl design`: what to measure next so that the explanations which are left are told apart."""
+"""`rigctl design`: what to measure next in order to distinguish the remaining explanations."""
 
 from __future__ import annotations
 

@@ -19,7 +19,8 @@ _LIKELY = 0.5
 
 
 def show_design(found: DesignResult, *, verbose: bool = False) -> None:
-    """The answer, the rivals and the records; with `verbose` the promises for each pair, and the sensors."""
+    """Show the answer, the rivals and the records; with `verbose` also the predictions for each pair and the
+    sensors."""
     if verbose:
         _show_whole(found)
         return
@@ -32,9 +33,9 @@ def show_design(found: DesignResult, *, verbose: bool = False) -> None:
         if one.after < _LIKELY
     }
     if found.records and alike:
-        facts.append(("hardly", f"told apart by that, were one of them right: {', '.join(alike.values())}"))
+        facts.append(("hardly", f"distinguished if one of them is right: {', '.join(alike.values())}"))
     more = [
-        *(["what is promised of each pair"] if found.outlooks else []),
+        *(["the predicted power for each pair"] if found.outlooks else []),
         *counted(len(found.sharpened), "parameter that becomes sharper", "parameters that become sharper"),
         *counted(len(found.sensors), "set of sensors", "sets of sensors"),
     ]
@@ -45,7 +46,7 @@ def show_design(found: DesignResult, *, verbose: bool = False) -> None:
 
 
 def _in_words(one: ProposedRecord) -> str:
-    """What is set, what is done, how long it takes, and where the rivals differ most."""
+    """The settings, the steps, the duration, and where the rivals differ most."""
     settings = ", ".join(f"{name} {value}" for name, value in one.settings.items())
     text = f"{settings}: {'; '.join(one.steps)}" if settings else "; ".join(one.steps)
     if one.duration:
@@ -54,7 +55,7 @@ def _in_words(one: ProposedRecord) -> str:
 
 
 def _show_whole(found: DesignResult) -> None:
-    """The answer, the rivals, what is promised of each pair, the records, and the sensors."""
+    """Show the answer, the rivals, the predictions for each pair, the records and the sensors."""
     out = console()
     good = found.separable or (found.aim == "precision" and bool(found.records))
     out.print(
@@ -89,7 +90,7 @@ def _rivals(found: DesignResult) -> Table:
 
 
 def _outlooks(found: DesignResult) -> Table:
-    made = table("were this right", "told from", "margin so far", "D", "±", "P now", "P then")
+    made = table("if this is right", "rival", "margin so far", "D", "±", "P now", "P then")
     for column in made.columns[2:]:
         column.justify = "right"
     for one in found.outlooks:
@@ -142,7 +143,7 @@ def _show_record(number: int, one: ProposedRecord) -> None:
 
 
 def _sensors(found: DesignResult) -> Table:
-    made = table("sensors", "price", "told apart", "D", "P")
+    made = table("sensors", "price", "pairs", "D", "P")
     for column in made.columns[1:]:
         column.justify = "right"
     for one in found.sensors:
@@ -157,5 +158,5 @@ def _sensors(found: DesignResult) -> Table:
 
 
 def price_text(one: SensorSet) -> str:
-    """What a set of sensors costs, as the rig file says it."""
+    """The price of a set of sensors, as stated in the rig file."""
     return "–" if one.price is None else f"{one.price:g} {one.currency}".strip()

@@ -213,7 +213,7 @@ def _lead_on(found: Diagnosis, runs: list[str], model: str, choice: DataOptions)
         show_next(f"{command} -o next.yaml", "designs the records that would tell them apart")
     elif gate_of(found).open:
         command = analysis("discover", runs, model, choice)
-        show_next(command, "looks for a formula of what no effect of the library is")
+        show_next(command, "looks for a formula where no effect of the library fits")
     elif found.best.candidates:
         likely = ", the most probable, but these data cannot tell" * (found.verdict is Verdict.AMBIGUOUS)
         show_next(f"{again} --apply", f"adds {found.best.effects[0]} as the model's next version{likely}")

@@ -29,14 +29,15 @@ _COLOURS = {
     Verdict.AMBIGUOUS: "yellow",
     Verdict.OUTSIDE_LIBRARY: "red",
 }
-#: findings and steps of a table that are told without being asked
+#: findings and next steps of a table that are shown without `-v`
 _MOST_SAID = 2
 #: effects of the ranking that are shown besides those of the verdict
 _RANKED = 8
 
 
 def show_diagnosis(found: Diagnosis, *, verbose: bool = False) -> None:
-    """The verdict and what is asked next; with `verbose` the ranking, and what speaks for and against."""
+    """Show the verdict and the next command; with `verbose` also the ranking and the evidence for and
+    against."""
     if verbose:
         _show_whole(found)
         return
@@ -52,7 +53,7 @@ def show_diagnosis(found: Diagnosis, *, verbose: bool = False) -> None:
 
 
 def _left_out(found: Diagnosis) -> list[str]:
-    """What only ``-v`` says."""
+    """What is shown only with ``-v``."""
     against = sum(one.startswith("against ") for one in found.further_evidence)
     return [
         *(["the ranking"] if found.ranking and found.verdict is not Verdict.ADEQUATE else []),
@@ -69,14 +70,14 @@ def _title(found: Diagnosis) -> str:
 
 
 def _show_files(found: Sequence[LawAnswer]) -> None:
-    """Where the files of better laws are."""
+    """Show where the files of better laws are."""
     for one in found:
         if one.file is not None:
             console().print(f"  written: {escape(str(one.file))}", soft_wrap=True)
 
 
 def _show_whole(found: Diagnosis) -> None:
-    """The verdict, the ranking, what speaks for and against, and what cannot be told."""
+    """Show the verdict, the ranking, the evidence for and against, and what cannot be tested."""
     out = console()
     _show_verdict(found)
     show_departures(found.outside)
@@ -96,7 +97,7 @@ def _show_whole(found: Diagnosis) -> None:
         for line in found.excluded_because:
             out.print(f"  {escape(line)}", soft_wrap=True)
         if found.slot and not found.before.rows:
-            out.print(f"  the equation that most wants a term: [bold]{escape(found.slot)}[/]")
+            out.print(f"  the equation that most probably lacks a term: [bold]{escape(found.slot)}[/]")
         if any(one.before for one in found.drift):
             out.print(_drift(found.drift))
     _show_laws(found.laws)
@@ -109,7 +110,7 @@ def _show_whole(found: Diagnosis) -> None:
 
 
 def _show_intervals(found: Bootstrap | None) -> None:
-    """What the repetitions say of each parameter, beside what the fit says of itself."""
+    """Show the interval of each parameter over the repetitions, beside the standard deviation of the fit."""
     if found is None:
         return
     out = console()
@@ -124,7 +125,7 @@ def _show_intervals(found: Bootstrap | None) -> None:
 
 
 def _show_laws(found: Sequence[LawAnswer]) -> None:
-    """What the data say of the laws of the effects, and where the file of a better one is."""
+    """Show what the data show about the laws of the effects, and where the file of a better one is."""
     out = console()
     if found:
         out.print("  [bold]by which law[/]")
@@ -144,7 +145,7 @@ def _show_verdict(found: Diagnosis) -> None:
 def _ranking(found: Diagnosis) -> Table:
     """Effects by their probability."""
     made = table(
-        "effect", "probability", "", "p of score", "ΔmBIC", "own part", "error", "held out", "parameters"
+        "effect", "probability", "", "p of score", "ΔmBIC", "unabsorbed", "error", "held out", "parameters"
     )
     made.columns[2].justify = made.columns[4].justify = "right"
     shown = [one for k, one in enumerate(found.ranking) if k < _RANKED or one.effect in found.effects]

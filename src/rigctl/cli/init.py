@@ -17,7 +17,7 @@ _MARKER = """\
 # where runs are kept
 runs = "runs"
 
-# the rig that 'rigctl off', 'jog' and 'monitor' mean when no --rig is given
+# the rig of 'rigctl off', 'jog' and 'monitor' without --rig
 rig = "rigs/hl32-bench.yaml"
 """
 
@@ -26,17 +26,17 @@ _README = """\
 
 | folder | holds |
 |---|---|
-| `rigs/` | what the bench is: channels, actuators, calibrations, limits, safe state |
-| `procedures/` | what to do with it |
-| `models/` | the physical model that its measurements are compared with |
-| `data/` | measurements to begin with, see its README |
-| `runs/` | what was measured, one folder each; nothing is ever overwritten |
+| `rigs/` | descriptions of benches: channels, actuators, calibrations, limits, safe state |
+| `procedures/` | what the bench is to do, step by step |
+| `models/` | physical models that the measurements are compared with |
+| `data/` | example measurements, described in its README |
+| `runs/` | what was measured, one folder for each run; nothing is ever overwritten |
 
     rigctl check procedures/quick-check.yaml       # the plan: steps, records, duration, limits
     rigctl simulate procedures/quick-check.yaml    # on the simulated bench, as fast as it computes
-    rigctl report latest                           # one page about it
-    rigctl run procedures/quick-check.yaml         # on the backend that the rig file names
-    rigctl import data/unknown-bench.csv --rig rigs/hl32-bench.yaml    # data that was measured elsewhere
+    rigctl report latest                           # a page about the newest run
+    rigctl run procedures/quick-check.yaml         # on the backend named in the rig file
+    rigctl import data/unknown-bench.csv --rig rigs/hl32-bench.yaml    # data measured elsewhere
 """
 
 #: shipped folders, and which of their files a project gets
@@ -49,17 +49,17 @@ _MINIMAL_MARKER = """\
 # where runs are kept
 runs = "runs"
 
-# the rig that 'rigctl off', 'jog' and 'monitor' mean when no --rig is given
+# the rig of 'rigctl off', 'jog' and 'monitor' without --rig
 # rig = "rigs/my_bench.yaml"
 """
 
 _MINIMAL_README = """\
 # A rigctl project
 
-    rigctl family new my_bench --csv log.csv       # a first family, rig and model file from your own data
+    rigctl family new my_bench --csv log.csv       # a family, rig and model file drafted from your data
     rigctl family new other --template motor       # or from a template, without data
-    rigctl check rigs/my_bench.yaml                # what a file is, and whether anything is wrong with it
-    rigctl import log.csv --rig rigs/my_bench.yaml # with the --columns that 'family new' says, if it says any
+    rigctl check rigs/my_bench.yaml                # what the file describes, and any mistakes in it
+    rigctl import log.csv --rig rigs/my_bench.yaml # with --columns if 'family new' printed them
     rigctl compare latest --model models/my_bench.yaml
 """
 
@@ -67,7 +67,7 @@ _MINIMAL_README = """\
 def create_project(directory: Path, *, minimal: bool = False) -> list[Path]:
     """Write the shipped rigs, procedures, models and data into `directory`; returns the files written.
 
-    A `minimal` project has none of those, only what marks it as one.
+    A `minimal` project has none of those, only its ``rigctl.toml`` and a README.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def create_project(directory: Path, *, minimal: bool = False) -> list[Path]:
 
 
 def mark_project(directory: Path) -> Path | None:
-    """Make a folder a project by its ``rigctl.toml`` alone; None where it is one already."""
+    """Make a folder a project by writing its ``rigctl.toml`` only; None if it is one already."""
     from rigctl.files.write import write_text
 
     marker = directory / "rigctl.toml"
@@ -122,7 +122,7 @@ def init(
     directory: Annotated[Path, typer.Argument(help="Folder to create; by default the current one.")] = Path(),
     *,
     minimal: Annotated[
-        bool, typer.Option("--minimal", help="Without the shipped benches: for your own data and bench.")
+        bool, typer.Option("--minimal", help="Leave out the shipped benches: for your own data and bench.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
 ) -> None:

@@ -33,7 +33,7 @@ def show_round(one: Round) -> None:
 
 
 def show_learned(learned: Learned, folder: Path, page: Path) -> None:
-    """How it ended, promise beside outcome, and where the story is."""
+    """Show how it ended, the predicted beside the achieved separation, and where the page is."""
     out = console()
     good = learned.ended is Ended.ADEQUATE
     out.print(
@@ -42,7 +42,7 @@ def show_learned(learned: Learned, folder: Path, page: Path) -> None:
     )
     compared = [one for one in learned.rounds if one.promised and one.promised.aim != "precision"]
     if any(one.came_out for one in compared):
-        made = table("round", "D promised", "came out", "P promised", "told apart")
+        made = table("round", "D predicted", "D achieved", "P predicted", "distinguished")
         for column in made.columns[1:4]:
             column.justify = "right"
         for one in compared:
@@ -64,10 +64,10 @@ def show_learned(learned: Learned, folder: Path, page: Path) -> None:
     out.print(
         f"  added {escape(added)}; {escape(learned.model)} is at version {learned.version}", soft_wrap=True
     )
-    out.print(f"  {clock_time(learned.spent)} of bench time; the story: {escape(str(page))}", soft_wrap=True)
+    out.print(f"  {clock_time(learned.spent)} of bench time; the page: {escape(str(page))}", soft_wrap=True)
     if learned.sensor:
         names = " and ".join(learned.sensor)
-        out.print(f"  with {escape(names)} measured too, they would be told apart", soft_wrap=True)
+        out.print(f"  with {escape(names)} measured too, they would be distinguished", soft_wrap=True)
     _lead_on(learned, folder)
 
 
@@ -78,12 +78,12 @@ def _lead_on(learned: Learned, folder: Path) -> None:
     runs = [one.run for one in learned.rounds if one.run]
     if learned.ended is Ended.OUTSIDE_LIBRARY and runs:
         discover = command(["discover", *runs, "--model", learned.model])
-        show_next(discover, "looks for a formula of what no effect of the library is")
+        show_next(discover, "looks for a formula where no effect of the library fits")
     elif learned.ended is Ended.BUDGET:
         show_next("rigctl learn --resume --budget 1h", "continues with more bench time")
     elif learned.ended is Ended.ROUNDS:
-        show_next("rigctl learn --resume --max-rounds 10", "goes on with more rounds")
+        show_next("rigctl learn --resume --max-rounds 10", "continues with more rounds")
     elif learned.ended is Ended.DECLINED:
         show_next("rigctl learn --resume", f"asks again; the proposal is kept in {folder}")
     elif learned.ended is Ended.STOPPED:
-        show_next("rigctl learn --resume", "goes on with the run that did not finish")
+        show_next("rigctl learn --resume", "continues the run that did not finish")

@@ -149,7 +149,7 @@ def learning_answer(
         ("size", _sizes_in(fits[-1].problem, found.added) if fits else ""),
         ("error", _error_text(falls(fits, left or {})) if fits else ""),
         ("held out", _held_out(fits) if fits else ""),
-        ("promised", "; ".join(promises[-1:])),
+        ("predicted", "; ".join(promises[-1:])),
         (
             "took",
             f"{plural(len([one for one in found.rounds if one.judged]), 'round')}, "
@@ -235,7 +235,8 @@ def _wanted(model: ModelComparison) -> str:
 
 
 def _close(evidence: float) -> float:
-    """Log-evidence by which equations are told apart: 20 to 1, or 1 % of a large one."""
+    """Log-evidence from which two equations count as distinguished: odds of 20 to 1, or 1 % of a large
+    one."""
     return max(3.0, 0.01 * evidence)
 
 

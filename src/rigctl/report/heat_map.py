@@ -14,7 +14,7 @@ from rigctl.files.write import write_bytes
 from rigctl.report.numbers import prose
 from rigctl.report.section import render
 
-#: blue below, orange above: told apart by most colour-blind readers
+#: blue below, orange above: distinguishable for most colour-blind readers
 _BELOW, _ABOVE = (47, 127, 193), (217, 122, 38)
 #: of a title in one inch of a picture
 _LETTERS = 12

@@ -18,7 +18,7 @@ from rigctl.units import DIMENSIONLESS, Dimension, parse_unit
 _ORDER = (("m", "position"), ("Pa", "pressure"), ("K", "temperature"), ("m^3/s", "flow"))
 #: kinds of events that are marked in the overview
 ALARMS = ("alarm", "fault", "gap")
-#: more shaded records than this cannot be told apart, and slow a browser down
+#: more shaded records than this cannot be distinguished, and slow a browser down
 _MOST_SPANS = 400
 _MOST_MARKS = 40
 

@@ -80,7 +80,7 @@ def _where(model: ModelComparison, *, several: bool) -> Section | None:
         "where.html", maps=[heat_map_table(one) for one in maps], places=places, slots=slots, trends=trends
     )
     title = "Where the model fails" if not several else f"Where {page_name(model)} fails"
-    hint = "by phase, channel and operating point; which equation wants a term"
+    hint = "by phase, channel and operating point; which equation lacks a term"
     return Section("where", title, body, maps, folded=True, hint=hint)
 
 
@@ -199,7 +199,7 @@ def _places(model: ModelComparison) -> list[Markup]:
 
 
 def _slots(model: ModelComparison) -> Markup | None:
-    """Which equation wants a term."""
+    """Bars of the log-evidence that each equation lacks a term."""
     if model.adequate or not model.slots or (model.rows and len(model.slots[0].alike) > 1):
         return None
     best = max(slot.log_evidence for slot in model.slots)
@@ -215,7 +215,7 @@ def _slots(model: ModelComparison) -> Markup | None:
         for slot in model.slots[:_MOST_PLACES]
         if slot.log_evidence > 0.0
     ]
-    return bars("Which equation wants a term: log-evidence for an unknown disturbance there", shown)
+    return bars("Which equation lacks a term: log-evidence for an unknown disturbance there", shown)
 
 
 def _meaning(model: ModelComparison, name: str) -> str:

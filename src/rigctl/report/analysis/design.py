@@ -141,7 +141,7 @@ def _sensor(one: SensorSet) -> dict[str, object]:
 
 
 def sensor_plot(sensors: tuple[SensorSet, ...]) -> Plot | None:
-    """Pairs that are told apart over what the sensors cost; the line is the most for the money."""
+    """Number of distinguished pairs over the price of the sensors; the line joins the best for each price."""
     priced = sorted((one for one in sensors if one.price is not None), key=lambda one: one.price or 0.0)
     if not priced:
         return None
@@ -157,8 +157,9 @@ def sensor_plot(sensors: tuple[SensorSet, ...]) -> Plot | None:
             for k, one in enumerate(priced)
         ),
     ]
-    caption = "Pairs told apart with a probability of a half at least, over the price of the sensors"
-    return Plot("sensors", caption, f"price [{currency}]", (Panel("pairs told apart", tuple(traces), 1.6),))
+    caption = "Pairs distinguished with a probability of at least a half, over the price of the sensors"
+    panel = Panel("pairs distinguished", tuple(traces), 1.6)
+    return Plot("sensors", caption, f"price [{currency}]", (panel,))
 
 
 def _points(sets: list[SensorSet]) -> tuple[np.ndarray, np.ndarray]:

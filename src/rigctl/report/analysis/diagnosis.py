@@ -120,7 +120,7 @@ def _row(one: Ranked) -> dict[str, object]:
         "size": one.size,
         "delta_bic": one.delta_bic,
         "kappa": one.kappa,
-        "hidden_in": "each record's own" if one.hidden_in == RECORD else plain_name(one.hidden_in),
+        "hidden_in": "record-level parameters" if one.hidden_in == RECORD else plain_name(one.hidden_in),
         "before": one.heldout_before if np.isfinite(one.heldout_before) else None,
         "after": one.heldout_after if np.isfinite(one.heldout_after) else None,
         "parameters": parameters_text(one.parameters),

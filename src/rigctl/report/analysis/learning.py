@@ -43,7 +43,7 @@ def learning_sections(learned: Learned, model: Path, told: Told | None = None) -
         plot=None if plot is None else plot_slot(plot),
         promises=_promises(learned),
     )
-    hint = "round by round: what was measured, what was promised of it, what came out"
+    hint = "round by round: what was measured, what was predicted, what was achieved"
     drawn = () if plot is None else (plot,)
     story = Section("learning", "What was learnt", body, drawn, folded=True, hint=hint)
     answer = learning_answer(learned, () if told is None else told.fits, None if told is None else told.left)
@@ -123,7 +123,7 @@ def _shown(one: Round) -> dict[str, object]:
 
 
 def _promises(learned: Learned) -> Markup:
-    """Of each designed round what D promised of the winner, beside what came out."""
+    """The predicted growth of the winner's margin in each designed round, beside the achieved one."""
     shown: list[Bar] = []
     largest = 1.0
     for promised, came_out in learned.promises:
@@ -136,6 +136,8 @@ def _promises(learned: Learned) -> Markup:
         for rival, gain in one.came_out.gains.items():
             expected = one.came_out.expected[rival]
             against = f"{plain_name(one.came_out.winner)} over {plain_name(rival)}"
-            shown.append(Bar(label, expected / largest, f"{expected:.3g}", f"promised: {against}", 7))
-            shown.append(Bar("came out", max(gain, 0.0) / largest, f"{gain:.3g}", "", 0))
-    return bars("Gain of 2·ln L: promised, and what came out", shown) if shown else Markup()
+            shown.append(Bar(label, expected / largest, f"{expected:.3g}", f"predicted: {against}", 7))
+            shown.append(Bar("achieved", max(gain, 0.0) / largest, f"{gain:.3g}", "", 0))
+    if not shown:
+        return Markup()
+    return bars("Growth of the log-likelihood ratio 2·ln L: predicted and achieved", shown)

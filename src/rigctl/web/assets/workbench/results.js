@@ -87,7 +87,7 @@ export const diagnosis = (found, actions) => {
     h("p", { class: `statement ${tone}` }, h("strong", {}, `${found.title}. `), found.statement),
     ranked.length ? h("ul", { class: "ranking", "aria-label": "Probability that an effect is among what is missing" }, ...ranked.map(line)) : null,
     found.effects.length ? h("div", { class: "toolbar" }, button(found.verdict === "missing_effect" ? "Add what is missing" : "Add the most likely", actions.improve, { class: found.verdict === "missing_effect" ? "primary" : "" })) : null,
-    found.alike.length ? h("div", {}, h("h3", {}, "Not told apart"), ...found.alike.map(group)) : null,
+    found.alike.length ? h("div", {}, h("h3", {}, "Not distinguished"), ...found.alike.map(group)) : null,
     h("div", { class: "toolbar" }, found.alike.length ? button("What to measure next", actions.design, { class: "primary" }) : null, found.verdict === "outside_library" ? button("Look for a formula", actions.discover) : null),
     found.signatures ? fold("What each would explain", h("p", { class: "note" }, `over the residual of ${found.signatures.record}, in grey`), ...inSigmas(found.signatures, { quiet: "measured − model" })) : null,
     fold("For and against", h("ul", {}, ...found.evidence.map((text) => h("li", {}, text))), ...(found.drift.length ? [table("Fitted parameters", ["", "without", "with it"], found.drift.map((one) => [plain(one.parameter), spread(one.before, one.before_std), `${spread(one.after, one.after_std)} ${unitText(one.unit)}`]))] : [])),
@@ -156,7 +156,7 @@ export const experiment = (found, { approve, toReal }) => {
     found.records.length
       ? h("ul", { class: "figures" },
           h("li", {}, h("b", {}, `${percent(found.probability_before)} → ${percent(found.probability)}`), "chance that a diagnosis names what is right"),
-          found.duration ? h("li", {}, h("b", {}, duration(found.duration)), "of the rig's time") : null,
+          found.duration ? h("li", {}, h("b", {}, duration(found.duration)), "of bench time") : null,
           h("li", {}, h("b", {}, String(found.records.length)), `${found.duration ? "record" : "row"}${found.records.length === 1 ? "" : "s"}`))
       : null,
     table("Rivals", ["", "weight", "parameters"], found.rivals.map((one) => [titleOf(one.name), percent(one.weight), parameters(one.parameters)])),
