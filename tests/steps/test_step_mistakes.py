@@ -16,9 +16,9 @@ RIG = (Path(__file__).parents[2] / "rigs" / "hl32-bench.yaml").read_text(encodin
 # the step, as it stands from line 3, column 3; line:column of the message; pieces of the message
 MISTAKES: list[tuple[str, str, list[str]]] = [
     ("- heet: 40 degC", "3:11", ["unknown step", "'heet'", "did you mean 'heat'?"]),
-    ("- wait", "3:5", ["this is no step", "'wait: 2 s'"]),
-    ("- {}", "3:5", ["this is no step"]),
-    ("- 3", "3:5", ["this is no step", "'3'"]),
+    ("- wait", "3:5", ["this is not a step", "'wait: 2 s'"]),
+    ("- {}", "3:5", ["this is not a step"]),
+    ("- 3", "3:5", ["this is not a step", "'3'"]),
     ("- {wait: 1 s, heat: 20 degC}", "3:12", ["two steps in one", "heat and wait", "after each dash"]),
     ("- heat: {too: 40 degC}", "3:12", ["unknown field", "'too'", "did you mean 'to'?"]),
     ("- heat: {within: 1 K}", "3:11", ["'to' is missing"]),
@@ -50,7 +50,7 @@ MISTAKES: list[tuple[str, str, list[str]]] = [
     ("- hold: {for: 1 s, channel: supply_pressure, at: 61 bar, within: 1 bar}", "3:52", ["over_pressure"]),
     ("- wait: 3", "3:11", ["the unit is missing", "a time, e.g. '2 s'"]),
     ("- wait: true", "3:11", ["wait: true/false where a quantity belongs"]),
-    ("- wait: {for: 2 s, until: position < 1 mm}", "3:11", ["a wait needs one end"]),
+    ("- wait: {for: 2 s, until: position < 1 mm}", "3:11", ["a wait needs exactly one end"]),
     ("- wait: {until: position < 1 mm}", "3:11", ["'until' needs a timeout"]),
     ("- set: {heeter: on}", "3:19", ["unknown actuator", "did you mean 'heater'?"]),
     ("- set: {heater: maybe}", "3:19", ["unknown position", "'maybe'", "off, on"]),

@@ -138,8 +138,8 @@ def test_expressions_of_variables(steps: Callable[..., Plan]) -> None:
     [
         ("{a: []}", "3:14", ["this sweep is empty", "at least one value"]),
         ("{}", "3:10", ["too few entries"]),
-        ("{a: 3 s}", "3:14", ["this is no sweep", "'3 s'", "{from, to, step}"]),
-        ("{a: }", "3:13", ["this is no sweep"]),
+        ("{a: 3 s}", "3:14", ["this is not a sweep", "'3 s'", "{from, to, step}"]),
+        ("{a: }", "3:13", ["this is not a sweep"]),
         ("{a: [1 s, 2 bar]}", "3:20", ["different dimensions", "'2 bar'", "a value like '1 s'"]),
         ("{a: [20, 40 bar]}", "3:15", ["the unit is missing, got '20'", "a value like '40 bar'"]),
         ("{a: [20 bar, 40]}", "3:23", ["the unit is missing, got '40'", "a value like '20 bar'"]),

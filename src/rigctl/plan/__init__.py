@@ -1,4 +1,4 @@
-"""What a run will do, laid out before anything moves: the tree of a plan, and what steps are built from."""
+"""The plan of a run, complete before anything moves: its tree, and what steps are built from."""
 
 from rigctl.plan.tree import (
     Branch,

@@ -1,8 +1,8 @@
-"""What a single step asks of the bench, with every variable resolved: frozen, and SI throughout.
+"""What a single step does on the bench, with every variable resolved: frozen, SI throughout.
 
-Each kind of action is defined with its step in `rigctl.steps`. It says *what* is wanted and when to give up,
-how long that is expected to take, and how it is carried out on a bench. Temperatures are absolute (K) where
-they are set-points and intervals (K) where they are tolerances.
+Each kind of action is defined with its step in `rigctl.steps`. It states *what* is to be reached and when to
+give up, forecasts how long that takes, and carries it out on a bench. Set-points of temperature are absolute
+(K), tolerances are intervals (K).
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from rigctl.plan.forecast import Forecast, ForecastBench, State
 
 @dataclass(frozen=True, slots=True)
 class SetPoint:
-    """Where an action brings a channel, or keeps it; SI.
+    """The value that an action brings a channel to, or holds it at; SI.
 
     Attributes
     ----------
-    to: the value wanted; None is the first reading after the action has begun.
-    within: half width of its tolerance, where it has one.
-    ramp: how fast the set-point goes there from that first reading, per s; None is at once.
+    to: the target value; None for the first reading after the action has started.
+    within: half width of the tolerance, if there is one.
+    ramp: rate at which the set-point moves there from that first reading, per s; None for a step change.
     """
 
     channel: str
@@ -33,22 +33,22 @@ class SetPoint:
 
 
 class Action(ABC):
-    """One thing that a plan asks of the bench; its subclasses are frozen dataclasses."""
+    """One thing that a plan does on the bench; subclasses are frozen dataclasses."""
 
     __slots__ = ()
 
     @abstractmethod
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """How long it is expected to take from `state`, and where it leaves the bench."""
+        """The expected duration from `state`, and the expected state of the bench afterwards."""
 
     @abstractmethod
     def carry_out(self, bench: Bench) -> Behaviour:
-        """A generator that does it on `bench`, yields what it waits for, and returns its outcome.
+        """A generator that carries it out on `bench`, yields what it waits for, and returns its outcome.
 
         Raises
         ------
         StepFailed
-            what was asked for could not be done; says what was seen.
+            it could not be done; the message reports what was observed.
         """
 
     def refusal(self, bench: Bench) -> RigctlError | None:
@@ -56,9 +56,10 @@ class Action(ABC):
         return None
 
     def lasting(self) -> frozenset[str]:
-        """The actuators whose state it decides for good: a resumed run repeats the last action for each."""
+        """The actuators whose state it sets beyond its end: a resumed run repeats the last such action for
+        each."""
         return frozenset()
 
     def set_point(self) -> SetPoint | None:
-        """What a channel is brought to; None of an action that asks nothing of a channel."""
+        """The channel that is controlled and its target; None if the action controls no channel."""
         return None

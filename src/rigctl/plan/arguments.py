@@ -1,4 +1,4 @@
-"""Arguments of a procedure: what they are declared as, and what they are given."""
+"""Arguments of a procedure: their declarations and their values."""
 
 from __future__ import annotations
 
@@ -41,25 +41,25 @@ class ArgumentFields(Part):
 
     @property
     def is_list(self) -> bool:
-        """True when it stands for a list."""
+        """True if its value is a list."""
         return isinstance(self.default, list)
 
     @property
     def display_unit(self) -> str:
-        """A unit of its dimension."""
+        """A unit of the argument's dimension."""
         first = self.default[0] if isinstance(self.default, list) else self.default
         if self.unit is not None or first is None or first.literal is None:
             return self.unit or "1"
         return first.literal.unit.text or "1"
 
     def default_variable(self) -> Variable | None:
-        """The default as what a variable stands for."""
+        """The default as the value of a variable."""
         if isinstance(self.default, list):
             return tuple(value.quantity({}) for value in self.default)
         return None if self.default is None else self.default.quantity({})
 
     def check(self, value: Quantity) -> None:
-        """Refuse another dimension, or a value out of bounds.
+        """Refuse a value of another dimension or out of bounds.
 
         Raises
         ------
@@ -87,16 +87,16 @@ Argument = Annotated[ArgumentFields, Short("default")]
 
 
 class Declaring(Protocol):
-    """A procedure with what may be given to it."""
+    """A procedure with its arguments."""
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """The procedure's name."""
         ...
 
     @property
     def arguments(self) -> Mapping[str, ArgumentFields]:
-        """What may be given, by name."""
+        """Its arguments by name."""
         ...
 
 
@@ -106,7 +106,7 @@ def read_arguments(procedure: Declaring, given: Mapping[str, str | float]) -> di
     Raises
     ------
     RigctlError
-        an unknown argument, or a text that is no quantity.
+        an unknown argument, or a text that is not a quantity.
     """
     variables: dict[str, Variable] = {}
     for name, written in given.items():
@@ -124,12 +124,12 @@ def read_arguments(procedure: Declaring, given: Mapping[str, str | float]) -> di
 
 
 def bind(procedure: Declaring, given: Mapping[str, Variable]) -> dict[str, Variable]:
-    """Every argument of the procedure with its value: what was given, or the default.
+    """Every argument of the procedure with its value: the given one, or the default.
 
     Raises
     ------
     RigctlError
-        an unknown or a missing argument, another dimension, out of bounds, a list where there is none.
+        an argument is unknown, missing, of another dimension, out of bounds, or wrongly a list.
     """
     for name in given:
         _declared(procedure, name)

@@ -1,6 +1,6 @@
-"""How a step is carried out: a generator of what it waits for, on the bench as a step sees it.
+"""How a step is carried out: a generator of what it waits for, and the bench as steps see it.
 
-The runner alone lets time pass; `rigctl.runner.bench` is the bench that steps are carried out on.
+Only the runner lets time pass; `rigctl.runner.bench` implements the bench.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ Row: TypeAlias = tuple[float, ...]
 
 
 class OnPause(Enum):
-    """What a pause does to a step that is waiting."""
+    """The effect of a pause on a step that is waiting."""
 
-    RESTART = "restart"  #: the commands it began with are restored and it begins again
-    KEEP = "keep"  #: commands are restored and it goes on waiting
-    DEFER = "defer"  #: the pause waits until it is over, since half of it would be worthless
+    RESTART = "restart"  #: the commands at its start are restored and it starts again
+    KEEP = "keep"  #: commands are restored and it continues waiting
+    DEFER = "defer"  #: the pause is deferred until the step is over, since half of it would be worthless
 
 
 @dataclass(frozen=True, slots=True)
 class Until:
-    """Go on at bench time `time`, at the first sample for which `when` is true, or once `done` is.
+    """Continue at bench time `time`, at the first sample for which `when` is true, or once `done` is true.
 
-    The generator is then sent the sample's row, or None where it was not a sample that it waited for. `done`
-    is looked at whenever something has come from the bench.
+    The generator is then sent the row of the sample, or None if it did not wait for a sample. `done` is
+    evaluated whenever something has arrived from the bench.
     """
 
     time: float = math.inf
@@ -54,7 +54,7 @@ def every_sample(_: Row) -> bool:
     return True
 
 
-#: between two steps: look at signals, requests and the samples that are due, and go on at once
+#: between two steps: handle signals, requests and the samples that are due, and continue at once
 CHECKPOINT = Until(-math.inf, on_pause=OnPause.KEEP)
 
 
@@ -65,11 +65,11 @@ class Question:
     Parameters
     ----------
     text: the question or the request.
-    name: what the answer is kept as; None when a confirmation is enough.
-    unit: the unit a value is read in and shown in; None for a confirmation.
+    name: name under which the answer is kept; None when a confirmation is enough.
+    unit: unit in which a value is typed and shown; None for a confirmation.
     low, high: SI, included.
-    simulated: SI, what a simulated operator answers.
-    notice: True when nothing is to be typed: the channels show when it has been done.
+    simulated: SI, the answer of a simulated operator.
+    notice: True if nothing has to be typed, because the channels show when it has been done.
     """
 
     text: str
@@ -86,7 +86,7 @@ class Question:
         return self.name is not None
 
     def __str__(self) -> str:
-        """The question with what may be answered."""
+        """The question with the permitted answers."""
         if self.notice:
             return self.text
         if not self.wants_value:
@@ -99,7 +99,7 @@ class Question:
 
 @dataclass(frozen=True)
 class Answer:
-    """What came back: the text as typed, and its SI value where one was asked for."""
+    """The operator's answer: the text as typed, and its SI value if a value was asked for."""
 
     text: str
     value: float | None = None
@@ -107,33 +107,33 @@ class Answer:
 
 @dataclass(frozen=True)
 class Pulse:
-    """A timed command that the bench will end by itself."""
+    """A timed command that the bench ends on its own."""
 
-    end: float  #: s, when it should be over
+    end: float  #: s, time at which it should be over
     value: float
 
 
 class Receipt(Protocol):
-    """What a command is answered with."""
+    """The acknowledgement of a command."""
 
     @property
     def time(self) -> float:
-        """When the actuator was really switched, s."""
+        """Time at which the actuator actually switched, s."""
         ...
 
 
 class Bench(Protocol):
-    """What a step may ask of the bench that it is carried out on; all values SI, all times s on its clock."""
+    """The bench as a step may use it; values in SI, times in s on the bench's clock."""
 
     rig: Rig
-    columns: Mapping[str, int]  #: of a row, by channel or command
+    columns: Mapping[str, int]  #: index in a row, by channel or command
     newest: Row | None
-    rate: float  #: Hz, of the samples
-    needed_rate: float  #: Hz that the step in progress has to be read with at least, between records
+    rate: float  #: sampling rate, Hz
+    needed_rate: float  #: lowest sampling rate that the step in progress needs between records, Hz
     commanded: dict[str, float]
     pulses: dict[str, Pulse]
-    missed: list[str]  #: what lay outside its limits while the procedure went on
-    regulated: set[str]  #: actuators that the step in progress commands anew by itself
+    missed: list[str]  #: measures that were outside their limits while the procedure continued
+    regulated: set[str]  #: actuators that the step in progress commands repeatedly itself
     reachable: bool
 
     @property
@@ -151,25 +151,25 @@ class Bench(Protocol):
         ...
 
     def fresh(self) -> Generator[Until, Row | None, Row]:
-        """The newest row, or the next one when a command was given since."""
+        """The newest row, or the next one if a command has been given since."""
         ...
 
     def condition(self, expression: Expression) -> Callable[[Row], object]:
-        """A function of a row for a condition over channels, commands, measures and answers."""
+        """A condition over channels, commands, measures and answers as a function of a row."""
         ...
 
     def command(
         self, actuator: str, value: float, duration: float | None = None
     ) -> Generator[Until, Row | None, Receipt]:
-        """Switch an actuator as soon as it may be, for `duration` s if given."""
+        """Switch an actuator as soon as that is allowed, for `duration` s if given."""
         ...
 
     def try_switch(self, actuator: str, value: float) -> bool:
-        """Send a command now, without waiting for its answer; False when contact is lost for the moment."""
+        """Send a command now, without waiting for its acknowledgement; False while contact is lost."""
         ...
 
     def finish_pulse(self, actuator: str) -> Waiting:
-        """Wait until a timed command is over; ends it from here where the bench cannot."""
+        """Wait until a timed command is over; the host ends it if the bench cannot."""
         ...
 
     def cannot_regulate(self, loop: LoopSettings) -> str:
@@ -189,7 +189,7 @@ class Bench(Protocol):
         ...
 
     def release(self, actuator: str) -> None:
-        """Bring an actuator back to its safe value now."""
+        """Return an actuator to its safe value now."""
         ...
 
     def safe_value(self, actuator: str) -> float:
@@ -197,11 +197,12 @@ class Bench(Protocol):
         ...
 
     def is_at(self, actuator: str, value: float) -> bool:
-        """Whether the newest command to an actuator was a value, and no answer to it has stayed away."""
+        """Whether the newest command to an actuator was `value` and has not gone unanswered."""
         ...
 
     def rested_at(self, actuator: str, value: float) -> float:
-        """When an actuator that needs rest between two switches may be switched to `value`, s."""
+        """Earliest time at which an actuator with a minimum rest between switches may be switched to `value`,
+        s."""
         ...
 
     def statistics(
@@ -211,21 +212,21 @@ class Bench(Protocol):
         ...
 
     def record_measure(self, value: MeasuredValue) -> None:
-        """Keep a measured or answered value with the open record, or with the run, and for later steps."""
+        """Keep a measured or answered value for later steps, with the open record or else with the run."""
         ...
 
     def event(self, kind: str, message: str) -> None:
-        """Log something that happened now, at the step in progress."""
+        """Log an event at the current time and step."""
         ...
 
     def ask(self, question: Question) -> Generator[Until, Row | None, Answer]:
-        """Ask the operator and wait for the answer, with samples and interlocks going on."""
+        """Ask the operator and wait for the answer; sampling and interlocks continue meanwhile."""
         ...
 
     def request(self, question: Question) -> None:
-        """Show the operator what is wanted, without waiting."""
+        """Show the operator a request, without waiting."""
         ...
 
     def withdraw(self) -> None:
-        """What was asked for is not needed any more."""
+        """Withdraw a request that is no longer needed."""
         ...

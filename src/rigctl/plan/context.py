@@ -1,4 +1,4 @@
-"""Where in the plan a step stands while it is built, and how nodes are made there."""
+"""The position in the plan at which a step is being built, and how nodes are made there."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from rigctl.project import find_project
 from rigctl.units import Quantity
 
 MAX_NODES = 100_000
-#: steps inside steps, through calls: as deep as a single file can nest them
+#: depth of steps inside steps, through calls: as deep as a single file can nest them
 MAX_DEPTH = 50
-#: how often a step may be repeated by all the loops around it
+#: how often all the enclosing loops together may repeat a step
 MAX_ROUNDS = 1_000_000
 
 
@@ -36,30 +36,30 @@ class Step(Protocol):
 
 
 class Cleanup(Protocol):
-    """The steps that are carried out when a block is left."""
+    """The steps that are carried out when leaving a block."""
 
     @property
     def on_failure(self) -> Sequence[Step] | None:
-        """When one of its steps failed."""
+        """Steps after a failure of one of its steps."""
         ...
 
     @property
     def on_abort(self) -> Sequence[Step] | None:
-        """When the run was aborted inside it."""
+        """Steps after an abort of the run inside it."""
         ...
 
     @property
     def finally_(self) -> Sequence[Step] | None:
-        """In every case, last."""
+        """Steps in every case, last."""
         ...
 
 
 class Called(ProcedureText, Declaring, Cleanup, Protocol):
-    """A procedure that a plan is built from: the one asked for, or one that a step calls."""
+    """A procedure that a plan is built from: the requested one, or one that a step calls."""
 
     @property
     def document(self) -> Document:
-        """The file, with the places of what is written."""
+        """The file, with the location of each entry."""
         ...
 
     @property
@@ -70,19 +70,19 @@ class Called(ProcedureText, Declaring, Cleanup, Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Context(Reader):
-    """A reader that knows its place in the plan."""
+    """A reader that knows its position in the plan."""
 
-    path: str = ""  #: of the step; empty at the top of the procedure
-    sweep: Mapping[str, Quantity] = field(default_factory=dict)  #: of every sweep around, through calls
-    recording: bool = False  #: inside a record
-    record_rate: float | None = None  #: Hz, of the samples of the record around
-    depth: int = 0  #: steps around this one
-    rounds: int = 1  #: how often the loops around repeat it
-    calls: tuple[Called, ...]  #: from the procedure that was asked for to this one
+    path: str = ""  #: path of the step; empty at the top of the procedure
+    sweep: Mapping[str, Quantity] = field(default_factory=dict)  #: of every enclosing sweep, through calls
+    recording: bool = False  #: True inside a record
+    record_rate: float | None = None  #: sampling rate of the enclosing record, Hz
+    depth: int = 0  #: number of enclosing steps
+    rounds: int = 1  #: how often the enclosing loops repeat it
+    calls: tuple[Called, ...]  #: chain of calls from the requested procedure to this one
     load: Callable[[Path], Called]  #: reads the file of a procedure that is called
 
     def allow(self, more: int) -> None:
-        """Refuse a plan that grows beyond what a person could mean."""
+        """Refuse a plan that grows larger than anybody can have intended."""
         if self.findings.nodes + more > MAX_NODES:
             raise RigctlError(
                 "the plan grows too large",
@@ -124,7 +124,7 @@ class Context(Reader):
         cleanup: Cleanup | None = None,
         path: str | None = None,
     ) -> Group:
-        """Nodes that are already built, as one group with its cleanup."""
+        """Existing nodes as one group with its cleanup."""
         at = self.path if path is None else path
         blocks = self.cleanup_groups(cleanup, at)
         return Group(
@@ -147,11 +147,11 @@ class Context(Reader):
         return self.collect([node], label=node.label, kind=GroupKind.DO, cleanup=cleanup, path=path)
 
     def inside_record(self, rate: float) -> Context:
-        """The same place, with a record open whose samples come at `rate` Hz."""
+        """The same position, inside a record sampled at `rate` Hz."""
         return replace(self, recording=True, record_rate=rate)
 
     def repeated(self, count: int, key: str) -> Context:
-        """The same place inside a loop of so many rounds."""
+        """The same position inside a loop of `rounds` rounds."""
         rounds = self.rounds * max(count, 1)
         if rounds > MAX_ROUNDS:
             with self.located(key):
@@ -161,7 +161,7 @@ class Context(Reader):
         return replace(self, rounds=rounds)
 
     def at_point(self, label: str, point: Mapping[str, Quantity]) -> Context:
-        """The same place at one point of a sweep."""
+        """The same position at one point of a sweep."""
         with self.located("do"):
             self.allow(1)
         self.findings.nodes += 1
@@ -173,7 +173,7 @@ class Context(Reader):
         )
 
     def sweep_values(self) -> dict[str, tuple[float, str]]:
-        """The values of every sweep around, in SI, with the units they are shown in."""
+        """The values of every enclosing sweep in SI, with the units in which they are shown."""
         return {name: (value.si, value.unit.text or "1") for name, value in self.sweep.items()}
 
     def open_call(self, written: str) -> Called:
@@ -182,7 +182,7 @@ class Context(Reader):
         Raises
         ------
         RigctlError
-            there is no such file, something in it is wrong, or it calls itself in the end; names the chain.
+            there is no such file, it is not valid, or it calls itself, directly or not; the chain is named.
         """
         project = find_project(self.document.path.parent if self.document.path else None)
         path = project.resolve(written, relative_to=self.document.path)
@@ -193,7 +193,7 @@ class Context(Reader):
         return self.load(path)
 
     def called(self, procedure: Called, variables: Variables) -> Context:
-        """The top of another procedure that is called from here."""
+        """The top of another procedure, called from here."""
         return replace(
             self,
             document=procedure.document,
@@ -222,7 +222,7 @@ class Context(Reader):
         return step.build(inner)
 
     def cleanup_groups(self, cleanup: Cleanup | None, path: str) -> dict[str, Group]:
-        """The cleanup blocks that are written, in the order in which they would run."""
+        """The cleanup blocks present, in the order in which they would run."""
         if cleanup is None:
             return {}
         named = {

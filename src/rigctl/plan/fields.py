@@ -1,4 +1,4 @@
-"""What the fields of steps share: a base class, names, formulas, and a short form for the most used one."""
+"""What the fields of steps have in common: a base class, names, formulas, and short forms."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from rigctl.units import parse_unit
 
 
 class Part(BaseModel):
-    """A part of a procedure file: frozen, and refusing fields that it does not know."""
+    """A part of a procedure file: frozen; unknown fields are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True)
 
@@ -43,7 +43,7 @@ def _name(written: object) -> str:
     )
 
 
-#: names of variables, measures and answers: what an expression can name
+#: names of variables, measures and answers, as expressions can use them
 Name = Annotated[
     str, BeforeValidator(_name), WithJsonSchema({"type": "string", "pattern": f"^{_NAME.pattern}$"})
 ]
@@ -75,7 +75,7 @@ Condition = Annotated[
 
 
 def unit_text(written: object) -> str:
-    """The name of a unit; a plain 1 is a unit too.
+    """The name of a unit; 1 is one too.
 
     Raises
     ------
@@ -92,15 +92,15 @@ def unit_text(written: object) -> str:
     return text
 
 
-#: a unit that values are read and shown in
+#: a unit in which values are read and shown
 UnitName = Annotated[str, BeforeValidator(unit_text)]
 
 
 @dataclass(frozen=True)
 class Short:
-    """Lets a step be written with the value of one field instead of a mapping: ``wait: 0.2 s``.
+    """A short form: a step may be written with the value of one field instead of a mapping: ``wait: 0.2 s``.
 
-    `field` is the one that the value belongs to.
+    `field` is the field to which the value belongs.
     """
 
     field: str

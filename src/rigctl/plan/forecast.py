@@ -1,6 +1,6 @@
-"""What is expected of one action before anything moves, and what a forecast may ask of the bench.
+"""The expected course of one action before anything moves, and the bench as a forecast sees it.
 
-An action forecasts itself from a `State` and a `ForecastBench`; `rigctl.planning` walks a plan with them.
+An action makes its forecast from a `State` and a `ForecastBench`; `rigctl.planning` walks a plan with them.
 """
 
 from __future__ import annotations
@@ -12,28 +12,28 @@ from typing import Protocol, TypeAlias
 
 from rigctl.rig import Rig
 
-#: s that a person is assumed to take: to turn a valve until the gauge is right, to answer, to type a value
+#: s assumed for a person to turn a valve until the gauge is right, to confirm, to type a value
 TURNING = 20.0
 ANSWERING = 10.0
 TYPING = 20.0
 
 
 class Basis(IntEnum):
-    """What an expected duration rests on; the larger, the less it is worth."""
+    """The basis of an expected duration, from the most to the least certain."""
 
-    TIMED = 0  #: the procedure says how long
+    TIMED = 0  #: the procedure states it
     ESTIMATED = 1  #: from the rig's geometry and heat balance
-    GUESSED = 2  #: a person is assumed to take so long
+    GUESSED = 2  #: an assumption on how long a person takes
     AT_MOST = 3  #: it ends on a condition; this is its timeout
 
 
-#: what a forecast says a channel will read at most and at least, SI
+#: the lowest and highest reading of a channel according to a forecast, SI
 Extents: TypeAlias = Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Where the bench is expected to be; SI, None where the rig does not say."""
+    """The expected state of the bench; SI, None where the rig file does not determine it."""
 
     temperature: float | None
     pressure: float
@@ -42,7 +42,7 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Forecast:
-    """What one action is expected to do."""
+    """The expected course of one action."""
 
     seconds: float
     basis: Basis
@@ -52,10 +52,10 @@ class Forecast:
 
 
 class OilTank(Protocol):
-    """How the oil's temperature (K) moves at a supply pressure (Pa), with the heater on or off."""
+    """The time course of the oil temperature (K) at a supply pressure (Pa), with the heater on or off."""
 
     def limit(self, pressure: float, heating: bool) -> float:
-        """The temperature that the oil settles at in the end; infinite without any loss."""
+        """The steady-state temperature of the oil; infinite without any loss."""
         ...
 
     def after(self, temperature: float, seconds: float, pressure: float, heating: bool) -> float:
@@ -63,7 +63,7 @@ class OilTank(Protocol):
         ...
 
     def time_to(self, target: float, temperature: float, pressure: float, heating: bool) -> float:
-        """Seconds until `target` is reached; infinite when it never is."""
+        """Seconds until `target` is reached; infinite if it never is."""
         ...
 
 
@@ -77,21 +77,21 @@ class ForecastBench(Protocol):
 
     @property
     def simulated(self) -> bool:
-        """True when the operator is simulated, and answers after the rig's `answer_delay`."""
+        """True if the operator is simulated and answers after the rig's `answer_delay`."""
         ...
 
     @property
     def tank(self) -> OilTank | None:
-        """What heats and cools the oil; None when the rig does not say."""
+        """The heat balance of the oil; None if the rig file has none."""
         ...
 
     @property
     def stroke(self) -> float | None:
-        """The length of the cylinder in m; None when the rig does not say."""
+        """The stroke of the cylinder in m; None if the rig file does not state it."""
         ...
 
     def operator_time(self, person: float) -> float:
-        """Seconds that the operator takes where a person would take `person`."""
+        """Seconds that the operator takes for what takes a person `person` seconds."""
         ...
 
     def pass_time(self, state: State, seconds: float, *, heating: bool = False) -> State:
@@ -99,5 +99,5 @@ class ForecastBench(Protocol):
         ...
 
     def speed(self, direction: int, state: State) -> float | None:
-        """Metres per second of a move; None when the rig does not say."""
+        """Speed of a move, m/s; None if the rig file does not determine it."""
         ...

@@ -1,7 +1,7 @@
-"""Which device a run is made on, and who makes it: what a procedure demands, and what was given.
+"""The device under test and the person in charge: what a procedure requires, and what was given.
 
-A pattern is a regular expression of RE2, whose matching takes time in proportion to the text: no procedure
-file can hang rigctl with one.
+A pattern is a regular expression of RE2, which matches in time proportional to the length of the text: no
+procedure file can make rigctl hang.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class IdentityField(Part):
         return self
 
     def matches(self, text: str) -> bool:
-        """Whether a text fits the pattern as a whole; any does where there is none.
+        """Whether the whole text matches the pattern; True if there is none.
 
         Raises
         ------
@@ -65,7 +65,7 @@ class IdentityField(Part):
         except pa.ArrowInvalid as problem:
             said = str(problem).partition(": ")[2] or "not readable"
             raise RigctlError(
-                f"no regular expression: {said}", value=self.pattern, expected="e.g. 'HC-[0-9]{4}'"
+                f"not a regular expression: {said}", value=self.pattern, expected="e.g. 'HC-[0-9]{4}'"
             ) from problem
 
 
@@ -83,7 +83,7 @@ class IdentityFields(Part):
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """The device under test and who is in charge; "" for what nobody said."""
+    """The device under test and the person in charge; "" for what was not given."""
 
     serial_number: str = ""
     part: str = ""
@@ -112,14 +112,16 @@ def checked(demands: IdentityFields, name: str, text: str) -> str:
     Raises
     ------
     RigctlError
-        it is too long, has signs that cannot be printed, or does not fit the pattern.
+        it is too long, has unprintable characters, or does not match the pattern.
     """
     said = text.strip()
     demand: IdentityField = getattr(demands, name)
     label = name.replace("_", " ")
     if len(said) > LONGEST or not said.isprintable():
         raise RigctlError(
-            f"the {label} is no short text", value=said, expected=f"one line of at most {LONGEST} characters"
+            f"the {label} is not a short text",
+            value=said,
+            expected=f"one line of at most {LONGEST} characters",
         )
     if said and not demand.matches(said):
         raise RigctlError(
@@ -129,7 +131,7 @@ def checked(demands: IdentityFields, name: str, text: str) -> str:
 
 
 def settled(demands: IdentityFields, given: Mapping[str, str | None]) -> tuple[Identity, tuple[str, ...]]:
-    """What was given, completed by the defaults; and the names of required fields that are missing still.
+    """What was given, completed by the defaults, and the names of required fields that are still missing.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a step measured or was answered."""
+"""A value that a step measured or an operator answered."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class MeasuredValue:
-    """A value kept with a record or with the run: SI, with the unit it is shown in and its limits.
+    """A value kept with a record or with the run: SI, with the unit for display and its limits.
 
     Attributes
     ----------
     value, low, high: SI; the limits are included.
     unit: the unit it is shown in.
-    passed: it is within its limits.
-    difference: it is an interval of temperatures, shown without offset.
-    typed: an operator's answer: its limits are those of what is taken for one, and judge nothing.
-    path: of the step that it was taken by, in the plan; "" where it is not known.
+    passed: whether it is within its limits.
+    difference: whether it is a temperature interval, shown without offset.
+    typed: whether it is an operator's answer: its limits restrict what may be typed, and judge nothing.
+    path: of the step that took it, in the plan; "" if unknown.
     """
 
     name: str
@@ -31,5 +31,5 @@ class MeasuredValue:
 
     @property
     def judged(self) -> bool:
-        """True when it has limits that it passes or misses."""
+        """True if it has limits to be judged by."""
         return not self.typed and (self.low is not None or self.high is not None)

@@ -10,26 +10,26 @@ from rigctl.errors import ExitCode, Location
 class Outcome(Enum):
     """How one step or one record ended."""
 
-    COMPLETE = "complete"  #: it did what was asked
+    COMPLETE = "complete"  #: it did what was required
     MISSED = "missed"  #: it was carried out, and a measured value lay outside its limits
     SKIPPED = "skipped"  #: it was done in an earlier session of the run, or a dry run moves nothing
-    TIMED_OUT = "timed_out"  #: what it waited for did not come in time
-    FAILED = "failed"  #: it could not be carried out, or what it watched left its tolerance
-    TRIPPED = "tripped"  #: an interlock stopped the run while it was going on
-    INTERRUPTED = "interrupted"  #: samples were lost inside it; it is repeated where the procedure says so
+    TIMED_OUT = "timed_out"  #: what it waited for did not happen in time
+    FAILED = "failed"  #: it could not be carried out, or the monitored channel left its tolerance
+    TRIPPED = "tripped"  #: an interlock stopped the run during it
+    INTERRUPTED = "interrupted"  #: samples were lost inside it; it is repeated if the procedure says so
     LOST = "lost"  #: the bench stopped answering, or its data could not be kept
     ABORTED = "aborted"  #: somebody ended the run: a key, a command, a signal
 
 
 class Ending(Exception):
-    """Something that ends the step in progress and goes on upwards through the groups around it.
+    """Something that ends the step in progress and propagates through the enclosing groups.
 
     Parameters
     ----------
-    outcome: what it makes of the step in progress.
+    outcome: of the step in progress.
     reason: one sentence for the user.
-    where: the step's place in the procedure file, when one step is to blame.
-    exit_code: what the process returns in the end.
+    where: the step's location in the procedure file, if one step is the cause.
+    exit_code: of the process.
     """
 
     outcome = Outcome.FAILED
@@ -50,12 +50,12 @@ class Ending(Exception):
 
     @property
     def aborted(self) -> bool:
-        """True when a person ended the run: `on_abort` blocks run, and not `on_failure` ones."""
+        """True if a person ended the run: `on_abort` blocks run instead of `on_failure` ones."""
         return self.outcome is Outcome.ABORTED
 
 
 class StepFailed(Ending):
-    """A step could not do what was asked; `on_failure` blocks run."""
+    """A step could not be completed; `on_failure` blocks run."""
 
 
 class Tripped(Ending):
@@ -65,7 +65,7 @@ class Tripped(Ending):
 
 
 class Lost(Ending):
-    """The bench does not answer any more, or the data cannot be written any more."""
+    """The bench no longer answers, or the data can no longer be written."""
 
     outcome = Outcome.LOST
 
@@ -77,6 +77,6 @@ class Aborted(Ending):
 
 
 class SamplesLost(Ending):
-    """Samples went missing inside a record: it is not whole."""
+    """Samples were lost inside a record: it is incomplete."""
 
     outcome = Outcome.INTERRUPTED

@@ -1,4 +1,5 @@
-"""What a step is read with: the rig, the variables in scope, and the step's place in its file."""
+"""The context in which a step is read: the rig, the variables in scope, and the step's location in its
+file."""
 
 from __future__ import annotations
 
@@ -25,7 +26,7 @@ _VARIABLE = re.compile(r"\$([A-Za-z]\w*)")
 
 @dataclass
 class Findings:
-    """What expansion has met so far, in the order of execution: grows while the plan is built."""
+    """What the expansion has found so far, in the order of execution; grows while the plan is built."""
 
     answers: dict[str, ValueType] = field(default_factory=dict)  #: measures and operators' answers
     nodes: int = 0
@@ -33,7 +34,7 @@ class Findings:
 
 @dataclass(frozen=True, kw_only=True)
 class Reader:
-    """Resolves what one step says; every refusal names the place of what is wrong.
+    """Resolves the fields of one step; every error names the location of the mistake.
 
     `keys` in the methods lead from the step to the part in question, as in the file.
     """
@@ -45,12 +46,12 @@ class Reader:
     findings: Findings
 
     def where(self, *keys: Key) -> Location:
-        """The place of a part of the step, or of the nearest thing around it that is written."""
+        """The location of a part of the step, or of the nearest enclosing part that is written."""
         return self.document.locate((*self.keys, *keys))
 
     @contextmanager
     def located(self, *keys: Key) -> Iterator[None]:
-        """Give an error raised inside its place, and the name of the field in front."""
+        """Give an error raised inside its location, and the name of the field in front."""
         try:
             yield
         except RigctlError as error:
@@ -60,7 +61,7 @@ class Reader:
             raise error.at(self.where(*keys)) from None
 
     def _written_name(self, keys: tuple[Key, ...]) -> str | None:
-        """The last of `keys` that the file holds; a short form leaves some out, and they stand nowhere."""
+        """The last of `keys` present in the file; a short form leaves some of them out."""
         for end in range(len(keys), 0, -1):
             key = keys[end - 1]
             if isinstance(key, str) and self.where(*keys[:end]) != self.where(*keys[: end - 1]):
@@ -69,7 +70,7 @@ class Reader:
 
     @property
     def answers(self) -> Mapping[str, ValueType]:
-        """Measures and operators' answers that the steps before give."""
+        """Measures and operators' answers of the preceding steps."""
         return self.findings.answers
 
     def types(self) -> Mapping[str, ValueType]:
@@ -77,14 +78,14 @@ class Reader:
         return self.rig.layout.types()
 
     def si(self, value: Value, *keys: Key, unit: str | None = None, difference: bool | None = None) -> float:
-        """A value in SI; `unit` and `difference` where its field leaves them open."""
+        """A value in SI; `unit` and `difference` complete what its field leaves open."""
         with self.located(*keys):
             return value.si(self.variables, unit, difference=difference)
 
     def optional_si(
         self, value: Value | None, *keys: Key, unit: str | None = None, difference: bool | None = None
     ) -> float | None:
-        """The same for a field that may be left out."""
+        """The same for an optional field."""
         return None if value is None else self.si(value, *keys, unit=unit, difference=difference)
 
     def quantity(self, value: Value, *keys: Key) -> Quantity:
@@ -93,7 +94,7 @@ class Reader:
             return value.quantity(self.variables)
 
     def variable(self, value: Value, *keys: Key) -> Variable:
-        """A value with its unit, or the list that a lone ``$name`` stands for."""
+        """A value with its unit, or the list that a single ``$name`` refers to."""
         found = self.variables.get(value.text.strip().removeprefix(MARK)) if MARK in value.text else None
         return found if isinstance(found, tuple) else self.quantity(value, *keys)
 
@@ -106,7 +107,7 @@ class Reader:
         return list(found) if isinstance(found, tuple) else [found]
 
     def condition(self, text: str, *keys: Key, answers: bool = False) -> Expression:
-        """A comparison of channels and commands; with `answers` also of measures and answers."""
+        """A comparison of channels and commands, with `answers` also of measures and answers."""
         with self.located(*keys):
             types = {**self.types(), **self.answers} if answers else self.types()
             expression = substituted(parse(text), self.variables)
@@ -127,15 +128,15 @@ class Reader:
         return self.rig.channels[name]
 
     def heat_role(self) -> HeatRole:
-        """What `heat` switches and watches."""
+        """The actuator and channel of `heat`."""
         return self._role("heat", self.rig.roles.heat)
 
     def pressure_role(self) -> SetRole:
-        """What `set_pressure` sets and watches."""
+        """The actuator and channel of `set_pressure`."""
         return self._role("set_pressure", self.rig.roles.set_pressure)
 
     def move_role(self, verb: str) -> MoveRole:
-        """What `extend` or `retract` switches."""
+        """The actuator of `extend` or `retract`."""
         return self._role(verb, self.rig.roles.extend if verb == "extend" else self.rig.roles.retract)
 
     def _role(self, verb: str, role: _Role | None) -> _Role:
@@ -160,7 +161,7 @@ class Reader:
             return _VARIABLE.sub(value, text)
 
     def learn(self, name: str, unit: str, *keys: Key, difference: bool = False) -> None:
-        """Let later steps name a measure or an answer."""
+        """Make a measure or an answer available to later steps."""
         taken = self.rig.layout.columns
         with self.located(*keys):
             if name in taken or name in STATISTICS or name == DURATION:
@@ -176,7 +177,7 @@ class Reader:
     def check_bounds(
         self, low: float | None, high: float | None, unit: str, verb: str, *, difference: bool = False
     ) -> None:
-        """Refuse limits that no value can meet."""
+        """Refuse limits that no value can satisfy."""
         if low is not None and high is not None and low > high:
             with self.located(verb, "low"):
                 raise RigctlError(

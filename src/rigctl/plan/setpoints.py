@@ -1,4 +1,4 @@
-"""Set-points against the rig: what would trip an interlock, or cannot be reached, is refused beforehand."""
+"""Checks of set-points: one that would trip an interlock or cannot be reached is refused beforehand."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from rigctl.units import show
 
 
 def check_set_point(rig: Rig, channel: str, value: float) -> None:
-    """Refuse a set-point (SI) that the channel cannot read, or that one of its limits would stop.
+    """Refuse a set-point (SI) that the channel cannot read, or at which one of its limits would stop the run.
 
     Raises
     ------

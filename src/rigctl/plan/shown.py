@@ -1,4 +1,4 @@
-"""How plans show times and bindings to a person."""
+"""Times and bindings of plans as text."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ def shown_time(seconds: float) -> str:
 
 
 def shown_variable(value: Variable) -> str:
-    """A variable's value as a person reads it; a list in its order."""
+    """The value of a variable as text; a list in its order."""
     return ", ".join(str(item) for item in value) if isinstance(value, tuple) else str(value)
 
 
 def shown_bindings(variables: Mapping[str, Variable]) -> dict[str, str]:
-    """Every variable's value by its name."""
+    """The value of every variable, by name."""
     return {name: shown_variable(value) for name, value in variables.items()}

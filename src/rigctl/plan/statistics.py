@@ -1,9 +1,9 @@
-"""The statistics a measure may take of recorded samples, and how they are written.
+"""The statistics of recorded samples that a measure may use, and how they are written.
 
 A measure is an expression over statistics: ``max(position) - min(position)``, ``mean(supply_pressure)``, or
 ``(last(position) - first(position)) / duration``. A statistic is one of the names below, called on one
-channel or command; ``duration`` alone is the length of the stretch in seconds. Around them stands the same
-restricted grammar as everywhere.
+channel or command; ``duration`` alone is the length of the stretch in seconds. The rest follows the
+restricted grammar of all expressions.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def _std(values: Sequence[float]) -> float:
     return math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (len(values) - 1))
 
 
-#: every statistic by name; missing samples (NaN) have been taken out before
+#: every statistic by name; missing samples (NaN) have been removed before
 STATISTICS: Final[Mapping[str, Callable[[Sequence[float]], float]]] = MappingProxyType(
     {
         "first": lambda values: values[0],
@@ -46,7 +46,7 @@ STATISTICS: Final[Mapping[str, Callable[[Sequence[float]], float]]] = MappingPro
 
 
 class Stretch(Enum):
-    """Over which samples the statistics of a measure are taken."""
+    """The samples over which the statistics of a measure are taken."""
 
     RECORD = "record"  #: the open record, from its first sample to now
     PHASE = "phase"  #: since the last change of a command
@@ -65,27 +65,27 @@ class Statistic:
 
     @property
     def key(self) -> str:
-        """The name that stands for this statistic in the expression, e.g. ``max_of_position``."""
+        """The name of this statistic in the expression, e.g. ``max_of_position``."""
         return f"{self.kind}_of_{self.channel}"
 
     @property
     def difference(self) -> bool:
-        """True where the result is an interval: a standard deviation of temperatures has no offset."""
+        """True if the result is an interval: a standard deviation of temperatures has no offset."""
         return self.kind == "std"
 
     def compute(self, values: Sequence[float]) -> float:
-        """The statistic of these samples, SI; NaN when every one is missing."""
+        """The statistic of these samples, SI; NaN if all are missing."""
         present = [value for value in values if not math.isnan(value)]
         return STATISTICS[self.kind](present) if present else math.nan
 
 
 def find_statistics(text: str) -> tuple[str, tuple[Statistic, ...]]:
-    """Take the statistics out of a measure's text.
+    """Extract the statistics from a measure's text.
 
     Returns
     -------
     The text with ``max(position)`` written as the name ``max_of_position``, and its statistics, each once.
-    ``max(a, b)`` with two arguments stays the function it is.
+    ``max(a, b)`` with two arguments remains an ordinary function.
     """
     found: dict[str, Statistic] = {}
 

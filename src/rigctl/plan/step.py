@@ -1,4 +1,4 @@
-"""What all steps share: each kind is a file of its own in `rigctl.steps`."""
+"""What all steps have in common; each kind is a separate module in `rigctl.steps`."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Step(Part):
     """One entry of a list of steps: a mapping whose first key, the verb, says what it is."""
 
     verb: ClassVar[str]
-    example: ClassVar[str]  #: for the reference; a test expands it on `example_rig`
-    example_rig: ClassVar[str] = "hl32-bench.yaml"  #: among those that are shipped
+    example: ClassVar[str]  #: for the reference page; a test expands it on `example_rig`
+    example_rig: ClassVar[str] = "hl32-bench.yaml"  #: one of the shipped rigs
 
     @abstractmethod
     def build(self, context: Context) -> Node:
@@ -26,17 +26,17 @@ class Step(Part):
         Raises
         ------
         RigctlError
-            the step does not fit the rig, with its place in the file.
+            the step does not fit the rig; with its location in the file.
         """
 
 
 if TYPE_CHECKING:
-    #: any kind of step; what it is read as is put together from all of them in `rigctl.steps.registry`
+    #: any kind of step; `rigctl.steps.registry` assembles the type to be read from all of them
     AnyStep: TypeAlias = Step
 
 
 class Cleanup(Part):
-    """What is carried out when the steps of a block are left, however they are left."""
+    """The steps that are carried out when a block is left, in whatever way."""
 
     on_failure: list[AnyStep] | None = Field(default=None, description="when one of its steps failed")
     on_abort: list[AnyStep] | None = Field(default=None, description="when the run was aborted inside it")

@@ -23,7 +23,7 @@ def stepped(first: Quantity, stop: float, step: float, allow: Callable[[int], No
     Raises
     ------
     RigctlError
-        a zero step, or one that leads away from `stop`; whatever `allow` raises for so many values.
+        a zero step, or one that leads away from `stop`; or what `allow` raises for this number of values.
     """
     if step == 0.0:
         raise RigctlError("the step of a range is zero", value=str(with_value(first, step)))
@@ -76,16 +76,16 @@ def paired(axes: Mapping[str, Sequence[Quantity]]) -> list[Point]:
 
 
 def repeated(points: Sequence[Point], times: int) -> list[Point]:
-    """All points, `times` over: replicates lie as far apart in time as the sweep is long."""
+    """All points, `times` over: replicates are as far apart in time as the sweep is long."""
     return list(points) * times
 
 
 def shuffled(points: Sequence[Point], seed: int, path: str) -> list[Point]:
-    """The points in a random order that the seed decides (Fisher-Yates on a Mersenne Twister).
+    """The points in a random order determined by the seed (Fisher-Yates on a Mersenne Twister).
 
-    `path` is the sweep's in the plan: an inner sweep has another order at each point of the outer one,
-    so that an effect of the order is not mistaken for one of the outer variable. Python keeps what a seed's
-    `random()` gives from version to version, so the order is drawn from that alone.
+    `path` is that of the sweep in the plan: an inner sweep has a different order at each point of the outer
+    one, so that an effect of the order is not mistaken for one of the outer variable. Python guarantees the
+    sequence of `random()` for a seed across versions, so only that method is used.
     """
     order = list(points)
     draw = random.Random(f"{seed}:{path}").random  # noqa: S311 - an order, not a secret

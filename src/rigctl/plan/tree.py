@@ -1,8 +1,8 @@
-"""A procedure with its sweeps, calls and variables resolved: the tree that preview and runner both walk.
+"""A procedure with its sweeps, calls and variables resolved: the tree that both preview and runner walk.
 
-A node's `path` names it for good: it is built from the positions of the steps in the file and the values of
-the sweeps, so the same procedure with the same arguments gives the same paths, and a resumed run finds its
-place by them.
+A node's `path` is a permanent name: it is built from the positions of the steps in the file and the values of
+the sweeps, so the same procedure with the same arguments has the same paths, and a resumed run finds its
+position by them.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ class ProcedureText(Protocol):
 
     @property
     def identity(self) -> IdentityFields:
-        """What it says of the device under test, and demands to be told."""
+        """What it states about the device under test, and what must be given."""
         ...
 
 
 class GroupKind(Enum):
-    """Where a group comes from."""
+    """The origin of a group."""
 
     ROOT = "root"  #: the procedure itself, or one of its cleanup blocks
     DO = "do"  #: a `do` block, the body of a record, a loop or a branch
@@ -66,10 +66,10 @@ class GroupKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Nodes carried out one after the other, with the cleanup that belongs to them.
+    """Nodes carried out one after the other, with their cleanup.
 
-    `on_failure` runs when a child failed, `on_abort` when the run was aborted inside, `finally_` in every
-    case and last. A failure goes on upwards after them.
+    `on_failure` runs when a child failed, `on_abort` when the run was aborted inside, `finally_` last and in
+    every case. A failure propagates upwards after them.
     """
 
     path: str
@@ -77,7 +77,7 @@ class Group:
     where: Location
     children: tuple[Node, ...]
     kind: GroupKind = GroupKind.DO
-    bindings: Mapping[str, str] = field(default_factory=dict)  #: as a person reads them
+    bindings: Mapping[str, str] = field(default_factory=dict)  #: as text
     on_failure: Group | None = None
     on_abort: Group | None = None
     finally_: Group | None = None
@@ -85,7 +85,7 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """One step that asks something of the bench."""
+    """One step that does something on the bench."""
 
     path: str
     label: str
@@ -95,9 +95,9 @@ class Leaf:
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """A body carried out again and again: `count` times, or while a condition holds before each round.
+    """A body carried out repeatedly: `count` times, or while a condition holds before each round.
 
-    It is unrolled while running. A loop with a condition fails when it still holds after `max_iterations`.
+    It is unrolled while running. A loop with a condition fails if this still holds after `max_iterations`.
     """
 
     path: str
@@ -131,7 +131,7 @@ class RecordNode:
     name: str
     rate: float  #: Hz
     channels: tuple[str, ...]
-    sweep: Mapping[str, tuple[float, str]]  #: name to SI value and the unit it is shown in
+    sweep: Mapping[str, tuple[float, str]]  #: SI value and unit for display, by name
     body: Group
     retries: int = 0  #: how often it is repeated when the bench was lost inside it
 
@@ -140,10 +140,10 @@ Node: TypeAlias = Group | Leaf | Loop | Branch | RecordNode
 
 
 class Visitor(ABC, Generic[T]):
-    """Something to be done at every kind of node; what goes below one visits it itself."""
+    """A visitor with a method for each kind of node; the methods decide themselves whether to descend."""
 
     def visit(self, node: Node) -> T:
-        """What is done at a node, by its kind."""
+        """Visit a node by its kind."""
         match node:
             case Leaf():
                 return self.leaf(node)
@@ -162,15 +162,15 @@ class Visitor(ABC, Generic[T]):
 
     @abstractmethod
     def group(self, node: Group) -> T:
-        """At nodes one after the other."""
+        """Visit a group."""
 
     @abstractmethod
     def record(self, node: RecordNode) -> T:
-        """At what is recorded."""
+        """Visit a record."""
 
     @abstractmethod
     def loop(self, node: Loop) -> T:
-        """At what is repeated."""
+        """Visit a loop."""
 
     @abstractmethod
     def branch(self, node: Branch) -> T:
@@ -179,7 +179,7 @@ class Visitor(ABC, Generic[T]):
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Everything a run will do, decided before anything moves."""
+    """Everything a run will do, determined before anything moves."""
 
     name: str
     procedure: ProcedureText
@@ -188,17 +188,17 @@ class Plan:
     on_failure: Group | None
     on_abort: Group | None
     finally_: Group | None
-    arguments: Mapping[str, str]  #: as a person reads them, with units
-    digest: str  #: SHA-256 over the tree: equal plans do equal things
+    arguments: Mapping[str, str]  #: as text, with units
+    digest: str  #: SHA-256 over the tree: equal for plans that do the same
 
     def __repr__(self) -> str:
-        """What it is of, on one line."""
+        """The name of the procedure with its arguments, on one line."""
         given = "".join(f", {name} = {value}" for name, value in self.arguments.items())
         return one_line(self, f"{self.name} on {self.rig.name}{given}")
 
 
 def children(node: Node) -> tuple[Node, ...]:
-    """The nodes directly below, cleanup blocks left out."""
+    """The nodes directly below, without cleanup blocks."""
     match node:
         case Group():
             return node.children
@@ -211,12 +211,12 @@ def children(node: Node) -> tuple[Node, ...]:
 
 
 def cleanup_blocks(node: Group) -> tuple[Group, ...]:
-    """The cleanup blocks of a group that exist, in the order in which they would run."""
+    """The cleanup blocks of a group, in the order in which they would run."""
     return tuple(block for block in (node.on_failure, node.on_abort, node.finally_) if block is not None)
 
 
 def walk(node: Node) -> Iterator[Node]:
-    """The node and everything below it in order of execution; cleanup blocks left out."""
+    """The node and everything below it in order of execution, without cleanup blocks."""
     stack = [node]
     while stack:
         current = stack.pop()
@@ -225,7 +225,7 @@ def walk(node: Node) -> Iterator[Node]:
 
 
 def iteration_path(loop: Loop, iteration: int, path: str) -> str:
-    """The path of a node inside a loop in one of its rounds, counted from 1.
+    """The path of a node in one of the rounds of a loop, counted from 1.
 
     ``2/repeat/1/record`` inside the loop ``2/repeat`` is ``2/repeat#3/1/record`` in the third round.
     """

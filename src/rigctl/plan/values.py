@@ -15,7 +15,7 @@ from rigctl.expressions import Expression, parse, type_of_unit
 from rigctl.files.quantity import quantity_text, reader_schema
 from rigctl.units import Quantity, describe, parse_quantity, parse_unit
 
-#: what ``$name`` stands for: a quantity, or a list of them that a sweep runs through
+#: the value of ``$name``: a quantity, or a list of quantities for a sweep
 Variable: TypeAlias = Quantity | tuple[Quantity, ...]
 Variables: TypeAlias = Mapping[str, Variable]
 
@@ -24,10 +24,10 @@ MARK = "$"
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """What a field takes: a dimension and bounds in SI, both included unless said otherwise.
+    """What a field accepts: a dimension and bounds in SI, both included unless stated otherwise.
 
-    `unit` is any unit of the dimension; None leaves the dimension to whoever resolves the value, because it
-    depends on the rig. With `difference`, a temperature is an interval.
+    `unit` is any unit of the dimension; None leaves the dimension to the caller that resolves the value,
+    because it depends on the rig. With `difference`, a temperature is an interval.
     """
 
     unit: str | None
@@ -39,12 +39,12 @@ class Kind:
     examples: tuple[str, ...] = ()
 
     def read(self, written: object) -> Value:
-        """What stands in the file, checked as far as a file alone can be.
+        """The value in the file, checked as far as possible without a rig.
 
         Raises
         ------
         RigctlError
-            no quantity, a wrong dimension, out of bounds, or a formula that cannot be read.
+            not a quantity, a wrong dimension, out of bounds, or a formula that cannot be read.
         """
         if isinstance(written, Value):
             return written
@@ -57,7 +57,7 @@ class Kind:
         return value
 
     def expected(self) -> str:
-        """What an error says would have been right."""
+        """The expected form, for error messages."""
         if self.whole:
             return "a whole number"
         return "a number with its unit, e.g. '30 bar'" if self.unit is None else self._described(self.unit)
@@ -66,7 +66,7 @@ class Kind:
         return describe(unit, difference=self.difference)
 
     def check(self, si: float, text: str) -> float:
-        """Refuse an SI value outside the bounds, or a fraction where a whole number belongs."""
+        """Refuse an SI value out of bounds, or a fraction where a whole number is needed."""
         if self.whole and si != int(si):
             raise RigctlError("not a whole number", value=text, expected="a whole number")
         if self.more_than is not None and si <= self.more_than:
@@ -80,13 +80,13 @@ class Kind:
         return si
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Read with `read`; a refusal becomes an error of the field."""
+        """Read with `read`; a RigctlError becomes an error of the field."""
         return reader_schema(self.read)
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """A text with a number and a unit, or with variables; a plain number where that will do."""
+        """A text with a number and a unit, or with variables; a plain number where it suffices."""
         plain = self.unit in (None, "1")
         examples = self.examples or _EXAMPLES.get(self.unit or "", ("30 bar",))
         return {
@@ -109,7 +109,7 @@ _EXAMPLES: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """A quantity as written: either a literal, or an expression with ``$variables`` in it."""
+    """A quantity as written: a literal, or an expression with ``$variables``."""
 
     text: str
     kind: Kind
@@ -121,9 +121,9 @@ class Value:
 
         Parameters
         ----------
-        variables: what the names after a dollar stand for.
-        unit: any unit of the wanted dimension, where the kind leaves it open.
-        difference: an interval of temperatures, where the kind leaves that open.
+        variables: values of the names after a dollar.
+        unit: any unit of the required dimension, if the kind leaves it open.
+        difference: whether it is a temperature interval, if the kind leaves that open.
 
         Raises
         ------
@@ -142,7 +142,8 @@ class Value:
         return self.kind.check(si, self.text if quantity is None else self._shown(quantity))
 
     def quantity(self, variables: Variables) -> Quantity:
-        """The value with a unit to show it in: its own, or that of the first variable of its expression."""
+        """The value with a unit for display: the written one, or that of the first variable of its
+        expression."""
         known = self.literal or self._simple(variables)
         if known is not None:
             return known
@@ -154,7 +155,7 @@ class Value:
         return self.expression.variables if self.expression else frozenset()
 
     def _simple(self, variables: Variables) -> Quantity | None:
-        """The quantity behind a lone ``$name``."""
+        """The quantity of a single ``$name``."""
         name = self.text.strip().removeprefix(MARK)
         return _scalar(variables, name) if name.isidentifier() and MARK in self.text else None
 
@@ -169,12 +170,12 @@ class Value:
 
 
 def substituted(expression: Expression, variables: Variables) -> Expression:
-    """The expression with every ``$variable`` replaced by what it stands for.
+    """The expression with every ``$variable`` replaced by its value.
 
     Raises
     ------
     RigctlError
-        an unknown variable, or one that stands for a list.
+        an unknown variable, or one that is a list.
     """
     return expression.substitute({name: _scalar(variables, name) for name in expression.variables})
 
@@ -204,7 +205,7 @@ def with_value(quantity: Quantity, value: float) -> Quantity:
     return Quantity(float(f"{value:.12g}"), quantity.unit)
 
 
-#: s; three years, beyond which a time is a slip of the pen, and sums of times lose their digits
+#: s; three years: a longer time is a typing error, and sums of such times would lose digits
 LONGEST = 1e8
 DURATION = Kind("s", more_than=0.0, at_most=LONGEST)
 PERIOD = Kind("s", at_least=0.0, at_most=LONGEST)

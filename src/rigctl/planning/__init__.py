@@ -1,4 +1,5 @@
-"""Before anything moves: how long a plan takes, what it records, and how near it comes to the limits."""
+"""Forecasts before anything moves: how long a plan takes, what it records, and how near it comes to
+limits."""
 
 from rigctl.plan.forecast import Basis
 from rigctl.planning.limits import LimitUse

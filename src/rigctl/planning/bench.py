@@ -1,4 +1,4 @@
-"""What a forecast knows of the bench: its state so far, and what moves it."""
+"""The bench as a forecast knows it: its state, and how it changes."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class Bench:
 
     @property
     def stroke(self) -> float | None:
-        """The length of the cylinder in m; None when the rig does not say."""
+        """The stroke of the cylinder in m; None if the rig file does not state it."""
         return self.cylinder.stroke if self.cylinder is not None else None
 
     def operator_time(self, person: float) -> float:
-        """Seconds that the operator takes where a person would take `person`."""
+        """Seconds that the operator takes for what takes a person `person` seconds."""
         return self.rig.simulation.answer_delay if self.simulated else person
 
     def pass_time(self, state: State, seconds: float, *, heating: bool = False) -> State:
@@ -36,7 +36,7 @@ class Bench:
         )
 
     def speed(self, direction: int, state: State) -> float | None:
-        """Metres per second of a move; None when the rig does not say."""
+        """Speed of a move, m/s; None if the rig file does not determine it."""
         return self.cylinder.speed(direction, state.pressure) if self.cylinder is not None else None
 
 
@@ -46,7 +46,7 @@ def bench_of(rig: Rig) -> Bench:
 
 
 def initial_state(bench: Bench) -> State:
-    """What the rig file says the bench starts from; the room's temperature, no pressure, retracted."""
+    """The initial state in the rig file; by default room temperature, no pressure, retracted."""
     rig = bench.rig
     initial = rig.simulation.initial
     heat, pressure, extend = rig.roles.heat, rig.roles.set_pressure, rig.roles.extend

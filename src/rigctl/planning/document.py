@@ -1,4 +1,4 @@
-"""A preview as one JSON document, with field names that stay."""
+"""A preview as one JSON document with permanent field names."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from rigctl.units import parse_unit
 
 
 def as_document(preview: Preview, warnings: Sequence[str] = ()) -> dict[str, Any]:
-    """Everything a preview says; times in seconds, limits in their channel's unit.
+    """The whole preview; times in seconds, limits in the unit of their channel.
 
-    `warnings` are further ones, of the rig.
+    `warnings` are additional ones, on the rig.
     """
     plan = preview.plan
     return {

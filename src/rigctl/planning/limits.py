@@ -1,4 +1,4 @@
-"""Which of the rig's limits a plan comes near."""
+"""The limits of the rig that a plan comes near."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal
 from rigctl.plan.forecast import Extents
 from rigctl.rig import Limit, Rig
 
-#: nearer than this share of the channel's range counts as approached
+#: a limit nearer than this share of the channel's range counts as approached
 _NEAR = 0.05
 
 
@@ -21,7 +21,7 @@ class LimitUse:
     action: Literal["warn", "stop"]
     bound: Literal["above", "below"]
     threshold: float
-    closest: float | None  #: None: the plan says nothing about this channel
+    closest: float | None  #: None: the plan does not determine this channel
     state: Literal["clear", "approached", "touched", "unknown"]
 
 

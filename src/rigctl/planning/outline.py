@@ -1,4 +1,4 @@
-"""A preview as a person reads it in a terminal: a tree whose long sweeps show their first point."""
+"""A preview in a terminal: a tree in which long sweeps show only their first point."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _MEANINGS = {
 def outline(
     preview: Preview, warnings: Sequence[str] = (), *, everything: bool = False
 ) -> Iterator[RenderableType]:
-    """What `rich` prints: a heading, the tree, the limits that matter, and what will most likely not work.
+    """The output for `rich`: a heading, the tree, the limits that matter, and what will probably not work.
 
     Parameters
     ----------
-    warnings: further ones, of the rig.
+    warnings: additional ones, on the rig.
     everything: show every point of every sweep.
     """
     plan = preview.plan
@@ -67,7 +67,7 @@ def _reading(rig: Rig, name: str, si: float) -> str:
 
 
 def clock_time(seconds: float) -> str:
-    """A duration as one says it: ``3.75 s``, ``8 min 41 s``, ``25 min``, ``1 h 25 min``."""
+    """A duration in everyday form: ``3.75 s``, ``8 min 41 s``, ``25 min``, ``1 h 25 min``."""
     if seconds < 59.95:
         return f"{seconds:.3g} s"
     whole = round(seconds)

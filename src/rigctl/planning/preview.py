@@ -1,4 +1,4 @@
-"""What a plan will do, before it does it: durations, records, sweep sizes, limits and warnings as a tree."""
+"""The preview of a plan: durations, records, sweep sizes, limits and warnings as a tree."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from rigctl.planning.rates import too_fast
 
 @dataclass(frozen=True, slots=True)
 class PreviewNode:
-    """A node of the plan with what is expected of it; a loop counts all its rounds."""
+    """A node of the plan with its forecast; a loop counts all its rounds."""
 
     path: str
     label: str
-    kind: str  #: "step", "record", "loop", "branch", or what kind of group it is
+    kind: str  #: "step", "record", "loop", "branch", or the kind of the group
     where: Location
     seconds: float
     basis: Basis
@@ -28,12 +28,12 @@ class PreviewNode:
     samples: int
     children: tuple[PreviewNode, ...] = ()
     bindings: Mapping[str, str] = field(default_factory=dict)
-    times: int | None = 1  #: rounds of a loop; None when a condition decides
-    counted: bool = True  #: False for what is carried out only when something goes wrong
+    times: int | None = 1  #: rounds of a loop; None if a condition decides
+    counted: bool = True  #: False for steps that are carried out only if something goes wrong
     warning: str | None = None
 
     def walk(self, *, counted: bool = False) -> Iterator[PreviewNode]:
-        """This node and all below it; with `counted`, without what runs only when something goes wrong."""
+        """This node and all below it; with `counted`, without those that run only if something goes wrong."""
         stack = [self]
         while stack:
             node = stack.pop()
@@ -54,7 +54,7 @@ class SweepSize:
 
 @dataclass(frozen=True, slots=True)
 class Preview:
-    """What a plan is expected to do; the first of a loop's rounds stands for all of them."""
+    """The forecast of a plan; the first round of a loop represents all of them."""
 
     plan: Plan
     roots: tuple[PreviewNode, ...]  #: the procedure, then its cleanup blocks
@@ -62,7 +62,7 @@ class Preview:
     start: State
 
     def __repr__(self) -> str:
-        """What is expected, on one line."""
+        """The forecast on one line."""
         return one_line(self, self.summary())
 
     def summary(self) -> str:
@@ -73,7 +73,7 @@ class Preview:
 
     @property
     def start_readings(self) -> Mapping[str, float]:
-        """What the channels are expected to read at the start, SI: the estimate rests on it."""
+        """The expected readings at the start, SI, on which the estimate is based."""
         roles, start = self.plan.rig.roles, self.start
         readings: dict[str, float] = {}
         if roles.heat is not None and start.temperature is not None:
@@ -91,7 +91,7 @@ class Preview:
 
     @property
     def basis(self) -> Basis:
-        """What the least certain part of the duration rests on."""
+        """The basis of the least certain part of the duration."""
         return max(root.basis for root in self.roots if root.counted)
 
     @property
@@ -101,27 +101,27 @@ class Preview:
 
     @property
     def samples(self) -> int:
-        """How many samples the records will hold, about."""
+        """Approximately how many samples the records will hold."""
         return sum(root.samples for root in self.roots if root.counted)
 
     @property
     def open_ended(self) -> bool:
-        """True when a condition decides how often something is done."""
+        """True if a condition decides how often something is done."""
         return any(node.times is None for node in self.walk(counted=True))
 
     @property
     def warnings(self) -> tuple[tuple[Location, str], ...]:
-        """What will most likely not work, each with its place; once for each place and text."""
+        """What will probably not work, each with its location; once for each location and text."""
         found = [(node.where, f"{node.label}: {node.warning}") for node in self.walk() if node.warning]
         return tuple(dict.fromkeys(found))
 
     @property
     def sweeps(self) -> tuple[SweepSize, ...]:
-        """Every `for` of the plan, in its order."""
+        """Every `for` of the plan, in order."""
         return tuple(_sweep_size(node) for node in self.walk() if node.kind == GroupKind.FOR.value)
 
     def durations(self) -> dict[str, float]:
-        """Expected seconds of each single step by its path; a step in a loop once."""
+        """Expected duration of each single step, s, by its path; a step in a loop once."""
         return {node.path: node.seconds for node in self.walk(counted=True) if node.kind == "step"}
 
     def walk(self, *, counted: bool = False) -> Iterator[PreviewNode]:
@@ -136,10 +136,10 @@ def _sweep_size(node: PreviewNode) -> SweepSize:
 
 
 def preview(plan: Plan) -> Preview:
-    """Forecast a plan, step by step, from the state that the rig file says the bench starts from.
+    """Forecast a plan step by step, from the initial state in the rig file.
 
     Heating follows from the heat balance of the tank, moves from the flow through the throttle, conditions
-    count with their timeouts, and a person is assumed to take the times named in `rigctl.plan.forecast`.
+    count with their timeouts, and for a person the times in `rigctl.plan.forecast` are assumed.
     """
     bench = bench_of(plan.rig)
     start = initial_state(bench)
@@ -161,14 +161,14 @@ class _Walker(Visitor[PreviewNode]):
         self._in_loop = False
 
     def visit_uncounted(self, block: Group) -> PreviewNode:
-        """A block that runs only when something goes wrong: the state stays as it is."""
+        """A block that runs only if something goes wrong: the state is unchanged."""
         state, reached = self.state, dict(self.reached)
         seen = self.group(block, counted=False)
         self.state, self.reached = state, reached
         return seen
 
     def leaf(self, node: Leaf) -> PreviewNode:
-        """A step with its forecast; the state moves on."""
+        """A step with its forecast; updates the state."""
         expected = node.action.forecast(self.state, self.bench)
         self.state = expected.state
         for channel, (low, high) in expected.reaches.items():
@@ -195,21 +195,21 @@ class _Walker(Visitor[PreviewNode]):
         return _sum(node, node.kind.value, below, bindings=node.bindings, counted=counted)
 
     def record(self, node: RecordNode) -> PreviewNode:
-        """What its body takes, and the samples of that time."""
+        """The duration of its body, and the number of samples in that time."""
         body = self.group(node.body)
         samples = round(body.seconds * node.rate)
         warning = too_fast(self.bench.rig, node.rate)
         return _sum(node, "record", [*body.children], records=1, samples=samples, warning=warning)
 
     def loop(self, node: Loop) -> PreviewNode:
-        """Its first round, counted as often as it is repeated."""
+        """Its first round, multiplied by the number of rounds."""
         first = self.group(node.body)
         times = node.count
         if times == 0:
             return _scaled(node, first, 0, 0.0, times)
         rounds = 1 if times is None else times
         later = first
-        # what a later round takes is looked at once; loops inside loops would double the work at each level
+        # a later round is forecast only once; nested loops would double the work at each level
         if rounds > 1 and not self._in_loop:
             self._in_loop = True
             later = self.group(node.body)
@@ -217,7 +217,7 @@ class _Walker(Visitor[PreviewNode]):
         return _scaled(node, first, rounds, first.seconds + (rounds - 1) * later.seconds, times)
 
     def branch(self, node: Branch) -> PreviewNode:
-        """Both sides; the longer one counts."""
+        """Both branches; the longer one counts."""
         before = self.state
         then = self.group(node.then)
         if node.otherwise is None:

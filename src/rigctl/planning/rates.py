@@ -1,4 +1,4 @@
-"""Records that want more samples than a device can be asked for."""
+"""Records with a sampling rate that a device cannot deliver."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _ROUNDING = 1e-9
 
 
 def too_fast(rig: Rig, rate: float) -> str | None:
-    """What is wrong with a sampling rate in Hz on the rig's real bench; None when nothing is."""
+    """What is wrong with a sampling rate (Hz) on the rig's real bench, or None."""
     fastest = rig.lines.fastest if rig.lines is not None else None
     if fastest is None or rate <= fastest * (1.0 + _ROUNDING):
         return None
@@ -23,7 +23,7 @@ def refuse_rates(plan: Plan) -> None:
     Raises
     ------
     RigctlError
-        with the place of the first one.
+        there is one; with the location of the first.
     """
     for node in walk(plan.root):
         if isinstance(node, RecordNode):

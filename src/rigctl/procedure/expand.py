@@ -1,4 +1,4 @@
-"""From a procedure and a rig to a plan: sweeps laid out, calls opened, variables resolved and checked."""
+"""From a procedure and a rig to a plan: sweeps and calls expanded, variables resolved and checked."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def expand(procedure: Procedure, rig: Rig, arguments: Mapping[str, str | float] 
 
     Parameters
     ----------
-    arguments: as written, e.g. ``{"supply": "30 bar"}``; those left out have their defaults.
+    arguments: as written, e.g. ``{"supply": "30 bar"}``; the others have their defaults.
 
     Raises
     ------

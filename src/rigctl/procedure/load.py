@@ -47,18 +47,18 @@ ProcedureFile.model_rebuild(_types_namespace={"AnyStep": AnyStep})
 
 @dataclass(frozen=True)
 class Procedure:
-    """A procedure file that has been read and found well formed; what it means on a rig, `expand` says."""
+    """A procedure file that has been read and found well formed; `expand` turns it into a plan for a rig."""
 
     file: ProcedureFile
     document: Document = field(repr=False)
 
     def __repr__(self) -> str:
-        """What it is called, on one line."""
+        """The name and the number of steps, on one line."""
         return one_line(self, f"{self.name}: {len(self.steps)} step{'' if len(self.steps) == 1 else 's'}")
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """The procedure's name."""
         return self.file.procedure
 
     @property
@@ -78,12 +78,12 @@ class Procedure:
 
     @property
     def arguments(self) -> Mapping[str, ArgumentFields]:
-        """What may be given, by name."""
+        """Its arguments by name."""
         return self.file.arguments
 
     @property
     def identity(self) -> IdentityFields:
-        """What it says of the device under test, and demands to be told; that of a called one is ignored."""
+        """What it states about the device under test, and what must be given; ignored if it is called."""
         return self.file.identity
 
     @property
@@ -93,22 +93,22 @@ class Procedure:
 
     @property
     def on_failure(self) -> Sequence[AnyStep]:
-        """Carried out when a step failed."""
+        """Steps that are carried out after a failure."""
         return self.file.on_failure or ()
 
     @property
     def on_abort(self) -> Sequence[AnyStep]:
-        """Carried out when the run was aborted."""
+        """Steps that are carried out after an abort."""
         return self.file.on_abort or ()
 
     @property
     def finally_(self) -> Sequence[AnyStep]:
-        """Carried out in every case, last."""
+        """Steps that are carried out last, in every case."""
         return self.file.finally_ or ()
 
     @property
     def rig_path(self) -> Path:
-        """The rig file it names: relative to its own folder, to the project, or one that is shipped.
+        """The rig file that it names: relative to its folder or to the project, or a shipped one.
 
         Raises
         ------
@@ -134,13 +134,13 @@ def load_procedure(path: str | Path) -> Procedure:
     Raises
     ------
     RigctlError
-        the file cannot be read or something in it is wrong, with the place.
+        the file cannot be read, or something in it is wrong; with the location.
     """
     return _build(read_document(Path(path)))
 
 
 def parse_procedure(text: str, path: Path | None = None) -> Procedure:
-    """The procedure that a text describes, e.g. the one kept with a run; `path` is what messages call it.
+    """The procedure that a text describes, e.g. the one kept with a run; `path` names it in messages.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The page `docs/reference/procedure-steps.md`, written from the models that read a procedure."""
+"""The page `docs/reference/procedure-steps.md`, generated from the models that read a procedure."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ closed. A whole procedure may have them too.
 
 
 def steps_page() -> str:
-    """The page: the file's own fields, then every step with its fields."""
+    """The page: the fields of the file, then every step with its fields."""
     schema = json_schema(ProcedureFile, title="")
     definitions: dict[str, Any] = schema["$defs"]
     lines = [_HEAD, "## The file", ""]

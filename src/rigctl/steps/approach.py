@@ -1,4 +1,4 @@
-"""A move to a position: drive, stop where it will coast to the target, correct with short timed pulses."""
+"""A move to a position: drive, stop early enough to coast to the target, correct with short timed pulses."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.steps.readings import reading
 from rigctl.steps.settling import MovingMean
 
-#: Hz that the position is read with at least; between records the bench is read faster for the while
+#: Hz, lowest sampling rate of the position; between records the bench is temporarily read faster
 _RATE = 100.0
-#: s that the position is watched before it counts as a resting one
+#: s that the position is watched before it counts as at rest
 _REST = 0.3
-#: s of motion that a speed is taken over
+#: s of motion over which a speed is determined
 _SPAN = 0.1
-#: s that the actuator goes on moving after it was switched off, as a first guess
+#: s that the actuator continues moving after it was switched off, initial guess
 _COASTING = 0.03
 #: s, the shortest pulse worth giving: shorter than this a valve does not open
 _SHORTEST = 0.01
-#: s of travel that is left to timed pulses
+#: s of travel that are left to timed pulses
 _NEAR = 0.5
 
 
 class MoveTo(Protocol):
-    """A move to a position: the fields of `rigctl.steps.move.Move` that it needs; SI."""
+    """The fields of `rigctl.steps.move.Move` that a move to a position needs; SI."""
 
     @property
     def direction(self) -> int:
@@ -41,7 +41,7 @@ class MoveTo(Protocol):
 
     @property
     def value(self) -> float:
-        """What it is commanded to."""
+        """The commanded value."""
         ...
 
     @property
@@ -51,7 +51,7 @@ class MoveTo(Protocol):
 
     @property
     def target(self) -> float | None:
-        """Where to come to rest, m."""
+        """The target position, m."""
         ...
 
     @property
@@ -61,20 +61,20 @@ class MoveTo(Protocol):
 
     @property
     def timeout(self) -> float | None:
-        """When to give up, s."""
+        """Time-out, s."""
         ...
 
 
 def approach(action: MoveTo, bench: Bench) -> Behaviour:
     """Bring the position to rest within `within` of `target`, from either side.
 
-    Far away: full speed with a predicted stop. Near: timed pulses, whose length is corrected by what the
-    one before did.
+    Far away: full speed with a predicted stop. Near: timed pulses, whose length is corrected by the effect of
+    the previous one.
 
     Raises
     ------
     StepFailed
-        it does not rest there within `timeout` s, or it has to go back and the rig has no role for that.
+        it is not at rest there within `timeout` s, or it has to go back and the rig has no role for that.
     """
     slower = bench.rate if bench.rate < _RATE and not bench.recording else None
     if slower is not None:
@@ -95,7 +95,7 @@ def approach(action: MoveTo, bench: Bench) -> Behaviour:
 
 
 class _Drive:
-    """The actuator, and what is known of how the position follows it."""
+    """The actuator, and what has been learned about the response of the position to it."""
 
     def __init__(self, action: MoveTo, bench: Bench) -> None:
         if action.position is None or action.target is None or action.within is None:
@@ -107,7 +107,7 @@ class _Drive:
         self._column = bench.columns[action.position]
         self._give_up = bench.now + (action.timeout or 0.0)
         self._position = math.nan
-        self._speed = math.nan  # m/s at full speed, once it has been seen
+        self._speed = math.nan  # m/s at full speed, once measured
         self._lost = 0.0  # s of a pulse in which nothing moves
 
     def rest(self) -> Generator[Until, Row | None, float]:
@@ -136,7 +136,7 @@ class _Drive:
         self._bench.release(self._action.actuator)
 
     def _pulse(self, value: float, distance: float) -> Waiting:
-        """A pulse for `distance`; learns how much of it was lost to the opening of the valve."""
+        """A pulse for `distance`; learns how much of it was lost while the valve opened."""
         duration = max(distance / self._speed + self._lost, _SHORTEST)
         before = self._position
         receipt = yield from self._bench.command(self._action.actuator, value, duration)
@@ -146,7 +146,7 @@ class _Drive:
         self._lost = duration - abs(after - before) / self._speed
 
     def _full_speed(self, value: float, direction: float) -> Waiting:
-        """Drive until the next sample would be too late, then stop at the predicted time."""
+        """Drive until waiting for the next sample would be too late, then stop at the predicted time."""
         yield from self._bench.command(self._action.actuator, value)
         period = 1.0 / self._bench.rate
         past: deque[tuple[float, float]] = deque(maxlen=max(2, round(_SPAN / period) + 1))
@@ -173,7 +173,7 @@ class _Drive:
         self.stop()
 
     def _value(self, direction: float) -> float:
-        """What the actuator is commanded to for a motion outwards (+1) or inwards (−1)."""
+        """The command of the actuator for a motion outwards (+1) or inwards (−1)."""
         if direction == self._action.direction:
             return self._action.value
         roles = self._bench.rig.roles

@@ -1,4 +1,4 @@
-"""`call`: carry out another procedure with arguments of its own."""
+"""`call`: carry out another procedure with given arguments."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rigctl.plan.values import AnyValue, Variable
 class CallFields(Part):
     """The called procedure sees only its arguments."""
 
-    procedure: str = Field(min_length=1, description="its file, relative to this one or to the project")
+    procedure: str = Field(min_length=1, description="its file, relative to this file or to the project")
     with_: dict[Name, AnyValue | list[AnyValue]] = Field(
         default_factory=dict, alias="with", description="argument: value"
     )

@@ -1,4 +1,4 @@
-"""`do`: steps that belong together, with their cleanup."""
+"""`do`: a group of steps with its cleanup."""
 
 from __future__ import annotations
 

@@ -20,12 +20,12 @@ from rigctl.units import Quantity
 
 
 class Spaced(Part):
-    """Values from `from` to `to`, both included: in steps of `step`, or `count` of them evenly."""
+    """Values from `from` to `to`, both included: in steps of `step`, or `count` values evenly spaced."""
 
     from_: AnyValue = Field(alias="from", description="the first value")
-    to: AnyValue = Field(description="the last value, where the steps meet it")
+    to: AnyValue = Field(description="the last value, if the steps reach it exactly")
     step: AnyDifference | None = Field(
-        default=None, description="from one value to the next; negative downwards"
+        default=None, description="difference between neighbouring values; negative for a falling range"
     )
     count: Count | None = Field(default=None, description="how many values")
 
@@ -41,7 +41,7 @@ def _known_form(written: Any) -> Any:
         return written
     raise refusal(
         RigctlError(
-            "this is no sweep",
+            "this is not a sweep",
             value=None if written is None else str(written),
             expected="a list, or {from, to, step}, or {from, to, count}",
         )
@@ -168,7 +168,7 @@ class ForStep(Block):
 
 
 def _check_dimension(value: Quantity, values: Sequence[Quantity]) -> None:
-    """Refuse a value that is another quantity than the first one with a unit."""
+    """Refuse a value whose dimension differs from that of the first one with a unit."""
     measured = next((other for other in values if other.unit.text), values[0])
     if value.unit.dimension != measured.unit.dimension:
         raise RigctlError(

@@ -1,4 +1,4 @@
-"""`heat`: bring the oil to a temperature and let it settle there."""
+"""`heat`: bring the oil to a temperature and let it settle."""
 
 from __future__ import annotations
 
@@ -38,8 +38,10 @@ class HeatFields(Part):
     within: TemperatureTolerance = Field(
         default=TEMPERATURE_TOLERANCE.read("0.5 K"), description="half width of the tolerance"
     )
-    settle: Period = Field(default=PERIOD.read("60 s"), description="how long it must stay inside")
-    timeout: Duration = Field(default=DURATION.read("2 h"), description="when the step fails")
+    settle: Period = Field(
+        default=PERIOD.read("60 s"), description="how long the temperature must stay within the tolerance"
+    )
+    timeout: Duration = Field(default=DURATION.read("2 h"), description="after which the step fails")
 
 
 class HeatStep(Step):
@@ -74,7 +76,7 @@ class HeatStep(Step):
 
 @dataclass(frozen=True, slots=True)
 class Heat(Action):
-    """Bring the oil to `to` and keep it within `within` of it for `settle` seconds.
+    """Bring the oil to `to` and keep it there, ± `within`, for `settle` seconds.
 
     Too cold, the heater is switched with the role's hysteresis; too hot, the step waits for natural cooling.
     """
@@ -83,11 +85,11 @@ class Heat(Action):
     channel: str
     to: float  #: K, absolute
     within: float  #: K, half width of the tolerance
-    settle: float  #: s inside the tolerance before the step is done
+    settle: float  #: s within the tolerance before the step is done
     timeout: float  #: s until the step fails
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """The way to the tolerance, then the settling time."""
+        """The time to reach the tolerance, plus the settling time."""
         if bench.tank is None or state.temperature is None:
             return self._at_most(state)
         return self._in_tank(bench.tank, state.temperature, state, bench)

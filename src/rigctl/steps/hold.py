@@ -1,4 +1,4 @@
-"""`hold`: wait, and see that a channel stays within a tolerance meanwhile."""
+"""`hold`: wait, and check that a channel stays within a tolerance meanwhile."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Hold(Action):
 
     duration: float  #: s
     channel: str
-    at: float | None  #: SI; None: the value found when the step starts
+    at: float | None  #: SI; None: the reading at the start of the step
     within: float  #: half width, an interval
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
@@ -73,14 +73,14 @@ class Hold(Action):
         return Forecast(self.duration, Basis.TIMED, bench.pass_time(state, self.duration), reaches)
 
     def set_point(self) -> SetPoint:
-        """The value that is held."""
+        """The channel and the value that is held."""
         return SetPoint(self.channel, self.at, self.within)
 
     def carry_out(self, bench: Bench) -> Behaviour:
         """Let `duration` s pass while the channel stays within tolerance.
 
-        A reading that the channel cannot have says nothing of what it measures: that is for the interlock,
-        which names the sensor.
+        A reading outside the physical range of the channel says nothing about the measured quantity: it is
+        left to the interlock, which names the sensor.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""`if`: what is decided while running."""
+"""`if`: a choice made while running."""
 
 from __future__ import annotations
 

@@ -28,10 +28,10 @@ from rigctl.units import describe, parse_unit, show
 
 
 class Missed(Enum):
-    """What follows when a measure lies outside its limits."""
+    """What follows if a measure is outside its limits."""
 
     FAIL = "fail"  #: the step fails, and with it the record and the run
-    CONTINUE = "continue"  #: it is recorded as missed; the run goes on and ends with exit code 1
+    CONTINUE = "continue"  #: it is recorded as missed; the run continues and ends with exit code 1
 
 
 class MeasureFields(Part):
@@ -49,7 +49,9 @@ class MeasureFields(Part):
     over: Literal["record", "phase"] | None = Field(
         default=None, description="the whole record (default), or since the last change of a command"
     )
-    last: Duration | None = Field(default=None, description="instead of `over`: the last seconds")
+    last: Duration | None = Field(
+        default=None, description="instead of `over`: the time before now over which it is taken"
+    )
     missed: Literal["fail", "continue"] = Field(
         default="fail", description="consequence if the value is outside its limits"
     )
@@ -135,17 +137,17 @@ class Measure(Action):
     low: float | None = None  #: SI, included
     high: float | None = None  #: SI, included
     missed: Missed = Missed.FAIL
-    difference: bool = False  #: an interval of temperatures, shown without offset
+    difference: bool = False  #: whether it is a temperature interval, shown without offset
 
     def passes(self, value: float) -> bool:
-        """True when the value is inside the limits; never for a value that is not a number."""
+        """True if the value is within the limits; never for NaN."""
         low = -math.inf if self.low is None else self.low
         high = math.inf if self.high is None else self.high
         return low <= value <= high
 
     @property
     def limits(self) -> str | None:
-        """Its limits as a person reads them; None without any."""
+        """The limits as text; None if there are none."""
 
         def shown(value: float) -> str:
             return show(value, self.unit, difference=self.difference)
@@ -166,7 +168,7 @@ class Measure(Action):
         Raises
         ------
         StepFailed
-            there is no value, or it lies outside its limits and the procedure says that the run fails then.
+            there is no value, or it is outside its limits and the procedure lets the run fail then.
         """
         yield CHECKPOINT
         value = float(self.expression.evaluate(bench.statistics(self.statistics, self.stretch, self.window)))
@@ -188,7 +190,7 @@ class Measure(Action):
 
 @dataclass(frozen=True, slots=True)
 class ReadMeasure:
-    """What a measure's text means; with `difference`, its value is an interval of temperatures."""
+    """A parsed measure; with `difference`, its value is a temperature interval."""
 
     expression: Expression
     statistics: tuple[Statistic, ...]
@@ -202,15 +204,15 @@ def read_measure(
     answers: Mapping[str, ValueType],
     variables: Variables,
 ) -> ReadMeasure:
-    """The expression of a measure and the statistics it needs.
+    """The expression of a measure and the statistics that it needs.
 
     Parameters
     ----------
     text: as written, e.g. ``max(position) - min(position)``.
-    unit: what the value is kept in.
+    unit: in which the value is kept.
     signals: the channels and commands that statistics can be taken of.
-    answers: earlier measures and operators' answers, which the expression can name.
-    variables: what ``$names`` stand for.
+    answers: earlier measures and operators' answers, which the expression can use.
+    variables: values of ``$names``.
 
     Raises
     ------

@@ -29,20 +29,22 @@ from rigctl.units import show
 _ENDS = ("for_", "until", "to")
 _TIMEOUT = DURATION.read("10 s")
 _WITHIN = LENGTH_TOLERANCE.read("1 mm")
-#: s that the valve takes besides the motion
+#: s for the valve, in addition to the motion
 _VALVE = 0.1
 
 
 class MoveFields(Part):
-    """What ends the move: exactly one of `for`, `until` and `to`. The valve then closes."""
+    """The move is ended by exactly one of `for`, `until` and `to`; the valve then closes."""
 
     for_: Duration | None = Field(
         default=None, alias="for", description="a time, controlled by the board where possible"
     )
     until: Condition | None = Field(default=None, description="a condition, e.g. position < 1 mm")
-    to: Length | None = Field(default=None, description="a position, in closed loop")
-    within: LengthTolerance | None = Field(default=None, description="with `to`; 1 mm by default")
-    timeout: Duration | None = Field(default=None, description="with `until` and `to`; 10 s by default")
+    to: Length | None = Field(default=None, description="a position, reached in closed loop")
+    within: LengthTolerance | None = Field(default=None, description="tolerance, with `to`; 1 mm by default")
+    timeout: Duration | None = Field(
+        default=None, description="after which the step fails, with `until` and `to`; 10 s by default"
+    )
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:
@@ -148,8 +150,8 @@ class Move(Action):
 
     direction: Literal[1, -1]  #: +1 extend, -1 retract
     actuator: str
-    value: float  #: what the actuator is commanded to
-    position: str | None  #: the channel that reads the position, where the rig has one
+    value: float  #: commanded value
+    position: str | None  #: the channel that reads the position, if the rig has one
     duration: float | None = None  #: s
     until: Expression | None = None
     target: float | None = None  #: m
@@ -157,7 +159,8 @@ class Move(Action):
     timeout: float | None = None  #: s; given with `until` and `target`
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """The time as written, or the way over the speed that the flow through the throttle gives."""
+        """The time as written, or the distance divided by the speed that follows from the flow through the
+        throttle."""
         speed = bench.speed(self.direction, state)
         if self.duration is not None:
             travel = self.direction * (speed or 0.0) * self.duration
@@ -174,25 +177,25 @@ class Move(Action):
         after = replace(bench.pass_time(state, seconds), position=position)
         reaches: Extents = {}
         if self.position is not None and speed is not None and 0.0 < position < stroke:
-            # an end stop is where a move ends by itself, not a place that the plan asks for
+            # a move stops at an end stop in any case; the plan does not ask for that position
             reaches = {self.position: (position, position)}
         return Forecast(seconds, basis, after, reaches)
 
     def _way(self, state: State, stroke: float) -> float:
-        """Metres to the target; a condition is taken to hold at the end of the stroke."""
+        """Distance to the target, m; a condition is assumed to hold at the end of the stroke."""
         if self.target is not None:
             way = self.target - state.position
             return way if way * self.direction > 0.0 else 0.0
         return stroke - state.position if self.direction > 0 else -state.position
 
     def set_point(self) -> SetPoint | None:
-        """The position, of a move in closed loop."""
+        """The position channel and its target, for a move in closed loop."""
         if self.target is None or self.position is None:
             return None
         return SetPoint(self.position, self.target, self.within)
 
     def carry_out(self, bench: Bench) -> Behaviour:
-        """Drive; the actuator is back at its safe value when it is over, however it ends.
+        """Drive; at the end the actuator is back at its safe value, whatever the outcome.
 
         Raises
         ------
@@ -206,7 +209,7 @@ class Move(Action):
         return self._until(bench)
 
     def _for_a_time(self, bench: Bench, duration: float) -> Behaviour:
-        """Timed by the bench where it can be, so that delays of this computer do not move the stroke."""
+        """Timed by the bench if it can, so that delays of this computer do not change the stroke."""
         receipt = yield from bench.command(self.actuator, self.value, duration)
         yield Until(receipt.time + duration, on_pause=OnPause.DEFER)
         yield from bench.finish_pulse(self.actuator)

@@ -83,19 +83,19 @@ class Prompt(Action):
 
     question: str
     name: str | None = None
-    unit: str | None = None  #: the unit an answer is read in and shown in
+    unit: str | None = None  #: unit in which the answer is typed and shown
     low: float | None = None  #: SI, included
     high: float | None = None  #: SI, included
-    simulated: float | None = None  #: SI; what a simulated operator answers
+    simulated: float | None = None  #: SI; answer of a simulated operator
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """The time that a person is assumed to take."""
+        """The time assumed for a person."""
         seconds = bench.operator_time(ANSWERING if self.name is None else TYPING)
         basis = Basis.ESTIMATED if bench.simulated else Basis.GUESSED
         return Forecast(seconds, basis, bench.pass_time(state, seconds))
 
     def carry_out(self, bench: Bench) -> Behaviour:
-        """Wait for a confirmation or a value; samples and interlocks go on meanwhile."""
+        """Wait for a confirmation or a value; sampling and interlocks continue meanwhile."""
         question = Question(
             text=self.question,
             name=self.name,

@@ -1,4 +1,4 @@
-"""What a step that gives up says about the bench."""
+"""Readings of the bench in the message of a step that gives up."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def seen(bench: Bench, names: Iterable[str]) -> str:
 
 
 def reading(bench: Bench, name: str, value: float, *, difference: bool = False) -> str:
-    """An SI value of a channel or command as a person reads it."""
+    """An SI value of a channel or command as text."""
     if math.isnan(value):
         return "missing"
     layout = bench.rig.layout

@@ -1,4 +1,4 @@
-"""`record`: keep what the steps inside do."""
+"""`record`: record samples while the steps inside are carried out."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class RecordStep(Block):
     record: RecordFields
 
     def build(self, context: Context) -> Node:
-        """A `RecordNode` that carries the values of the sweeps around it."""
+        """A `RecordNode` with the values of the enclosing sweeps."""
         fields = self.record
         channels = self._channels(context)
         rate = context.si(fields.rate, "record", "rate")

@@ -1,7 +1,7 @@
-"""Every kind of step by its verb, found in the files of this package: reading, schema and messages use it.
+"""All kinds of steps by verb, found in the modules of this package; used for reading, schema and messages.
 
-A new step is one new file or folder: a `Step` with its verb and example, and an `Action` if it asks
-something of the bench.
+A new step is one new module or package: a `Step` with its verb and example, and an `Action` if it does
+something on the bench.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def _kinds() -> Iterator[type[Step]]:
                 yield kind
 
 
-#: first those that ask something of the bench, then those that contain steps
+#: first those that do something on the bench, then those that contain steps
 STEPS: tuple[type[Step], ...] = tuple(
     sorted(_kinds(), key=lambda kind: (issubclass(kind, Cleanup), kind.verb))
 )
@@ -44,7 +44,8 @@ _FIELDS: Mapping[str, frozenset[str]] = {
 
 
 def _verbs(written: Mapping[str, Any]) -> list[str]:
-    """The verbs of a step: one when it is a step, the others being fields of it, such as `do`."""
+    """The verbs among the keys of a step: exactly one for a valid step; others, such as `do`, are its
+    fields."""
     found = [verb for verb in BY_VERB if verb in written]
     for verb in found:
         if all(other == verb or other in _FIELDS[verb] for other in found):
@@ -53,14 +54,14 @@ def _verbs(written: Mapping[str, Any]) -> list[str]:
 
 
 def _one_verb(written: Any) -> Any:
-    """Refuse what has no verb or several of them, in words about steps."""
+    """Refuse a step without a verb or with several, with a message about steps."""
     if isinstance(written, Step):
         return written
     if not isinstance(written, dict) or not written:
         shown = None if written is None or isinstance(written, dict | list) else str(written)
         near = unknown_name("step", shown, BY_VERB).nearest if shown else None
         raise refusal(
-            RigctlError("this is no step", value=shown, expected="a step, e.g. 'wait: 2 s'", nearest=near)
+            RigctlError("this is not a step", value=shown, expected="a step, e.g. 'wait: 2 s'", nearest=near)
         )
     verbs = _verbs(written)
     if len(verbs) > 1:

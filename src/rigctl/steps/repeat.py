@@ -1,4 +1,4 @@
-"""`repeat`: what is done a number of times."""
+"""`repeat`: a loop with a count."""
 
 from __future__ import annotations
 

@@ -25,11 +25,11 @@ from rigctl.rig import Actuator
 
 
 def _truth_to_word(written: Any) -> Any:
-    # YAML 1.2 reads `true` as a truth value, and people write it for a switch
+    # YAML 1.2 reads `true` as a boolean, and people write it for a switch
     return {True: "on", False: "off"}[written] if isinstance(written, bool) else written
 
 
-#: a position's word, a number, or a quantity; what fits depends on the actuator
+#: the name of a position, a number, or a quantity, depending on the actuator
 Command = Annotated[
     str | int | float,
     BeforeValidator(_truth_to_word),
@@ -84,12 +84,12 @@ class SetStep(Step):
 
 
 def read_command(context: Context, name: str, actuator: Actuator, command: str | float) -> float:
-    """The SI value that a file asks an actuator for.
+    """The SI value of a command written in a file.
 
     Raises
     ------
     RigctlError
-        no position of it, a wrong unit, or out of its range.
+        not one of the actuator's positions, a wrong unit, or out of range.
     """
     if isinstance(command, str) and MARK in command:
         value = OPEN.read(command).si(context.variables, actuator.display_unit)
@@ -101,7 +101,7 @@ def read_command(context: Context, name: str, actuator: Actuator, command: str |
 
 @dataclass(frozen=True, slots=True)
 class Set(Action):
-    """Command actuators by name, all at once; with `duration`, each goes back to its safe value after it."""
+    """Command actuators by name, all at once; with `duration`, each then returns to its safe value."""
 
     values: Mapping[str, float]
     duration: float | None = None  #: s
@@ -122,7 +122,7 @@ class Set(Action):
     def carry_out(self, bench: Bench) -> Behaviour:
         """Command every actuator; with a duration, wait until they have returned to their safe values.
 
-        An actuator that is turned by hand is asked for and has to be confirmed.
+        For an actuator that is turned by hand the operator is asked, and has to confirm.
         """
         for name, value in self.values.items():
             yield from bench.command(name, value, self.duration)
@@ -137,5 +137,5 @@ class Set(Action):
         return Outcome.COMPLETE
 
     def lasting(self) -> frozenset[str]:
-        """The actuators, unless they go back by themselves."""
+        """The actuators, unless they return to their safe values."""
         return frozenset(self.values) if self.duration is None else frozenset()

@@ -1,4 +1,4 @@
-"""`set_pressure`: bring the supply pressure to where its channel reads the set-point."""
+"""`set_pressure`: adjust the supply pressure until its channel reads the set-point."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from rigctl.steps.readings import reading
 from rigctl.steps.settling import Settling
 from rigctl.units import show
 
-#: s that a driven level takes besides what is asked of it
+#: s for a driven level, in addition to the settling time
 _DRIVEN_LEVEL = 1.0
 
 
@@ -41,8 +41,10 @@ class SetPressureFields(Part):
     within: PressureTolerance = Field(
         default=PRESSURE_TOLERANCE.read("0.5 bar"), description="half width of the tolerance"
     )
-    settle: Period = Field(default=PERIOD.read("2 s"), description="how long it must stay inside")
-    timeout: Duration = Field(default=DURATION.read("60 s"), description="when the step fails")
+    settle: Period = Field(
+        default=PERIOD.read("2 s"), description="how long the pressure must stay within the tolerance"
+    )
+    timeout: Duration = Field(default=DURATION.read("60 s"), description="after which the step fails")
 
 
 class SetPressureStep(Step):
@@ -82,17 +84,17 @@ class SetPressureStep(Step):
 
 @dataclass(frozen=True, slots=True)
 class SetLevel(Action):
-    """Bring a continuous actuator, or the operator who turns it, to where `channel` reads `to`."""
+    """Set a continuous actuator, or ask the operator to turn it, until `channel` reads `to`."""
 
     actuator: str
     channel: str
     to: float  #: SI of the channel's unit
-    within: float  #: half width of the tolerance, an interval
+    within: float  #: half width of the tolerance
     settle: float  #: s
     timeout: float  #: s
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """The time that the actuator or the operator takes, then the settling time."""
+        """The time of the actuator or of the operator, plus the settling time."""
         by_hand = bench.rig.actuators[self.actuator].by == "operator"
         setting = bench.operator_time(TURNING) if by_hand else _DRIVEN_LEVEL
         total = setting + self.settle
@@ -132,5 +134,5 @@ class SetLevel(Action):
         return Outcome.COMPLETE
 
     def lasting(self) -> frozenset[str]:
-        """The actuator: a level lasts beyond the step."""
+        """The actuator: its level stays after the step."""
         return frozenset({self.actuator})

@@ -8,7 +8,7 @@ from collections import deque
 from rigctl.plan.behaviour import Bench
 from rigctl.steps.readings import reading
 
-#: s over which a reading is averaged at most before it is compared with a tolerance
+#: s, longest average of a reading before it is compared with a tolerance
 LONGEST = 1.0
 
 
@@ -31,10 +31,10 @@ class MovingMean:
 
 
 class Settling:
-    """Watches a reading until its mean has been inside `target` ± `within` for `settle` s.
+    """Watches a reading until its mean has been within `target` ± `within` for `settle` s.
 
-    The mean is taken over half the settling time, at most `LONGEST`: noise on single readings neither starts
-    the time anew nor hides a drift.
+    The mean is taken over half the settling time, at most `LONGEST`: noise on single readings neither
+    restarts the settling time nor hides a drift.
     """
 
     def __init__(self, target: float, within: float, settle: float) -> None:
@@ -61,7 +61,7 @@ class Settling:
         return time - self._since >= self.settle - 1e-9
 
     def gave_up(self, bench: Bench, channel: str, timeout: float) -> str:
-        """What is said when it has not settled within `timeout` s."""
+        """The message if it has not settled within `timeout` s."""
 
         def shown(value: float) -> str:
             return reading(bench, channel, value)

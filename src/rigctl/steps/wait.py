@@ -35,7 +35,7 @@ class WaitFields(Part):
     @model_validator(mode="after")
     def _one_end(self) -> Self:
         if (self.for_ is None) == (self.until is None):
-            raise refusal(RigctlError("a wait needs one end", expected="either 'for' or 'until'"))
+            raise refusal(RigctlError("a wait needs exactly one end", expected="either 'for' or 'until'"))
         if (self.until is None) != (self.timeout is None):
             what = "'until' needs a timeout" if self.until else "a timeout goes with 'until'"
             raise refusal(RigctlError(what, expected="e.g. '{until: position < 1 mm, timeout: 10 s}'"))

@@ -1,4 +1,4 @@
-"""`while`: what is repeated as long as a condition holds."""
+"""`while`: a loop with a condition."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an output should be by a formula of the set-point, readings, and a fitted model's parameters."""
+"""Feed-forward: an output by a formula of the set-point, readings and parameters of a fitted model."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class FeedForward:
     constants: Mapping[str, float]
 
     def on(self, bench: Bench) -> Callable[[Row, float], float]:
-        """A function of a row of readings and the set-point, SI; NaN where the formula has no value."""
+        """The formula as a function of a row of readings and the set-point, SI; NaN where it is undefined."""
         kept = bench.statistics((), Stretch.RECORD, None)  # measures and answers so far
         fixed, columns = {}, {}
         for name in sorted(self.expression.names - {SETPOINT}):
@@ -58,13 +58,14 @@ def read_feed_forward(
 
     Parameters
     ----------
-    model: a model file whose parameters can be named; None for none. Constants of the rig can be in any case.
+    model: a model file whose parameters the formula can use, or None. Constants of the rig are always
+    available.
 
     Raises
     ------
     RigctlError
-        the formula or the model file cannot be read, a name is unknown, or the dimension is another than the
-        actuator's.
+        the formula or the model file cannot be read, a name is unknown, or the dimension is not that of the
+        actuator.
     """
     constants: dict[str, float] = {}
     types: dict[str, ValueType] = {}
@@ -82,7 +83,7 @@ def read_feed_forward(
 
 
 def _parameters(path: Path) -> dict[str, Quantity]:
-    """The values of a model file's parameters, fitted ones and others."""
+    """The values of a model file's parameters, fitted or not."""
     document = read_document(path)
     written: Any = document.data
     parameters = written.get("parameters") if isinstance(written, dict) else None

@@ -6,19 +6,19 @@ import math
 from collections import deque
 from typing import Final
 
-#: half periods that are looked at: five cycles
+#: half periods that are examined: five cycles
 _HALVES: Final = 10
-#: share of the first half of them that the second half still has in a lasting oscillation
+#: smallest ratio of the peaks in the second half of them to those in the first: the oscillation is sustained
 _LASTING: Final = 0.8
-#: by which the lengths of half periods may differ from their median; those of noise differ more
+#: largest relative deviation of half periods from their median; those of noise deviate more
 _REGULAR: Final = 0.5
 
 
 class OscillationDetector:
     """Watches the control error between its changes of sign (after Hägglund, 1995).
 
-    A lasting oscillation has ten half periods in a row, whose peaks are all above `amplitude`, do not decay,
-    and whose lengths are alike.
+    A sustained oscillation has ten consecutive half periods of similar length, whose peaks are all above
+    `amplitude` and do not decay.
     """
 
     def __init__(self, amplitude: float) -> None:
@@ -29,7 +29,8 @@ class OscillationDetector:
         self._peak = 0.0
 
     def add(self, time: float, error: float) -> tuple[float, float] | None:
-        """Take the error at a time; amplitude and period in s of a lasting oscillation, None for none."""
+        """Take the error at a time; returns amplitude and period (s) of a sustained oscillation, else
+        None."""
         sign = math.copysign(1.0, error) if error != 0.0 else self._sign
         if sign == self._sign:
             self._peak = max(self._peak, abs(error))
@@ -40,7 +41,7 @@ class OscillationDetector:
         return self._found()
 
     def _finish(self, length: float) -> None:
-        """A half period is over; a small one ends what may have begun."""
+        """A half period is over; a small one resets the detection."""
         if self._peak < self._amplitude:
             self._halves.clear()
         else:

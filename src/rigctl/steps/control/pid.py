@@ -1,15 +1,15 @@
 """A PID controller in parallel form, sample by sample.
 
-With the error ``e = r − y`` of a reading ``y`` to its set-point ``r``::
+With the error ``e = r − y`` between the set-point ``r`` and the reading ``y``::
 
     v = u_ff + P + I + D
     P = K_p·e
     dI/dt = K_i·e + (u − v)/T_t                    (back-calculation)
-    T_f·dD/dt + D = −K_d·dy/dt                     (of the measurement, so that a set-point gives no kick)
+    T_f·dD/dt + D = −K_d·dy/dt                     (of the measurement: no derivative kick)
     u = v, bounded by the output's limits and its rate of change
 
 After Åström and Hägglund, *Advanced PID Control* (ISA, 2006), chapters 3 and 13: the integral by the forward
-difference, the derivative by the backward one, each with the time that has really passed.
+difference, the derivative by the backward one, each with the time that has actually elapsed.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from enum import Enum
 
 
 class AntiWindup(Enum):
-    """What keeps the integral from running away while the output is bounded."""
+    """How integral wind-up is prevented while the output saturates."""
 
-    BACK_CALCULATION = "back_calculation"  #: it is led back with the time constant T_t
-    CLAMPING = "clamping"  #: it stands still while the error would drive it further out
+    BACK_CALCULATION = "back_calculation"  #: the integral is driven back with the tracking time constant T_t
+    CLAMPING = "clamping"  #: the integral is held while it would drive the output further into saturation
 
 
 @dataclass(frozen=True, slots=True)
 class Gains:
-    """The controller's settings; SI of actuator and channel."""
+    """The controller's parameters; SI of actuator and channel."""
 
     proportional: float  #: K_p
     integral: float  #: K_i, per s
@@ -40,14 +40,14 @@ class Gains:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What the output may be."""
+    """The limits of the output."""
 
     low: float
     high: float
-    rate: float  #: greatest change per s; infinite without any
+    rate: float  #: largest rate of change, per s; may be infinite
 
     def apply(self, value: float, before: float, span: float) -> float:
-        """A value within the limits, and within reach of the one before in `span` s."""
+        """The value, limited to the range and to what the previous one can reach in `span` s."""
         reach = self.rate * span if math.isfinite(self.rate) else math.inf
         near = min(max(value, before - reach), before + reach)
         return min(max(near, self.low), self.high)
@@ -58,8 +58,8 @@ class Pid:
 
     Parameters
     ----------
-    output: what is commanded when it starts, SI. With `bumpless` the integral begins where the output goes on
-        from there.
+    output: command at the start, SI. With `bumpless` the integral is initialised so that the output continues
+        from it.
     """
 
     def __init__(self, gains: Gains, bounds: Bounds, output: float, *, bumpless: bool) -> None:
@@ -71,14 +71,14 @@ class Pid:
         self._reading: float | None = None
         self._time = 0.0
         self.output = output
-        self.saturated = False  #: the newest output was bounded
+        self.saturated = False  #: the newest output was saturated
 
     def update(self, time: float, reading: float, setpoint: float, feed_forward: float) -> float:
         """The output after a reading, SI.
 
         Parameters
         ----------
-        time: of the reading, s, later than that of the one before.
+        time: of the reading, s, later than that of the previous one.
         """
         gains, error = self._gains, setpoint - reading
         proportional = gains.proportional * error

@@ -25,7 +25,7 @@ from rigctl.steps.control.on_board import ControlOnBoard, whole_period
 from rigctl.steps.control.pid import AntiWindup, Bounds, Gains
 from rigctl.units import show
 
-#: share of a channel's range from which a lasting oscillation ends the step, where nothing is said
+#: default amplitude, as a share of the channel's range, from which a sustained oscillation ends the step
 _OSCILLATION = 0.02
 
 
@@ -40,13 +40,17 @@ class ControlFields(Part):
         description="rate at which the set-point moves there from the first reading; by default at once",
         examples=["2 K/min"],
     )
-    gain: AnyDifference = Field(description="K_p, actuator per channel", examples=["4 %/K"])
+    gain: AnyDifference = Field(
+        description="K_p, in units of the actuator per unit of the channel", examples=["4 %/K"]
+    )
     integral: AnyDifference | None = Field(
-        default=None, description="K_i, actuator per channel and second", examples=["0.05 %/(K*s)"]
+        default=None,
+        description="K_i, in units of the actuator per unit of the channel and second",
+        examples=["0.05 %/(K*s)"],
     )
     derivative: AnyDifference | None = Field(
         default=None,
-        description="K_d of the reading, actuator times second per channel",
+        description="K_d, on the reading, in units of the actuator times seconds per unit of the channel",
         examples=["20 %*s/K"],
     )
     derivative_filter: Duration | None = Field(
@@ -78,7 +82,7 @@ class ControlFields(Part):
     )
     rate: Rate = Field(
         default=RATE.read("10 Hz"),
-        description="updates per second; in a record not above its own, unless the board computes",
+        description="updates per second; inside a record not above its rate, unless the board computes",
     )
     low: AnyValue | None = Field(default=None, description="minimum output; by default that of the actuator")
     high: AnyValue | None = Field(default=None, description="maximum output; by default that of the actuator")
@@ -109,7 +113,7 @@ class ControlFields(Part):
     def _complete(self) -> Self:
         settled = (self.within, self.settle, self.timeout)
         if (self.for_ is None) == (self.within is None):
-            raise refusal(RigctlError("how long does it go on?", expected="either 'for' or 'within'"))
+            raise refusal(RigctlError("the loop has no end", expected="either 'for' or 'within'"))
         if any(part is None for part in settled) and any(part is not None for part in settled):
             raise refusal(
                 RigctlError("settling needs all three", expected="'within', 'settle' and 'timeout'")
@@ -138,7 +142,7 @@ class ControlStep(Step):
 
 
 class _Builder:
-    """Reads the fields of a loop."""
+    """Reads the fields of the step."""
 
     def __init__(self, context: Context, fields: ControlFields) -> None:
         self._context, self._fields = context, fields
@@ -215,7 +219,7 @@ class _Builder:
                 )
 
     def _per(self, value: AnyDifference | None, field: str, more: str = "") -> float:
-        """A gain in SI: the actuator's unit per the channel's; zero where it is left out."""
+        """A gain in SI, unit of the actuator per unit of the channel; zero if it is left out."""
         if value is None:
             return 0.0
         unit = f"({self._actuator.display_unit})/({self._interval}){more}"

@@ -1,4 +1,4 @@
-"""How evenly a loop ran: kept with the record, so that nobody has to believe it."""
+"""How regularly a loop ran, kept with the record as evidence."""
 
 from __future__ import annotations
 
@@ -8,31 +8,31 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Timing:
-    """The instants at which a loop has acted.
+    """The instants at which a loop acted.
 
-    *Jitter* is by how much the time between two commands differs from the loop's period; *latency* is the
-    time from when a reading was taken until its command was handed to the bench.
+    *Jitter* is the deviation of the time between two commands from the loop's period; *latency* is the time
+    from a reading until its command was sent to the bench.
     """
 
     period: float  #: s
-    saturated: int = 0  #: updates whose output was bounded
+    saturated: int = 0  #: updates whose output was saturated
     missed: int = 0  #: readings that could not be used
     _acted: list[float] = field(default_factory=list)
     _latency: list[float] = field(default_factory=list)
 
     def add(self, read: float, acted: float, *, saturated: bool) -> None:
-        """An update: when the reading was taken and when it was acted on, s."""
+        """Take an update: the times of the reading and of its command, s."""
         self._acted.append(acted)
         self._latency.append(acted - read)
         self.saturated += saturated
 
     @property
     def updates(self) -> int:
-        """How many there were."""
+        """The number of updates."""
         return len(self._acted)
 
     def values(self) -> Iterator[tuple[str, float, str]]:
-        """What is kept: name, SI value, unit that it is shown in."""
+        """The values to keep: name, SI value, unit for display."""
         jitter = sorted(
             abs(later - earlier - self.period)
             for earlier, later in zip(self._acted, self._acted[1:], strict=False)
@@ -48,6 +48,6 @@ class Timing:
 
 
 def _quantile(ordered: list[float], share: float) -> float:
-    """The nearest rank: the smallest value that so many are not above."""
+    """The quantile by nearest rank."""
     rank = max(-(-len(ordered) * round(share * 1000) // 1000), 1)
     return ordered[rank - 1]

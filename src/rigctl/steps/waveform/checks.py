@@ -1,4 +1,4 @@
-"""A whole waveform against what the rig allows, before anything moves."""
+"""Checks of a whole waveform against the limits of the rig, before anything moves."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from rigctl.plan.setpoints import check_level, check_set_point
 from rigctl.rig import Actuator, Limit, Rig
 from rigctl.units import show
 
-#: commands of one waveform; a plan with more is a slip of the pen
+#: most commands of one waveform; more is probably a typing error
 MOST: Final = 1_000_000
-#: share by which two rates are the same
+#: relative tolerance within which two rates are equal
 _SLACK: Final = 1e-6
 
 
 def check_commands(
     rig: Rig, actuator: str, commands: Iterable[tuple[float, float]], *, held: bool
 ) -> tuple[float, float]:
-    """Refuse a course that leaves a range, is faster than the rig allows, or switches too often.
+    """Refuse a waveform that leaves a range, is faster than the rig allows, or switches too often.
 
     Parameters
     ----------
     commands: times in s and values in SI, as they will be given.
-    held: the course jumps at each of them, instead of being a curve that they follow.
+    held: whether the output jumps at each command, instead of following a curve.
 
     Returns
     -------
-    The least and the greatest value.
+    The lowest and the highest value.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def check_commands(
 def _check_rate(
     described: Actuator, name: str, before: tuple[float, float], after: tuple[float, float], *, held: bool
 ) -> None:
-    """The rate of change from one command to the next; a course that is held between them jumps."""
+    """Check the rate of change between commands; an output held between them jumps."""
     if described.max_rate is None:
         return
     span = 0.0 if held else after[0] - before[0]
@@ -87,7 +87,7 @@ def _check_rate(
 
 
 def _rate_limits(rig: Rig, actuator: str) -> Iterator[tuple[str, Limit]]:
-    """The limits on the rate of the channel that follows an actuator's level, as far as they stop a run."""
+    """The rate limits with action stop of the channel that follows an actuator's level."""
     role = rig.roles.set_pressure
     if role is None or role.actuator != actuator:
         return
@@ -97,7 +97,7 @@ def _rate_limits(rig: Rig, actuator: str) -> Iterator[tuple[str, Limit]]:
 
 
 class _Window:
-    """The change of a set-point over the stretch that a limit of its channel looks at."""
+    """The change of a set-point over the time window of a rate limit on its channel."""
 
     def __init__(self, rig: Rig, name: str, limit: Limit) -> None:
         self._rig, self._name, self._limit = rig, name, limit

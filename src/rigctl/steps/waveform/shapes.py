@@ -1,4 +1,4 @@
-"""The courses that an output can be commanded along: values in SI over s from their start."""
+"""The waveforms of an output: values in SI over the time from their start, s."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ from typing import Protocol
 
 
 class Shape(Protocol):
-    """A course of values over a time."""
+    """A waveform: values over a time."""
 
     @property
     def duration(self) -> float:
-        """How long it takes, s."""
+        """Its duration, s."""
         ...
 
     @property
     def edges(self) -> tuple[float, ...]:
-        """When it jumps, and where it begins; s."""
+        """The times of its start and of its jumps, s."""
         ...
 
     @property
     def held(self) -> bool:
-        """True when it changes at its edges only."""
+        """True if it changes only at its edges."""
         ...
 
     def at(self, time: float) -> float:
-        """The value at a time; after a jump at the jump itself."""
+        """The value at a time; at a jump, the value after it."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Ramp:
-    """In a straight line from `begin` to `end`."""
+    """A straight line from `begin` to `end`."""
 
     begin: float
     end: float
@@ -68,7 +68,7 @@ class Sine:
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """Levels one after the other, each for `each` s; in `rise` s it is reached in a straight line."""
+    """Levels one after the other, each for `each` s, of which `rise` s are a linear transition."""
 
     levels: tuple[float, ...]
     each: float
@@ -90,7 +90,7 @@ class Steps:
         return self.rise == 0.0
 
     def at(self, time: float) -> float:
-        """The level, or the line that leads to it from the one before."""
+        """The level, or the linear transition to it from the previous one."""
         index = min(max(int(time / self.each + 1e-9), 0), len(self.levels) - 1)
         since = time - index * self.each
         if index == 0 or since >= self.rise:
@@ -101,24 +101,24 @@ class Steps:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Values at times; between them the last one (`held`), or a straight line."""
+    """Values at times; between them the previous one (`held`), or a straight line."""
 
-    times: tuple[float, ...]  #: rising, the first is 0
+    times: tuple[float, ...]  #: increasing, the first is 0
     values: tuple[float, ...]
     held: bool
 
     @property
     def duration(self) -> float:
-        """Until its last time."""
+        """Its last time."""
         return self.times[-1]
 
     @property
     def edges(self) -> tuple[float, ...]:
-        """Every time of a held one; of a line its start."""
+        """All its times if it is held, otherwise the start."""
         return self.times if self.held else self.times[:1]
 
     def at(self, time: float) -> float:
-        """The value, between two of them as the table says."""
+        """The value, held or interpolated between two rows."""
         index = min(max(bisect_right(self.times, time + 1e-9) - 1, 0), len(self.times) - 1)
         if self.held or index == len(self.times) - 1:
             return self.values[index]
@@ -128,9 +128,9 @@ class Table:
 
 
 def commands(shape: Shape, period: float, rounds: int = 1) -> Iterator[tuple[float, float]]:
-    """When the output is commanded to what: times in s from the start, rising.
+    """The commands of the output: times in s from the start, increasing, and values.
 
-    A held course is commanded at its edges; any other every `period` s and at its end.
+    A held waveform is commanded at its edges; any other every `period` s and at its end.
     """
     for number in range(rounds):
         begin = number * shape.duration
@@ -144,5 +144,5 @@ def commands(shape: Shape, period: float, rounds: int = 1) -> Iterator[tuple[flo
 
 
 def count(shape: Shape, period: float, rounds: int) -> float:
-    """How many commands there are at most."""
+    """The largest possible number of commands."""
     return rounds * (len(shape.edges) if shape.held else shape.duration / period + 1.0)

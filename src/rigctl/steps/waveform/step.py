@@ -88,13 +88,13 @@ class WaveformFields(Part):
         default=None, description="`mean`, `amplitude`, `frequency`, `phase`, `for`: a sine"
     )
     steps: StepsFields | None = Field(
-        default=None, description="`levels`, `each`, `rise`: one level after the other"
+        default=None, description="`levels`, `each`, `rise`: one level after another"
     )
     table: TableFields | None = Field(
         default=None, description="`file` or `points`, `between`: values at times"
     )
     rate: Rate = Field(
-        default=RATE.read("10 Hz"), description="commands per second along a curve; steps need none"
+        default=RATE.read("10 Hz"), description="commands per second along a curve; not needed for steps"
     )
     repeat: Count = Field(default=COUNT.read(1), description="number of repetitions")
     then: Literal["stay", "safe"] = Field(
@@ -122,7 +122,7 @@ class WaveformStep(Step):
     waveform: WaveformFields
 
     def build(self, context: Context) -> Leaf:
-        """A `Waveform`, all of it checked where its start is known."""
+        """A `Waveform`, completely checked if its start value is known."""
         fields = self.waveform
         name, at = fields.actuator, ("waveform",)
         rig = context.rig
@@ -161,7 +161,7 @@ class WaveformStep(Step):
 
 
 class _Builder:
-    """Reads the course of a waveform."""
+    """Reads the shape of a waveform."""
 
     def __init__(self, context: Context, actuator: str) -> None:
         self._context = context
@@ -169,7 +169,7 @@ class _Builder:
         self._actuator = context.rig.actuators[actuator]
 
     def shape(self, fields: WaveformFields) -> Shape:
-        """The one that is given."""
+        """The shape that is given."""
         if fields.ramp is not None:
             return self._ramp(fields.ramp)
         if fields.sine is not None:
@@ -233,16 +233,16 @@ class _Builder:
 class Waveform(Action):
     """Command `actuator` along `shape`; SI.
 
-    Between two commands the last one is held. A host that is late leaves out what is past: what is commanded
-    is always the value of now.
+    Between two commands the last one is held. A host that is late skips the overdue commands: the commanded
+    value is always that of the current time.
     """
 
     actuator: str
     shape: Shape
     period: float  #: s between two commands along a curve
     rounds: int
-    from_now: bool  #: a ramp that begins at what is commanded then
-    stay: bool  #: the last value stays; otherwise the safe one follows
+    from_now: bool  #: a ramp that starts at the present command
+    stay: bool  #: whether the last value stays; otherwise the safe one follows
 
     @property
     def duration(self) -> float:
@@ -250,14 +250,14 @@ class Waveform(Action):
         return self.shape.duration * self.rounds
 
     def course(self, now: float | None) -> Iterator[tuple[float, float]]:
-        """Its commands, when the actuator is commanded to `now` at its start."""
+        """Its commands, if the actuator is commanded to `now` at its start."""
         shape = self.shape
         if self.from_now and now is not None and isinstance(shape, Ramp):
             shape = replace(shape, begin=now)
         return commands(shape, self.period, self.rounds)
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """The time as written, and what the supply pressure follows."""
+        """The time as written, and the supply pressure if it follows the actuator."""
         after = bench.pass_time(state, self.duration)
         role = bench.rig.roles.set_pressure
         reaches: Extents = {}
@@ -268,14 +268,14 @@ class Waveform(Action):
         return Forecast(self.duration, Basis.TIMED, after, reaches)
 
     def carry_out(self, bench: Bench) -> Behaviour:
-        """Give every command at its time, after a way to the first one that is no faster than allowed.
+        """Give every command at its time, after approaching the first value no faster than allowed.
 
-        Whatever ends it makes the outputs safe, as it does in any step.
+        Whatever ends it early makes the outputs safe, as in any step.
 
         Raises
         ------
         StepFailed
-            from what is commanded now, it would be faster than the rig allows; nothing has moved.
+            from the present command it would be faster than the rig allows; nothing has moved.
         """
         name = self.actuator
         now = bench.commanded.get(name, bench.safe_value(name))
@@ -301,7 +301,7 @@ class Waveform(Action):
         return Outcome.COMPLETE
 
     def _lead_in(self, bench: Bench, now: float, first: float) -> list[tuple[float, float]]:
-        """From what is commanded to the first value, as fast as it may be; nothing where it may jump."""
+        """Move from the present command to the first value as fast as allowed; nothing if it may jump."""
         fastest = bench.rig.actuators[self.actuator].max_rate
         if fastest is None or now == first:
             return []
@@ -311,7 +311,8 @@ class Waveform(Action):
     def _follow(
         self, bench: Bench, course: list[tuple[float, float]], end: float
     ) -> Generator[Until, Row | None, int]:
-        """Give commands at their times until `end` s; how many were left out, a later one being due."""
+        """Give commands at their times until `end` s; returns the number skipped because a later one was
+        due."""
         begin, late = bench.now, 0
         for index, (time, value) in enumerate(course):
             if index + 1 < len(course) and begin + course[index + 1][0] <= bench.now:
@@ -326,5 +327,5 @@ class Waveform(Action):
         return late
 
     def lasting(self) -> frozenset[str]:
-        """The actuator, where its last value stays."""
+        """The actuator, if its last value stays."""
         return frozenset({self.actuator}) if self.stay else frozenset()

@@ -1,4 +1,4 @@
-"""A table of a waveform, from a CSV file with the columns ``time [s]`` and ``NAME [unit]``."""
+"""The table of a waveform from a CSV file with the columns ``time [s]`` and ``NAME [unit]``."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def read_table(
 
     Parameters
     ----------
-    name, unit: of the actuator whose column is read, and a unit of its dimension.
-    check: refuses a value that the actuator cannot take; the row is added to what it says.
+    name, unit: the actuator whose column is read, and a unit of its dimension.
+    check: refuses a value that the actuator cannot take; the row is added to its message.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def read_table(
 
 
 def _column(head: Sequence[str], name: str, unit: str, path: Path) -> tuple[int, Unit]:
-    """Where a column stands, and its unit."""
+    """The index of a column, and its unit."""
     names = [cell.partition("[")[0].strip() for cell in head]
     expected = f"'time [s],{name} [{unit}]'" if name != "time" else "a column 'time [s]'"
     if names.count(name) != 1:
