@@ -134,7 +134,7 @@ def test_what_a_procedure_demands_is_asked_for_until_it_fits(
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ('serial_number: {pattern: "HB-["}', "no regular expression"),
+        ('serial_number: {pattern: "HB-["}', "not a regular expression"),
         ('serial_number: {pattern: "HB-[0-9]", default: HX}', "does not match the pattern"),
         ("serial: {required: true}", "serial_number"),
         ("serial_number: 0042", "text"),

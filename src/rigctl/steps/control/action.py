@@ -1,4 +1,4 @@
-"""What the step `control` does: a closed loop on the host, sample by sample."""
+"""The action of the step `control`: a closed loop on the host, sample by sample."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from rigctl.steps.control.timing import Timing
 from rigctl.steps.readings import reading
 from rigctl.steps.settling import Settling
 
-#: share of the loop's period that an update may come early, of two times on one grid
+#: share of the loop's period by which an update may be early, for rounding of times on the sampling grid
 EARLY = 0.01
-#: what is kept of a loop, and in which unit
+#: the values that are kept about a loop, and their units
 KEPT = {"jitter_p50": "ms", "jitter_p99": "ms", "jitter_max": "ms", "latency_p99": "ms", "saturated": "%"}
 
 
@@ -39,21 +39,21 @@ class Control(Action):
     feed_forward: FeedForward | None
     bumpless: bool
     period: float  #: s
-    duration: float | None  #: s; None: until it has settled
+    duration: float | None  #: s; None: until the reading has settled
     within: float | None
     settle: float | None
     timeout: float | None
-    oscillation: float  #: amplitude that ends the step
+    oscillation: float  #: amplitude of an oscillation that ends the step
     name: str
     stay: bool
 
     @property
     def longest(self) -> float:
-        """When it is over at the latest, s."""
+        """The longest time that it can take, s."""
         return self.duration if self.duration is not None else self.timeout or 0.0
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """The time as written; where it ends by settling, at most its timeout."""
+        """The time as written; if it ends by settling, its timeout."""
         basis = Basis.TIMED if self.duration is not None else Basis.AT_MOST
         after = bench.pass_time(state, self.longest)
         heat, pressure = bench.rig.roles.heat, bench.rig.roles.set_pressure
@@ -64,12 +64,12 @@ class Control(Action):
         return Forecast(self.longest, basis, after, {self.channel: (self.to, self.to)})
 
     def carry_out(self, bench: Bench) -> Behaviour:
-        """Run the loop; between records the bench is read at its rate for the while.
+        """Run the loop; between records the bench is temporarily read at the loop's rate.
 
         Raises
         ------
         StepFailed
-            it has not settled in time, or it oscillates.
+            the reading has not settled in time, or the loop oscillates.
         """
         slower = bench.rate if not bench.recording else None
         if slower is not None:
@@ -114,27 +114,28 @@ class Control(Action):
                 return
 
     def keep(self, bench: Bench, values: Iterable[tuple[str, float, str]]) -> None:
-        """Keep how the loop ran with the record or the run, of a loop that was broken off too."""
+        """Keep how the loop ran with the record or the run, also if it was interrupted."""
         for name, value, unit in values:
-            with suppress(RigctlError):  # a full disk ends the run at the next sample, and hides no other end
+            with suppress(RigctlError):  # a full disk ends the run at the next sample
                 bench.record_measure(MeasuredValue(f"{self.name}_{name}", value, unit))
 
     def set_point(self) -> SetPoint:
-        """Where the loop brings its channel, along the ramp."""
+        """The target of the loop's channel, with the ramp."""
         return SetPoint(self.channel, self.to, self.within, self.ramp)
 
     def lasting(self) -> frozenset[str]:
-        """The actuator, where its last value stays."""
+        """The actuator, if its last value stays."""
         return frozenset({self.actuator}) if self.stay else frozenset()
 
 
 class Watch:
-    """What is looked at in a loop, wherever it runs: set-point, feed-forward, settling and oscillation."""
+    """What is monitored in a loop, on the host or the board: set-point, feed-forward, settling,
+    oscillation."""
 
     def __init__(self, action: Control, bench: Bench) -> None:
         self._action, self._bench = action, bench
         self._feed_forward = action.feed_forward.on(bench) if action.feed_forward is not None else None
-        self._ahead = 0.0  # the newest value that the formula had
+        self._ahead = 0.0  # the newest defined value of the formula
         self._detector = OscillationDetector(action.oscillation)
         self._start: tuple[float, float] | None = None
         self._settling: Settling | None = None
@@ -142,7 +143,7 @@ class Watch:
             self._settling = Settling(action.to, action.within, action.settle)
 
     def setpoint(self, time: float, value: float) -> float:
-        """Where the reading should be now: on the ramp from the first one."""
+        """The set-point now, on the ramp from the first reading."""
         ramp, target = self._action.ramp, self._action.to
         if ramp is None:
             return target
@@ -153,7 +154,7 @@ class Watch:
         return min(first + way, target) if target >= first else max(first - way, target)
 
     def ahead(self, row: Row, setpoint: float) -> float:
-        """The feed-forward; where the formula has no value, the newest one that it had."""
+        """The feed-forward; where the formula is undefined, its newest defined value."""
         if self._feed_forward is not None:
             ahead = self._feed_forward(row, setpoint)
             self._ahead = self._ahead if math.isnan(ahead) else ahead
@@ -178,12 +179,12 @@ class Watch:
         return self._settling is not None and self._settling.add(time, value)
 
     def give_up(self) -> None:
-        """The time is over.
+        """End the loop when its time is over.
 
         Raises
         ------
         StepFailed
-            the reading should have settled by then.
+            the reading was to settle, and has not.
         """
         if self._settling is not None:
             action = self._action
@@ -192,7 +193,7 @@ class Watch:
 
 
 class _Loop:
-    """What a loop on the host knows from update to update."""
+    """The state of a loop on the host between updates."""
 
     def __init__(self, action: Control, bench: Bench, output: float) -> None:
         self._action, self._bench = action, bench

@@ -59,7 +59,7 @@ def read_feed_forward(
     Parameters
     ----------
     model: a model file whose parameters the formula can use, or None. Constants of the rig are always
-    available.
+        available.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""What the step `control` does where the bench's own board carries out the loop.
+"""The action of the step `control` if the bench's board carries out the loop.
 
-The board is told the controller's settings, computes at its own fixed period, and says with every sample what
-its output was. The host goes on looking: samples, interlocks, settling and oscillation are what they are for
-a loop on the host, and every ending makes the outputs safe first, which ends the loop on the board.
+The board receives the controller's parameters, computes at a fixed period, and reports its output with every
+sample. The host continues to monitor: sampling, interlocks, settling and oscillation work as for a loop on
+the host, and every ending makes the outputs safe first, which ends the loop on the board.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rigctl.steps.control.action import Control, Watch
 from rigctl.steps.control.pid import AntiWindup
 from rigctl.units import show
 
-#: Hz that the bench is read with between records at most, however fast the loop is
+#: Hz, highest sampling rate between records, however fast the loop is
 _WATCHED = 100.0
 _LONGEST_PERIOD = 60_000  # ms
 
@@ -45,12 +45,12 @@ def whole_period(period: float) -> int:
 
 @dataclass(frozen=True, slots=True)
 class ControlOnBoard(Control):
-    """A loop that the board carries out; `required` where nothing else may."""
+    """A loop that the board carries out; `required` if the host may not do it instead."""
 
     required: bool
 
     def settings(self, ahead: float = 0.0) -> LoopSettings:
-        """What the board is told."""
+        """The parameters for the board."""
         gains, bounds = self.gains, self.bounds
         return LoopSettings(
             actuator=self.actuator,
@@ -72,19 +72,19 @@ class ControlOnBoard(Control):
         )
 
     def refusal(self, bench: Bench) -> RigctlError | None:
-        """Why the loop cannot run on this bench's board, where it has to."""
+        """The error that the loop cannot run on this bench's board, as required."""
         reason = bench.cannot_regulate(self.settings())
         if not (self.required and reason):
             return None
         return RigctlError(f"'where: board': {reason}", hint="With 'where: auto' the host runs it there")
 
     def carry_out(self, bench: Bench) -> Behaviour:
-        """Let the board run the loop and look on; where it cannot, and need not, the host does.
+        """Let the board run the loop and monitor it; if it cannot, and need not, the host runs it.
 
         Raises
         ------
         StepFailed
-            it has not settled in time, or it oscillates.
+            the reading has not settled in time, or the loop oscillates.
         """
         reason = bench.cannot_regulate(self.settings())
         if reason:
@@ -111,7 +111,7 @@ class ControlOnBoard(Control):
         return Outcome.COMPLETE
 
     def _look_on(self, bench: Bench) -> Generator[Until, Row | None, None]:
-        """Begin the loop, and look at its samples until its time is over."""
+        """Start the loop, and monitor its samples until its time is over."""
         column = bench.columns[self.channel]
         possible = bench.rig.channels[self.channel].possible
         watch = Watch(self, bench)
@@ -123,7 +123,9 @@ class ControlOnBoard(Control):
                 value = row[column]
                 setpoint = watch.setpoint(row[0], value)
                 ahead = watch.ahead(row, setpoint)
-                if not bench.loop_state(ahead).running:  # not begun yet, or cut off by a loss of contact
+                if not bench.loop_state(
+                    ahead
+                ).running:  # not started yet, or interrupted by a loss of contact
                     begun += 1
                     yield from self._begin(bench, ahead, begun)
                 elif watch.settled(row[0], setpoint, value):

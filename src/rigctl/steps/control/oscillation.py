@@ -29,8 +29,7 @@ class OscillationDetector:
         self._peak = 0.0
 
     def add(self, time: float, error: float) -> tuple[float, float] | None:
-        """Take the error at a time; returns amplitude and period (s) of a sustained oscillation, else
-        None."""
+        """Take the error at a time; amplitude and period (s) of a sustained oscillation, else None."""
         sign = math.copysign(1.0, error) if error != 0.0 else self._sign
         if sign == self._sign:
             self._peak = max(self._peak, abs(error))
