@@ -123,9 +123,7 @@ class ControlOnBoard(Control):
                 value = row[column]
                 setpoint = watch.setpoint(row[0], value)
                 ahead = watch.ahead(row, setpoint)
-                if not bench.loop_state(
-                    ahead
-                ).running:  # not started yet, or interrupted by a loss of contact
+                if not bench.loop_state(ahead).running:  # not started yet, or contact was lost
                     begun += 1
                     yield from self._begin(bench, ahead, begun)
                 elif watch.settled(row[0], setpoint, value):
