@@ -20,10 +20,10 @@ def effects_page(family: ModelFamily) -> str:
         "*Generated: `make docs`.*\n",
         f"{family.title}. Base equations: {family.source}.\n",
         "An effect adds a term at a *slot* of the equations, or multiplies there by a factor. At the null "
-        "value of its parameters it is exactly off. `rigctl effects show NAME` draws what it does; "
-        "[your own effect](../../how-to/write-an-effect.md) is a file of a few lines. Bounds in brackets say "
-        "what is usual, the others what physics allows: a diagnosis looks beyond the first, and never beyond "
-        "the second.\n",
+        "value of its parameters it is exactly off. `rigctl effects show NAME` plots its signature; "
+        "[your own effect](../../how-to/write-an-effect.md) is a file of a few lines. Bounds in brackets "
+        "give the usual range, the others the physical one: a diagnosis also tries values beyond the first, "
+        "but never beyond the second.\n",
         *(part for effect in effects if effect.terms for part in _of_effect(effect, family)),
     ]
     base = [effect for effect in effects if effect.base]

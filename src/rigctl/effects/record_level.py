@@ -212,7 +212,7 @@ def _nothing(family: ModelFamily) -> Effect:
     return Effect(
         name=RECORD,
         family=family.name,
-        summary="What differs from record to record.",
+        summary="Quantities that differ from record to record.",
         equation="",
         source="repeated measurements at one condition",
         looks_like="Records of one condition differ.",

@@ -9,24 +9,24 @@ _HEAD = """\
 
 *Generated: `make docs`.*
 
-Every quantity in a file, on the command line and in the heading of a column is a number with its unit: `30
-bar`, `0.5 K`, `1500 rpm`, `speed [rpm]`. Inside everything is SI. A unit is a name, or names with whole
-powers, `*`, `/` and parentheses: `N*s/m`, `J/(kg*K)`, `m^2`. `N·m²` and `W/(m²·K)` are read too. An unknown
-unit is an error that names the nearest one.
+Every quantity in a file, on the command line and in the heading of a column has a unit: `30 bar`, `0.5 K`,
+`1500 rpm`, `speed [rpm]`. Internally everything is SI. A unit is a name, or names with integer powers, `*`,
+`/` and parentheses: `N*s/m`, `J/(kg*K)`, `m^2`. `N·m²` and `W/(m²·K)` are also accepted. An unknown unit is
+an error that names the nearest one.
 
-| of | units | SI |
+| quantity | units | SI |
 |---|---|---|
 """
 
 _TAIL = """
 Prefixes (`m`, `u`, `k`, `M` ...) and the other units that [pint](https://pint.readthedocs.io) knows by a
-single name work as well.
+single name are also accepted.
 
 - **Temperatures.** `degC` and `degF` are points on a scale, `K` is a point or a difference. Where a
   difference is meant (a tolerance, a scale, an uncertainty), `0.5 degC` and `0.5 K` are the same. In a
   product write `K`: `W/K`.
-- **Turns.** `rpm`, `U/min` and `rev/min` are speeds of rotation: 1 rpm is 2π/60 rad/s. `1/min` is a
-  frequency: 1/60 Hz. A radian is a plain number, so that nothing but care tells the two apart.
+- **Rotation.** `rpm`, `U/min` and `rev/min` are speeds of rotation: 1 rpm is 2π/60 rad/s. `1/min` is a
+  frequency: 1/60 Hz. A radian is dimensionless, so that the dimension check cannot distinguish the two.
 - **Per cent.** `50 %` is 0.5.
 - **Current and charge.** `C` is a coulomb; a temperature is `degC`.
 

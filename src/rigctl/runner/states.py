@@ -29,28 +29,28 @@ class RunState(Enum):
 #: what each state means
 STATES = {
     RunState.IDLE: "nothing has been touched yet",
-    RunState.ARMING: "the bench is opened and read, interlocks are looked at; nothing moves",
-    RunState.RUNNING: "steps are carried out",
-    RunState.PAUSED: "outputs are safe; samples and interlocks go on, steps wait",
-    RunState.SAFE: "outputs have just been brought to the safe state",
-    RunState.FINISHING: "cleanup blocks run, outputs are made safe again, data is closed",
-    RunState.FINISHED: "everything was carried out",
+    RunState.ARMING: "the bench is opened and read, interlocks are checked; nothing moves",
+    RunState.RUNNING: "steps are executed",
+    RunState.PAUSED: "outputs are safe; sampling and interlocks continue, steps wait",
+    RunState.SAFE: "outputs have just been put into the safe state",
+    RunState.FINISHING: "cleanup blocks run, outputs are made safe again, data are closed",
+    RunState.FINISHED: "all steps were executed",
     RunState.FAILED: "a step failed, an interlock tripped, or the bench or the disk was lost",
     RunState.ABORTED: "somebody ended the run",
 }
 
 #: what brings each transition about
 EVENTS = {
-    "arm": "the run is asked for",
+    "arm": "the run is requested",
     "start": "the bench answers and no interlock is tripped",
     "pause": "`rigctl pause`, or the key p",
     "go_on": "`rigctl continue`, or the key c",
     "finish": "the last step is done, or a dry run has read the bench",
     "make_safe": "an interlock, a failed step, a signal, a lost bench, a full disk, an error",
     "clean_up": "outputs are safe; cleanup blocks may run",
-    "succeed": "data is closed",
-    "fail": "data is closed",
-    "abort": "data is closed",
+    "succeed": "data are closed",
+    "fail": "data are closed",
+    "abort": "data are closed",
 }
 
 

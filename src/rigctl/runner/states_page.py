@@ -12,8 +12,8 @@ _HEAD = """\
 """
 
 _TAIL = """
-`safe` can be reached from every state in which outputs may be other than safe, from itself too. The last
-three states are left by nothing; outputs are safe in them.
+`safe` can be reached from every state in which outputs may not be safe, including itself. The last three
+states are final; outputs are safe in them.
 """
 
 

@@ -126,17 +126,17 @@ def _of_motion(at: _At) -> Iterator[Effect]:
     size = one_sign("size", at.unit, 0.05 * at.size, "F, while it slides")
     yield at.effect(
         "coulomb",
-        f"Dry friction holds {name} back with a constant size.",
+        f"Dry friction of constant size opposes {name}.",
         f"w = −F·sign({name})",
         ARMSTRONG,
         lambda m, p: at.against(p.size * at.direction(m)),
         (size,),
-        f"A constant part of what drives {name} is lost, and it comes to a stop in a finite time.",
+        f"A constant part of the drive of {name} is lost, and it stops in a finite time.",
         confused=("stribeck", "hysteresis", "offset"),
     )
     yield at.effect(
         "stribeck",
-        f"Dry friction holds {name} back, most near standstill.",
+        f"Dry friction opposes {name}, most strongly near standstill.",
         f"w = −(F + E·exp(−({name}/v)²))·sign({name})",
         ARMSTRONG,
         lambda m, p: at.against((p.size + p.excess * exp(-((at.x(m) / p.speed) ** 2))) * at.direction(m)),
@@ -152,14 +152,14 @@ def _of_motion(at: _At) -> Iterator[Effect]:
                 shares=(0.02, 0.1),
             ),
         ),
-        "As dry friction, with a jerk at the start and at every reversal.",
+        "Like dry friction, with a jerk at the start and at every reversal.",
         confused=("coulomb", "hysteresis"),
         becomes=(("excess", 0.0, "coulomb"),),
         needs="slow motion, and reversals",
     )
     yield at.effect(
         "viscous",
-        f"Something drags in proportion to {name}.",
+        f"A drag is proportional to {name}.",
         f"w = −k·{name}",
         ARMSTRONG,
         lambda m, p: at.against(p.coefficient * at.x(m)),
@@ -169,7 +169,7 @@ def _of_motion(at: _At) -> Iterator[Effect]:
     )
     yield at.effect(
         "quadratic_drag",
-        f"Air or a liquid drags with the square of {name}.",
+        f"The drag of air or a liquid is proportional to the square of {name}.",
         f"w = −k·{name}·|{name}|",
         _FLOW + ": turbulent drag goes with the square",
         lambda m, p: at.against(
@@ -183,7 +183,7 @@ def _of_motion(at: _At) -> Iterator[Effect]:
                 "k",
             ),
         ),
-        "High speeds stay below what a drag in proportion to speed explains; low ones do not.",
+        "High speeds are below those with a drag proportional to speed; low ones are not.",
         confused=("viscous", "coulomb"),
         needs="several speeds",
     )
@@ -201,7 +201,7 @@ def _hysteresis(at: _At) -> Effect:
 
     return at.effect(
         "hysteresis",
-        f"A spring that slips holds {name} back: hysteresis as of Bouc and Wen.",
+        f"A slipping spring opposes {name}: Bouc-Wen hysteresis.",
         f"w = −F·z, dz/dt = ({name} − |{name}|·z)/s",
         _BOUC,
         lambda m, p: at.against(p.size * p.bending),
@@ -215,7 +215,7 @@ def _hysteresis(at: _At) -> Effect:
                 grid=(0.01 * at.span * at.time,),
             ),
         ),
-        "After a reversal the force builds up over a distance; a move and its way back differ.",
+        "After a reversal the force builds up over a distance; a move and its return differ.",
         states=(EffectState("bending", "1", 0.1, rate, "z, of the spring, −1 to 1"),),
         confused=("coulomb", "stribeck"),
         becomes=(("distance", 0.0, "coulomb"),),
@@ -234,17 +234,17 @@ def _of_position(at: _At, position: str) -> Iterator[Effect]:
         "Hooke's law",
         lambda m, p: at.against(p.coefficient * m[position]),
         (either_sign("coefficient", stiffness, 0.05 * at.size / reach, "k"),),
-        f"What drives it must grow with {position}; oscillations are faster.",
+        f"The driving force must increase with {position}; oscillations are faster.",
         confused=("cubic_stiffness",),
     )
     yield at.effect(
         "cubic_stiffness",
-        f"A spring gets stiffer, or softer, with {position}.",
+        f"A spring becomes stiffer, or softer, with {position}.",
         f"w = −k·{position}³",
         "Duffing's equation: Nayfeh & Mook, Nonlinear Oscillations",
         lambda m, p: at.against(p.coefficient * m[position] ** 3),
         (either_sign("coefficient", quotient(at.unit, unit, unit, unit), 0.05 * at.size / reach**3, "k"),),
-        "Large swings have another period than small ones.",
+        "Large oscillations have a different period from small ones.",
         confused=("stiffness",),
         needs="swings of several sizes",
     )
@@ -260,7 +260,7 @@ def _of_store(at: _At) -> Iterator[Effect]:
     )
     yield at.effect(
         "leak",
-        f"Some of {name} is lost in proportion to how far it is above {around}.",
+        f"A loss of {name} is proportional to its excess over {around}.",
         f"w = −k·{base}",
         _INCROPERA + ": linear loss",
         lambda m, p: at.against(p.coefficient * at.above(m)),
@@ -276,7 +276,7 @@ def _of_store(at: _At) -> Iterator[Effect]:
 
     yield at.effect(
         "power_law",
-        f"Some of {name} is lost with a power of how far it is above {around}.",
+        f"A loss of {name} is proportional to a power of its excess over {around}.",
         f"w = −k·x·|x/{at.span:.3g} {at.state_unit}|^(n − 1), x = {base}",
         _INCROPERA + ": free convection has n = 5/4; " + _FLOW + ": an orifice has n = 1/2",
         power_law,
@@ -284,7 +284,7 @@ def _of_store(at: _At) -> Iterator[Effect]:
             either_sign("coefficient", quotient(at.unit, at.state_unit), 0.05 * at.size / at.span, "k"),
             shape("exponent", "1", 2.0, "n", grid=(0.5, 1.3, 3.0), low=0.25, high=6.0),
         ),
-        f"High values of {name} differ from what a loss in proportion explains, and low ones the other way.",
+        f"High values of {name} deviate from a proportional loss, and low ones in the opposite direction.",
         confused=("leak", "threshold"),
         becomes=(("exponent", 1.0, "leak"),),
         needs="several levels",
@@ -297,7 +297,7 @@ def _of_store(at: _At) -> Iterator[Effect]:
 
     yield at.effect(
         "threshold",
-        f"Above a limit {name} runs over, or a valve opens.",
+        f"Above a limit {name} overflows, or a valve opens.",
         f"w = −k·(max(0, {name} − limit)/{at.span:.3g} {at.state_unit})^n",
         "characteristic of a relief valve (n = 1) and of a weir (n = 3/2): " + _FLOW,
         threshold,
@@ -337,7 +337,7 @@ def _storage(at: _At) -> Effect:
 
     return at.effect(
         "storage",
-        f"A second store takes some of {name} and gives it back late.",
+        f"A second store absorbs a part of {name} and returns it with a delay.",
         f"w = −C·y/τ, dy/dt = d{name}/dt − y/τ",
         _INCROPERA + ": two lumps in series",
         lambda m, p: at.against(p.capacity * p.difference / p.time),
@@ -372,12 +372,12 @@ def _storage(at: _At) -> Effect:
 def _offset(at: _At) -> Effect:
     return at.effect(
         "offset",
-        f"Something adds to {at.role.state.name} at a constant rate.",
+        f"A constant rate is added to {at.role.state.name}.",
         "w = c",
         "constant disturbance",
         lambda m, p: p.size,
         (either_sign("size", at.unit, 0.05 * at.size, "c"),),
-        "Everything is shifted the same way, whatever is commanded.",
+        "Everything is shifted in the same direction, whatever the command.",
         confused=("drift", "coulomb" if at.role.moves else "leak"),
     )
 
@@ -385,12 +385,12 @@ def _offset(at: _At) -> Effect:
 def _drift(at: _At) -> Effect:
     return at.effect(
         "drift",
-        f"What acts on {at.role.state.name} changes with time.",
+        f"The rate of {at.role.state.name} drifts with time.",
         "w = k·t",
         "first term of a slow change",
         lambda m, p: p.rate * p.elapsed,
         (either_sign("rate", quotient(at.unit, "s"), 0.01 * at.size / at.time, "k"),),
-        "The error grows in the course of a record.",
+        "The error increases during a record.",
         states=(EffectState("elapsed", "s", 1.0, lambda m, p: 1.0, "time since the record began"),),
         confused=("offset",),
         needs="long records",

@@ -55,7 +55,7 @@ def at_switches(family: ModelFamily, role: Late, sizes: Magnitudes) -> Iterator[
     yield Effect(
         name=f"dead_time_of_{name}",
         family=family.name,
-        summary=f"What {name} commands acts after a dead time.",
+        summary=f"The command {name} acts after a dead time.",
         equation="w = τ, switches act at t + τ",
         source="Åström & Hägglund, Advanced PID Control: dead time",
         looks_like="After every switch nothing happens for a while.",
@@ -128,22 +128,22 @@ class _Made:
     def offset(self) -> Effect:
         return self.effect(
             "offset",
-            f"What acts is {self.name} and a constant.",
+            f"The actual input is {self.name} plus a constant.",
             "w = c",
             lambda m, p: p.size,
             (either_sign("size", self.interval, 0.01 * self.span, "c"),),
-            "As if something else were commanded, by the same amount always.",
+            "As if the command always differed by the same amount.",
             confused=("gain", "dead_band"),
         )
 
     def gain(self) -> Effect:
         return self.effect(
             "gain",
-            f"What acts is off from {self.name} by a share.",
+            f"The actual input differs from {self.name} by a constant factor.",
             f"w = k·{self.counted}",
             lambda m, p: p.share * self.from_reference(m),
             (EffectParameter("share", "1", 0.0, 0.01, -0.9, 9.0, "k", physical="low"),),
-            "All that is commanded does more, or less, in proportion.",
+            "Every command has proportionally more, or less, effect.",
             confused=("quadratic", "saturation"),
         )
 
@@ -154,11 +154,11 @@ class _Made:
 
         return self.effect(
             "quadratic",
-            f"What acts is not in proportion to {self.counted}.",
+            f"The actual input is not proportional to {self.counted}.",
             f"w = k·{self.counted}·|{self.counted.strip('()')}|",
             term,
             (either_sign("bend", shown_quotient("1", self.interval), 0.05 / self.span, "k"),),
-            "Twice the command has not twice the effect.",
+            "Twice the command does not have twice the effect.",
             confused=("gain", "saturation", "dead_band"),
             needs="several commands",
         )
@@ -169,7 +169,7 @@ class _Made:
 
         return self.effect(
             "saturation",
-            f"What acts does not go beyond a limit of {self.name}.",
+            f"The actual input saturates at a limit of {self.name}.",
             f"w = −k·sign({self.name})·max(0, |{self.name}| − limit)",
             term,
             (share("share", "k; 1 is a hard limit"), self.limit("where it begins", (0.4, 0.6, 0.8, 0.95))),
@@ -184,7 +184,7 @@ class _Made:
 
         return self.effect(
             "dead_band",
-            f"Small values of {self.name} do nothing.",
+            f"Small values of {self.name} have no effect.",
             f"w = −k·({self.name} − sign({self.name})·max(0, |{self.name}| − limit))",
             term,
             (share("share", "k; 1 is a full dead band"), self.limit("where it ends", (0.05, 0.15, 0.3))),
@@ -209,11 +209,11 @@ class _Made:
 
         return self.effect(
             "backlash",
-            f"Between {self.name} and what acts there is play.",
+            f"There is play between {self.name} and the actual input.",
             f"w = k·(z − {self.name}), z follows {self.name} when it is farther than the limit",
             lambda m, p: p.share * (p.follower - self.u(m)),
             (share("share", "k; 1 is play and nothing else"), self.limit("half of the play", (0.02, 0.1))),
-            "After a reversal nothing happens for a part of the way.",
+            "After a reversal nothing happens over a certain distance.",
             states=(
                 EffectState(
                     "follower", self.unit, CORNER * self.span, rate, "z", start=self.role.input.value
@@ -234,11 +234,11 @@ class _Made:
 
         return self.effect(
             "lag",
-            f"What acts follows {self.name} late.",
+            f"The actual input lags {self.name}.",
             f"τ·dz/dt = {self.name} − z, w = z − {self.name}",
             term,
             (one_sign("lag", "s", 0.1 * self.sizes.shortest, "τ"),),
-            "After a switch the response sets in gradually, and goes on after it ends.",
+            "After a switch the response starts gradually, and continues after the command has ended.",
             states=(
                 EffectState(
                     "follower",

@@ -42,19 +42,19 @@ it is the derivative of.
 """,
     ),
     (
-        "At the balance of what is stored",
+        "At the balance of a stored quantity",
         """
 Any other state that is not the integral of one alone: a level, a temperature, a pressure, a current, a
-charge. It counts from its surroundings where the family has a variable of its unit whose name says so
-(`ambient`, `room`, `outside`, `environment`, `surroundings`, `atmosphere` or `reference` among its words),
-else from 0, and a temperature or pressure from its start.
+charge. It is relative to its surroundings if the family has a variable with its unit and a matching name
+(containing `ambient`, `room`, `outside`, `environment`, `surroundings`, `atmosphere` or `reference`),
+otherwise to 0, and a temperature or pressure to its initial value.
 """,
     ),
-    ("At an input", "What acts in the place of what is commanded. Surroundings have an offset alone."),
-    ("At a reading", "What a sensor shows beside the truth."),
+    ("At an input", "The actual input instead of the command. Surroundings have only an offset."),
+    ("At a reading", "The error of a sensor."),
     (
         "At a reading of a table",
-        "Where a family has no states, what is missing may depend on each setting.",
+        "In a family without states, a missing term may depend on each setting.",
     ),
 )
 
@@ -63,22 +63,22 @@ _INTRODUCTION = """\
 
 *Generated: `make docs`.*
 
-What may be missing in any bench. A [family of your own](../../how-to/write-a-model-family.md) has these
-effects without a line about them, wherever the dimension of a slot and the variables fit; `rigctl effects
-list --family mine.yaml` says which act where, and why others do not. A family that declares no slots gets
-them at the balance of every state, at every input and at every reading; one that declares slots, at those.
-`generic_effects: false` in the family file does without.
+Effects that may be missing in any bench. A [family of your own](../../how-to/write-a-model-family.md) has
+these effects without declaring them, wherever the dimension of a slot and the variables match; `rigctl
+effects list --family mine.yaml` shows which act where, and why others do not. In a family without slots they
+act on the balance of every state, on every input and on every reading; in one with slots, only at those.
+`generic_effects: false` in the family file disables them.
 
-Names say what and where: `coulomb_on_speed` acts on the balance of the state `speed`; at a slot `drag` that
-the family declares itself it is `coulomb_on_drag`. `lag_of_level` is of the reading or the input `level`.
-Below, the family has the states `position`, `speed` and `store`, the inputs `command` and `ambient`, and
-`reading`; w is what is added there. Typical sizes and bounds follow from the family's own numbers, limits
-and widths from the range of the data. Widths, limits, exponents and times are *shapes*: a diagnosis looks
-at several, and fits them once the effect is in.
+Names give the kind and the location: `coulomb_on_speed` acts on the balance of the state `speed`; at a slot
+`drag` declared by the family it is called `coulomb_on_drag`. `lag_of_level` acts on the reading or the input
+`level`. The family below has the states `position`, `speed` and `store`, the inputs `command` and `ambient`,
+and `reading`; w is the term that is added. Typical sizes and bounds follow from the family's numbers, limits
+and widths from the range of the data. Widths, limits, exponents and times are *shape parameters*: a diagnosis
+tries several values, and fits them once the effect is in the model.
 
-What only rounds or disturbs a reading, quantisation for one, is no effect: it belongs to the noise, which a
-diagnosis learns from the readings ([why](../../decisions/0050-quantisation-is-read-off.md)). A share of an
-absolute temperature counts from the input's usual value, `value:` in the family file.
+Rounding and disturbances of a reading, such as quantisation, are not effects: they belong to the noise, which
+a diagnosis estimates from the readings ([why](../../decisions/0050-quantisation-is-read-off.md)). A share of
+an absolute temperature is relative to the input's usual value, `value:` in the family file.
 """
 
 

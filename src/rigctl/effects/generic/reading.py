@@ -103,22 +103,22 @@ class _Made:
     def offset(self) -> Effect:
         return self.effect(
             "offset",
-            f"The reading {self.name} is off by a constant.",
+            f"The reading {self.name} has a constant offset.",
             "w = c",
             lambda m, p: p.size,
             (either_sign("size", self.interval, 0.01 * self.span, "c"),),
-            "All of its readings are shifted alike, and no other channel is.",
+            "All of its readings are shifted equally, and those of no other channel.",
             confused=("drift", "gain"),
         )
 
     def drift(self) -> Effect:
         return self.effect(
             "drift",
-            f"The zero of the reading {self.name} wanders.",
+            f"The zero of the reading {self.name} drifts.",
             "w = k·t",
             lambda m, p: p.rate * p.elapsed,
             (either_sign("rate", shown_quotient(self.interval, "s"), 0.01 * self.span / self.time, "k"),),
-            "Its error grows in the course of a record, and no other channel's does.",
+            "Its error increases during a record, and that of no other channel.",
             states=(EffectState("elapsed", "s", 1.0, lambda m, p: 1.0, "time since the record began"),),
             confused=("offset",),
             needs="long records",
@@ -129,11 +129,11 @@ class _Made:
         base = f"({self.name} − {reference})" if reference else self.name
         return self.effect(
             "gain",
-            f"The reading {self.name} is off by a share.",
+            f"The reading {self.name} has a gain error.",
             f"w = k·{base}",
             lambda m, p: p.share * self._above(m),
             (EffectParameter("share", "1", 0.0, 0.01, -0.9, 9.0, "k", physical="low"),),
-            "Its error is in proportion to its value, and no other channel's is.",
+            "Its error is proportional to its value, and that of no other channel.",
             confused=("saturation", "offset"),
         )
 
@@ -145,11 +145,11 @@ class _Made:
 
         return self.effect(
             "lag",
-            f"The reading {self.name} follows late.",
+            f"The reading {self.name} lags.",
             f"τ·dz/dt = {self.name} − z, w = z − {self.name}",
             lambda m, p: reading_error(p.deviation, p.lag, constant_like(resolution, p.lag)),
             (one_sign("lag", "s", 0.1 * self.time, "τ"),),
-            "Its fast changes come late and rounded; at rest it is right.",
+            "Its fast changes are delayed and rounded; at rest it is right.",
             states=(
                 EffectState(
                     "deviation", self.unit, self.span / 300.0, rate, "reading less truth, unweighted"
@@ -167,7 +167,7 @@ class _Made:
         far = 100.0 * self.span + abs(typical)
         return self.effect(
             "saturation",
-            f"The reading {self.name} does not go beyond a limit.",
+            f"The reading {self.name} saturates at a limit.",
             f"w = −k·max(0, {self.name} − limit)",
             term,
             (
@@ -184,7 +184,7 @@ class _Made:
                     difference=False,
                 ),
             ),
-            "Its high values are flattened, and no other channel's are.",
+            "Its high values are flattened, and those of no other channel.",
             confused=("gain",),
             needs="values beyond the limit",
         )
@@ -203,7 +203,7 @@ class _Made:
 
         return self.effect(
             "hysteresis",
-            f"The reading {self.name} hangs behind: play, or hysteresis of the sensor.",
+            f"The reading {self.name} has play, or hysteresis of the sensor.",
             f"w = c − b·z, dz/dt = (d{self.name}/dt − |d{self.name}/dt|·z^{_SHARP})/s",
             lambda m, p: p.zero - p.size * side(p),
             (
@@ -219,7 +219,7 @@ class _Made:
                 ),
                 shape("side", "1", 0.0, "z where a record begins", grid=(-1.0, 1.0), low=-1.0, high=1.0),
             ),
-            "The same value is read differently on the way up and on the way down.",
+            "The same value gives different readings when rising and when falling.",
             states=(EffectState("play", "1", 0.1, rate, "z less where it began, z from −1 to 1"),),
             confused=("lag", "offset"),
             needs="reversals",
@@ -248,17 +248,17 @@ class _Made:
 
         yield self.effect(
             "gain",
-            f"Something at {label} goes in proportion to {counted}.",
+            f"A part of {label} is proportional to {counted}.",
             f"w = k·{counted}",
             lambda m, p: p.coefficient * from_reference(m),
             (either_sign("coefficient", shown_quotient(self.interval, per), 0.05 * self.span / span, "k"),),
-            f"The error grows in proportion to {name}.",
+            f"The error is proportional to {name}.",
             confused=("quadratic", "threshold"),
             of=name,
         )
         yield self.effect(
             "quadratic",
-            f"Something at {label} goes with the square of {counted}.",
+            f"A part of {label} is proportional to the square of {counted}.",
             f"w = k·{counted}·|{counted.strip('()')}|",
             squared,
             (
@@ -266,7 +266,7 @@ class _Made:
                     "coefficient", shown_quotient(self.interval, per, per), 0.05 * self.span / span**2, "k"
                 ),
             ),
-            f"The error grows with the square of {name}.",
+            f"The error is proportional to the square of {name}.",
             confused=("gain", "threshold"),
             of=name,
         )
@@ -278,7 +278,7 @@ class _Made:
 
         yield self.effect(
             "threshold",
-            f"Above a limit of {name} something sets in.",
+            f"Above a limit of {name} an additional part sets in.",
             f"w = k·(max(0, {name} − limit)/{show(span, unit, difference=True, digits=3)})^n",
             threshold,
             (
@@ -296,7 +296,7 @@ class _Made:
                 ),
                 shape("exponent", "1", 1.0, "n", low=1.0, high=3.0),
             ),
-            f"All is right up to a limit of {name}; beyond it the error grows.",
+            f"There is no error up to a limit of {name}; beyond it the error increases.",
             confused=("quadratic", "gain"),
             of=name,
         )

@@ -17,7 +17,7 @@ def _room(_: Rig | None) -> float:
 _EFFECT = Effect(
     name=RECORD,
     family="heater_board",
-    summary="What differs from record to record.",
+    summary="Quantities that differ from record to record.",
     equation="T_room = T_ambient + d",
     source="repeated measurements at one condition",
     looks_like="Records end at other temperatures although nothing was changed.",

@@ -45,7 +45,7 @@ def _on_the_stop(states: Mapping[str, float], parameters: Mapping[str, float]) -
 _EFFECT = Effect(
     name=RECORD,
     family="hydraulic_cylinder",
-    summary="What differs from record to record.",
+    summary="Quantities that differ from record to record.",
     equation="p_set·(1 + e), x_read = x + z",
     source="repeated measurements at one condition",
     looks_like="Records of one condition differ.",

@@ -90,7 +90,7 @@ POWER_LAW_CONVECTION = Effect(
 HEATER_NONLINEARITY = Effect(
     name="heater_nonlinearity",
     family=_FAMILY,
-    summary="A heater's power is not in proportion to its command.",
+    summary="A heater's power is not proportional to its command.",
     equation="P = α·Q·(1 + k·(1 − Q))",
     source="transistor output stage of the board; k bends the characteristic between its ends",
     terms=(("heater_gain", lambda m, p: 1.0 + p.bend * (1.0 - m.command)),),

@@ -74,7 +74,7 @@ HEATER_LAG = Effect(
     terms=tuple(_element(n) for n in HEATERS),
     parameters=(EffectParameter("lag", "s", 0.0, 10.0, 0.0, 200.0, "τ", physical="low"),),
     states=tuple(_element_state(n) for n in HEATERS),
-    looks_like="A temperature goes on rising after its heater is switched off.",
+    looks_like="A temperature continues to rise after its heater is switched off.",
     confused_with=("sensor_lag", "wall_heat_capacity"),
 )
 
@@ -96,7 +96,7 @@ def _wall_state(number: int) -> EffectState:
 WALL_HEAT_CAPACITY = Effect(
     name="wall_heat_capacity",
     family=_FAMILY,
-    summary="The board beneath each heater takes heat and gives it back.",
+    summary="The board beneath each heater absorbs heat and releases it.",
     equation="Q = −C_w·dT_w/dt, τ_w·dT_w/dt = T − T_w",
     source=_LUMP,
     terms=tuple(_wall(n) for n in HEATERS),
@@ -115,7 +115,7 @@ WALL_HEAT_CAPACITY = Effect(
         ),
     ),
     states=tuple(_wall_state(n) for n in HEATERS),
-    looks_like="Heating starts faster than it goes on, as with two time constants.",
+    looks_like="Heating is faster at the start than later, as with two time constants.",
     confused_with=("sensor_lag", "heater_lag"),
 )
 

@@ -55,7 +55,7 @@ AMBIENT_LOSS = Effect(
 PUMP_HEATING = Effect(
     name="pump_heating",
     family=_FAMILY,
-    summary="What the pump puts into the oil ends as heat in the tank.",
+    summary="The pump's power ends as heat in the tank.",
     equation="Q = p_S·Q_pump/η_hm",
     source="energy balance; 0.5 K/min at 50 bar on the published bench",
     base={"pump_heat_share": 0.0},

@@ -55,7 +55,7 @@ HEATER_LAG = Effect(
     ),
     parameters=(EffectParameter("lag", "s", 0.0, 20.0, 0.0, 600.0, "τ", physical="low"),),
     states=(EffectState("element", "W", 10.0, _element_rate, "heat that the element gives off"),),
-    looks_like="The temperature goes on rising after the heaters are switched off.",
+    looks_like="The temperature continues to rise after the heaters are switched off.",
     confused_with=("thermocouple_lag", "wall_heat_capacity"),
     needs="switching of the heaters in the data",
 )
@@ -63,7 +63,7 @@ HEATER_LAG = Effect(
 WALL_HEAT_CAPACITY = Effect(
     name="wall_heat_capacity",
     family=_FAMILY,
-    summary="The tank's wall takes heat and gives it back.",
+    summary="The tank's wall absorbs heat and releases it.",
     equation="Q = −C_w·dT_w/dt, τ_w·dT_w/dt = T − T_w",
     source=_INCROPERA + ": lumped capacity of the wall",
     terms=(("heat", lambda m, p: -(p.capacity / p.time * p.difference)),),
@@ -92,7 +92,7 @@ WALL_HEAT_CAPACITY = Effect(
             "oil less wall",
         ),
     ),
-    looks_like="Heating starts faster than it goes on; the temperature sags after heating stops.",
+    looks_like="Heating is faster at the start than later; the temperature sags after heating stops.",
     confused_with=("heater_lag", "radiation_loss"),
     needs="heating in the data; a fitted fill hides most of it",
 )

@@ -150,7 +150,7 @@ PUMP_SLIP = Effect(
         ),
     ),
     looks_like=(
-        "The supply pressure sags when the cylinder wants nearly all of the pump's flow, more in hot oil; "
+        "The supply pressure sags when the cylinder needs nearly all of the pump's flow, more in hot oil; "
         "nothing shows while the relief valve is open."
     ),
     confused_with=("relief_override",),

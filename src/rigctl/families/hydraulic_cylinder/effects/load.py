@@ -10,7 +10,7 @@ _NEWTON = "Newton's second law; Merritt (1967), section 6-1"
 LOAD_MASS = Effect(
     name="load_mass",
     family=_FAMILY,
-    summary="More mass moves with the rod than the model knows.",
+    summary="The moving mass is larger than in the model.",
     equation="(m + m_L)·dv/dt = ΣF",
     source=_NEWTON,
     terms=(("mass", lambda m, p: p.mass),),
@@ -35,7 +35,7 @@ SPRING_LOAD = Effect(
 CONSTANT_LOAD = Effect(
     name="constant_load",
     family=_FAMILY,
-    summary="A constant force acts on the rod, a weight say.",
+    summary="A constant force acts on the rod, for instance a weight.",
     equation="F = F_0, against extension",
     source=_NEWTON,
     terms=(("load", lambda m, p: p.force),),

@@ -72,7 +72,7 @@ POSITION_OFFSET = Effect(
 POSITION_THERMAL_DRIFT = Effect(
     name="position_thermal_drift",
     family=_FAMILY,
-    summary="The position sensor's gain moves with the oil's temperature.",
+    summary="The position sensor's gain drifts with the oil temperature.",
     equation="x_read = x·(1 + k·(T − 20 degC))",
     source="Hashim, Al-Salihi & Al Zubaidi: one of four effects that their strokes cannot tell apart",
     terms=(

@@ -10,7 +10,7 @@ _FAMILY = "hydraulic_cylinder"
 RELIEF_OVERRIDE = Effect(
     name="relief_override",
     family=_FAMILY,
-    summary="The relief pressure rises with its flow by more than the base model says.",
+    summary="The relief pressure rises with its flow by more than in the base model.",
     equation="R + k in Q_relief = max(0, Q_pump + (p_S − p_set)/(R + k))",
     source="Merritt, Hydraulic Control Systems (1967), section 9-3: direct-operated relief valves",
     terms=(("relief_resistance", lambda m, p: p.resistance),),
@@ -33,7 +33,7 @@ RELIEF_OVERRIDE = Effect(
 RELIEF_THERMAL_DRIFT = Effect(
     name="relief_thermal_drift",
     family=_FAMILY,
-    summary="The setting of the relief valve moves with the oil's temperature.",
+    summary="The setting of the relief valve drifts with the oil temperature.",
     equation="p_set·(1 − k·(T − 20 degC))",
     source="Jelali & Kroll, Hydraulic Servo-systems (2003): spring and seat of direct-operated valves",
     terms=(("relief_setting", lambda m, p: 1.0 - p.coefficient * above_20_celsius(m.line_temperature)),),

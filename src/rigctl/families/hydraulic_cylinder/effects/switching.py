@@ -23,7 +23,7 @@ def _thermal(m: Scope, p: Own) -> Scalar:
 VALVE_OPEN_DELAY = Effect(
     name="valve_open_delay",
     family=_FAMILY,
-    summary="The valve opens some time after it is told to.",
+    summary="The valve opens with a delay after its command.",
     equation="τ = τ_open at each command away from neutral",
     source=_VALVE,
     terms=(("valve_delay", lambda m, p: p.delay * opens(m)),),
@@ -35,7 +35,7 @@ VALVE_OPEN_DELAY = Effect(
 VALVE_CLOSE_DELAY = Effect(
     name="valve_close_delay",
     family=_FAMILY,
-    summary="The valve closes some time after it is told to.",
+    summary="The valve closes with a delay after its command.",
     equation="τ = τ_close at each command to neutral",
     source=_VALVE,
     terms=(("valve_delay", lambda m, p: p.delay * (1.0 - opens(m))),),

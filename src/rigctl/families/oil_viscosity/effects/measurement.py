@@ -17,7 +17,7 @@ def _end_loss(m: Scope, p: Own) -> Scalar:
 CAPILLARY_END_CORRECTION = Effect(
     name="capillary_end_correction",
     family=_FAMILY,
-    summary="The capillary's ends slow thin oil, which then reads too thick.",
+    summary="End losses of the capillary make thin oil read too thick.",
     equation="ν = k·t − c/t, read as k·t: ν_read = ν + e/ν_read, e = c·k",
     source="Hagenbach-Couette; ISO 3104, ISO 3105",
     terms=(("kinematic_viscosity_reading", _end_loss),),
