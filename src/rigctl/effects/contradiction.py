@@ -1,4 +1,4 @@
-"""Effects that say the same thing in two ways: a model has one or the other."""
+"""Effects that are alternatives for the same physics: a model has at most one of them."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ def refuse_contradictions(effects: Sequence[Effect]) -> None:
     Raises
     ------
     RigctlError
-        two do; it names them.
+        two do; the message names them.
     """
     for one, other in combinations(effects, 2):
         if other.name in one.instead_of or one.name in other.instead_of:
             raise RigctlError(
                 f"{one.name} and {other.name} contradict one another: they describe the same in two ways",
-                hint="Take one of them away",
+                hint="Remove one of them",
             )

@@ -1,8 +1,9 @@
-"""What an effect is: terms at named slots of a model, with parameters whose null values switch it off.
+"""The declaration of an effect: terms at named slots of a model, with parameters whose null values switch it
+off.
 
-An effect is data. Its formulas take a scope `m` (the model's variables) and `p` (the effect's own
-parameters and states) and return a term; at the null values every term is exactly 0, or exactly 1 where the
-slot multiplies.
+An effect is data. Its formulas take a scope `m` (the model's variables) and `p` (the effect's own parameters
+and states) and return a term; at the null values every term is exactly 0, or exactly 1 if the slot
+multiplies.
 """
 
 from __future__ import annotations
@@ -38,40 +39,42 @@ class Own:
         return self._scope[qualified(self._effect, name)]
 
 
-#: which of a parameter's bounds physics sets; the others are only what is usual
+#: which of a parameter's bounds are physical; the others are limits of the usual range
 Ends: TypeAlias = Literal["none", "low", "high", "both"]
 
-#: a value that is only unusual is looked for up to so many times as far from the null value as the bound
+#: factor, relative to the null value, by which a search goes beyond a limit of the usual range
 _BEYOND = 10.0
 
-#: a term of an effect: the model's variables and the effect's own in, a value out
+#: a term of an effect: a function of the model's variables and the effect's own
 Term: TypeAlias = Callable[[Scope, Own], Scalar]
 
 
 def qualified(effect: str, name: str) -> str:
-    """What an effect's parameter or state is called in a system: ``piston_leakage.conductance``."""
+    """The name of an effect's parameter or state in a system: ``piston_leakage.conductance``."""
     return f"{effect}.{name}"
 
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """A parameter of an effect, SI; `unit` is what it is shown in.
+    """A parameter of an effect, SI; `unit` is the one in which it is shown.
 
     Attributes
     ----------
-    null: the value that switches the effect off; None for a shape (a width, say), which does nothing alone.
-    start: a typical size, where a fit begins.
-    low, high: bounds; where null is one of them the effect has one sign only.
-    difference: a temperature that is an interval.
-    grid: values at which a diagnosis looks for the effect, SI: of a shape, those besides `start`; of one that
-        switches the effect on at a threshold, those in place of its null, where its slope says nothing.
-    within, shares: of a shape, what it is a value of, as `rigctl.analysis.candidates` calls it, and the
-        shares of that range at which a diagnosis looks for it, instead of at `grid`.
-    refined: a shape that a diagnosis fits as well, once the effect is in.
-    physical: the bounds beyond which physics forbids a value: a share of more than one, a negative mass. The
-        others say what is usual, and a diagnosis also looks beyond them. Where it is not said, only the null
-        value, if it is one of the bounds, is taken for physical.
-    at_least: another parameter of the effect that physics does not let it be smaller than.
+    null: the value that switches the effect off; None for a shape parameter (a width, for example), which has
+        no action alone.
+    start: a typical size, at which a fit starts.
+    low, high: bounds; if null is one of them the effect has one sign only.
+    difference: a temperature difference.
+    grid: values at which a diagnosis evaluates the effect, SI: for a shape, those besides `start`; for a
+        parameter with a threshold, those instead of its null, where its slope says nothing.
+    within, shares: for a shape, the quantity of which it is a value, named as in
+        `rigctl.analysis.candidates`, and the shares of the range of that quantity at which a diagnosis tries
+        it, instead of `grid`.
+    refined: a shape that a diagnosis also fits, once the effect is in the model.
+    physical: the bounds beyond which a value is physically impossible: a share above one, a negative mass.
+        The others are limits of the usual range, and a diagnosis also searches beyond them. By default only
+        the null value, if it is one of the bounds, is physical.
+    at_least: another parameter of the effect that is a physical lower limit of this one.
     """
 
     name: str
@@ -91,14 +94,14 @@ class EffectParameter:
 
     @property
     def usual(self) -> tuple[bool, bool]:
-        """Whether the lower and the upper bound only say what is usual."""
+        """Whether the lower and the upper bound are only limits of the usual range."""
         if self.physical is None:
             return self.low != self.null, self.high != self.null
         return self.physical in ("none", "high"), self.physical in ("none", "low")
 
     @property
     def widest(self) -> tuple[float, float]:
-        """The bounds, those that are only usual ten times as far from the null value.
+        """The bounds, with limits of the usual range ten times as far from the null value.
 
         A lower bound above zero, of a width or a time constant, becomes a tenth of itself instead.
         """
@@ -110,26 +113,26 @@ class EffectParameter:
         return self.at_null + _BEYOND * (bound - self.at_null)
 
     def unusual(self, value: float) -> bool:
-        """True when a value lies beyond a bound."""
+        """True if a value is outside the bounds."""
         return not self.low <= value <= self.high
 
     def bounds_around(self, value: float) -> tuple[float, float]:
-        """The bounds, or the widest ones for a value that lies beyond."""
+        """The bounds, or the widest ones for a value outside."""
         return self.widest if self.unusual(value) else (self.low, self.high)
 
     @property
     def shape(self) -> bool:
-        """True when it only forms what another parameter switches on."""
+        """True if it only shapes what another parameter switches on."""
         return self.null is None
 
     @property
     def at_null(self) -> float:
-        """Its value in a model where the effect is off."""
+        """Its value in a model in which the effect is off."""
         return self.start if self.null is None else self.null
 
     @property
     def sign(self) -> Literal[-1, 0, 1]:
-        """1 or -1 when physics allows one direction only, 0 when both."""
+        """1 or -1 if physics allows one direction only, 0 if both."""
         if self.null is None:
             return 0
         return 1 if self.null <= self.low else -1 if self.null >= self.high else 0
@@ -137,9 +140,9 @@ class EffectParameter:
 
 @dataclass(frozen=True)
 class OtherWay:
-    """Another way to write a parameter, e.g. a leakage's gap instead of its conductance.
+    """An alternative way to write a parameter, e.g. a leakage's gap instead of its conductance.
 
-    `value_of` takes the SI value written and the family's parameters (SI) and returns that of `parameter`.
+    `value_of` maps the SI value written and the family's parameters (SI) to that of `parameter`.
     """
 
     name: str
@@ -151,7 +154,7 @@ class OtherWay:
 
 @dataclass(frozen=True)
 class EffectState:
-    """A state that an effect brings along; SI, `scale` as for the family's."""
+    """A state added by an effect; SI, `scale` as for the family's."""
 
     name: str
     unit: str
@@ -163,28 +166,28 @@ class EffectState:
 
 @dataclass(frozen=True)
 class Effect:
-    """One piece of physics that a model may lack, or have.
+    """A piece of physics that a model may lack or have.
 
     Attributes
     ----------
     name: in snake case, unique within its family.
     family: the model family it belongs to.
     summary: one sentence.
-    equation: as a person writes it.
+    equation: in readable form.
     terms: slot and formula; most effects have one.
     kind: of the process, or of a sensor.
-    looks_like: what it does to the recorded data.
-    confused_with: effects that do nearly the same to the data.
-    instead_of: effects that say the same in another way: a model has one or the other.
-    needs: what the data must hold for the effect to show at all.
-    becomes: parameter, its value there (or the parameter that it is equal to there), and the effect that this
-        one is then: a law that is nested in it.
-    base: base physics instead: the family's parameters and the values that take it away; such an effect is in
-        every model and has no terms of its own.
-    own_family: the family itself where its name alone does not find it: a user's, from a file.
-    valid: the ranges over which its law was learned; none of a law that holds everywhere.
-    provenance: what it was learned from; None of one that was not.
-    curve: the measured curve that its term is; None of one with a formula.
+    looks_like: its appearance in the recorded data.
+    confused_with: effects with nearly the same signature.
+    instead_of: alternatives for the same physics: a model has at most one of them.
+    needs: what the data must contain for the effect to be visible.
+    becomes: parameter, its limiting value (or the parameter that it equals there), and the effect that this
+        one becomes: a nested law.
+    base: for base physics: the family's parameters and the values that remove it; such an effect is in every
+        model and has no terms of its own.
+    own_family: the family itself if its name alone does not find it: a user's, from a file.
+    valid: the ranges over which its law was learned; none for a law that holds everywhere.
+    provenance: the data from which it was learned; None if it was not.
+    curve: the measured curve that is its term; None for a formula.
     """
 
     name: str
@@ -225,7 +228,7 @@ class Effect:
 
     @property
     def slots(self) -> tuple[str, ...]:
-        """The slots it acts at, each once."""
+        """The slots at which it acts, each once."""
         return tuple(dict.fromkeys(slot for slot, _ in self.terms))
 
     @property
@@ -244,7 +247,7 @@ class Effect:
         Raises
         ------
         RigctlError
-            there is none; it says the nearest.
+            there is none; the message gives the nearest name.
         """
         for parameter in self.parameters:
             if parameter.name == name:
@@ -261,7 +264,7 @@ class Effect:
 
 
 def problems(effect: Effect, family: ModelFamily) -> list[str]:
-    """What is wrong with a declaration, in words; empty when it is sound."""
+    """What is wrong with a declaration, in words; empty if it is valid."""
     found = [f"unknown slot {slot!r}" for slot in effect.slots if slot not in {s.name for s in family.slots}]
     found += [
         f"base parameter {name!r} is none of {family.name}"
@@ -295,7 +298,7 @@ def problems(effect: Effect, family: ModelFamily) -> list[str]:
 
 
 def _wrong_order(effect: Effect, parameter: EffectParameter) -> list[str]:
-    """What is wrong with the order of a parameter and the one that it is never smaller than."""
+    """What is wrong with the order of a parameter and its lower limit."""
     other = {one.name: one for one in effect.parameters if one is not parameter}.get(parameter.at_least or "")
     if other is None or other.shape or parameter.shape:
         return [f"{parameter.name}: at_least must name another parameter that switches the effect on"]

@@ -11,7 +11,7 @@ from rigctl.units import parse_unit
 
 
 def effect_document(effect: Effect) -> dict[str, Any]:
-    """Everything that is declared of an effect; values in the units beside them."""
+    """The complete declaration of an effect; values in the stated units."""
     family = effect.model_family
     return {
         "effect": effect.name,
@@ -73,7 +73,7 @@ def parameter_document(parameter: EffectParameter) -> dict[str, Any]:
 
 
 def family_document(family: ModelFamily) -> dict[str, Any]:
-    """Where effects can act, and what their terms may name."""
+    """The slots at which effects can act, and the names that their terms may use."""
     named = [(item.name, item.unit, item.meaning) for item in family.states]
     named += [(item.name, item.unit, item.meaning) for item in family.inputs]
     named += [(item.name, item.unit, item.meaning) for item in family.definitions]

@@ -1,8 +1,7 @@
-"""What an effect is driven by: the states and inputs that its terms depend on.
+"""The explanatory variables of an effect: the states and inputs on which its terms depend.
 
-A difference of two (``pressure_a − pressure_b``) that a term contains is one driver. What a term knows by a
-definition of the family, or by a variable of its slot alone, is followed down to states and inputs, and so is
-what the effect's own states follow.
+A difference of two (``pressure_a − pressure_b``) in a term is one variable. Dependences through a definition
+of the family, a local variable of the slot, or the effect's own states are traced back to states and inputs.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from rigctl.physics.family import InputVariable, ModelFamily, StateVariable
 
 @dataclass(frozen=True)
 class Driver:
-    """A linear combination of states and inputs that a term depends on.
+    """A linear combination of states and inputs on which a term depends.
 
     Attributes
     ----------
@@ -31,7 +30,7 @@ class Driver:
 
     @property
     def name(self) -> str:
-        """As it is read: ``velocity``, ``pressure_a - pressure_b``."""
+        """For display: ``velocity``, ``pressure_a - pressure_b``."""
         text = ""
         for name, weight in sorted(self.weights, key=lambda one: -one[1]):
             sign = "-" if weight < 0.0 else "+"
@@ -46,7 +45,7 @@ class Driver:
 
 
 def drivers(effect: Effect) -> tuple[Driver, ...]:
-    """The drivers of all of an effect's terms, each once; none for a term that is constant."""
+    """The variables of all of an effect's terms, each once; none for a constant term."""
     family = effect.model_family
     found: dict[tuple[tuple[str, float], ...], Driver] = {}
     units = _leaves(family)
@@ -59,7 +58,7 @@ def drivers(effect: Effect) -> tuple[Driver, ...]:
 
 
 def driver_variables(effect: Effect) -> frozenset[str]:
-    """All states and inputs that an effect is driven by."""
+    """All states and inputs on which an effect depends."""
     return frozenset().union(*(one.variables for one in drivers(effect)))
 
 
@@ -69,7 +68,7 @@ def _leaves(family: ModelFamily) -> dict[str, str]:
 
 
 def _forms(expr: Expr, leaves: frozenset[str], done: dict[int, bool]) -> Iterator[dict[str, float]]:
-    """The largest linear combinations of leaves in an expression, each where it stands."""
+    """The largest linear combinations of leaves in an expression."""
     form = _linear(expr, leaves)
     if form:
         yield form
@@ -82,7 +81,7 @@ def _forms(expr: Expr, leaves: frozenset[str], done: dict[int, bool]) -> Iterato
 
 
 def _linear(expr: Expr, leaves: frozenset[str]) -> dict[str, float] | None:
-    """An expression as a sum of leaves with plain weights; None where it is something else."""
+    """An expression as a weighted sum of leaves; None if it is not one."""
     if expr.op == "variable":
         name = expr.name.removeprefix(RATE)
         return {name: 1.0} if name in leaves else None
@@ -102,7 +101,7 @@ def _linear(expr: Expr, leaves: frozenset[str]) -> dict[str, float] | None:
 
 
 def _normalised(form: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
-    """Of x and −x one: the first name's weight is positive."""
+    """Of x and −x only one: the first name's weight is positive."""
     ordered = sorted(form.items())
     sign = 1.0 if ordered[0][1] > 0.0 else -1.0
     return tuple((name, sign * weight) for name, weight in ordered)

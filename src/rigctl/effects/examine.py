@@ -1,7 +1,7 @@
-"""Whether an effect does what it promises: written into its family's equations, and tried.
+"""Validation of an effect: it is written into its family's equations and evaluated.
 
-At its null value every term must be exactly 0 (or 1 where the slot multiplies), and wherever the bench may
-be, each term must have a value and a slope.
+At its null value every term must be exactly 0 (or 1 if the slot multiplies), and throughout the bench's range
+each term must have a finite value and slope.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from rigctl.units import show
 
 
 class Fault(NamedTuple):
-    """Something wrong with an effect: `part` is where, as ``("terms", slot)`` or ``("parameters", name)``."""
+    """A fault of an effect: `part` is its location, as ``("terms", slot)`` or ``("parameters", name)``."""
 
     part: tuple[Literal["terms", "parameters"], str]
     error: RigctlError
 
 
 def examine(effect: Effect, family: ModelFamily, points: Sequence[Point] = ()) -> tuple[Fault, ...]:
-    """What is wrong with the terms of an effect whose declaration is sound; empty when nothing is.
+    """The faults of an effect with a valid declaration; empty if there are none.
 
-    Tried near the family's resting state, and at `points`, e.g. those of a simulated record.
+    Evaluated near the family's resting state, and at `points`, e.g. those of a simulated record.
     """
     written = write_out(effect, family)
     if written.refused is not None:
@@ -52,7 +52,7 @@ def _unused(effect: Effect, written: Written) -> Iterator[Fault]:
     for parameter in effect.parameters:
         if qualified(effect.name, parameter.name) not in used:
             error = RigctlError(
-                "no term uses this parameter", value=parameter.name, hint="Use it, or take it away"
+                "no term uses this parameter", value=parameter.name, hint="Use it, or remove it"
             )
             yield Fault(("parameters", parameter.name), error)
 
@@ -93,7 +93,7 @@ def _not_off(
 def _not_smooth(
     effect: Effect, family: ModelFamily, uses: Sequence[Expr], points: Sequence[Point]
 ) -> RigctlError | None:
-    """Where a term first has no finite value, or no finite slope in something it depends on."""
+    """Where a term first lacks a finite value, or a finite slope in a variable on which it depends."""
     for expr in uses:
         gap = first_gap(expr, points)
         if gap is not None:

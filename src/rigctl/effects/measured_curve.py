@@ -1,11 +1,11 @@
-"""A measured curve as the term of an effect: y(x) at a slot, times a factor that a fit finds.
+"""A measured curve as the term of an effect: y(x) at a slot, times a fitted factor.
 
     term = factor·(y(x) + shift·h(x))          where terms are added
     term = 1 + factor·(y(x) + shift·h(x) − 1)  where the slot multiplies
 
-y is the monotone cubic through the points, h that through half the widths of their band. ``factor`` 0
-switches the effect off, 1 is the curve as it was measured; ``shift`` 1 and −1 are the edges of the band,
-moved as a whole.
+y is the monotone cubic through the points, h that through the half-widths of their band. ``factor`` 0
+switches the effect off, 1 is the curve as measured; ``shift`` 1 and −1 are the edges of the band, to which
+the curve is shifted as a whole.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rigctl.units import parse_unit
 FACTOR = EffectParameter(
     "factor", "1", 0.0, 1.0, 0.0, 3.0, "share of the measured curve; 1 is the curve itself"
 )
-#: how far a fit may take the whole curve beyond its band
+#: largest shift of the whole curve in a fit, in half-widths of its band
 _WIDEST = 2.0
 SHIFT = EffectParameter(
     "shift", "1", None, 0.0, -_WIDEST, _WIDEST, "place in the curve's band: -1 and 1 are its edges"
@@ -36,12 +36,12 @@ class MeasuredCurve:
 
     Attributes
     ----------
-    of: what it is a curve of, as it is written; `formula` the same of the model's variables.
+    of: the curve's argument, as written; `formula` the same in terms of the model's variables.
     curve: through the points.
-    low, high: (points) its band, SI; empty where nobody knows one.
-    half: the curve through half the band's widths; None without a band.
+    low, high: (points) its band, SI; empty if unknown.
+    half: the curve through the band's half-widths; None without a band.
     factor: whether the slot multiplies.
-    difference: what it is a curve of is an interval of temperatures.
+    difference: whether the argument is a temperature difference.
     """
 
     of: str
@@ -68,7 +68,7 @@ class MeasuredCurve:
 
     @property
     def equation(self) -> str:
-        """As a person writes it."""
+        """In readable form."""
         return f"1 + factor*(curve({self.of}) - 1)" if self.factor else f"factor*curve({self.of})"
 
     def document(self) -> dict[str, Any]:

@@ -35,7 +35,7 @@ def read_effect_option(
     """Read ``EFFECT[:param=value[,param=value...]]`` into the effect and all its parameters in SI.
 
     EFFECT is a name of the library, or a user's effect file. Parameters that are not given have their typical
-    size. `parameters` are the family's, where a bench's differ from the published one.
+    size. `parameters` are the family's, if a bench's differ from the published one.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def read_effect_option(
 def name_or_file(written: str, family: str | ModelFamily) -> Effect:
     """The effect of the library, or of a user's file, that `written` names.
 
-    A file is looked for from the current folder, then in the project, then among those that are shipped.
+    A file is searched in the current folder, then in the project, then among the shipped ones.
 
     Raises
     ------

@@ -1,7 +1,8 @@
-"""What differs from record to record although nobody meant it: settings, zeros, switch times, starts.
+"""Record-level nuisance parameters: settings, zeros, switch times and initial states that differ
+unintentionally.
 
-Such quantities are unknowns of one record each, with a prior. They act at the slots of a family like effects
-do, so they are written as one: its parameters then belong to each record instead of the model.
+Such quantities are unknowns of one record each, with a prior. They act at the slots of a family as effects
+do, so they are declared as one effect whose parameters belong to each record instead of the model.
 """
 
 from __future__ import annotations
@@ -21,22 +22,22 @@ from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
 from rigctl.rig.rig import Rig
 
-#: what the effect of every family's record-level quantities is called
+#: name of the effect with every family's record-level quantities
 RECORD = "record"
-#: its parameters that move the switches whose times are known only to within a sample, by what is commanded
+#: its parameters for switch times known only to within a sampling interval, by kind of command
 SWITCHING = ("switching_up", "switching_down", "switching_off")
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A parameter of the record-level effect, and what is known of it before a record is looked at.
+    """A parameter of the record-level effect, and its prior.
 
     Attributes
     ----------
     parameter: of the effect.
-    meaning: for people.
+    meaning: description.
     std: of its prior around the null, SI, from the rig.
-    cancels: it is the same in both readings of a difference, a stroke say.
+    cancels: it is the same in both readings of a difference, for example of a stroke.
     """
 
     parameter: str
@@ -46,7 +47,7 @@ class Quantity:
 
     @property
     def name(self) -> str:
-        """The parameter as a system knows it."""
+        """The parameter's name in a system."""
         return qualified(RECORD, self.parameter)
 
 
@@ -57,14 +58,14 @@ class Start:
     Attributes
     ----------
     state: of the family.
-    how: "measured" starts at what the channel of the same name first reads, and is free; "set" is a share
-        of an input at the start, with a prior; "rest" is known to within `rest`, around what the channel
-        reads where that is farther from 0, else around its value `at_rest`; "given" is known to within
-        `rest` around the family's start, as is one that is "measured" where nothing was read.
+    how: "measured" starts at the first reading of the channel with the same name, and is free; "set" is a
+        share of an input at the start, with a prior; "rest" is known to within `rest`, around the channel's
+        reading if that is farther from 0, else around its value `at_rest`; "given" is known to within `rest`
+        around the family's start, as is a "measured" one without a reading.
     input, share, spread: for "set": the state starts at share·input, with a standard deviation spread·input.
     rest: for "rest" and "given", SI.
-    at_rest: for "rest", the state's value there, of the other states and the model's parameters, SI; 0 when
-        left out.
+    at_rest: for "rest", the state's value there as a function of the other states and the model's parameters,
+        SI; 0 by default.
     """
 
     state: str
@@ -78,13 +79,13 @@ class Start:
 
 @dataclass(frozen=True)
 class Setting:
-    """A quantity that is set by hand to one of a few values, each of which may be off by a share of its own.
+    """A quantity set by hand to one of a few values, each with a relative error of its own.
 
     Attributes
     ----------
-    input: the family's, that is set.
-    slot: a factor of what was set.
-    std: how well a value is set again, as a share, from the rig.
+    input: the family's input that is set.
+    slot: a factor of the set value.
+    std: relative repeatability of a setting, from the rig.
     """
 
     input: str
@@ -98,10 +99,10 @@ class RecordLevel:
 
     Attributes
     ----------
-    effect: whose parameters they are; its parameters `SWITCHING` act on the commands' times alone.
+    effect: with these parameters; its parameters `SWITCHING` act only on the times of commands.
     quantities: its parameters, each once.
-    starts: of the states that do not start as the family's usually do.
-    setting: what is set by hand; of a table, all rows of one setting share its error (`with_settings`).
+    starts: of the states that do not start at the family's usual values.
+    setting: the quantity set by hand; in a table, all rows of one setting share its error (`with_settings`).
     settings: the values for which the effect has parameters of their own, SI.
     """
 
@@ -113,14 +114,14 @@ class RecordLevel:
 
     @property
     def setting_names(self) -> tuple[str, ...]:
-        """The parameters of `settings` as a system knows them."""
+        """The names of the parameters of `settings` in a system."""
         return tuple(qualified(RECORD, _setting_name(k)) for k in range(len(self.settings)))
 
     def with_settings(self, points: Sequence[float]) -> RecordLevel:
-        """With an unknown share by which each of these set values is off, for all records set to it.
+        """With an unknown relative error of each of these set values, shared by all records set to it.
 
         The factor at the slot is ``1 + Σ_k e_k·exp(−((u − u_k)/w)²)``, u the input, w a quarter of the least
-        distance between two set values: another setting's error is lost in it by seven digits.
+        distance between two set values: it suppresses another setting's error by seven digits.
         """
         if self.setting is None or self.effect is None or not points:
             return self
@@ -139,7 +140,7 @@ class RecordLevel:
         return replace(self, effect=effect, settings=tuple(points))
 
     def with_inputs(self, inputs: Collection[str], family: ModelFamily) -> RecordLevel:
-        """With a parameter for each of these inputs of the family, which nobody recorded: what it was."""
+        """With a parameter for the value of each of these unrecorded inputs of the family."""
         if not inputs or self.effect is None:
             return self
         parameters = tuple(
@@ -160,7 +161,7 @@ class RecordLevel:
 
     @property
     def null(self) -> dict[str, dict[str, float]]:
-        """The effect with its parameters at their null, as a system is told of effects."""
+        """The effect with its parameters at their null, in the form used to build a system."""
         return {} if self.effect is None else {self.effect.name: self.effect.null}
 
 
@@ -182,10 +183,10 @@ def _known() -> Mapping[str, RecordLevel]:
 
 
 def record_level(family: ModelFamily) -> RecordLevel:
-    """What differs between records of a family.
+    """The record-level quantities of a family.
 
-    A family that says nothing starts every state from the channel of its name; what no channel says is
-    unknown where the family gives its start a standard deviation.
+    A family that declares none starts every state at the reading of the channel with its name; a state
+    without a channel is unknown if the family gives its start a standard deviation.
     """
     found = _known().get(family.name)
     if found is None:
@@ -208,7 +209,7 @@ _SWITCHING = tuple(
 
 
 def _nothing(family: ModelFamily) -> Effect:
-    """The record-level effect of a family that has no quantity of its own."""
+    """The record-level effect of a family without such quantities."""
     return Effect(
         name=RECORD,
         family=family.name,

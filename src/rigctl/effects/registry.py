@@ -1,4 +1,4 @@
-"""Effects by name: the library's own, and those that installed packages register.
+"""Effects by name: the library's own, and those registered by installed packages.
 
 A package offers its effects under the entry point group ``rigctl.effects``; each entry is an `Effect`, the
 path of an effect file or of a folder of them, or a sequence of these.
@@ -21,8 +21,8 @@ from rigctl.physics.family import ModelFamily
 
 ENTRY_POINTS = "rigctl.effects"
 
-#: whether effects of packages are being read: a file of a package may only name effects that are shipped, or
-#: that lie beside it
+#: True while effects of packages are read: a package's file may only refer to shipped effects, or to effects
+#: in the same folder
 _reading_packages: ContextVar[bool] = ContextVar("reading the effects of packages", default=False)
 
 
@@ -33,12 +33,12 @@ def _shipped() -> tuple[Effect, ...]:
 
 @lru_cache(maxsize=1)
 def installed_effects() -> tuple[Effect, ...]:
-    """The effects that installed packages register, of every family; read once.
+    """The effects registered by installed packages, for all families; read once.
 
     Raises
     ------
     RigctlError
-        a package cannot be loaded, or registers something that is no sound effect.
+        a package cannot be loaded, or registers an invalid effect.
     """
     from importlib.metadata import entry_points
 
@@ -62,8 +62,7 @@ def library(family: str | ModelFamily) -> Mapping[str, Effect]:
     Raises
     ------
     RigctlError
-        there is no such family, or an installed package registers something that is no sound effect, or a
-        name that is taken.
+        there is no such family, an installed package registers an invalid effect, or a name is already taken.
     """
     found: dict[str, Effect] = {}
     chosen = find_family(family) if isinstance(family, str) else family
@@ -85,7 +84,7 @@ def find_effect(name: str, family: str | ModelFamily) -> Effect:
     Raises
     ------
     RigctlError
-        there is none; it says the nearest.
+            there is none; the message gives the nearest name.
     """
     known = library(family)
     if name not in known:
@@ -94,12 +93,12 @@ def find_effect(name: str, family: str | ModelFamily) -> Effect:
 
 
 def check_effect(effect: Effect) -> Effect:
-    """The effect itself when its declaration is sound, and its terms keep what it promises.
+    """The effect itself, if its declaration is valid and its terms behave as declared.
 
     Raises
     ------
     RigctlError
-        they do not; it says everything that is wrong.
+        they do not; the message lists everything that is wrong.
     """
     family = effect.model_family
     found = problems(effect, family)

@@ -1,7 +1,7 @@
-"""Where an effect's law holds, and where it comes from.
+"""The range of validity of an effect's law, and its origin.
 
-A law that was learned from data holds over what these data visited, and nobody knows how it goes on beyond:
-its validity box says how far that is, its provenance from which runs it was learned, and how.
+A law learned from data holds over the range of these data; beyond it, its continuation is unknown. The
+validity box gives that range, the provenance the runs and the method from which the law was learned.
 """
 
 from __future__ import annotations
@@ -12,21 +12,20 @@ from typing import Any, Literal, TypeAlias
 from rigctl.physics.family import Formula
 from rigctl.units import parse_unit, show
 
-#: how strong a claim a law is: a dimensionless coefficient beside groups of declared parameters (A), one
-#: coefficient with a dimension of its own (B), a curve through what was measured, a law of the library with
-#: another shape
+#: strength of the claim: a dimensionless coefficient with groups of declared parameters (A), one dimensional
+#: coefficient (B), a curve through measured points, a law of the library with another shape
 Tier: TypeAlias = Literal["A", "B", "curve", "law"]
 
 
 @dataclass(frozen=True)
 class ValidRange:
-    """One side of a validity box; SI, `unit` is what it is shown in.
+    """One side of a validity box; SI, `unit` is the one in which it is shown.
 
     Attributes
     ----------
-    over: the quantity as it is written: ``velocity``, ``pressure_a - pressure_b``.
-    formula: the same of the model's variables.
-    difference: a temperature that is an interval.
+    over: the quantity as written: ``velocity``, ``pressure_a - pressure_b``.
+    formula: the same in terms of the model's variables.
+    difference: a temperature difference.
     """
 
     over: str
@@ -41,7 +40,7 @@ class ValidRange:
         return show(si, self.unit, difference=self.difference)
 
     def __str__(self) -> str:
-        """As it is read: ``velocity from 0 m/s to 0.3 m/s``."""
+        """For display: ``velocity from 0 m/s to 0.3 m/s``."""
         return f"{self.over} from {self.shown(self.low)} to {self.shown(self.high)}"
 
     def document(self) -> dict[str, Any]:
@@ -58,15 +57,15 @@ class ValidRange:
 
 @dataclass(frozen=True)
 class Provenance:
-    """What a law was learned from.
+    """The origin of a learned law.
 
     Attributes
     ----------
     runs: the ids of the runs.
-    model: the model beside which it was learned; "" where nobody said.
-    method: the version of the method that found it; None where a person did.
-    date: ISO, the day it was found.
-    tier: how strong a claim it is.
+    model: the model with which it was learned; "" if unknown.
+    method: the version of the method that found it; None if a person did.
+    date: ISO, the day on which it was found.
+    tier: strength of the claim.
     statement: in words.
     """
 
@@ -89,7 +88,7 @@ class Provenance:
         }
 
     def __str__(self) -> str:
-        """As it is read: ``tier B, found 2026-11-22 by method 12 from 20261121-064412-campaign``."""
+        """For display: ``tier B, found 2026-11-22 by method 12 from 20261121-064412-campaign``."""
         words = [] if self.tier is None else [TIERS[self.tier]]
         found = [f"found {self.date}"] if self.date else []
         found += [f"by method {self.method}"] if self.method is not None else []
@@ -100,7 +99,7 @@ class Provenance:
         return f"{said}: {self.statement}" if said and self.statement else said or self.statement
 
 
-#: what each tier is called
+#: descriptions of the tiers
 TIERS: dict[Tier, str] = {
     "A": "tier A (dimensionless coefficient)",
     "B": "tier B (one coefficient with a dimension)",

@@ -1,4 +1,4 @@
-"""An effect's terms as they come to stand in its family's equations."""
+"""An effect's terms as they appear in its family's equations."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from rigctl.units import parse_unit
 
 @dataclass
 class Written:
-    """What came of writing an effect into its family's equations.
+    """The result of writing an effect into its family's equations.
 
     Attributes
     ----------
-    terms: at each slot, the term at every place of the equations that uses the slot.
+    terms: for each slot, the term at every point of the equations that uses the slot.
     rates: of the effect's own states.
-    refused: the slot whose term could not be written, and why.
+    refused: the slot whose term could not be written, and the reason.
     """
 
     terms: dict[str, list[Expr]] = field(default_factory=dict)
@@ -36,14 +36,14 @@ class Written:
         return [expr for uses in self.terms.values() for expr in uses] + self.rates
 
 
-#: the name of the variable that stands for the rate of a state where rates are not followed
+#: prefix of the variable for the rate of a state if rates are not substituted
 RATE = "rate of "
 
 
 def write_out(effect: Effect, family: ModelFamily, *, rates: bool = True) -> Written:
     """The terms of `effect` in symbols: the family's states, inputs and parameters, and the effect's own.
 
-    Without `rates` what a term takes from the rate of a state is a variable, not that state's equation.
+    Without `rates`, the rate of a state in a term is a variable, not that state's equation.
     """
     written = Written()
     graph = Graph()

@@ -1,9 +1,9 @@
 """Machine code kept on disk: made once, found by every later process, never trusted blindly.
 
-What is kept is a folder in the user's cache: an object file, the names of its functions, and a list of
-checksums. It is built in a folder of its own and put in place by one rename, so that another process sees
-all of it or nothing. Its name holds everything it depends on; a checksum that does not fit means that it is
-built again.
+An entry is a folder in the user's cache: an object file, the names of its functions, and a list of checksums.
+It is built in a temporary folder and renamed into place atomically, so that another process sees all of it or
+nothing. Its name depends on everything that the code depends on; a wrong checksum means that it is built
+again.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ logger = logging.getLogger(__name__)
 
 _MANIFEST = "checksums.json"
 _CODE, _NAMES = "code.o", "names.json"
-#: folders of one kind; the ones that were used longest ago are deleted. Kinds are counted apart: many
-#: new models must not push out the kernels, which all of them need and which take longest to compile.
+#: largest number of folders of one kind; those used longest ago are deleted. Kinds are counted separately:
+#: many new models must not displace the kernels, which all of them need and which take longest to compile.
 _KEPT = 1024
 _LOCK_SECONDS = 300.0
 _loading = threading.RLock()
-#: what this process has loaded, by the name of its folder
+#: the code loaded by this process, by the name of its folder
 _loaded: dict[str, Mapping[str, int]] = {}
 
 
@@ -54,12 +54,12 @@ def load_compiled(
 
     Parameters
     ----------
-    name: names the kind of what is compiled.
-    source: what tells it from others of its kind.
+    name: the kind of code.
+    source: distinguishes it from others of its kind.
     make: compiles it.
-    before_compiling: called when it is not in the cache and will take time.
+    before_compiling: called if it is not in the cache and compiling will take time.
 
-    A cache that cannot be written costs a warning in the log and the time to compile, nothing else.
+    A cache that cannot be written costs only a warning in the log and the time to compile.
     """
     identity = hashlib.sha256(json.dumps([environment(), source]).encode()).hexdigest()[:24]
     folder = cache_root() / f"{name}-{identity}"
@@ -88,12 +88,13 @@ def _addresses(
 
 
 def _say_nothing() -> None:
-    """Called where nobody is to be told."""
+    """Does nothing, by default."""
 
 
 @cache
 def environment() -> list[str]:
-    """What machine code depends on besides its source: versions, the processor, the code that emits it."""
+    """Everything besides the source on which machine code depends: versions, the processor, the code
+    generator."""
     from importlib.metadata import version
 
     import llvmlite
@@ -118,7 +119,7 @@ def environment() -> list[str]:
 
 
 def _from_cache(folder: Path) -> Mapping[str, int] | None:
-    """The functions in `folder`, or None when there is none that is whole."""
+    """The functions in `folder`, or None if there are none that are intact."""
     if not folder.is_dir():
         return None
     if _is_whole(folder):
@@ -127,7 +128,7 @@ def _from_cache(folder: Path) -> Mapping[str, int] | None:
         except Exception as problem:  # noqa: BLE001 - whatever is wrong with a cached file, it is made anew
             logger.warning("the machine code in %s is damaged and is built again: %r", folder, problem)
         else:
-            with suppress(OSError):  # of a cache that can only be read nothing is deleted by its age
+            with suppress(OSError):  # a read-only cache is not cleaned by age
                 os.utime(folder)
             return found
     else:
@@ -152,7 +153,7 @@ def _build(folder: Path, code: MachineCode) -> MachineCode:
         try:
             building.replace(folder)
         except OSError:
-            # another process was faster and its machine code is as good
+            # another process was faster and its machine code is equivalent
             if not folder.is_dir():
                 raise
     finally:
@@ -167,7 +168,7 @@ def _one_builder(folder: Path) -> Iterator[None]:
     from filelock import FileLock, Timeout
 
     folder.parent.mkdir(parents=True, exist_ok=True)
-    # a few locks for all, which stay: one for each would have to be deleted while others wait for it
+    # a few permanent locks for all: one for each entry would have to be deleted while others wait for it
     lock = FileLock(folder.with_name(f".{folder.name[-2:]}.lock"))
     try:
         lock.acquire(timeout=_LOCK_SECONDS)
@@ -200,20 +201,20 @@ def _is_whole(folder: Path) -> bool:
 
 
 def _remove(folder: Path) -> None:
-    """Delete a folder that another process may be reading: out of the way first, then away."""
+    """Delete a folder that another process may be reading: rename it first, then delete it."""
     aside = folder.with_name(f".{folder.name}.{uuid.uuid4().hex}")
     folder.replace(aside)
     shutil.rmtree(aside, ignore_errors=True)
 
 
 def _prune(root: Path, kind: str) -> None:
-    """Delete what of this kind was not used for long, and what killed processes left half built or locked."""
+    """Delete entries of this kind not used for long, and what killed processes left half built or locked."""
     day_ago = time.time() - 86_400.0
     try:
         with os.scandir(root) as entries:
             used = {Path(entry.path): entry.stat().st_mtime for entry in entries}
     except OSError:
-        return  # another process is tidying up; it will do
+        return  # another process is cleaning up
     left_behind = [path for path, when in used.items() if path.name[0] == "." and when < day_ago]
     kept = sorted(
         (path for path in used if path.name.rpartition("-")[0] == kind), key=used.__getitem__, reverse=True

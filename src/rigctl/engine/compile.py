@@ -22,10 +22,10 @@ from rigctl.errors import ExitCode, RigctlError
 
 Integers = NDArray[np.int64]
 
-#: told what takes long, in words for a user
+#: called with a description of what takes long
 Progress = Callable[[str], None]
 
-#: an integrator that is compiled: it takes what `words_of` says of its arrays
+#: a compiled integrator, called with the output of `words_of` for its arrays
 Kernel = Callable[[Integers], None]
 
 
@@ -66,8 +66,9 @@ def compile_system(
     """Compile `system`, or fetch its machine code from the cache.
 
     Takes some tenths of a second for a new model, less for a known one. The first model after installation
-    also compiles the kernel that integrates whole records, or with `stepping` the one that goes on step by
-    step; that takes some seconds, and `progress` is told so. The other one is compiled when it is first used.
+    also compiles the kernel that integrates whole records, or with `stepping` the one that advances step by
+    step; that takes some seconds, and is reported to `progress`. The other kernel is compiled when it is
+    first used.
     """
     _kernel("step" if stepping else "record", width() > 0, progress)
     source = source_of(system)
@@ -83,7 +84,7 @@ _kernels: dict[tuple[str, bool], Kernel] = {}
 
 
 def _kernel(module: str, checked: bool, progress: Progress | None = None) -> Kernel:
-    """A compiled kernel. Each is compiled by itself: what integrates records never steps, and a compilation
+    """A compiled kernel. They are compiled separately, because most processes need only one and compilation
     takes seconds.
     """
 
@@ -125,12 +126,13 @@ def _caller(address: int) -> Kernel:
 
 
 def words_of(*arrays: NDArray[Any]) -> Integers:
-    """Where `arrays` are, and how long, as a kernel takes them; they have to be held while it runs.
+    """The addresses and lengths of `arrays`, in a kernel's format; the arrays must be kept alive while it
+    runs.
 
     Raises
     ------
     TypeError
-        an array is not what kernels take: doubles or 64-bit integers without gaps.
+        an array is not of a type for kernels: contiguous doubles or 64-bit integers.
     """
     words: list[int] = []
     for array in arrays:
@@ -140,5 +142,5 @@ def words_of(*arrays: NDArray[Any]) -> Integers:
     return np.array(words, dtype=np.int64)
 
 
-#: by the number of an array's axes, what fills its words up
+#: padding of an array's words, by its number of axes
 _NO_AXIS = [(0,) * (WORDS - 1 - axes) for axes in range(WORDS)]

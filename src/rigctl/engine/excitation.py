@@ -1,4 +1,4 @@
-"""What is done to a system in one record: where it starts, what is commanded when, and when it is sampled."""
+"""The excitation of a system in one record: initial state, commands and their times, and sample times."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Ramps:
-    """Inputs that change steadily instead of in steps: straight lines between knots, constant beyond them.
+    """Inputs that change continuously: linear between knots, constant beyond them.
 
     Attributes
     ----------
-    inputs: (r) the places of these inputs among the system's, each once.
-    knots: (k) times, strictly rising.
+    inputs: (r) the indices of these inputs among the system's, each once.
+    knots: (k) times, strictly increasing.
     values: (k, r) of each input at each of them.
     """
 
@@ -51,20 +51,20 @@ class Ramps:
 class Excitation:
     """One record. Everything in SI, times in seconds on one axis.
 
-    The integration starts at ``switch_times[0]``. A sample at the very time of a switch shows what was
+    The integration starts at ``switch_times[0]``. A sample at the exact time of a switch shows the state
     before it.
 
     Attributes
     ----------
-    times: (samples) when outputs are wanted; rising, irregular or with gaps as they may be.
-    switch_times: (switches) when commands are given, between samples too; rising.
-    inputs: (switches, inputs) what is commanded from each of these times on.
+    times: (samples) sample times; increasing, possibly irregular or with gaps.
+    switch_times: (switches) times of commands, also between samples; increasing.
+    inputs: (switches, inputs) the commanded values from each of these times on.
     initial: (states) the state at ``switch_times[0]``.
-    parameters: (parameters) their values in this record; quantities of one record simply differ here.
-    name: what the record is called in messages.
-    shifts: (switches, k) derivatives of the switch times by k quantities, which `simulate` then has columns
-        for; None where all times are given.
-    ramps: the inputs that change steadily; what `inputs` says of them does not count.
+    parameters: (parameters) their values in this record; record-level quantities simply differ here.
+    name: the record's name in messages.
+    shifts: (switches, k) derivatives of the switch times by k quantities, for which `simulate` then has
+        columns; None if all times are given.
+    ramps: the inputs that change continuously; the corresponding values in `inputs` are ignored.
     """
 
     times: Floats
@@ -98,7 +98,7 @@ class Excitation:
 
 
 def check_fits(excitation: Excitation, system: System) -> None:
-    """Require that a record has as many states, inputs and parameters as the system.
+    """Require that a record has the same numbers of states, inputs and parameters as the system.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def check_fits(excitation: Excitation, system: System) -> None:
 
 
 def _frozen(values: ArrayLike) -> Floats:
-    """A contiguous copy that cannot be written, unless it is one already."""
+    """A contiguous read-only copy, unless it is one already."""
     array = np.asarray(values, dtype=np.float64)
     if array.flags.writeable or not array.flags.c_contiguous:
         array = np.array(array, order="C")

@@ -1,4 +1,4 @@
-"""Why a record could not be integrated: a result with a reason, never a NaN passed on."""
+"""Why a record could not be integrated: a result with a reason instead of a NaN."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from rigctl.engine.system import System
 
 
 class Cause(StrEnum):
-    """What made an integration fail."""
+    """The cause of a failed integration."""
 
     VALUE = "value"  #: a parameter, an input or an initial state is not a finite number
-    EQUATIONS = "equations"  #: a derivative is not a finite number where the integration came to
-    STEP = "step"  #: the steps became smaller than rounding: the solution does not exist further on
+    EQUATIONS = "equations"  #: a derivative is not a finite number at the point reached
+    STEP = "step"  #: the step size fell below rounding: the solution does not exist beyond
     LENGTH = "length"  #: too many steps for one record
     DELAY = "delay"  #: a delay is not a finite number
-    COMMANDS = "commands"  #: more commands wait for their delay than there is room for
+    COMMANDS = "commands"  #: more commands are waiting for their delay than there is room for
     OUTPUTS = "outputs"  #: an output, or its sensitivity, is not a finite number
 
 
@@ -31,10 +31,10 @@ class Failure:
 
     Attributes
     ----------
-    cause: the kind of reason.
+    cause: the kind of failure.
     reason: the reason in words, with the quantity at fault.
-    time: in seconds, on the record's axis.
-    quantity: the state, parameter, input or output at fault, "" where none is.
+    time: in seconds, on the record's time axis.
+    quantity: the state, parameter, input or output at fault, "" if there is none.
     """
 
     cause: Cause
@@ -47,7 +47,7 @@ class Failure:
 
 
 def check_values(system: System, excitation: Excitation) -> Failure | None:
-    """The failure of a record whose parameters, inputs or initial state are not finite, else None."""
+    """The failure of a record with parameters, inputs or an initial state that are not finite, else None."""
     for kind, names, values in (
         ("parameter", system.parameter_names, excitation.parameters),
         ("initial state", system.state_names, excitation.initial),
@@ -63,7 +63,7 @@ def check_values(system: System, excitation: Excitation) -> Failure | None:
 
 
 def explain(system: System, outcome: int, time: float, counters: Sequence[int] | np.ndarray) -> Failure:
-    """The failure that a kernel's outcome stands for."""
+    """The failure corresponding to a kernel's outcome."""
     state = system.state_names[int(counters[outcomes.GUILTY_STATE])] if system.states else ""
     match outcome:
         case outcomes.NOT_FINITE_RHS:
@@ -82,7 +82,7 @@ def explain(system: System, outcome: int, time: float, counters: Sequence[int] |
 
 
 def check_outputs(system: System, times: Floats, outputs: Floats, sensitivities: Floats) -> Failure | None:
-    """The failure of a record whose outputs or their sensitivities are not all finite, else None."""
+    """The failure of a record with outputs or sensitivities that are not all finite, else None."""
     for what, values in (("output", outputs), ("sensitivity of the output", sensitivities)):
         finite = np.isfinite(values)
         if not finite.all():

@@ -1,9 +1,9 @@
-"""Bounds checks of the kernels: marked words around every array that they work in.
+"""Bounds checks of the kernels: marker words around every array that they use.
 
-The kernels and the machine code of a model write through plain pointers, which nothing checks. With
-``RIGCTL_DEBUG=1`` every array of a workspace, and every result, has marks behind it; a mark that has changed
-says which array was written past. Marks are NaN, so that what is read past an end does not pass for a number.
-Arrays that the kernels index as such are checked by the compiler then. It costs a few per cent of time.
+The kernels and the machine code of a model write through plain pointers, without checks. With
+``RIGCTL_DEBUG=1`` every array of a workspace, and every result, is followed by markers; a changed marker
+shows which array was overrun. Markers are NaN, so that reading past an end does not yield a valid number.
+Arrays that the kernels index are then checked by the compiler. It costs a few per cent of time.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from rigctl.engine.kernels import sizes as sizing
 from rigctl.errors import ExitCode, RigctlError
 
-#: asks for the checks
+#: environment variable that enables the checks
 DEBUG_VARIABLE = "RIGCTL_DEBUG"
 
-#: words behind each array
+#: number of marker words behind each array
 _WIDTH = 4
-#: a NaN that no operation makes
+#: a NaN that no operation produces
 _MARK = 0x7FF8_DEAD_BEEF_CAFE
 
 Floats = NDArray[np.float64]
@@ -31,12 +31,12 @@ Integers = NDArray[np.int64]
 
 
 def width() -> int:
-    """How many words stand behind each array: none unless ``RIGCTL_DEBUG`` is set."""
+    """Number of marker words behind each array: none unless ``RIGCTL_DEBUG`` is set."""
     return _WIDTH if os.environ.get(DEBUG_VARIABLE, "") not in ("", "0") else 0
 
 
 class Workspace:
-    """The two buffers of one integration, zero but for the marks.
+    """The two buffers of one integration, zero except for the markers.
 
     Attributes
     ----------
@@ -51,12 +51,12 @@ class Workspace:
             marks[:] = _MARK
 
     def check(self) -> None:
-        """Require that nothing was written past an array.
+        """Require that no array was overrun.
 
         Raises
         ------
         RigctlError
-            something was; it names the array.
+            one was; the message names it.
         """
         for name, marks in self._marks():
             _require(name, marks)
@@ -76,7 +76,7 @@ class Workspace:
 
 
 class Result:
-    """An array that a kernel fills, with marks on both sides when the checks are on."""
+    """An array to be filled by a kernel, with markers on both sides if the checks are enabled."""
 
     def __init__(self, name: str, shape: Sequence[int]) -> None:
         self._name = name

@@ -1,6 +1,6 @@
-"""Linear algebra on one thread, while records or refits are what runs side by side.
+"""Linear algebra on one thread, while records or refits run in parallel.
 
-The matrices here are small: a library that starts threads for them spends more on waiting than on work, many
+The matrices are small: a library that starts threads for them spends more time waiting than working, many
 times as much when the cores are busy.
 """
 
@@ -12,7 +12,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Keep BLAS and LAPACK to the calling thread for the time of the block."""
+    """Restrict BLAS and LAPACK to the calling thread within the block."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1, user_api="blas"):

@@ -38,14 +38,14 @@ def simulate(
 
     Column c of the sensitivities is ``∂z/∂q_c`` for the parameters named in `columns`, then one for each of
     `splines` (named ``spline 0``, ``spline 1``, …), then ``∂z/∂y_c(0)`` for the states named in
-    `initial_columns`, at fixed steps: what the steps taken compute, differentiated. The last columns are by
-    the quantities that move switch times, ``Excitation.shifts``, of which `shift_columns` are the names; a
-    record without them has zeros there.
+    `initial_columns`, at fixed steps: the exact derivative of the computed steps. The last columns are by the
+    quantities that shift switch times, ``Excitation.shifts``, named in `shift_columns`; they are zero for a
+    record without them.
 
     Parameters
     ----------
-    excitations: the records; they share nothing and are integrated by `workers` threads, one for each core
-        or as many as NUMBA_NUM_THREADS allows. The result does not depend on how many there are.
+    excitations: the records, which are integrated independently by `workers` threads, by default one for each
+        core or the number in NUMBA_NUM_THREADS. The result does not depend on their number.
     columns, initial_columns: names of parameters and of states.
     splines: columns by the shapes of terms.
     tolerance: of each step.
@@ -94,7 +94,7 @@ def simulate(
 
 @dataclass(frozen=True)
 class _Plan:
-    """What all records of one call share."""
+    """The data common to all records of one call."""
 
     compiled: CompiledSystem
     sizes: Integers
@@ -109,7 +109,7 @@ class _Plan:
 
     @cached_property
     def words(self) -> Integers:
-        """What the kernel is told of the arrays from `initial_columns` on, the same for every record."""
+        """The kernel's arguments from `initial_columns` on, the same for every record."""
         return words_of(
             self.initial_columns,
             self.delayed,
@@ -130,7 +130,7 @@ class _Result:
 
     @classmethod
     def nothing(cls, sizes: Integers, failure: Failure) -> _Result:
-        """The result of a record that could not even start."""
+        """The result of a record that could not be started."""
         width = int(sizes[sizing.OUTPUTS_COUNT])
         return cls(
             np.empty((0, int(sizes[sizing.N]))),

@@ -1,10 +1,11 @@
-"""Columns by the shape of a term: what the readings would do if a spline of its variables weighted it.
+"""Columns for the shape of a term: the derivatives of the readings if a spline of its variables weights it.
 
     f = … + (1 + Σ_k b_k·B_k(x))·T(y, u, q),   x = w·(y, u),   columns ∂z/∂b_k at b = 0
 
-B_k are cubic B-splines (C. de Boor, A Practical Guide to Splines, 1978). The term is known by the parameters
-that carry it: where T is proportional to a, ``T = a·∂f/∂a``; a parameter that is no factor is itself what the
-spline bends. Any term of a compiled system can be looked at in this way, without compiling another.
+B_k are cubic B-splines (C. de Boor, A Practical Guide to Splines, 1978). A term is identified by the
+parameters that carry it: if T is proportional to a, ``T = a·∂f/∂a``; if a parameter is not a factor, the
+spline weights the parameter itself. Any term of a compiled system can be treated in this way, without
+compiling another.
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class SplineArgument:
-    """What a spline depends on.
+    """The argument of a spline.
 
     Attributes
     ----------
     weights: of states and inputs by name: ``x = Σ weight·variable``.
-    knots: (functions + 4) rising, in the unit of x; x beyond the fourth from either end counts as that one.
+    knots: (functions + 4) increasing, in the unit of x; x is clamped to the fourth knot from either end.
     """
 
     weights: Mapping[str, float]
@@ -55,12 +56,12 @@ class SplineColumn:
 
 @dataclass(frozen=True)
 class SplineColumns:
-    """Columns by shapes, all of one number of functions for each argument.
+    """Columns for shapes, with the same number of functions for each argument.
 
     Raises
     ------
     RigctlError
-        knots do not rise, or a column asks for a function that there is not.
+        knots do not increase, or a column refers to a function that does not exist.
     """
 
     arguments: tuple[SplineArgument, ...] = ()
@@ -84,7 +85,7 @@ class SplineColumns:
 
     @property
     def functions(self) -> int:
-        """How many splines each argument has."""
+        """Number of splines of each argument."""
         return self.arguments[0].knots.size - MORE_KNOTS if self.arguments else 0
 
     def weights(self, system: System) -> Floats:
@@ -124,14 +125,15 @@ class SplineColumns:
         return np.array(entries, dtype=np.int64).reshape(-1, 5), np.array(scales, dtype=np.float64)
 
 
-#: no such columns
+#: no columns for shapes
 NO_SPLINES = SplineColumns()
 
 
 def knots_over(low: float, high: float, functions: int, inner: Sequence[float] = ()) -> Floats:
     """(functions + 4) knots of cubic splines over a range: `inner` ones (functions − 4), else evenly spaced.
 
-    Beyond the ends they go on as far apart as the ends' neighbours, so that the functions sum to 1 inside.
+    The knots continue beyond the ends with the spacing of the outermost interval, so that the functions sum
+    to 1 inside.
     """
     breaks = np.array([low, *inner, high]) if len(inner) else np.linspace(low, high, functions - DEGREE + 1)
     before = breaks[0] - (breaks[1] - breaks[0]) * np.arange(DEGREE, 0, -1)

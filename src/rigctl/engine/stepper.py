@@ -1,4 +1,4 @@
-"""A system advanced step by step, as a bench that is watched and commanded while it moves."""
+"""A system advanced step by step, as a bench that is observed and commanded while it runs."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from rigctl.errors import ExitCode, RigctlError, unknown_name
 
 _WAITING_COMMANDS = 64
 
-# places in the array that the kernel carries from call to call; see kernels.step
+# indices in the array that the kernel carries from call to call; see kernels.step
 _TIME, _STALE = 0, 2
 
 
 class Stepper:
-    """Advances ``dy/dt = f(y, u, q)`` to one moment after the other, on the equations that records use.
+    """Advances ``dy/dt = f(y, u, q)`` from one time to the next, with the same equations as records.
 
-    The step size is carried from call to call: while nothing changes a call takes one step. Delays of
-    inputs are honoured. The same calls give the same numbers, bit for bit.
+    The step size is carried from call to call: in steady conditions a call takes one step. Delays of inputs
+    are taken into account. The same calls give the same numbers, bit for bit.
 
     Parameters
     ----------
     compiled: the system.
     y0: the state at `time`.
     q: the parameters.
-    inputs: what is commanded, and acts, at `time`.
+    inputs: the values commanded, and acting, at `time`.
     time: in seconds.
     """
 
@@ -97,7 +97,7 @@ class Stepper:
 
     @property
     def time(self) -> float:
-        """The moment that has been reached, in seconds."""
+        """The time that has been reached, in seconds."""
         return float(self._carried[_TIME])
 
     @property
@@ -107,7 +107,7 @@ class Stepper:
 
     @property
     def acting_inputs(self) -> Floats:
-        """A copy of the inputs that act now; a delayed one differs from what was commanded last."""
+        """A copy of the inputs that act now; a delayed one differs from its last command."""
         return self._acting.copy()
 
     @property
@@ -120,23 +120,23 @@ class Stepper:
         return self._outputs.copy()
 
     def set_state(self, state: ArrayLike) -> None:
-        """Put the system somewhere else, as an operator or a fault does; the next step starts afresh."""
+        """Set the state, as an operator or a fault does; the next step restarts the integration."""
         self._state[:] = _vector("states", state, self._state.size)
         self._carried[_STALE] = 1.0
         self._advance(self.time)
 
     def set_parameters(self, q: ArrayLike) -> None:
-        """Change the parameters, as a fault does; the next step starts afresh."""
+        """Change the parameters, as a fault does; the next step restarts the integration."""
         self._parameters[:] = _vector("parameters", q, self._parameters.size)
         self._carried[_STALE] = 1.0
 
     def switch_input(self, name: str, value: float, *, at: float | None = None) -> None:
-        """Command one input: now, or at a moment to come, which `advance` then meets exactly.
+        """Command one input: now, or at a future time, which `advance` then meets exactly.
 
         Raises
         ------
         RigctlError
-            there is no such input, the value is not finite, or the moment has passed.
+            there is no such input, the value is not finite, or the time has passed.
         """
         names = self.compiled.system.input_names
         if name not in names:
@@ -150,18 +150,18 @@ class Stepper:
                 value=f"{moment:g} s",
                 expected=f"{self.time:g} s or later",
             )
-        # the number keeps commands of one moment in the order in which they were given
+        # the counter keeps simultaneous commands in the order in which they were given
         insort(self._scheduled, (moment, next(self._order), names.index(name), float(value)))
 
     def advance(self, to_time: float, inputs: Sequence[float] | Floats | None = None) -> None:
         """Integrate to `to_time`, meeting every scheduled switch and every delayed one on the way.
 
-        With `inputs`, all inputs are commanded first, now; without, they stay as commanded last.
+        With `inputs`, all inputs are commanded first, now; without, they keep their last commanded values.
 
         Raises
         ------
         RigctlError
-            the moment has passed, an input is not finite, or the equations cannot be integrated that far.
+            the time has passed, an input is not finite, or the equations cannot be integrated that far.
         """
         if inputs is not None:
             self._commanded[:] = inputs

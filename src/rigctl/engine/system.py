@@ -1,4 +1,4 @@
-"""A system of equations: what the engine compiles, integrates and differentiates."""
+"""A system of equations, which the engine compiles, integrates and differentiates."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _SECOND = "s"
 class State:
     """A quantity with a derivative. `unit` is the SI one.
 
-    `scale` (same unit) is a change of it that matters: the absolute tolerance of the integration is a
-    fraction of it.
+    `scale` (same unit) is a relevant change of it: the absolute tolerance of the integration is a fraction of
+    it.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Output:
-    """A quantity that is looked at: ``z = g(y, u, q)``."""
+    """A quantity that is observed: ``z = g(y, u, q)``."""
 
     name: str
     unit: str
@@ -56,9 +56,9 @@ class Output:
 class Delay:
     """The time in seconds from the command of `input` until it acts: ``tau = d(y, u_before, u_after, q)``.
 
-    Evaluated with the state at the moment of the command. The commanded values before and after are the
-    variables of `before` and `after`. A delay below zero acts at once: no effect precedes its cause. A later
-    command that acts earlier cancels the one that is still waiting.
+    Evaluated with the state at the time of the command. The commanded values before and after are the
+    variables of `before` and `after`. A negative delay counts as 0, as no effect precedes its cause. A later
+    command that acts earlier cancels the one still waiting.
     """
 
     input: str
@@ -66,12 +66,12 @@ class Delay:
 
 
 def before(input_name: str) -> str:
-    """The name of the variable that stands, in a `Delay`, for the input's value before the command."""
+    """The name of the variable for the input's value before the command, in a `Delay`."""
     return f"{input_name}_before"
 
 
 def after(input_name: str) -> str:
-    """The name of the variable that stands, in a `Delay`, for the input's value after the command."""
+    """The name of the variable for the input's value after the command, in a `Delay`."""
     return f"{input_name}_after"
 
 
@@ -171,7 +171,7 @@ class SystemBuilder:
         return self.graph.constant(value, _dimension(unit))
 
     def equation(self, state: str, derivative: Scalar) -> None:
-        """Say that ``d(state)/dt`` is `derivative`."""
+        """Define ``d(state)/dt`` as `derivative`."""
         self._rhs[state] = self.graph.expression(derivative)
 
     def output(self, name: str, unit: str, expr: Scalar) -> None:
@@ -179,7 +179,7 @@ class SystemBuilder:
         self._outputs.append(Output(name, unit, self.graph.expression(expr)))
 
     def delay(self, input_name: str, expr: Callable[[Expr, Expr], Scalar]) -> None:
-        """Delay an input: `expr` takes the commanded values before and after, and returns seconds.
+        """Delay an input: `expr` depends on the commanded values before and after, and gives seconds.
 
         Raises
         ------

@@ -1,6 +1,6 @@
-"""Work on records side by side, one thread for each core.
+"""Parallel work on records, one thread for each core.
 
-What is worth it releases the interpreter: kernels, and the factorisations of matrices of some size.
+Only worthwhile for work that releases the interpreter lock: kernels, and factorisations of larger matrices.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ _here = threading.local()
 
 
 def in_threads(work: Callable[[T], R], items: Sequence[T], workers: int | None = None) -> list[R]:
-    """The results of `work` on all items, in order; what it raises is raised.
+    """The results of `work` for all items, in order; an exception that it raises is propagated.
 
-    Each item is worked on alone, so that the results do not depend on how many threads there are. What is
-    called by such work stays in its thread: were it to wait for others, none might be left to do the work.
+    Each item is processed independently, so that the results do not depend on the number of threads. Nested
+    calls run in the calling thread: if they waited for others, no thread might be left to do the work.
 
     Parameters
     ----------
@@ -45,15 +45,16 @@ def in_threads(work: Callable[[T], R], items: Sequence[T], workers: int | None =
 
 
 class _Share(Generic[T, R]):
-    """Items that several threads take one after the other, each the next that none has taken.
+    """Items taken by several threads, each the next that none has taken.
 
-    A thread is told once that there is work, not for every item: items of a millisecond would wait for that.
+    A thread is notified once that there is work, not for every item: items of a millisecond would wait for
+    that.
     """
 
     def __init__(self, work: Callable[[T], R], items: Sequence[T]) -> None:
         self._work = work
         self._items = items
-        self._next = count()  # taking the next is one step of the interpreter
+        self._next = count()  # taking the next one is atomic in the interpreter
         self._done: dict[int, R] = {}
         self._failed: dict[int, Exception] = {}
 
@@ -66,11 +67,11 @@ class _Share(Generic[T, R]):
                 self._failed[index] = failure
 
     def stop(self) -> None:
-        """Leave what no thread has taken yet."""
+        """Discard what no thread has taken yet."""
         self._next = count(len(self._items))
 
     def all_done(self) -> list[R]:
-        """The results in order; raises what the first failed item has raised."""
+        """The results in order; raises the exception of the first failed item."""
         if self._failed:
             raise self._failed[min(self._failed)]
         return [self._done[index] for index in range(len(self._items))]
@@ -78,7 +79,7 @@ class _Share(Generic[T, R]):
 
 @cache
 def _pool(_process: int, threads: int) -> ThreadPoolExecutor:
-    """The threads of this process: to start them for every evaluation takes as long as a small one."""
+    """The threads of this process, kept because starting them takes as long as a small evaluation."""
     return ThreadPoolExecutor(threads, thread_name_prefix="rigctl-record", initializer=_enter)
 
 

@@ -1,4 +1,4 @@
-"""How exactly an integration follows its equations."""
+"""The accuracy of an integration."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Tolerance:
-    """The error that one step may add to state i: ``absolute·scale_i + relative·|y_i|``.
+    """The permitted error of one step in state i: ``absolute·scale_i + relative·|y_i|``.
 
     `absolute` is a fraction of each state's natural scale (`system.State`).
     """
@@ -19,5 +19,5 @@ class Tolerance:
 #: for fitting and diagnosis
 DEFAULT = Tolerance(relative=1e-5, absolute=1e-2)
 
-#: for checks and references: some hundred times as exact, for two to three times the time
+#: for checks and references: about a hundred times as accurate, for two to three times the time
 TIGHT = Tolerance(relative=1e-7, absolute=1e-4)

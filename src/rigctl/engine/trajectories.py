@@ -1,4 +1,4 @@
-"""What simulated records return."""
+"""The result of simulating records."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rigctl.errors import ExitCode, RigctlError, unknown_name
 
 @dataclass(frozen=True)
 class Statistics:
-    """The work one record took."""
+    """The computational work for one record."""
 
     steps: int
     rejected: int
@@ -33,7 +33,7 @@ class Statistics:
 
 @dataclass(frozen=True)
 class Trajectories:
-    """Records as they were simulated, one array per record, SI.
+    """Simulated records, one array per record, SI.
 
     A record that failed ends before the first sample that could not be reached.
 
@@ -43,10 +43,10 @@ class Trajectories:
     times: (samples) of each record.
     states: (samples, states).
     outputs: (samples, outputs).
-    sensitivities: (samples, outputs, columns); no columns unless they were asked for.
-    failures: why each record ended early; None where it did not.
-    state_names, output_names, columns: what stands in each place.
-    stats: the work each record took.
+    sensitivities: (samples, outputs, columns); no columns unless requested.
+    failures: why each record ended early; None if it did not.
+    state_names, output_names, columns: names of the entries along each axis.
+    stats: the computational work for each record.
     """
 
     names: tuple[str, ...]
@@ -66,12 +66,12 @@ class Trajectories:
         return not any(self.failures)
 
     def require(self) -> Trajectories:
-        """These trajectories, all of them whole.
+        """These trajectories, if all of them are complete.
 
         Raises
         ------
         RigctlError
-            a record failed; names the first one and the reason.
+            a record failed; the message names the first one and the reason.
         """
         for number, failure in enumerate(self.failures):
             if failure is not None:
@@ -98,7 +98,7 @@ class Trajectories:
         Raises
         ------
         RigctlError
-            there is no such output, or the column was not asked for.
+            there is no such output, or the column was not requested.
         """
         index, c = _place("output", output, self.output_names), _place("column", column, self.columns)
         return tuple(sensitivities[:, index, c] for sensitivities in self.sensitivities)

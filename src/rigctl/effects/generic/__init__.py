@@ -1,7 +1,7 @@
 """Effects that may be missing in any bench: offered wherever a slot's dimension and the variables fit.
 
-They are declarations like any other, made for one family at a time: `generic_effects` gives what applies, and
-`offers` says for each slot what does, and why nothing does.
+They are declarations like any other, made for one family at a time: `generic_effects` returns the applicable
+ones, and `offers` lists for each slot which apply, and why others do not.
 """
 
 from rigctl.effects.generic.offer import Offer, generic_effects, offers

@@ -1,7 +1,7 @@
-"""Effects at the balance of one state: friction where it is a speed, losses where something is stored.
+"""Effects in the balance of one state: friction if it is a speed, losses if something is stored.
 
 ``ds/dt = f(...) + d·g·w`` with w the sum of the effects, g > 0 and d = ±1 from the family's equations. Every
-term is written against the motion, or out of the store, whatever the sign with which the slot enters.
+term opposes the motion, or drains the storage, whatever the sign with which the slot enters.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from rigctl.physics.scope import Scope
 _INCROPERA = "Incropera & DeWitt, Fundamentals of Heat and Mass Transfer"
 _BOUC = "Bouc (1967); Wen, J. Eng. Mech. Div. ASCE 102 (1976) 249, with n = 1, which is Dahl's friction"
 _FLOW = "White, Fluid Mechanics"
-#: dry friction turns round within this share of the change of a speed that matters: a numerical corner
-#: below what sensors resolve
+#: dry friction reverses within this share of the relevant change of a speed: a numerical corner below the
+#: resolution of sensors
 _STANDSTILL = 0.05
 
 
 def at_balance(family: ModelFamily, role: Balance, sizes: Magnitudes) -> Iterator[Effect]:
-    """The effects that may act at a balance."""
+    """The effects that may act in a balance."""
     name = role.state.name
     at = _At(
         family,
@@ -52,7 +52,7 @@ def at_balance(family: ModelFamily, role: Balance, sizes: Magnitudes) -> Iterato
 
 @dataclass(frozen=True)
 class _At:
-    """A balance with its typical sizes: the state's range, that of a term, and the time of a change."""
+    """A balance with its typical magnitudes: the range of the state, of a term, and the time of a change."""
 
     family: ModelFamily
     role: Balance
@@ -73,7 +73,7 @@ class _At:
         return m[self.role.state.name]
 
     def above(self, m: Scope) -> Scalar:
-        """The state above what it is counted from."""
+        """The state relative to its reference."""
         x = self.x(m)
         if self.role.surroundings is not None:
             return x - m[self.role.surroundings]

@@ -1,4 +1,4 @@
-"""What the generic effects share: their bounds, and their smooth corners."""
+"""Common parts of the generic effects: bounds, and smooth corners."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from rigctl.physics.family import ModelFamily
 from rigctl.physics.units import si_unit_of
 from rigctl.units import parse_unit
 
-#: bounds in units of a typical size: wide, as the typical size is a guess
+#: bounds as a multiple of the typical size: wide, as that is a guess
 WIDE = 1e4
-#: where the corner of a threshold is rounded, as a share of a range
+#: width of the rounded corner of a threshold, as a share of a range
 CORNER = 0.003
 ARMSTRONG = "Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30 (1994) 1083"
 SENSORS = "Doebelin, Measurement Systems: Application and Design"
@@ -28,7 +28,7 @@ def quotient(above: str, *below: str) -> str:
 
 
 def interval(unit: str) -> str:
-    """What a difference is shown in, of values shown in `unit`."""
+    """The display unit of a difference of values shown in `unit`."""
     return "K" if parse_unit(unit).absolute_temperature else unit
 
 
@@ -53,13 +53,13 @@ def placed(
     becomes: tuple[tuple[str, float, str], ...] = (),
     **declared: Any,
 ) -> Effect:
-    """The effect of a law at a place of a family, called ``<law><ending>``; its rivals are at the same place.
+    """The effect of a law at a slot of a family, called ``<law><ending>``; its rivals are at the same slot.
 
     Parameters
     ----------
-    confused: laws of the effects it may be taken for.
-    becomes: parameter, value and the law that this one is there.
-    declared: what else `rigctl.effects.declaration.Effect` says.
+    confused: laws of the effects with which it may be confused.
+    becomes: parameter, its limiting value, and the law that this one becomes.
+    declared: other fields of `rigctl.effects.declaration.Effect`.
     """
     return Effect(
         name=f"{law}{ending}",
@@ -85,7 +85,7 @@ def either_sign(name: str, unit: str, typical: float, meaning: str) -> EffectPar
 
 
 def share(name: str, meaning: str, low: float = 0.0) -> EffectParameter:
-    """How much of a limit is there: 1 is a hard one."""
+    """The share of a limit that is effective: 1 is a hard limit."""
     return EffectParameter(name, "1", 0.0, 0.5, low, 1.5, meaning, physical="both")
 
 
@@ -102,7 +102,7 @@ def shape(
     high: float | None = None,
     difference: bool = True,
 ) -> EffectParameter:
-    """A value that only forms what a size switches on; a fit refines it once the effect is in."""
+    """A value that only shapes what a size switches on; a fit refines it once the effect is in the model."""
     return EffectParameter(
         name,
         unit,

@@ -1,4 +1,4 @@
-"""Effects of an actuator: what acts instead of what is commanded."""
+"""Effects of an actuator: deviations of what acts from what is commanded."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ _TAO = "Tao & Kokotovic, Adaptive Control of Systems with Actuator and Sensor No
 
 
 def at_input(family: ModelFamily, role: Given, sizes: Magnitudes) -> Iterator[Effect]:
-    """The effects that may act at an input: all of a command, an offset alone of the surroundings."""
+    """The effects that may act at an input: all for a command, only an offset for surroundings."""
     made = _Made(family, role, sizes)
     yield made.offset()
     if role.surroundings:
         return
     yield made.gain()
     yield made.quadratic()
-    if not is_point_on_scale(role.input):  # 0 K is no rest from which it would be limited
+    if not is_point_on_scale(role.input):  # 0 K is no neutral value from which it could be limited
         yield made.saturation()
         yield made.dead_band()
-    if family.states:  # without time nothing is late
+    if family.states:  # without time there is no delay
         yield made.backlash()
         yield made.lag()
 
@@ -113,7 +113,8 @@ class _Made:
         return m[self.name]
 
     def from_reference(self, m: Scope) -> Scalar:
-        """The input, a temperature counted from the family's usual value: 0 K is no reference for a share."""
+        """The input; a temperature relative to the family's usual value, as 0 K is no reference for a
+        share."""
         u = self.u(m)
         return u if self.reference is None else u - constant_like(self.reference, u)
 
@@ -194,7 +195,8 @@ class _Made:
         )
 
     def _beyond(self, m: Scope, limit: Scalar) -> Scalar:
-        """What of the input is beyond a limit on either side; exactly odd, so that nothing is added at 0."""
+        """The excess of the input beyond a limit on either side; exactly odd, so that nothing is added at
+        0."""
         u = self.u(m)
         return beyond(u, limit, self.corner(u)) - beyond(-u, limit, self.corner(u))
 

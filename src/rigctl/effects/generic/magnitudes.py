@@ -1,7 +1,7 @@
-"""How large the quantities of a family typically are, from its own numbers: where fits begin.
+"""Typical magnitudes of a family's quantities, from its own numbers, as starting values of fits.
 
-No data are asked, so that an effect has the same bounds wherever it is read. A bound is therefore wide, and a
-typical size is right to a factor of some ten: a fit finds the rest.
+No data are used, so that an effect has the same bounds wherever it is read. Bounds are therefore wide, and a
+typical size is right to a factor of about ten: a fit determines the rest.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from rigctl.physics.family import ModelFamily, StateVariable
 from rigctl.physics.scope import Scope
 
-#: a state ranges over so many of the changes that matter
+#: range of a state, as a multiple of its relevant change
 _CHANGES = 300.0
 
 
@@ -36,7 +36,7 @@ class Magnitudes:
         return self._states[name]
 
     def input(self, name: str) -> float:
-        """The range over which an input is commanded; 1 where nothing says it."""
+        """The range over which an input is commanded; 1 if unknown."""
         values = self._inputs[name]
         return max(values) - min(values) or max(map(abs, values)) or 1.0
 
@@ -45,17 +45,18 @@ class Magnitudes:
         return self._rates[state]
 
     def time(self, state: str) -> float:
-        """In which a state goes through its range, or a tenth of the standard record if that is shorter."""
+        """The time in which a state crosses its range, or a tenth of the standard record if that is
+        shorter."""
         its_time = self.state(state) / self.rate(state)
         return min(its_time, 0.1 * self.duration) if self.duration else its_time
 
     @property
     def shortest(self) -> float:
-        """The shortest of all states' times, 1 s where there are none."""
+        """The shortest of all states' times, 1 s if there are none."""
         return min((self.time(state.name) for state in self._family.states), default=1.0)
 
     def reading(self, name: str) -> float:
-        """The size of a reading where the family starts, 0 where it has none."""
+        """The magnitude of a reading at the family's start, 0 if it has none."""
         output = {output.name: output for output in self._family.outputs}[name]
         point = next(iter(self._points()), None)
         if point is None:
@@ -81,7 +82,7 @@ class Magnitudes:
         return value if math.isfinite(value) else 0.0
 
     def _points(self) -> Iterator[dict[str, float]]:
-        """The start, each state moved through its range, and each input at its values."""
+        """The start, each state moved across its range, and each input at its values."""
         family = self._family
         at: dict[str, float] = {state.name: state.start for state in family.states}
         at |= {item.name: item.value for item in family.inputs}

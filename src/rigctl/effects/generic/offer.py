@@ -24,7 +24,7 @@ from rigctl.effects.generic.slot_roles import (
 )
 from rigctl.physics.family import ModelFamily
 
-#: families whose effects are remembered
+#: number of families whose effects are cached
 _KEPT = 16
 _made: OrderedDict[int, tuple[ModelFamily, tuple[Offer, ...]]] = OrderedDict()
 _making = Lock()
@@ -32,7 +32,7 @@ _making = Lock()
 
 @dataclass(frozen=True)
 class Offer:
-    """What is offered at a slot, and why other effects are not."""
+    """The effects offered at a slot, and why others are not."""
 
     role: Role
     effects: tuple[Effect, ...]
@@ -40,7 +40,7 @@ class Offer:
 
 
 def generic_effects(family: ModelFamily) -> tuple[Effect, ...]:
-    """The generic effects of a family, slot after slot; none for one that has a library of its own.
+    """The generic effects of a family, slot by slot; none for a family with its own library.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def generic_effects(family: ModelFamily) -> tuple[Effect, ...]:
 
 
 def offers(family: ModelFamily) -> tuple[Offer, ...]:
-    """What is offered at every slot of a family; empty for one that has a library of its own.
+    """The effects offered at every slot of a family; empty for a family with its own library.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def offers(family: ModelFamily) -> tuple[Offer, ...]:
     with _making:
         known = _made.get(id(family))
         if known is None or known[0] is not family:
-            # two parses of one file are two families: each has effects whose terms name its own slots
+            # two parses of one file are two families: the terms of each refer to its own slots
             known = (family, tuple(_offers(family)))
             _made[id(family)] = known
             while len(_made) > _KEPT:

@@ -1,4 +1,4 @@
-"""Effects of a sensor: what it reads beside the truth."""
+"""Effects of a sensor: deviations of the reading from the true value."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
 from rigctl.units import show
 
-#: a lag is regular down to this share of the family's shortest time
+#: resolution of a lag, as a share of the family's shortest time
 _RESOLUTION = 1e-3
-#: exponent of Bouc and Wen's law: 1 is a gradual turn, infinity play; it must be odd
+#: exponent of the Bouc-Wen law: 1 is a gradual reversal, infinity is backlash; must be odd
 _SHARP = 5
 
 
 def at_reading(family: ModelFamily, role: Reading, sizes: Magnitudes) -> Iterator[Effect]:
-    """The effects that may act at a reading: of what it reads, or of the settings where there is no time."""
+    """The effects that may act at a reading: of the reading, or of the settings if there is no time."""
     made = _Made(family, role, sizes)
     yield made.offset()
     if family.states:
@@ -190,7 +190,7 @@ class _Made:
         )
 
     def hysteresis(self) -> Effect:
-        """Play: while the truth turns the reading stays. Its side at the start is unknown."""
+        """Backlash: the reading stays while the true value reverses. Its side at the start is unknown."""
         pace = self.span / self.time
 
         def side(p: Own) -> Scalar:
@@ -226,7 +226,7 @@ class _Made:
         )
 
     def with_input(self, name: str) -> Iterator[Effect]:
-        """What a settled value may lack that depends on a setting."""
+        """Dependences of a steady-state value on a setting that may be missing."""
         item = {item.name: item for item in self.family.inputs}[name]
         unit, point = item.shown or item.unit, is_point_on_scale(item)
         per = interval(unit)

@@ -1,6 +1,6 @@
-"""Where effects that know nothing of a family may act in it, read off its equations.
+"""Where family-independent effects may act in a family, derived from its equations.
 
-Each slot is followed through the equations to what it changes: the rate of one state, a reading, an input, or
+Each slot is traced through the equations to what it changes: the rate of one state, a reading, an input, or
 the time of its switches.
 """
 
@@ -20,11 +20,11 @@ from rigctl.physics.scope import Addition, Scope
 from rigctl.physics.units import si_unit
 from rigctl.units import is_speed_of_rotation, parse_unit, show
 
-#: words of a name that make a variable the surroundings of others
+#: parts of a variable's name that mark it as surroundings of others
 _SURROUNDINGS = frozenset(
     ("ambient", "room", "environment", "surroundings", "outside", "atmosphere", "atmospheric", "reference")
 )
-#: quantities whose zero is far from where a bench works: they are counted from their surroundings or start
+#: quantities whose zero is far from a bench's range: they are measured from their surroundings or start
 _FAR_FROM_ZERO = ("K", "Pa")
 
 
@@ -34,13 +34,13 @@ class Balance:
 
     Attributes
     ----------
-    label: how effects there are named: the state for a derived slot, else the slot.
-    direction: 1 where a term raises the rate, -1 where it lowers it (a drag, an outflow).
-    gain: how much a unit of the term changes the rate, SI, always positive.
+    label: used in the names of effects there: the state for a derived slot, else the slot.
+    direction: 1 if a term raises the rate, -1 if it lowers it (a drag, an outflow).
+    gain: change of the rate per unit of the term, SI, always positive.
     moves: the state is a speed.
-    position: the state that is its integral, when there is one.
-    surroundings: the variable that the state is counted from; None for `reference`.
-    reference: the value it is counted from, SI.
+    position: the state that is its integral, if there is one.
+    surroundings: the variable from which the state is measured; None for `reference`.
+    reference: the value from which it is measured, SI.
     """
 
     slot: Slot
@@ -56,15 +56,15 @@ class Balance:
 
 @dataclass(frozen=True)
 class Reading:
-    """A slot that adds to a reading, or is taken from it.
+    """A slot that adds to a reading, or is subtracted from it.
 
     Attributes
     ----------
-    label: how effects there are named: the output, or a slot that is no sensor's.
-    direction: 1 where a term raises the reading, -1 where it lowers it.
+    label: used in the names of effects there: the output, or a slot that is not a sensor's.
+    direction: 1 if a term raises the reading, -1 if it lowers it.
     slopes: of the reading, by the states that it reads.
-    inputs: that it may depend on, where it reads no state: of a bench without time.
-    reference: the value it is counted from, SI.
+    inputs: on which it may depend if it reads no state: for a bench without time.
+    reference: the value from which it is measured, SI.
     """
 
     slot: Slot
@@ -76,11 +76,11 @@ class Reading:
     reference: float
 
     def truth(self, m: Scope) -> Scalar:
-        """What would be read without effects at this slot."""
+        """The reading without effects at this slot."""
         return self.output.formula(cast("Scope", _Without(m, self.slot.name)))
 
     def rate(self, m: Scope) -> Scalar:
-        """The derivative of the truth: ``Σ ∂z/∂s·ds/dt``; jumps of inputs are left out.
+        """The derivative of the true value: ``Σ ∂z/∂s·ds/dt``; jumps of inputs are left out.
 
         Raises
         ------
@@ -117,7 +117,7 @@ class _Without:
 
 @dataclass(frozen=True)
 class Given:
-    """A derived slot that adds to an input; `surroundings` where it is of the room rather than a command."""
+    """A derived slot that adds to an input; `surroundings` if it is the environment rather than a command."""
 
     slot: Slot
     input: InputVariable
@@ -144,7 +144,7 @@ Role: TypeAlias = Balance | Reading | Given | Late | Nowhere
 
 
 def slot_roles(family: ModelFamily) -> tuple[Role, ...]:
-    """What each slot of `family` changes, in the family's order.
+    """The role of each slot of `family`, in the family's order.
 
     Raises
     ------
@@ -204,7 +204,7 @@ class _Probed:
         return self.graph.variable(f"what is added at {slot.name}", parse_unit(slot.unit).dimension)
 
     def _point(self) -> dict[str, float]:
-        """Where the equations are looked at: a little beside the start."""
+        """The point at which the equations are evaluated: slightly beside the start."""
         family = self.family
         at = {state.name: state.start + 0.5 * state.scale for state in family.states}
         at |= {item.name: item.value for item in family.inputs}
@@ -280,14 +280,14 @@ class _Probed:
         )
 
     def _settings(self, variables: Collection[str]) -> tuple[str, ...]:
-        """The inputs that a reading may depend on: of a bench without time those too that its author left
-        out, of another only those that it is said to."""
+        """The inputs on which a reading may depend: for a bench without time also those that its author left
+        out, for others only the declared ones."""
         return tuple(
             item.name for item in self.family.inputs if item.name in variables or not self.family.states
         )
 
     def _finite(self, expr: Expr) -> float:
-        """Its value where the family starts; 0 where it has none there."""
+        """Its value at the family's start; 0 if it has none there."""
         value = evaluate(expr, self.at)
         return value if math.isfinite(value) else 0.0
 
@@ -300,17 +300,17 @@ class _Probed:
 
 
 def is_point_on_scale(item: InputVariable) -> bool:
-    """Whether an input is an absolute temperature, whose zero is nothing that a bench comes near."""
+    """Whether an input is an absolute temperature, whose zero is far outside any bench's range."""
     return _is_one_of(item.unit, ("K",)) and not item.difference
 
 
 def point_of_reference(item: InputVariable) -> float | None:
-    """What shares of an input are counted from, SI: an absolute temperature from its usual value, not 0 K."""
+    """The reference of shares of an input, SI: for an absolute temperature its usual value, not 0 K."""
     return item.value if is_point_on_scale(item) and item.value else None
 
 
 def counted_from(name: str, reference: float | None) -> str:
-    """An input as equations write it: ``(bath − 20 degC)``, or its name alone."""
+    """An input as written in equations: ``(bath − 20 degC)``, or its name alone."""
     return name if reference is None else f"({name} − {show(reference, 'degC')})"
 
 

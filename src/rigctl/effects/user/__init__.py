@@ -1,6 +1,6 @@
 """A user's own effects: read from a YAML file, or made from a Python function.
 
-Neither way executes anything from a file: a term is read by rigctl's own parser and becomes symbols.
+Nothing in a file is executed: a term is parsed by rigctl's own parser and becomes symbols.
 """
 
 from rigctl.effects.user.function import effect

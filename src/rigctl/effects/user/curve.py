@@ -1,4 +1,4 @@
-"""A measured curve as an effect file has it."""
+"""A measured curve in an effect file."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from rigctl.units import parse_unit
 def read_curve(
     field: CurveField, family: ModelFamily, slot: Slot, where: Location | None = None
 ) -> tuple[MeasuredCurve, ValidRange | None]:
-    """The curve, and the range that it was measured over, where that is one of the model's variables.
+    """The curve, and its measured range if the argument is one of the model's variables.
 
     Raises
     ------
     RigctlError
-        the quantity is wrong or has another unit than the points, or the values another than the slot.
+        the quantity is invalid or has another unit than the points, or the values another than the slot.
     """
     found = read_quantity(field.of, term_types(family, slot, ()), where)
     over, unit, wanted = parse_unit(field.over), parse_unit(field.unit), slot_type(slot)
@@ -67,7 +67,7 @@ def read_curve(
 def _range(
     found: ReadQuantity, field: CurveField, family: ModelFamily, x: tuple[float, ...]
 ) -> ValidRange | None:
-    """Where the points lie; a slot's own variables are known at the slot alone."""
+    """The range of the points; a slot's own variables are known only at the slot."""
     local = {name for slot in family.slots for name, _ in slot.local}
     if found.names & local:
         return None

@@ -17,8 +17,8 @@ def effect_file_text(effect: Effect, terms: Mapping[str, str], family: str, name
     Parameters
     ----------
     terms: the text of each term, by slot.
-    family: as the file is to name it.
-    name: of the effect, where it is to have another.
+    family: as referred to in the file.
+    name: a new name of the effect, if any.
     """
     lines = [
         f"effect: {name or effect.name}",
@@ -83,7 +83,7 @@ def _box(ranges: tuple[ValidRange, ...]) -> list[str]:
 
 
 def provenance_lines(found: Provenance) -> list[str]:
-    """The lines that say what an effect was learned from."""
+    """The lines for an effect's origin."""
     document: dict[str, Any] = {key: value for key, value in found.document().items() if value}
     lines = ["provenance:"]
     for key, value in document.items():

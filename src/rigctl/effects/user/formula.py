@@ -34,12 +34,13 @@ def read_term(
     parameters: Sequence[EffectParameter],
     where: Location | None = None,
 ) -> Term:
-    """The formula that `text` is.
+    """The formula of a text.
 
     Raises
     ------
     RigctlError
-        it is none of the grammar, branches, names what there is not, or has another dimension than the slot.
+        it is not valid in the grammar, branches, uses an unknown name, or has another dimension than the
+        slot.
     """
     tree = read_formula(
         text,

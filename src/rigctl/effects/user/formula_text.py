@@ -17,8 +17,8 @@ def formula_text(expr: Expr, names: Mapping[str, str], points: Collection[str] =
 
     Parameters
     ----------
-    names: what a variable is called in the file, where not by its own name.
-    points: temperatures that are points on a scale; ``(temperature - 0 K)`` may be multiplied.
+    names: names of variables in the file, if different from their own.
+    points: absolute temperatures; ``(temperature - 0 K)`` may be multiplied.
 
     Raises
     ------

@@ -31,12 +31,12 @@ _ENDINGS = (".yaml", ".yml")
 
 
 def is_effect_file(text: str) -> bool:
-    """Whether what a user wrote names a file, rather than an effect of the library."""
+    """Whether a user's text names a file, rather than an effect of the library."""
     return text.casefold().endswith(_ENDINGS)
 
 
 def load_effect(path: Path) -> Effect:
-    """The effect that a file describes, examined.
+    """The effect described by a file, validated.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def load_effect(path: Path) -> Effect:
 
 
 def effect_files(folder: Path) -> list[Path]:
-    """The effect files that lie in `folder` itself, by name."""
+    """The effect files in `folder` itself, by name."""
     files = sorted(path for path in folder.iterdir() if is_effect_file(path.name))
     return [path for path in files if name_in_file(path) is not None]
 
@@ -61,7 +61,7 @@ def place_of(path: Path, part: tuple[str, str]) -> Location:
 
 
 def parse_effect(text: str, path: Path | None = None) -> Effect:
-    """The effect that a text describes; `path` is what messages call it.
+    """The effect described by a text; `path` is its name in messages.
 
     Raises
     ------

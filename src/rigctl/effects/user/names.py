@@ -16,7 +16,7 @@ from rigctl.physics.formulas import reserved_names, variable_types
 def term_types(
     family: ModelFamily, slot: Slot, parameters: Iterable[EffectParameter]
 ) -> Mapping[str, ValueType]:
-    """The type of everything that a term at `slot` may name.
+    """The types of all names that a term at `slot` may use.
 
     The slot's own temperatures are differences.
     """
@@ -37,7 +37,7 @@ def taken_names(family: ModelFamily) -> frozenset[str]:
 
 
 def name_in_file(path: Path) -> str | None:
-    """The name of the effect that a file declares; None when it is no effect file. Nothing else is read."""
+    """The name of the effect declared in a file; None if it is not an effect file. Nothing else is read."""
     try:
         data = read_document(path).data
     except RigctlError:
@@ -47,7 +47,7 @@ def name_in_file(path: Path) -> str | None:
 
 
 def names_beside(path: Path | None) -> frozenset[str]:
-    """The names of the effects whose files lie in the folder of `path`, its own excepted."""
+    """The names of the effects whose files are in the folder of `path`, except its own."""
     if path is None or not path.parent.is_dir():
         return frozenset()
     others = [other for other in path.parent.glob("*.y*ml") if other.name != path.name]

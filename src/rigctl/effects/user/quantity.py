@@ -1,4 +1,4 @@
-"""A quantity that an effect file names: a variable of the model, or a formula of several."""
+"""A quantity in an effect file: a variable of the model, or a formula of several."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rigctl.physics.scope import Scope
 
 @dataclass(frozen=True)
 class ReadQuantity:
-    """A formula whose dimension is its own: called with a scope it is the quantity's value."""
+    """A formula of any dimension: called with a scope it returns the quantity's value."""
 
     text: str
     tree: Node
@@ -28,22 +28,22 @@ class ReadQuantity:
 
     @property
     def difference(self) -> bool:
-        """Whether it is an interval of temperatures."""
+        """Whether it is a temperature difference."""
         return self.type.temperature == "difference"
 
     @property
     def names(self) -> frozenset[str]:
-        """What it names."""
+        """The names that it uses."""
         return frozenset(node.name for node in walk(self.tree) if isinstance(node, Name))
 
 
 def read_quantity(text: str, types: Mapping[str, ValueType], where: Location | None = None) -> ReadQuantity:
-    """The quantity that `text` is, a smooth formula of names of `types`.
+    """The quantity of a text, a smooth formula of the names in `types`.
 
     Raises
     ------
     RigctlError
-        it is none of the grammar, branches, or names what there is not.
+        it is not valid in the grammar, branches, or uses an unknown name.
     """
     place = where or Location()
     refuse_branch_words(text, place)

@@ -1,4 +1,4 @@
-"""A range of a validity box, as an effect file has it."""
+"""A range of a validity box in an effect file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ def read_range(
     Raises
     ------
     RigctlError
-        the formula is wrong or names what there is not, an end has another dimension, or they are no range.
+        the formula is invalid or uses an unknown name, or an end has another dimension, or the range is
+        empty.
     """
     found = read_quantity(over, variable_types(family), where)
     written = f"[{ends[0]}, {ends[1]}]"

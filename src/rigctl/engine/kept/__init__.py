@@ -1,7 +1,7 @@
-"""Results that took long, kept from one command to the next and found again by what they were computed from.
+"""Results of long computations, kept between commands and identified by their inputs.
 
-A result's name is a hash of everything that it depends on: numbers, equations, options, the code that
-computes it and the libraries under that. There is nothing to invalidate: what depends on something else has
+A result's name is a hash of everything on which it depends: numbers, equations, options, the code that
+computes it and the libraries below that. Nothing needs to be invalidated: a result with other inputs has
 another name. A result is the same to the last bit, kept or not: see `kept`.
 """
 

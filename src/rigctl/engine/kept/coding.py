@@ -1,7 +1,7 @@
-"""Values as plain data and back: a tree that JSON can hold, and arrays of numbers.
+"""Values as plain data and back: a tree that can be stored as JSON, and arrays of numbers.
 
-What is read is built by the type that is asked for, never by what a file says of itself: a file can hold
-numbers and words, and nothing that could be carried out.
+What is read is built according to the requested type, never according to what a file says about itself: a
+file can contain numbers and words, and nothing executable.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ DTYPES = ("<f8", "<i8", "|b1")
 
 
 class Damaged(ValueError):
-    """What was read is not of the type that was asked for."""
+    """The data read are not of the requested type."""
 
 
 def encode(value: object, arrays: list[np.ndarray]) -> Any:
@@ -31,7 +31,7 @@ def encode(value: object, arrays: list[np.ndarray]) -> Any:
     Raises
     ------
     TypeError
-        there is something in it that cannot be kept.
+        it contains something that cannot be kept.
     """
     if isinstance(value, np.generic):
         value = value.item()
@@ -55,12 +55,12 @@ def encode(value: object, arrays: list[np.ndarray]) -> Any:
 
 
 def decode(kind: type[T], tree: Any, arrays: Iterator[np.ndarray]) -> T:
-    """The value of the type `kind` that a tree and its arrays hold.
+    """The value of type `kind` contained in a tree and its arrays.
 
     Raises
     ------
     Damaged
-        they hold something else.
+        they contain something else.
     """
     try:
         return cast("T", _decode(kind, tree, arrays))

@@ -1,4 +1,4 @@
-"""A hash of what a value consists of: equal exactly when a computation cannot tell two values apart."""
+"""A hash of a value's content: equal exactly if no computation can distinguish two values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 
 class Opaque(TypeError):
-    """A value whose content cannot be read, such as a function: what depends on it cannot be kept."""
+    """A value whose content cannot be read, such as a function: results that depend on it cannot be kept."""
 
 
 def digest(*values: object) -> str:
@@ -25,7 +25,7 @@ def digest(*values: object) -> str:
     Raises
     ------
     Opaque
-        there is something in them that is none of these.
+        they contain something else.
     """
     into = hashlib.sha256()
     for value in values:
@@ -34,7 +34,7 @@ def digest(*values: object) -> str:
 
 
 def _add(into: Any, value: object) -> None:
-    # every piece begins with its kind and says how long it is, so that no two values run into the same bytes
+    # every piece starts with its kind and length, so that no two values produce the same bytes
     if value is None:
         into.update(b"-")
     elif isinstance(value, bool):

@@ -21,7 +21,7 @@ logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
-#: packages whose code a kept result may come out of
+#: packages whose code may contribute to a kept result
 _PACKAGES = (
     "analysis",
     "effects",
@@ -38,7 +38,7 @@ _LIBRARIES = ("llvmlite", "numba", "numpy", "scipy")
 
 @dataclass
 class Tally:
-    """How many results this process reused, and how many it made."""
+    """Numbers of results that this process reused, and computed."""
 
     reused: int = 0
     made: int = 0
@@ -50,7 +50,7 @@ _off = [0]
 
 @contextmanager
 def switched_off() -> Iterator[None]:
-    """Neither use nor keep results meanwhile."""
+    """Neither use nor keep results within the block."""
     _off[0] += 1
     try:
         yield
@@ -59,18 +59,18 @@ def switched_off() -> Iterator[None]:
 
 
 def kept(kind: str, of: object, result: type[T], make: Callable[[], T]) -> T:
-    """What `make` returns, from an earlier command where that computed the same.
+    """What `make` returns, taken from an earlier command if that computed the same.
 
-    Every result goes through the plain form that would be kept, whether or not it is: layout and kind of its
-    numbers, on which the last bit of a sum may depend, are the same either way.
+    Every result passes through the plain form that would be kept, whether or not it is: memory layout and
+    type of its numbers, on which the last bit of a sum may depend, are the same either way.
 
     Parameters
     ----------
     kind: names the computation: what `make` does with `of`.
-    of: everything that the result depends on besides the code (see `content.digest`).
-    result: what is returned: a dataclass whose fields are numbers, words, arrays, and collections and
-        dataclasses of them.
-    make: computes it; what it raises is raised, and is not kept.
+    of: everything on which the result depends besides the code (see `content.digest`).
+    result: its type: a dataclass whose fields are numbers, words, arrays, and collections and dataclasses of
+        them.
+    make: computes it; an exception that it raises is propagated, and nothing is kept.
     """
     folder = None if _off[0] else results_folder()
     name = None if folder is None else _name(kind, of)
@@ -103,7 +103,7 @@ def _plain(result: type[T], tree: Any, arrays: list[np.ndarray]) -> T:
 
 
 def _name(kind: str, of: object) -> str | None:
-    """The result's name; None where it depends on what has no content."""
+    """The result's name; None if it depends on a value without readable content."""
     try:
         return f"{kind}-{digest(_code(), kind, of)[:40]}"
     except Opaque as problem:
@@ -113,7 +113,8 @@ def _name(kind: str, of: object) -> str | None:
 
 @cache
 def _code() -> str:
-    """What computes: the version of the method, the code itself, the libraries and the processor under it."""
+    """Identifies the computation: the version of the method, the code itself, the libraries and the
+    processor."""
     from importlib.metadata import version
 
     from rigctl.engine.cache import environment

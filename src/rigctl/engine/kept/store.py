@@ -1,4 +1,4 @@
-"""The folder of kept results: one file each, whole or not there, and no more than there is room for."""
+"""The folder of kept results: one file each, complete or absent, within a limited total size."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from rigctl.engine.kept.coding import DTYPES, Damaged
 
 logger = logging.getLogger(__name__)
 
-#: names another folder than the one in the user's cache; ``off`` where nothing is to be kept
+#: environment variable with another folder than the one in the user's cache; ``off`` keeps nothing
 RESULTS_VARIABLE = "RIGCTL_RESULTS"
 OFF = "off"
 
-#: bytes that all results together, and one of them, may take
+#: largest total size of all results, and of one of them, in bytes
 ROOM, ROOM_OF_ONE = 512 * 2**20, 64 * 2**20
-#: this share of the room stays free after results used longest ago were deleted
+#: share of the total size that is freed when old results are deleted
 _SLACK = 0.1
-#: the layout of a file; another one has another name
+#: version of the file format; another version has another name
 _LAYOUT = 1
 _MEMBERS = ("tree", "numbers", "counts", "marks")
 _DAY = 86_400.0
 
 
 def results_folder() -> Path | None:
-    """Where results are kept; None where none are."""
+    """The folder of results; None if none are kept."""
     chosen = os.environ.get(RESULTS_VARIABLE)
     if chosen == OFF:
         return None
@@ -48,8 +48,8 @@ def results_folder() -> Path | None:
 class Store:
     """A folder of results, which several processes may use at once.
 
-    A file appears by one rename. One that is damaged, foreign or gone counts as not there; a folder that
-    cannot be written costs a line in the log and nothing else.
+    A file appears by one atomic rename. A damaged, foreign or missing one counts as absent; a folder that
+    cannot be written costs only a line in the log.
     """
 
     folder: Path
@@ -69,7 +69,7 @@ class Store:
             logger.info("the kept result %s is not readable and is made again: %r", path, problem)
             return None
         with suppress(OSError):
-            os.utime(path)  # used just now: among the last to be deleted
+            os.utime(path)  # mark it as recently used
         return found
 
     def write(self, name: str, tree: Any, arrays: list[np.ndarray]) -> None:
@@ -91,7 +91,7 @@ class Store:
         return self.folder / f"{name}.npz"
 
     def _tidy(self) -> None:
-        """Delete what was used longest ago where there is no room, and what killed processes left."""
+        """Delete the least recently used results if there is no room, and what killed processes left."""
         known, total = [], 0
         with suppress(OSError):
             for entry in os.scandir(self.folder):

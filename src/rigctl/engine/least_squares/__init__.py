@@ -1,7 +1,7 @@
 """Least squares over many records: shared parameters, and some that belong to one record each.
 
-Independent of how residuals are computed: `least_squares` is handed a function that returns, for every
-record, its residuals and their derivatives.
+Independent of how residuals are computed: `least_squares` is given a function that returns, for every record,
+its residuals and their derivatives.
 """
 
 from rigctl.engine.least_squares.block import Block, Evaluate, Refused

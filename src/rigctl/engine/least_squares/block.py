@@ -1,4 +1,4 @@
-"""What one record contributes to a fit."""
+"""The contribution of one record to a fit."""
 
 from __future__ import annotations
 
@@ -24,11 +24,10 @@ class Block:
     Attributes
     ----------
     residual: (n).
-    shared: (n, p) by the shared parameters; None where derivatives were not asked for.
+    shared: (n, p) by the shared parameters; None if derivatives were not requested.
     local: (n, m) by the record's own parameters; None likewise.
 
-    Derivatives that are given as `later` are worked out when they are first asked for: those of a step that
-    is taken back never are.
+    Derivatives given as `later` are computed when they are first used: those of a rejected step never are.
     """
 
     def __init__(
@@ -62,7 +61,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Refused:
-    """The model has no value for these parameters: the step that led here is taken back."""
+    """The model cannot be simulated with these parameters: the step that led there is rejected."""
 
     reason: str
 
@@ -73,12 +72,12 @@ Evaluate: TypeAlias = Callable[[Floats, Sequence[Floats], bool], Sequence[Block]
 
 
 def check_blocks(blocks: Sequence[Block], shared: int, local: Sequence[int]) -> None:
-    """Require that derivatives are there, with as many columns as there are parameters, all of it finite.
+    """Require derivatives for all parameters, all of them finite.
 
     Raises
     ------
     RigctlError
-        they are not; names the record by its number.
+        they are missing or not finite; the message names the record by its number.
     """
     if len(blocks) != len(local):
         raise RigctlError(f"the fit returned {len(blocks)} records", expected=str(len(local)))

@@ -1,8 +1,8 @@
-"""A Gauss-Newton step that stays inside a box.
+"""A Gauss-Newton step inside a box.
 
-Cutting a free step off at the bounds lets a fit creep along them and stall: the other parameters keep the
-values that went with the part cut off. Here a parameter that would leave the box is held at its edge and the
-others are solved for again; one that would rather come back inside is let go.
+Truncating an unconstrained step at the bounds lets a fit creep along them and stall, because the other
+parameters keep the values that belong to the truncated part. Here a parameter that would leave the box is
+held at its edge and the others are solved for again; one that would return inside is released.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _ROUNDS = 25
 
 @dataclass(frozen=True)
 class BoundedStep:
-    """A step, which parameters were held (1 free, 0 held), and the factors it was solved with."""
+    """A step, which parameters were held (1 free, 0 held), and the factors with which it was solved."""
 
     step: Vector
     free: Vector
@@ -47,7 +47,7 @@ def bounded_step(arrow: Arrow, weight: Vector, target: Vector, lower: Vector, up
             free[outside] = 0.0
             fixed[outside] = np.clip(step, low, high)[outside]
             continue
-        # a held parameter whose pull points inside is let go, once
+        # a held parameter whose gradient points inside is released, once
         pull = _pull(arrow, weight, target, lower.like(step))
         inwards = ((fixed >= high) & (pull < 0.0)) | ((fixed <= low) & (pull > 0.0))
         back = (free == 0.0) & inwards & ~released & (low < high)
@@ -75,7 +75,7 @@ def _complete(solved: Vector, free: Floats, fixed: Floats, like: Vector) -> Floa
 
 
 def _pull(arrow: Arrow, weight: Vector, target: Vector, step: Vector) -> Floats:
-    """Where each parameter wants to go from `step`: minus the gradient of the sum of squares there."""
+    """The direction of each parameter from `step`: minus the gradient of the sum of squares there."""
     shared = weight.shared * (target.shared - weight.shared * step.shared)
     record_local = []
     for k, (triangle, m) in enumerate(zip(arrow.triangles, arrow.local, strict=True)):

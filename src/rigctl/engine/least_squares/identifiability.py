@@ -12,21 +12,21 @@ from rigctl.engine.least_squares.block import Block
 
 Floats = NDArray[np.float64]
 
-#: a combination with a singular value below this share of the largest one is not determined by the data
+#: a combination with a smaller singular value than this share of the largest is not determined by the data
 WEAK = 1e-4
 _MENTIONED = 0.1
 
 
 @dataclass(frozen=True)
 class Combination:
-    """A direction in which all parameters can change together and hardly alter the residuals.
+    """A direction in which all parameters can change together with hardly any change of the residuals.
 
     Attributes
     ----------
     singular_value: of the columns scaled to unit length, as a share of the largest one: 0 for a direction
-        without any effect, 1 for parameters that have nothing to do with each other.
-    parts: share of each parameter in it, largest first; a change of a parameter counts in units of what it
-        does to the residuals by itself.
+        without any effect, 1 for uncorrelated parameters.
+    parts: share of each parameter in it, largest first; a change of a parameter counts in units of its own
+        effect on the residuals.
     """
 
     singular_value: float
@@ -38,7 +38,7 @@ class Combination:
 
 
 def null_columns(blocks: Sequence[Block], names: Sequence[str]) -> tuple[str, ...]:
-    """The shared parameters that do not act on any residual: an effect that needs another one, say."""
+    """The shared parameters that affect no residual, for example of an effect that needs another one."""
     squares = np.zeros(len(names))
     for block in blocks:
         if block.shared is not None:

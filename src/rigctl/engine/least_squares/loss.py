@@ -1,6 +1,7 @@
-"""How much a residual counts: squares, or less than that for outliers.
+"""Loss functions: squares, or less for outliers.
 
-The cost of a residual r is ``c²/2 · rho((r/c)²)``, c the threshold in standard deviations from which it
+The cost of a residual r is ``c²/2 · rho((r/c)²)``, c being the threshold in standard deviations beyond which
+it counts less. As in B. Triggs et al., Bundle adjustment - a modern synthesis (2000), section 4.3, and in
 counts less. As in B. Triggs et al., Bundle adjustment - a modern synthesis (2000), section 4.3, and in
 scipy.optimize.least_squares.
 """

@@ -20,13 +20,14 @@ _SAME = 1e-6
 
 @dataclass(frozen=True)
 class MultiStartResult:
-    """The best of several fits, and what all of them came to.
+    """The best of several fits, and the results of all of them.
 
     Attributes
     ----------
     best: the fit with the lowest cost.
-    costs: of each start, in the order they were tried; infinite where the model had no value there.
-    agreeing: how many starts reached the best cost, within a share of 1e-6.
+    costs: of each start, in the order in which they were tried; infinite if the model could not be simulated
+        there.
+    agreeing: number of starts that reached the best cost, within a relative 1e-6.
     """
 
     best: LeastSquaresResult
@@ -50,13 +51,13 @@ def multi_start(
 ) -> MultiStartResult:
     """Fit from the given start and from `count` - 1 others, spread as a Latin hypercube.
 
-    A shared parameter with two finite bounds is started anywhere between them, another one within its size
-    of its start; the records' own parameters keep their starts.
+    A shared parameter with two finite bounds starts anywhere between them, another one within its size of its
+    start; the record-level parameters keep their starts.
 
     Raises
     ------
     RigctlError
-        as `least_squares`, when no start can be fitted.
+        as `least_squares`, if no start can be fitted.
     """
     results: list[LeastSquaresResult] = []
     costs: list[float] = []

@@ -1,4 +1,4 @@
-"""What a fit returns."""
+"""The result of a fit."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 class Outcome(StrEnum):
     """How a fit ended."""
 
-    GRADIENT = "gradient"  #: the residuals stand at right angles to every direction: an exact minimum
+    GRADIENT = "gradient"  #: the residuals are orthogonal to every column: an exact minimum
     COST = "cost"  #: the next step would lower the cost by a negligible share
     STEP = "step"  #: the next step would move no parameter noticeably
     STALLED = "stalled"  #: no step lowers the cost, though one should: the model is not smooth here
@@ -31,29 +31,29 @@ _CONVERGED = (Outcome.GRADIENT, Outcome.COST, Outcome.STEP)
 
 @dataclass(frozen=True)
 class Iteration:
-    """What a fit tells while it works."""
+    """The progress of a fit."""
 
     number: int
     cost: float
     step: float  #: the largest change of a parameter, in units of its size
     accepted: bool
-    reason: str = ""  #: why the model refused the step, "" where it did not
+    reason: str = ""  #: why the model refused the step, "" if it did not
 
 
 @dataclass(frozen=True)
 class LeastSquaresResult:
-    """The parameters at the minimum, how certain they are, and what the data cannot say.
+    """The parameters at the minimum, their uncertainty, and what the data do not determine.
 
     Attributes
     ----------
-    unknowns: the shared parameters as they were asked for.
-    values: (p) the shared parameters found.
-    local: the records' own parameters found, an array for each record.
-    cost: half the sum of squares, or of the robust loss, with the priors' share.
+    unknowns: the shared parameters as given.
+    values: (p) the fitted shared parameters.
+    local: the fitted record-level parameters, an array for each record.
+    cost: half the sum of squares, or of the robust loss, including the priors.
     residual_count, parameter_count: observations, and parameters of all kinds that were free at the end.
-    covariance: (p, p) of the shared parameters, the records' own ones being free; zero for one held at a
+    covariance: (p, p) of the shared parameters, the record-level ones being free; zero for one held at a
         bound, infinite on the diagonal for one that the data do not determine.
-    local_std: standard deviations of the records' own parameters.
+    local_std: standard deviations of the record-level parameters.
     at_bound: names of the shared parameters held at a bound.
     singular_values: (p) of the scaled columns, as shares of the largest.
     weak: combinations of shared parameters that the data do not determine.
@@ -79,17 +79,17 @@ class LeastSquaresResult:
 
     @property
     def converged(self) -> bool:
-        """True when a minimum was reached."""
+        """True if a minimum was reached."""
         return self.outcome in _CONVERGED
 
     @property
     def std(self) -> Floats:
-        """(p) standard deviations, for residuals that are in units of theirs."""
+        """(p) standard deviations, for residuals in units of theirs."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def correlation(self) -> Floats:
-        """(p, p); zero beside a parameter that is held or not determined."""
+        """(p, p); zero for a parameter that is held or not determined."""
         std = self.std
         usable = (std > 0.0) & np.isfinite(std)
         inverse = np.where(usable, 1.0 / np.where(usable, std, 1.0), 0.0)
@@ -100,7 +100,7 @@ class LeastSquaresResult:
 
     @property
     def variance_factor(self) -> float:
-        """Twice the cost for each degree of freedom: 1 when the model and the noise are right."""
+        """Twice the cost per degree of freedom: 1 if the model and the noise are right."""
         return 2.0 * self.cost / max(1, self.residual_count - self.parameter_count)
 
     def value(self, name: str) -> float:
@@ -117,7 +117,7 @@ class LeastSquaresResult:
         return float(self.values[names.index(name)])
 
     def summary(self) -> str:
-        """A table of the shared parameters, and what is wrong with them."""
+        """A table of the shared parameters, and the problems with them."""
         lines = [
             f"{self.message} after {self.iterations} iterations; cost {self.cost:.6g}, "
             f"{self.residual_count} residuals, variance factor {self.variance_factor:.3g}"

@@ -1,4 +1,4 @@
-"""From the linearisation at the minimum to covariance, and to what the data do not determine."""
+"""From the linearisation at the minimum to the covariance, and to what the data do not determine."""
 
 from __future__ import annotations
 
@@ -93,8 +93,8 @@ def _inverse(matrix: Floats) -> Floats:
 
 
 def _local_std(factors: Factors, shared: Floats, mask: Vector, size: Vector) -> tuple[Floats, ...]:
-    """Standard deviations of the records' own parameters: own noise, and what the shared ones pass on."""
-    known = np.isfinite(np.diag(shared))  # what the data do not determine passes nothing on
+    """Standard deviations of the record-level parameters: from noise, and propagated from the shared ones."""
+    known = np.isfinite(np.diag(shared))  # undetermined parameters propagate nothing
     finite = np.where(np.outer(known, known), shared, 0.0)
     result = [np.zeros(record_local.size) for record_local in mask.local]
     for group in factors.groups:

@@ -1,4 +1,4 @@
-"""A quantity to be found, and what is known of it before."""
+"""A quantity to be estimated, and its prior."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Prior:
-    """A normal distribution: a datasheet's value and how far it is trusted."""
+    """A normal distribution, for example of a datasheet's value with its uncertainty."""
 
     mean: float
     std: float
@@ -28,12 +28,12 @@ class Unknown:
 
     Attributes
     ----------
-    name: what it is called in results and messages.
-    start: where the search begins.
-    lower, upper: bounds, infinite where there are none.
-    scale: a typical size; the change in one iteration is limited to a part of it. By default the size of
-        `start`, or of the bounds where it is zero.
-    prior: what is known before the data.
+    name: used in results and messages.
+    start: starting value.
+    lower, upper: bounds, infinite if there are none.
+    scale: a typical size; the change in one iteration is limited to a part of it. By default the magnitude of
+        `start`, or of the bounds if that is zero.
+    prior: prior knowledge.
     unit: SI, for the result's table.
 
     Raises
@@ -75,7 +75,7 @@ class Unknown:
 
 
 def starts(unknowns: Sequence[Unknown]) -> Floats:
-    """Where the search begins."""
+    """The starting value, inside the bounds."""
     return np.array([unknown.start for unknown in unknowns], dtype=float)
 
 
@@ -88,7 +88,7 @@ def started(unknowns: Sequence[Unknown], values: Floats) -> list[Unknown]:
 
 
 def prior_rows(unknowns: Sequence[Unknown], values: Floats) -> tuple[Floats, Floats]:
-    """(residual (value - mean)/std, 1/std) of each unknown; zeros where it has no prior."""
+    """(residual (value - mean)/std, 1/std) of each unknown; zeros if it has no prior."""
     residual, weight = np.zeros(len(unknowns)), np.zeros(len(unknowns))
     for index, unknown in enumerate(unknowns):
         if unknown.prior is not None:

@@ -43,7 +43,7 @@ def _bending_rate(m: Scope, p: Own) -> Scalar:
 
 
 def _bending() -> EffectState:
-    """A record begins after a retraction."""
+    """Records start after a retraction."""
     return EffectState("bending", "1", 0.1, _bending_rate, "z, of the seal's lip", start=-1.0)
 
 
