@@ -15,6 +15,7 @@ from rigctl.files.shipped import shipped
 from rigctl.planning import preview
 from rigctl.rig import load_rig
 from rigctl.steps.control.oscillation import OscillationDetector
+from rigctl.steps.control.pid import AntiWindup, Bounds, Gains, Pid
 from rigctl.testing import RunLog, VirtualBench
 
 HEATERS = shipped("rigs", "heater-board.yaml")
@@ -98,6 +99,23 @@ def test_noise_and_a_decaying_ringing_are_no_oscillation() -> None:
     found = [lasting.add(i * 0.01, 3.0 * math.sin(6.0 * i * 0.01)) for i in range(2000)]
     amplitude, period = next(one for one in found if one is not None)
     assert (amplitude, period) == (pytest.approx(3.0, rel=0.01), pytest.approx(math.pi / 3.0, rel=0.02))
+
+
+@pytest.mark.parametrize("anti_windup", AntiWindup)
+@pytest.mark.parametrize(
+    ("gain", "integral", "ahead"), [(1e308, 1e308, 0.0), (1.0, 1.0, math.inf), (1e308, 0.0, -math.inf)]
+)
+def test_whatever_the_numbers_the_output_stays_within_its_limits_and_comes_back(
+    anti_windup: AntiWindup, gain: float, integral: float, ahead: float
+) -> None:
+    """Infinite minus infinite is no number, and one that has entered the integral would stay there."""
+    gains = Gains(gain, integral, 0.0, 0.1, 1.0, anti_windup)
+    loop = Pid(gains, Bounds(0.0, 100.0, math.inf), 0.0, bumpless=True)
+    for k in range(20):
+        assert 0.0 <= loop.update(0.1 * k, 20.0, 45.0, ahead) <= 100.0
+    for k in range(20, 400):
+        low = loop.update(0.1 * k, 90.0, 45.0, 0.0)
+    assert low == 0.0
 
 
 def test_it_begins_without_a_bump_and_keeps_to_the_rate(press: Callable[..., RunLog]) -> None:

@@ -109,6 +109,11 @@ def test_a_table_is_read_from_a_file_with_units(tmp_path: Path) -> None:
             "two",
         ),
         ("rate: 1 Hz", "", "needs its course"),
+        (
+            "sine: {mean: 50 %, amplitude: 9 %, frequency: 50 Hz, for: 1 s}, rate: 5 Hz",
+            "",
+            "too few commands",
+        ),
         ("ramp: {from: 0 %, to: 1 %, over: 1e8 s}", "", "too many commands"),
         ("steps: {levels: [0 %, 10 %], each: 1 s, rise: 2 s}", "", "longer than a step"),
         ("ramp: {from: 0 bar, to: 10 bar, over: 1 s}", "", "wrong dimension"),
@@ -120,6 +125,16 @@ def test_a_course_that_the_rig_cannot_follow_is_refused_before_anything_moves(
     with pytest.raises(RigctlError, match=said) as caught:
         VirtualBench(tmp_path, HEATERS).plan(waveform(text), heaters(extra))
     assert caught.value.where.line == 3
+
+
+def test_a_table_that_never_ends_is_not_read(tmp_path: Path) -> None:
+    """``/dev/zero`` filled the memory; what is no file, or far too long for a table, is refused unread."""
+    with (tmp_path / "long.csv").open("wb") as file:
+        file.truncate(10**9)
+    for name, said in (("long.csv", "too long"), (".", "it is no file")):
+        with pytest.raises(RigctlError, match=said):
+            table = f"table: {{file: {(tmp_path / name).as_posix()}}}"
+            VirtualBench(tmp_path, HEATERS).plan(waveform(table), heaters())
 
 
 def test_positions_take_steps_only_and_hands_none(steps: Callable[..., Plan]) -> None:

@@ -157,7 +157,7 @@ class Watch:
         """The feed-forward; where the formula is undefined, its newest defined value."""
         if self._feed_forward is not None:
             ahead = self._feed_forward(row, setpoint)
-            self._ahead = self._ahead if math.isnan(ahead) else ahead
+            self._ahead = ahead if math.isfinite(ahead) else self._ahead
         return self._ahead
 
     def settled(self, time: float, setpoint: float, value: float) -> bool:

@@ -85,12 +85,15 @@ class Pid:
         if self._reading is None:
             span = 0.0
             if self._bumpless:
-                self._integral = self.output - proportional - feed_forward
+                self._keep(self.output - proportional - feed_forward)
         else:
             span = time - self._time
             self._differentiate(reading, span)
         self._reading, self._time = reading, time
         wanted = feed_forward + proportional + self._integral + self._derivative
+        if math.isnan(wanted):  # of numbers so large that they cancel to none, nothing follows
+            self.saturated = True
+            return self.output
         bounded = self._bounds.apply(wanted, self.output, span)
         self.saturated = not math.isclose(bounded, wanted, rel_tol=1e-9, abs_tol=1e-12)
         self.output = bounded
@@ -113,8 +116,14 @@ class Pid:
         rise = gains.integral * error * span
         if gains.anti_windup is AntiWindup.CLAMPING:
             if not self.saturated or rise * excess > 0.0:
-                self._integral += rise
+                self._keep(self._integral + rise)
             return
-        self._integral += rise
+        found = self._integral + rise
         if self.saturated and gains.integral != 0.0:
-            self._integral += excess * min(span / gains.tracking_time, 1.0)
+            found += excess * min(span / gains.tracking_time, 1.0)
+        self._keep(found)
+
+    def _keep(self, integral: float) -> None:
+        """The integral from now on; one that is no number would never leave it again."""
+        if math.isfinite(integral):
+            self._integral = integral

@@ -149,6 +149,12 @@ class WaveformStep(Step):
                 raise RigctlError("repeated never", value=str(rounds), expected="at least once")
             if (many := count(shape, action.period, rounds)) > MOST:
                 raise RigctlError("too many commands", value=f"{many:.0f}", expected=f"at most {MOST}")
+            if isinstance(shape, Sine) and shape.frequency * action.period >= 0.5:
+                raise RigctlError(
+                    "too few commands for a sine of this frequency",
+                    value=f"{1.0 / action.period:g} Hz",
+                    expected=f"a 'rate' above {2.0 * shape.frequency:g} Hz",
+                )
             if not shape.held and rig.actuators[name].kind != "level":
                 raise RigctlError(
                     f"'{name}' has positions and nothing between them",

@@ -14,6 +14,8 @@ from rigctl.units import Unit, parse_unit
 
 #: rows of a file
 _MOST: Final = 200_000
+#: bytes of a file
+_LARGEST: Final = 50_000_000
 
 
 def read_table(
@@ -31,10 +33,7 @@ def read_table(
     RigctlError
         the file cannot be read, a column or a number is missing, or a value cannot be taken; with its line.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as problem:
-        raise RigctlError(f"cannot read the table: {problem}", where=Location(path)) from problem
+    text = _text(path)
     rows = list(csv.reader(io.StringIO(text)))
     if len(rows) > _MOST:
         raise RigctlError(
@@ -59,6 +58,23 @@ def read_table(
     if len(times) < 2:
         raise RigctlError("too few rows", expected="at least two", where=Location(path))
     return tuple(time - times[0] for time in times), tuple(values)
+
+
+def _text(path: Path) -> str:
+    """The file's text: a device or a pipe might never end."""
+    try:
+        if path.exists() and not path.is_file():
+            raise RigctlError("cannot read the table: it is no file", where=Location(path))
+        if (size := path.stat().st_size) > _LARGEST:
+            raise RigctlError(
+                "the table is too long",
+                value=f"{size / 1e6:.0f} MB",
+                expected=f"at most {_LARGEST / 1e6:.0f} MB",
+                where=Location(path),
+            )
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as problem:
+        raise RigctlError(f"cannot read the table: {problem}", where=Location(path)) from problem
 
 
 def _column(head: Sequence[str], name: str, unit: str, path: Path) -> tuple[int, Unit]:
