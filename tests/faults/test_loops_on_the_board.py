@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import sys
 from binascii import crc_hqx
 from pathlib import Path
@@ -115,7 +116,8 @@ def test_every_ending_stops_the_loop_with_its_output_safe(
         script.at(1.0, lambda one: one.avr.reset())
     if how == "oscillation":
         text = recorded("rate: 10 Hz, where: board, for: 6 s")
-        text = text.replace("gain: 0.5, integral: 8 1/s", "gain: 100, oscillation: 0.5 bar, start: zero")
+        text = text.replace("gain: 0.5, integral: 8 1/s", "gain: 100, start: zero")
+        text = text.replace("30 bar", "32.5 bar")
     bench = board.bench(noise="off", faults=[faults[how]] if how in faults else [])
     bench.open()
     done = board.workshop.run(text, rig=board.rig(), backend=bench, control=control)
@@ -133,9 +135,36 @@ def test_every_ending_stops_the_loop_with_its_output_safe(
 def test_between_records_a_loop_begins_again_after_a_loss_of_contact(board: BoardWorkshop) -> None:
     done = board.run(alone("rate: 100 Hz, where: board, for: 3 s"), faults=["backend_lost@1 s..1.6 s"])
     assert done.result.status == "finished", done.result.reason
-    assert any("begins again" in text for text in done.messages("note"))
+    assert any("started again" in text for text in done.messages("note"))
     late = [value / BAR for time, value in done.commands("relief_valve") if time > 2.5]
     assert late[0] == pytest.approx(30.0, abs=4.0)
+
+
+def test_lost_and_damaged_lines_do_not_disturb_a_loop(board: BoardWorkshop) -> None:
+    chance = random.Random(5)
+
+    def bad_line(line: bytes, time: float) -> list[bytes]:
+        fate = chance.random() if time > 0.3 else 1.0
+        return [] if fate < 0.12 else [line[:4] + b"?" + line[5:] if fate < 0.2 else line]
+
+    board.script.arriving = bad_line
+    done = board.run(alone("rate: 100 Hz, where: board, for: 1.2 s"), noise="off")
+    assert done.result.status == "finished", done.result.reason
+    assert not any("started again" in text for text in done.messages("note"))
+    values = [value / BAR for _, value in done.commands("relief_valve")]
+    assert max(values) > 30.0
+    assert values[-1] == 10.0
+    assert {one["name"] for one in open_run(done.result.folder).info["measures"]} >= {"control_jitter_max"}
+
+
+def test_a_loop_that_never_begins_is_a_failed_step(board: BoardWorkshop) -> None:
+    def no_answers(line: bytes, time: float) -> list[bytes]:
+        return [] if 0.35 < time < 9.0 and line.startswith(b"#") else [line]
+
+    board.script.arriving = no_answers
+    done = board.run(alone("rate: 100 Hz, where: board, for: 0.8 s"), noise="off")
+    assert done.result.status == "failed"
+    assert "the loop could not be started on the board" in str(done.result.reason)
 
 
 class Person(ScriptedControl):

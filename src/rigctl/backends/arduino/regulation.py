@@ -6,11 +6,12 @@ import math
 from collections.abc import Iterator, Mapping
 
 from rigctl.backends.arduino.board import Board
+from rigctl.backends.arduino.line import ANSWER
 from rigctl.backends.arduino.receiver import Receiver
 from rigctl.backends.arduino.translation import Translation, loop_number
 from rigctl.backends.protocol import CommandReceipt
 from rigctl.backends.transport.conversation import Conversation, Underway
-from rigctl.backends.transport.port import Refused
+from rigctl.backends.transport.port import NoAnswer, Refused
 from rigctl.clock import Clock
 from rigctl.plan.loop import LoopFigures, LoopSettings, LoopState
 
@@ -22,6 +23,8 @@ _DEGREE = 3  # of the calibration polynomial that the board computes
 _LARGEST = 3e38  # the board's numbers have 32 bits
 _FINE = 1e-4  # share of the output's span below which a change of the feed-forward is not sent
 _PERIODS = (1, 60_000)  # ms
+_TOGETHER = 3  # commands: what the board receives while it carries one out has 128 bytes of room
+_TRIES = 5  # of each; they do no harm twice
 
 
 class Regulation:
@@ -79,8 +82,7 @@ class Regulation:
         """
         self.forget()
         yield from board.asking("CONT:CLE")
-        for text in self._translation.loop_texts(loop):
-            yield from board.asking(text)
+        yield from self._telling(board, list(self._translation.loop_texts(loop)))
         self._unsure = loop.actuator
         wind_up = ",CLAM" if loop.clamping else ""
         answer = yield from board.line.asking(f"CONT:STAR {'BUMP' if loop.bumpless else 'ZERO'}{wind_up}")
@@ -90,6 +92,31 @@ class Regulation:
         self._asked = self._began
         half = 0.5 * (answer.received - answer.sent)
         return CommandReceipt(answer.sent + half, loop.actuator, value, half)
+
+    def _telling(self, board: Board, texts: list[str]) -> Conversation[None]:
+        """Send settings, some at a time, and those again of which nothing is heard."""
+        for start in range(0, len(texts), _TOGETHER):
+            left = texts[start : start + _TOGETHER]
+            for _ in range(_TRIES):
+                left = yield from self._sent_once(board, left)
+                if not left:
+                    break
+            else:
+                raise NoAnswer(f"{board.port.name}: the board does not answer '{left[0]}'")
+
+    def _sent_once(self, board: Board, texts: list[str]) -> Conversation[list[str]]:
+        """What has not been answered of commands that were sent together."""
+        questions = [board.line.put(text) for text in texts]
+        deadline = self._clock.now() + ANSWER
+        try:
+            while self._clock.now() < deadline:
+                if all(question.answer is not None for question in questions):
+                    break
+                yield deadline
+        finally:
+            for question in questions:
+                board.line.withdraw(question)
+        return [question.command for question in questions if question.accepted() is None]
 
     def end(self, board: Board, actuator: str) -> Conversation[CommandReceipt]:
         """Stop it, and learn what its output is and how it ran; raises as `begin`."""

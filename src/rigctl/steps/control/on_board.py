@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from rigctl.errors import RigctlError
 from rigctl.plan.behaviour import Behaviour, Bench, Row, Until, every_sample
 from rigctl.plan.loop import LoopSettings, LoopState
-from rigctl.plan.outcomes import Outcome
+from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.steps.control.action import Control, Watch
 from rigctl.steps.control.pid import AntiWindup
 from rigctl.units import show
@@ -84,7 +84,7 @@ class ControlOnBoard(Control):
         Raises
         ------
         StepFailed
-            the reading has not settled in time, or the loop oscillates.
+            the loop could not be started, the reading has not settled in time, or the loop oscillates.
         """
         reason = bench.cannot_regulate(self.settings())
         if reason:
@@ -117,33 +117,35 @@ class ControlOnBoard(Control):
         watch = Watch(self, bench)
         end = bench.now + self.longest
         row: Row | None = yield from bench.fresh()
-        begun = 0
+        begun = False
         while True:
             if row is not None and possible(row[column]):
                 value = row[column]
                 setpoint = watch.setpoint(row[0], value)
                 ahead = watch.ahead(row, setpoint)
                 if not bench.loop_state(ahead).running:  # not started yet, or contact was lost
-                    begun += 1
-                    yield from self._begin(bench, ahead, begun)
+                    yield from bench.regulate(self.settings(ahead))
+                    if bench.loop_state().running:
+                        end = end if begun else bench.now + self.longest
+                        self._tell_of_begin(bench, again=begun)
+                        begun = True
                 elif watch.settled(row[0], setpoint, value):
                     return
             row = yield Until(end, every_sample)
             if row is None and bench.now >= end:
+                if not begun:
+                    raise StepFailed("the loop could not be started on the board", outcome=Outcome.TIMED_OUT)
                 watch.give_up()
                 return
 
-    def _begin(self, bench: Bench, ahead: float, times: int) -> Generator[Until, Row | None, None]:
-        if times > 1:
-            bench.event("note", "the loop on the board begins again")
-        yield from bench.regulate(self.settings(ahead))
-        if times == 1:
-            channel = bench.rig.channels[self.channel]
-            target = show(self.to, channel.unit, difference=channel.difference)
-            bench.event(
-                "note",
-                f"the loop runs on the board: {self.channel} to {target}, once in {self.period * 1e3:g} ms",
-            )
+    def _tell_of_begin(self, bench: Bench, *, again: bool) -> None:
+        if again:
+            bench.event("note", "the loop on the board is started again")
+            return
+        channel = bench.rig.channels[self.channel]
+        target = show(self.to, channel.unit, difference=channel.difference)
+        every = f"once in {self.period * 1e3:g} ms"
+        bench.event("note", f"the loop runs on the board: {self.channel} to {target}, {every}")
 
     def _keep_figures(self, bench: Bench, state: LoopState) -> None:
         figures = state.figures
