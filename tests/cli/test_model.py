@@ -105,8 +105,9 @@ def test_history_says_first_what_became_of_the_error_on_the_same_records() -> No
     assert "1 first version, 2 add piston_leakage" in lines[1]
     # of 0.1 mm the noise of 0.02 mm is taken off: sqrt(0.1^2 - 0.02^2)
     assert (
-        "from version 1 to 2, beyond the noise: position 1.6 mm to 0.098 mm; reduced χ² 16 to 1" in lines[2]
+        "from version 1 to 2, reduced χ² 16 to 1; beyond the noise: position 1.6 mm to 0.098 mm" in lines[2]
     )
+    assert "held out    beyond the noise: position 1.7 mm to 0.11 mm" in lines[3]
     assert len(lines) <= 5
     done = Change("fit", runs=("20261121-064500-stroke",), before=error(0.1, 0.1), after=error(0.02, 0.02))
     save_version(load_model(Path(MODEL)), Path(MODEL), done)

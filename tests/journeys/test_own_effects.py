@@ -80,7 +80,12 @@ def test_an_own_effect_of_an_own_family_is_found_and_added() -> None:
         .replace("own_effects: [effects/brake.yaml, effects/fan.yaml]\n", ""),
         encoding="utf-8",
     )
-    told("model", "add", "models/by-hand.yaml", "effects/brake.yaml:width=3 rad/s", run, "--fit-shapes")
+    first, *rest = told(
+        "model", "add", "models/by-hand.yaml", "effects/brake.yaml:width=3 rad/s", run, "--fit-shapes"
+    ).splitlines()
+    assert first == "models/by-hand.yaml is now version 2, with brake."
+    assert [line.split()[0] for line in rest[:3]] == ["error", "fitted", "-v"]
+    assert "brake.width" in rest[1] and "█" not in "".join(rest)
     assert '"../effects/brake.yaml"' in Path("models/by-hand.yaml").read_text("utf-8")
     values = {one["name"]: one for one in answer("model", "show", "models/by-hand.yaml")["parameters"]}
     assert values["brake.width"]["fit"]

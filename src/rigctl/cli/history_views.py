@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from rich.markup import escape
 
@@ -75,7 +76,10 @@ def _fall(found: Sequence[VersionError]) -> list[tuple[str, str]]:
         head = f"of version {last.version.number}"
         return [("error", f"{head}: {_errors(last.error)}{_chi2(last.error)}")]
     head = f"from version {first.version.number} to {last.version.number}"
-    return [("error", f"{head}, {_changes(first.error, last.error)}")]
+    return [
+        ("error", f"{head}, {error_change(first.error, last.error)}"),
+        ("held out", held_out_change(first.error, last.error)),
+    ]
 
 
 def _beyond(error: ModelError, channel: str) -> str:
@@ -93,7 +97,7 @@ def _errors(error: ModelError) -> str:
     return f"{said}{' beyond the noise' if known else ''}"
 
 
-def _changes(before: ModelError, after: ModelError) -> str:
+def error_change(before: ModelError, after: ModelError) -> str:
     """Of the channels that both have, the ones that changed, and the reduced chi-squared.
 
     What is small beside the noise of one reading is not seen in a root mean square, and all readings together
@@ -111,7 +115,15 @@ def _changes(before: ModelError, after: ModelError) -> str:
     if before.chi2_reduced is None or after.chi2_reduced is None:
         return said or slight
     chi2 = f"reduced χ² {before.chi2_reduced:.4g} to {after.chi2_reduced:.4g}"
-    return f"{said}; {chi2}" if said else f"{chi2}; {slight}"
+    return f"{chi2}; {said or slight}"
+
+
+def held_out_change(before: ModelError, after: ModelError) -> str:
+    """The same on the records that no fit saw; "" where none were held out."""
+    if not before.heldout_rmse or not after.heldout_rmse:
+        return ""
+    errors = (replace(one, rmse=one.heldout_rmse, chi2_reduced=None) for one in (before, after))
+    return error_change(*errors)
 
 
 def _chi2(error: ModelError) -> str:

@@ -9,7 +9,7 @@ import typer
 
 from rigctl.cli.compare import Assume, HoldOut, Only, Runs
 from rigctl.cli.family import FamilyOption
-from rigctl.cli.reuse import NoCache, Verbose
+from rigctl.cli.reuse import Evidence, NoCache
 from rigctl.errors import RigctlError
 
 app = typer.Typer(
@@ -117,7 +117,7 @@ def fit(
     assume: Assume = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,
-    verbose: Verbose = False,
+    verbose: Evidence = False,
     as_json: Json = False,
 ) -> None:
     """Fit a model's free parameters to runs; the result is its next version.
@@ -131,7 +131,7 @@ def fit(
     from rigctl.project import own_model
 
     wanted = Wanted("fit", lambda found: found, True, hold_out, only, assume or ())
-    carry_out(own_model(model), wanted, runs, as_json=as_json)
+    carry_out(own_model(model), wanted, runs, as_json=as_json, verbose=verbose)
 
 
 @app.command()
@@ -160,7 +160,7 @@ def add(
     assume: Assume = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,
-    verbose: Verbose = False,
+    verbose: Evidence = False,
     as_json: Json = False,
 ) -> None:
     """Add an effect to a model; the result is its next version, with the error before and after.
@@ -193,7 +193,7 @@ def add(
         effect=found.name,
         effect_files=files,
     )
-    carry_out(path, wanted, runs or (), as_json=as_json)
+    carry_out(path, wanted, runs or (), as_json=as_json, verbose=verbose)
 
 
 @app.command()
@@ -212,7 +212,7 @@ def remove(
     assume: Assume = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,
-    verbose: Verbose = False,
+    verbose: Evidence = False,
     as_json: Json = False,
 ) -> None:
     """Remove an effect from a model; the result is its next version.
@@ -229,7 +229,7 @@ def remove(
     wanted = Wanted(
         "remove", lambda one: one.without_effect(effect), fitting, hold_out, only, assume or (), effect=effect
     )
-    carry_out(own_model(model), wanted, runs or (), as_json=as_json)
+    carry_out(own_model(model), wanted, runs or (), as_json=as_json, verbose=verbose)
 
 
 @app.command(name="set")
@@ -271,7 +271,7 @@ def set_values(
     assume: Assume = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,
-    verbose: Verbose = False,
+    verbose: Evidence = False,
     as_json: Json = False,
 ) -> None:
     """Set parameter values by hand, and add or remove effects; the result is the model's next version.
@@ -293,7 +293,7 @@ def set_values(
     wanted = settings_wanted(
         load_model(path), values or (), add_effect or (), remove_effect or (), (hold_out, only, assume or ())
     )
-    carry_out(path, wanted, runs or (), as_json=as_json)
+    carry_out(path, wanted, runs or (), as_json=as_json, verbose=verbose)
 
 
 @app.command()

@@ -8,9 +8,11 @@ from pathlib import Path
 from rich.markup import escape
 
 from rigctl.analysis.model_change import Changed, Wanted, change_model
+from rigctl.cli.answer_view import counted, show_answer
 from rigctl.cli.compare import open_runs
 from rigctl.cli.compare_views import show_departures
 from rigctl.cli.echo import echo
+from rigctl.cli.history_views import error_change, held_out_change
 from rigctl.cli.model_views import show_errors, value_texts
 from rigctl.cli.next_command import show_next
 from rigctl.cli.tables import console, print_json, table
@@ -19,11 +21,17 @@ from rigctl.command_line import DataOptions, analysis
 from rigctl.effects import Effect
 from rigctl.effects.option import read_effect_option
 from rigctl.effects.user import is_effect_file
-from rigctl.model import Model, load_model, stated_values
+from rigctl.model import Model, StatedValue, load_model, stated_values
 from rigctl.project import find_file
+from rigctl.report.answer import Answer
+
+#: fitted parameters that the answer tells
+_NAMED = 4
 
 
-def carry_out(path: Path, wanted: Wanted, runs: Sequence[str], *, as_json: bool) -> None:
+def carry_out(
+    path: Path, wanted: Wanted, runs: Sequence[str], *, as_json: bool, verbose: bool = False
+) -> None:
     """Change the model file `path`, and show what that did to the error.
 
     Raises
@@ -34,7 +42,7 @@ def carry_out(path: Path, wanted: Wanted, runs: Sequence[str], *, as_json: bool)
     with telling("nothing was saved") as on_progress:
         opened = open_runs(runs, load_model(path), wanted.assume) if runs else []
         changed = change_model(path, wanted, opened, on_progress=on_progress)
-    print_json(changed.document()) if as_json else _show(changed)
+    print_json(changed.document()) if as_json else _show(changed, verbose=verbose)
 
 
 def read_effect(model: Model, written: str) -> tuple[Effect, dict[str, float], tuple[Path, ...]]:
@@ -48,8 +56,8 @@ def read_effect(model: Model, written: str) -> tuple[Effect, dict[str, float], t
     return effect, values, (find_file(Path(written.partition(":")[0])),) if own else ()
 
 
-def _show(changed: Changed) -> None:
-    """What became of the file, the fall of the error, and the values found."""
+def _show(changed: Changed, *, verbose: bool) -> None:
+    """What became of the file and of the error, and the values found; with `verbose` bars and a table."""
     version = changed.version
     done, head = version.done, version.head
     old, new = {
@@ -58,10 +66,23 @@ def _show(changed: Changed) -> None:
         "remove": (f"with {done.effect}", f"without {done.effect}"),
         "set": ("as it was", "set by hand"),
     }[done.kind]
-    echo(f"{head} is now version {version.number}, {new}.")
-    if done.note:
-        echo(f"  {done.note}")
+    facts, more = [("note", done.note)], []
     if done.before is not None and done.after is not None:
+        fitted = [stated for stated in stated_values(changed.model) if stated.fit]
+        facts += [
+            ("error", error_change(done.before, done.after)),
+            ("held out", held_out_change(done.before, done.after)),
+            ("fitted", _in_words(fitted)),
+        ]
+        more = ["every channel's error as bars", *counted(len(fitted), "fitted parameter")]
+    answer = Answer(
+        "good",
+        "",
+        f"{head} is now version {version.number}, {new}.",
+        tuple((name, text) for name, text in facts if text),
+    )
+    show_answer(answer, title="-", more=[] if verbose else more)
+    if verbose and done.before is not None and done.after is not None:
         show_errors([(old, done.before), (new, done.after)])
         echo(f"  reduced χ²: {done.before.chi2_reduced:.4g} {old}, {done.after.chi2_reduced:.4g} {new}")
         _show_values(changed.model)
@@ -81,3 +102,11 @@ def _show_values(made: Model) -> None:
             value, spread = value_texts(stated)
             shown.add_row(stated.name, value, escape(spread), escape(stated.unit))
     console().print(shown)
+
+
+def _in_words(fitted: Sequence[StatedValue]) -> str:
+    """The first of the fitted parameters with their uncertainty; those of effects before the others."""
+    first = sorted(fitted, key=lambda stated: "." not in stated.name)[:_NAMED]
+    said = [" ".join(part for part in (one.name, *value_texts(one), one.unit) if part) for one in first]
+    left = len(fitted) - len(first)
+    return ", ".join([*said, *([f"and {left} more"] if left else [])])

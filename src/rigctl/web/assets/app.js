@@ -31,8 +31,8 @@ const offer = () => {
   };
   place.before(h("section", { class: "panel beginning", "aria-label": "New project" },
     h("p", { class: "finding" }, "This folder holds no project yet."),
-    h("p", {}, "Fill it with the shipped benches, their procedures, models and measured data, all of which run on a simulated bench; or mark it as a project, and bring your own."),
-    h("div", { class: "toolbar" }, button("Fill it with examples", fill(false), { class: "primary", title: "rigctl init" }), button("Mark it alone", fill(true), { title: "rigctl init --minimal" }), jobs),
+    h("p", {}, "Fill it with the shipped benches, their procedures, models and measured data, all of which run on a simulated bench; or make an empty project for your own."),
+    h("div", { class: "toolbar" }, button("Fill it with examples", fill(false), { class: "primary", title: "rigctl init" }), button("Make an empty project", fill(true), { title: "rigctl init --minimal" }), jobs),
     command("rigctl init")));
 };
 

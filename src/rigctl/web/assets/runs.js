@@ -24,7 +24,7 @@ export const show = async (place) => {
   const chosen = new Set();
 
   const search = h("input", { type: "search", id: "search", placeholder: "Name, rig, person, serial number", oninput: () => ask({ search: search.value, first: 0 }) });
-  const where = h("input", { type: "text", id: "where", size: 26, placeholder: "records > 20 AND status = 'finished'", spellcheck: "false", onchange: () => load({ where: where.value, first: 0 }) });
+  const where = h("input", { type: "text", id: "where", size: 34, placeholder: "records > 20 AND status = 'finished'", spellcheck: "false", onchange: () => load({ where: where.value, first: 0 }) });
   const stated = h("p", { class: "note count", role: "status" });
   const body = h("tbody");
   const head = h("tr");
