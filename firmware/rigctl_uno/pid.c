@@ -1,11 +1,15 @@
 #include "pid.h"
 
+#include <math.h>
+
 void pid_begin(pid_state_t *pid, float output) { *pid = (pid_state_t){.output = output}; }
 
 /* Adds to the integral what is too small for its 24 bits as well (Kahan's summation): a thousand updates a second
  * each add very little. */
 static void add(pid_state_t *pid, float rise) {
     float wanted = rise - pid->lost, sum = pid->sum + wanted;
+    if (!isfinite(sum)) /* it would never leave the integral again */
+        return;
     pid->lost = (sum - pid->sum) - wanted;
     pid->sum = sum;
 }
@@ -31,9 +35,9 @@ static void integrate(pid_state_t *pid, const pid_settings_t *with, float error,
             add(pid, rise);
         return;
     }
-    add(pid, rise);
     if (pid->saturated && with->integral != 0)
-        add(pid, span < with->tracking_time ? excess * (span / with->tracking_time) : excess);
+        rise += span < with->tracking_time ? excess * (span / with->tracking_time) : excess;
+    add(pid, rise);
 }
 
 void pid_update(pid_state_t *pid, const pid_settings_t *with, float reading, float setpoint, float ahead, float span,
@@ -42,7 +46,7 @@ void pid_update(pid_state_t *pid, const pid_settings_t *with, float reading, flo
     if (!pid->begun) {
         span = 0;
         if (bumpless && with->integral != 0)
-            pid->sum = pid->output - proportional - ahead;
+            add(pid, pid->output - proportional - ahead);
         pid->begun = true;
     } else if (with->derivative != 0) {
         pid->slope = (with->filter_time * pid->slope - with->derivative * (reading - pid->reading)) /
@@ -50,6 +54,10 @@ void pid_update(pid_state_t *pid, const pid_settings_t *with, float reading, flo
     }
     pid->reading = reading;
     float wanted = ahead + proportional + pid->sum + pid->slope;
+    if (isnan(wanted)) { /* of numbers so large that they cancel to none, nothing follows */
+        pid->saturated = true;
+        return;
+    }
     pid->output = bounded(with, wanted, pid->output, span);
     pid->saturated = pid->output != wanted;
     integrate(pid, with, error, pid->output - wanted, span, clamping);

@@ -179,6 +179,17 @@ def test_a_slow_integral_is_not_lost_in_24_bits(chip: Chip) -> None:
     assert float(output) > 6.0 * step
 
 
+@pytest.mark.parametrize("wind_up", ["", ",CLAM"])
+def test_numbers_that_overflow_command_nothing_but_a_limit(chip: Chip, wind_up: str) -> None:
+    chip.put(399, 500, 300)
+    begin(chip, f"BUMP{wind_up}", period_ms=1, KP=3e38, KI=3e38, KD=3e38, TF=0.01, LOW=100.0)
+    for counts in (300, 500, 350, 450):
+        chip.put(counts, 500, 300)
+        chip.run(0.02)
+        assert round(chip.avr.pwm * 1023) in (0, 100, 900)
+    assert "NAN" not in chip.ask("CONT?")
+
+
 # --- how it ends --------------------------------------------------------------------------------------------
 
 
