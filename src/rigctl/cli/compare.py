@@ -45,7 +45,7 @@ Only = Annotated[
     typer.Option(
         "--only",
         metavar="EXPR",
-        help="Records to analyse, e.g. 'heater_1 > 0 %'; the noise is estimated from all of them.",
+        help="Records to analyse, e.g. 'heater_1 > 0 %'; the noise is estimated from all records.",
         show_default=False,
     ),
 ]
