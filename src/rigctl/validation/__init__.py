@@ -1,1 +1,2 @@
-"""The hidden-effect benchmark: a separate bench whose secrets are known, and what the tool says about it."""
+"""The hidden-effect benchmark: a separate bench with known hidden effects, and the tool's answers about
+it."""

@@ -1,8 +1,8 @@
-"""How large a hidden effect must be to have a wanted size in the data.
+"""The amplitude at which a hidden effect has a given size in the data.
 
-The size λ of an effect is ‖(I − P_J)·W·(y_with − y_without)‖ of noise-free outputs, in sigmas: what a fit of
-the model under test leaves of it. W and J belong to that model, so that λ is computed by a callable; it grows
-nearly in proportion to the amplitude.
+The size λ of an effect is ‖(I − P_J)·W·(y_with − y_without)‖ of noise-free outputs, in sigmas: what remains
+of it after a fit of the model under test. W and J belong to that model, so λ is computed by a callable; it is
+nearly proportional to the amplitude.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ Clean: TypeAlias = list[tuple[NDArray[np.float64], dict[str, NDArray[np.float64]
 #: λ of the difference between a campaign with an effect and the one without
 SizeOf: TypeAlias = Callable[[Clean, Clean], float]
 
-#: how near λ must come to what is wanted
+#: relative accuracy with which λ must be reached
 CLOSE = 0.05
 _MOST_TRIALS = 14
 #: largest change of the amplitude from one trial to the next
 _LEAP = 30.0
-#: λ below which nothing can be learnt from a trial about the next
+#: λ below which a trial gives no information for the next one
 _NOTHING = 1e-6
 
 
 @dataclass(frozen=True)
 class Amplitude:
-    """An amplitude [SI] and the size λ that it has; `reached` is False where no amplitude has the size."""
+    """An amplitude [SI] and its size λ; `reached` is False if no amplitude has the wanted size."""
 
     value: float
     size: float
@@ -44,7 +44,7 @@ class Amplitude:
 
 @dataclass
 class Amplitudes:
-    """Finds amplitudes and remembers what it has tried.
+    """Finds amplitudes, and caches what it has tried.
 
     Parameters
     ----------
@@ -59,8 +59,8 @@ class Amplitudes:
     ) -> Amplitude:
         """The amplitude, with the sign of the direction, that has the size `wanted` on the bench of `plain`.
 
-        Noise, scatter and seed of `plain` do not count. Where λ cannot be reached within what is physical,
-        the largest that was met comes back as not reached.
+        Noise, scatter and seed of `plain` are ignored. If λ cannot be reached within physical limits, the
+        largest found is returned as not reached.
         """
         steady = replace(plain, seed=0)
         key = (hidden.effect, shape, sign, plain.chamber_pressures, plain.repeated)
@@ -88,14 +88,14 @@ def search_amplitude(
     largest: float,
     tried: list[tuple[float, float]],
 ) -> tuple[float, float]:
-    """The amplitude whose size is nearest to the one wanted, and that size.
+    """The amplitude whose size is nearest to the wanted one, and that size.
 
-    Secant on the logarithms, held within what is known to be too small and too large.
+    Secant method on the logarithms, bracketed by what is known to be too small and too large.
 
     Parameters
     ----------
-    size: of an amplitude; what it finds it appends to `tried`.
-    typical, largest: amplitudes to begin with and to end at.
+    size: of an amplitude; its results are appended to `tried`.
+    typical, largest: amplitudes at which the search starts, and ends.
     """
     if not tried:
         size(min(typical, largest))
@@ -112,7 +112,7 @@ def search_amplitude(
 
 
 def _nearest(tried: list[tuple[float, float]], wanted: float) -> tuple[float, float]:
-    """The trial whose size is the nearest by ratio; among those that failed or did nothing, the largest."""
+    """The trial with the nearest size by ratio; if all failed or did nothing, the largest."""
     return min(tried, key=lambda trial: (_distance(trial[1], wanted), -trial[0]))
 
 

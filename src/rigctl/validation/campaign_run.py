@@ -1,4 +1,4 @@
-"""A campaign of the separate bench as a run: as if it had been carried out, or imported from a file."""
+"""A campaign on the separate bench as a run: as if it had been carried out, or imported from a file."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def make_run(
     rig_path: the rig file, e.g. ``rigs/hl32-bench.yaml``; it must have every channel of the campaign.
     imported: through a CSV file and the import, so that switch times are known to within a sample only;
         otherwise as a board reports them, exactly.
-    started: when it was measured, of one that is not imported; now when left out.
+    started: time of measurement, if not imported; now by default.
 
     Raises
     ------

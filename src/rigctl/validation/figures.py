@@ -16,13 +16,13 @@ _Z = 1.959963984540054
 
 @dataclass(frozen=True)
 class Rate:
-    """How often something happened.
+    """The frequency of an event.
 
     Attributes
     ----------
     name, of: what is counted, among which trials.
     low, high: Wilson bounds at 95 %.
-    at_least, at_most: the target; None for a bound that there is not.
+    at_least, at_most: the target; None if there is no such bound.
     """
 
     name: str
@@ -34,7 +34,7 @@ class Rate:
 
     @property
     def value(self) -> float:
-        """The share; nan without trials."""
+        """The share; NaN without trials."""
         return self.count / self.trials if self.trials else math.nan
 
     @property
@@ -93,17 +93,17 @@ def rate_of(
     at_least: float | None = None,
     at_most: float | None = None,
 ) -> Rate:
-    """How often something `happened` among trials."""
+    """The frequency of an event among trials."""
     return Rate(name, of, sum(map(happened, among)), len(among), at_least, at_most)
 
 
 @dataclass(frozen=True)
 class Figures:
-    """Everything that is printed of a tier.
+    """All results of a tier that are printed.
 
     Attributes
     ----------
-    confusion: by what was hidden, how often each answer was given; what is right has the name of the row.
+    confusion: by hidden effect, how often each answer was given; the right answer has the name of the row.
     """
 
     outcomes: tuple[TrialOutcome[Any], ...]

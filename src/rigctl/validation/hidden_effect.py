@@ -1,11 +1,11 @@
-"""An effect of the cylinder's library as the separate bench hides it.
+"""How the separate bench hides an effect of the cylinder's library.
 
-An effect is hidden with an amplitude in the unit of the library's leading parameter (SI), so that what a
-diagnosis finds can be held against it, and in one of three shapes:
+An effect is hidden with an amplitude in the unit of the library's leading parameter (SI), so that the result
+of a diagnosis can be compared with it, and in one of three shapes:
 
 - ``same``: the library's formula, as far as the separate bench can have it;
-- ``other``: what a real machine is likely to do instead (LuGre friction, an eccentric gap that pressure
-  widens, isentropic air, drifts that level off, delays with jitter);
+- ``other``: what a real machine is likely to do instead (LuGre friction, an eccentric gap widened by
+  pressure, isentropic air, drifts that level off, delays with jitter);
 - ``wrong``: deliberately far off (soft bristles, half-turbulent leaks, another viscosity law).
 """
 
@@ -22,7 +22,7 @@ from rigctl.validation.bench.parameters import Bench, Sensors, Switching
 Shape: TypeAlias = Literal["same", "other", "wrong"]
 SHAPES: tuple[Shape, ...] = ("same", "other", "wrong")
 
-#: in which part of a campaign a field stands
+#: the part of a campaign to which a field belongs
 _PLACE = (
     dict.fromkeys(Bench._fields, "bench")
     | dict.fromkeys(Sensors._fields, "sensors")
@@ -36,17 +36,17 @@ class HiddenEffect:
 
     Attributes
     ----------
-    effect: the library's name of it.
-    parameter: the library's leading parameter, whose value (SI) the amplitude is.
-    typical, largest: amplitudes, SI; beyond the largest the bench is no bench any more.
-    amounts: amplitude in, what is added to fields of `Bench`, `Sensors` or `Switching` out.
-    shapes: fields that form it in each shape; what is left out keeps its default.
+    effect: its name in the library.
+    parameter: the library's leading parameter, whose value (SI) is the amplitude.
+    typical, largest: amplitudes, SI; beyond the largest the bench is no longer plausible.
+    amounts: maps the amplitude to what is added to fields of `Bench`, `Sensors` or `Switching`.
+    shapes: fields that define each shape; others keep their defaults.
     differs: how the other shapes differ from the library's, in words.
-    signs: directions that physics allows, in the library's sense.
-    comparable: True when ``same`` is the library's formula, so that the fitted value has a truth.
-    absorbed_by: fitted quantities of the textbook model that can do the same to the data, mostly or wholly.
-    cannot_act: why a campaign of strokes does not show it; empty where it does.
-    base: True for base physics, where the amplitude is the share of it that is missing.
+    signs: physically possible directions, in the library's sense.
+    comparable: True if ``same`` is the library's formula, so that the fitted value has a true value.
+    absorbed_by: fitted quantities of the textbook model that have the same signature, mostly or wholly.
+    cannot_act: why a campaign of strokes does not show it; empty if it does.
+    base: True for base physics, where the amplitude is the missing share of it.
     """
 
     effect: str
@@ -64,12 +64,12 @@ class HiddenEffect:
 
     @property
     def shaped(self) -> bool:
-        """True when its shapes differ from one another."""
+        """True if its shapes differ from one another."""
         return len({tuple(sorted(self.shapes.get(shape, {}).items())) for shape in SHAPES}) > 1
 
 
 def hide(campaign: Campaign, hidden: Sequence[tuple[HiddenEffect, float]], shape: Shape) -> Campaign:
-    """The campaign on a bench that hides each effect with its amplitude; amounts of several add up.
+    """The campaign on a bench that hides each effect with its amplitude; amounts of several effects add up.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What the separate bench can hide: every effect of the cylinder's library, in shapes of its own."""
+"""What the separate bench can hide: every effect of the cylinder's library, in different shapes."""
 
 from __future__ import annotations
 

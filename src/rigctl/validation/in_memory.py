@@ -1,4 +1,4 @@
-"""A campaign of the separate bench as measurements for a model, without the way over files."""
+"""A campaign on the separate bench as measurements for a model, without files."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NAME = "separate bench"
 
 
 def measure(campaign: Campaign, model: Model, rig: Rig) -> Measurements:
-    """What `read_measurements` finds in the run that `make_run` makes of the campaign.
+    """What `read_measurements` returns for the run that `make_run` makes of the campaign.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""How nearly other effects explain what a scenario hides: what any diagnosis of its readings could know.
+"""How well other effects explain what a scenario hides: an upper limit on what any diagnosis could decide.
 
-Asked of readings without noise, and by refits: the library's effect of that name has another shape than the
-bench's, and fitted parameters go further than slopes say.
+Computed from noise-free readings, and by refits: the library's effect of that name has another shape than the
+bench's, and fitted parameters move farther than a linearisation holds.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ from rigctl.model.fit.fit import FitResult
 
 Floats = NDArray[np.float64]
 
-#: so many of the effects that look most like a hidden one are fitted to it
+#: number of the effects most similar to a hidden one that are fitted to it
 _NEAREST = 3
-#: and not those that are less alike than this: no refit makes them near
+#: least cosine for these: no refit makes others similar
 _FAR = 0.5
-#: how well, without noise
+#: relative accuracy of a fit without noise
 _COST = 1e-3
 
 
 @dataclass(frozen=True)
 class Likeness:
-    """Of one hidden effect to the others of the library.
+    """The similarity of one hidden effect to the others of the library.
 
     Attributes
     ----------
-    own: the library's effect of that name in the shape that explains most; None where it explains nothing.
-    cosine: ``sqrt(Δχ²)/λ`` of the other effect that explains most of what is hidden, or by its slopes where
-        that is larger.
-    separation: d of the library's own effect and the other one that explains most, by what each leaves: the
-        cosine in it is ``sqrt(Δχ²_other/Δχ²_own)``, its λ ``sqrt(Δχ²_own)``. None where the own effect could
-        not be fitted.
+    own: the library's effect of that name in the shape that explains most; None if it explains nothing.
+    cosine: ``sqrt(Δχ²)/λ`` of the other effect that explains most of what is hidden, or the cosine of the
+        signatures if that is larger.
+    separation: d of the library's own effect and the other one that explains most, from what each leaves: its
+        cosine is ``sqrt(Δχ²_other/Δχ²_own)``, its λ ``sqrt(Δχ²_own)``. None if the own effect could not be
+        fitted.
     """
 
     own: Candidate | None
@@ -49,11 +49,11 @@ class Likeness:
 
 
 def likeness(seen: Unexplained, left: FitResult, effect: str, size: float) -> Likeness:
-    """How nearly others explain a hidden effect.
+    """How well other effects explain a hidden one.
 
     Parameters
     ----------
-    seen: the linearisation that tells which of the others are worth a fit.
+    seen: the linearisation by which the others worth fitting are selected.
     left: the model without any effect, fitted to the readings with the hidden one.
     size: λ of the hidden one.
     """
@@ -78,9 +78,9 @@ def likeness(seen: Unexplained, left: FitResult, effect: str, size: float) -> Li
 
 
 def beside_each_other(left: FitResult, chosen: Sequence[Candidate]) -> tuple[float, ...]:
-    """λ of each of several hidden effects beside the others: what leaving its library's effect out costs.
+    """λ of each of several hidden effects beside the others: the cost of leaving its library effect out.
 
-    An effect that another one nearly takes up has far less than its own size. Empty where that is not known.
+    An effect that another one nearly absorbs has far less than its own size. Empty if unknown.
 
     Parameters
     ----------
@@ -95,13 +95,13 @@ def beside_each_other(left: FitResult, chosen: Sequence[Candidate]) -> tuple[flo
 
 
 def _changed(seen: Unexplained, left: FitResult) -> Floats:
-    """(rows) what a fit leaves of the readings it was made to."""
+    """(rows) residuals of a fit."""
     readings = [record.values for record in left.problem.records]
     return seen.of([read - fitted for read, fitted in zip(readings, left.outputs, strict=True)])
 
 
 def _fall(left: FitResult, candidate: Candidate) -> float | None:
-    """Of χ², by a refit with one effect more; None where the model has no value with it."""
+    """The reduction of χ² by a refit with one more effect; None if the model cannot be simulated with it."""
     found = refit(left, [candidate], cost=_COST)
     return None if found is None else _below(plain(left), found)
 

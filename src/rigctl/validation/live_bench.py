@@ -1,7 +1,7 @@
-"""The separate bench behind a rig file: a backend that a procedure is carried out on, like a real one.
+"""The separate bench behind a rig file: a backend on which procedures are carried out, as on a real one.
 
-A campaign that is handed over whole (`rigctl.validation.campaign_run`) cannot answer what is asked next. Here
-the runner opens, switches and samples the separate bench, on a virtual clock.
+A complete campaign (`rigctl.validation.campaign_run`) cannot answer new questions. Here the runner opens,
+switches and samples the separate bench, on a virtual clock.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ class SeparatePlant:
     Parameters
     ----------
     rig: one of the cylinder's, with a heater, a directional valve and a relief valve in their roles.
-    bench: as it stands.
+    bench: in its current state.
 
     Raises
     ------
     RigctlError
-        the rig is of another bench.
+        the rig belongs to another bench.
     """
 
     def __init__(self, rig: Rig, bench: RunningBench) -> None:
@@ -66,7 +66,7 @@ class SeparatePlant:
         self._bench.advance(time)
 
     def switch(self, actuator: str, value: float) -> None:
-        """Put an actuator to an SI value."""
+        """Set an actuator to an SI value."""
         if actuator == self._valve:
             self._bench.valve(value)
         elif actuator == self._relief:
@@ -75,19 +75,19 @@ class SeparatePlant:
             self._bench.heat(value * self._power)
 
     def read(self) -> Sequence[float]:
-        """What its sensors report, SI: each sample's noise is drawn once."""
+        """The readings of its sensors, SI: each sample's noise is drawn once."""
         shown = self._bench.read()
         return [shown[name] for name in self.channels]
 
     def take_departures(self) -> Sequence[str]:
-        """None: it has no laws of ours."""
+        """None: it uses none of rigctl's laws."""
         return ()
 
 
 def live_bench(campaign: Campaign, rig: Rig, clock: Clock) -> SimulatedBench:
-    """A backend, not yet open, whose bench is the one of `campaign`, cold and retracted as the rig file says.
+    """A backend, not yet open, with the bench of `campaign`, cold and retracted as in the rig file.
 
-    It adds no noise to that of the campaign's own sensors, and no converter steps but theirs.
+    It adds neither noise nor quantisation to those of the campaign's own sensors.
     """
     initial = initial_values(rig)
     condition = Condition(
@@ -108,7 +108,7 @@ def live_bench(campaign: Campaign, rig: Rig, clock: Clock) -> SimulatedBench:
 
 @dataclass(frozen=True)
 class SeparateBench:
-    """The separate bench as learning measures on it: each round cold again, and with noise of its own.
+    """The separate bench for learning: each round starts cold, with independent noise.
 
     Parameters
     ----------

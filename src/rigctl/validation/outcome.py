@@ -1,4 +1,4 @@
-"""What a diagnosis said of one scenario, reduced to what the rates are made of."""
+"""The answer of a diagnosis for one scenario, reduced to what the rates are computed from."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rigctl.validation.scenario import Scenario
 
 
 class Trial(Protocol):
-    """What is tried: a campaign that hides something, or nothing."""
+    """A trial: a campaign that hides something, or nothing."""
 
     @property
     def name(self) -> str:
@@ -19,7 +19,7 @@ class Trial(Protocol):
 
     @property
     def truth(self) -> tuple[str, ...]:
-        """Names of effects that are a right answer; none where nothing is hidden."""
+        """Names of effects that are a right answer; none if nothing is hidden."""
 
     def document(self) -> dict[str, Any]:
         """The trial as plain data."""
@@ -31,7 +31,7 @@ Verdict: TypeAlias = Literal["adequate", "missing_effect", "ambiguous", "outside
 
 @dataclass(frozen=True)
 class Interval:
-    """A 95 % interval of an effect's parameter and the value that the bench really has, SI."""
+    """A 95 % interval of an effect's parameter, and the bench's true value, SI."""
 
     effect: str
     parameter: str
@@ -41,13 +41,13 @@ class Interval:
 
     @property
     def covers(self) -> bool:
-        """True when the truth lies in it."""
+        """True if it contains the true value."""
         return self.low <= self.truth <= self.high
 
 
 @dataclass(frozen=True)
 class Claim:
-    """What a diagnosis says for sure of one effect that it names: its place, what drives it, its law."""
+    """What a diagnosis states as certain about an effect that it names: its location, variables and law."""
 
     effect: str
     place: bool
@@ -57,18 +57,18 @@ class Claim:
 
 @dataclass(frozen=True)
 class Searched:
-    """What a search for a formula found.
+    """The result of a search for a formula.
 
     Attributes
     ----------
-    gate: why it looked, or did not.
-    places: the first two, each with those at which a term does the same.
-    over: the variables that the first one is over.
+    gate: why it searched, or did not.
+    places: the first two locations, each with those at which a term has the same signature.
+    over: the variables of the first one.
     formulas: the set, as ``slot: form of variable``.
-    in_set: it holds what is planted, or what does the same to the readings.
-    heldout_before, heldout_after: of the first formula, in units of the noise.
-    accepted: the first formula predicts what it was not fitted to.
-    sure: a place stands out of chance.
+    in_set: whether it contains the planted term, or one with the same signature.
+    heldout_before, heldout_after: cross-validated error of the first formula, in units of the noise.
+    accepted: the first formula passes cross-validation.
+    sure: a location is significant.
     """
 
     gate: str = ""
@@ -83,7 +83,7 @@ class Searched:
 
     @classmethod
     def read(cls, document: Mapping[str, Any]) -> Searched:
-        """What `document` was made of, also after a way through JSON, which has no NaN."""
+        """The object that `document` describes, also after JSON, which has no NaN."""
         fields: dict[str, Any] = dict(document)
         for name in ("places", "over", "formulas"):
             fields[name] = tuple(fields[name])
@@ -94,18 +94,19 @@ class Searched:
 
 @dataclass(frozen=True)
 class Learnt:
-    """What came of learning on the separate bench.
+    """The result of learning on the separate bench.
 
     Attributes
     ----------
-    ended, rounds, added: as of `rigctl.learning.result.Learned`, with the rounds that were measured.
-    left: the classes of more than one that the first campaign left.
-    probability, separation: promised of the first designed round; None where none was carried out.
-    winner, told, kept, gains, expected: what came of it, as of `rigctl.learning.result.CameOut`.
-    chances: of the first designed round, the probability that what is hidden is told from each rival.
-    apart: those that it is told from, where it is named.
-    of_random: what the median of the records is worth that the design began with; `of_first` its first one.
-    sensor: that would tell what is left apart; `statement` says why it ended.
+    ended, rounds, added: as in `rigctl.learning.result.Learned`, with the rounds that were measured.
+    left: the classes with more than one effect after the first campaign.
+    probability, separation: predicted for the first designed round; None if none was carried out.
+    winner, told, kept, gains, expected: its outcome, as in `rigctl.learning.result.CameOut`.
+    chances: for the first designed round, the probability that the hidden effect is distinguished from each
+        rival.
+    apart: those from which it is distinguished, if it is named.
+    of_random: median worth of the records with which the design started; `of_first` that of its first one.
+    sensor: that would distinguish what is left; `statement` says why it ended.
     """
 
     ended: str = ""
@@ -128,7 +129,7 @@ class Learnt:
 
     @classmethod
     def read(cls, document: Mapping[str, Any]) -> Learnt:
-        """What `document` was made of, also after a way through JSON; older ones have less in them."""
+        """The object that `document` describes, also after JSON; older ones have fewer fields."""
         left = tuple(tuple(names) for names in document["left"])
         several = {name: tuple(document.get(name, ())) for name in ("added", "apart", "sensor")}
         return cls(**{**document, **several, "left": left})
@@ -136,27 +137,26 @@ class Learnt:
 
 @dataclass(frozen=True)
 class TrialOutcome(Generic[AnyTrial]):
-    """What came of one trial.
+    """The outcome of one trial.
 
     Attributes
     ----------
-    verdict: of the diagnosis; None when there was none.
-    effects: that it names: the most probable set.
-    classes: effects that it says the data cannot tell apart.
-    claims: what it says for sure, of each of `effects`.
-    all_of_it: nothing is left beside them, as far as it says.
+    verdict: of the diagnosis; None if there was none.
+    effects: the most probable set that it names.
+    classes: effects that, by the answer, the data cannot distinguish.
+    claims: what it states as certain, for each of `effects`.
+    all_of_it: nothing is left beside them, according to the answer.
     first: the effect at the top of its ranking.
-    sizes, amplitudes: λ and amplitude (SI) of each hidden effect, as they were made.
-    rival_cosine, separation: of the hidden effects the largest and the smallest, see `likeness.Likeness`.
-    beside: λ of each of several hidden effects beside the others: what those leave of it; empty where that is
-        not known.
-    intervals: of parameters whose truth is known.
-    exponents: of laws that it corrects, with the exponent that readings without noise ask for.
-    searched: what a search for a formula found, where one was made.
-    learnt: what came of learning, where the bench was asked again.
-    untested: why there was nothing to diagnose, e.g. that no amplitude has the size wanted.
-    failure: what went wrong; such a trial counts against the tool.
-    seconds: of processor time that it took.
+    sizes, amplitudes: actual λ and amplitude (SI) of each hidden effect.
+    rival_cosine, separation: the largest and the smallest of the hidden effects, see `likeness.Likeness`.
+    beside: λ of each of several hidden effects beside the others; empty if unknown.
+    intervals: of parameters with known true values.
+    exponents: of laws that it corrects, with the exponent fitted to noise-free readings.
+    searched: the result of a search for a formula, if one was made.
+    learnt: the result of learning, if the bench was measured again.
+    untested: why there was nothing to diagnose, e.g. that no amplitude has the wanted size.
+    failure: the error, if any; such a trial counts against the tool.
+    seconds: processor time.
     """
 
     scenario: AnyTrial
@@ -186,22 +186,22 @@ class TrialOutcome(Generic[AnyTrial]):
 
     @property
     def accepted(self) -> bool:
-        """True when the diagnosis names effects."""
+        """True if the diagnosis names effects."""
         return self.verdict in ("missing_effect", "ambiguous") and bool(self.effects)
 
     def named_class(self, effect: str) -> frozenset[str]:
-        """The effects among which the diagnosis does not decide, `effect` among them."""
+        """The class of effects that contains `effect`, among which the diagnosis does not decide."""
         return frozenset({effect}).union(*(group for group in self.classes if effect in group))
 
     @property
     def right(self) -> bool:
-        """True when every effect it names is hidden, or is of one class with a hidden one."""
+        """True if every effect that it names is hidden, or in one class with a hidden one."""
         truth = set(self.scenario.truth)
         return self.accepted and all(truth & self.named_class(effect) for effect in self.effects)
 
     @property
     def exact(self) -> bool:
-        """True when it names as many effects as are hidden, and each hidden one or one of its class."""
+        """True if it names as many effects as are hidden, and each hidden one or one of its class."""
         truth = self.scenario.truth
         found = all(any(effect in self.named_class(named) for named in self.effects) for effect in truth)
         return self.right and found and len(self.effects) == len(truth)
@@ -214,14 +214,14 @@ class TrialOutcome(Generic[AnyTrial]):
     def read(
         cls, document: Mapping[str, Any], trial: Callable[[Mapping[str, Any]], AnyTrial]
     ) -> TrialOutcome[AnyTrial]:
-        """The outcome that `document` made, also after a way through JSON; `trial` reads what was tried."""
+        """The outcome that `document` describes, also after JSON; `trial` reads the trial."""
         fields = dict(document)
         for name in ("effects", "sizes", "amplitudes", "beside"):
             fields[name] = tuple(fields[name])
         fields["scenario"] = trial(fields["scenario"])
         fields["classes"] = tuple(tuple(group) for group in fields["classes"])
         fields["claims"] = tuple(Claim(**claim) for claim in fields["claims"])
-        for name in ("intervals", "exponents"):  # what was kept before there were exponents has none
+        for name in ("intervals", "exponents"):  # older results have no exponents
             fields[name] = tuple(Interval(**interval) for interval in fields.get(name, ()))
         searched = fields.get("searched")
         fields["searched"] = None if searched is None else Searched.read(searched)

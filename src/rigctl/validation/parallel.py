@@ -1,4 +1,4 @@
-"""Scenarios wherever they are carried out, each result kept as soon as it is there."""
+"""Scenarios in parallel, each result kept as soon as it is available."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from rigctl.tasks import Workers, map_tasks
 from rigctl.validation.outcome import AnyTrial, TrialOutcome
 from rigctl.validation.store import ResultStore
 
-#: a scenario in, what came of it out; sent to other processes, so a module's function or a partial of one
+#: maps a scenario to its outcome; sent to other processes, so a module's function or a partial of one
 Work: TypeAlias = Callable[[AnyTrial], TrialOutcome[AnyTrial]]
 
 
 @dataclass(frozen=True)
 class Standing:
-    """How far it has come: `done` and `failed` of `total` scenarios, s since the start and s left."""
+    """The progress: `done` and `failed` of `total` scenarios, s since the start and estimated s left."""
 
     done: int
     total: int
@@ -43,15 +43,15 @@ def run_scenarios(
     workers: Workers | None = None,
     progress: Callable[[Standing], None] = lambda _: None,
 ) -> tuple[TrialOutcome[AnyTrial], ...]:
-    """Carry out the scenarios that have no result yet; returns the results of all of them.
+    """Carry out the scenarios without a result; returns the results of all of them.
 
-    Interrupted or killed, it goes on where it was when it is called again. The work of one scenario may fail
-    with a `RigctlError` or an arithmetic one: that is its outcome.
+    After an interruption it continues when called again. The work on one scenario may fail with a
+    `RigctlError` or an arithmetic error: that is its outcome.
 
     Parameters
     ----------
-    workers: where, on each core of this computer unless told otherwise.
-    progress: told after every scenario, and once at the start.
+    workers: by default one process on each core of this computer.
+    progress: called after every scenario, and once at the start.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def run_scenarios(
 
 
 def attempt(work: Work[AnyTrial], scenario: AnyTrial) -> TrialOutcome[AnyTrial]:
-    """What `work` makes of a scenario; its failure is an outcome too."""
+    """The outcome of a scenario, which may be a failure."""
     began = time.process_time()
     try:
         return work(scenario)

@@ -12,16 +12,16 @@ from rigctl.validation.outcome import Outcome
 
 #: separation below which a class must be reported, and above which one effect
 SEPARABLE = 2.33
-#: a rival nearer than this caps what any method can reach
+#: a rival with a larger cosine than this limits what any method can achieve
 NEAR_TWIN = 0.85
 #: least λ of two effects that are to be found together
 TOGETHER = 10.0
-#: what stands in the confusion matrix where no effect was named
+#: entry of the confusion matrix if no effect was named
 NOTHING_NAMED = "none"
 
 
 def rates(outcomes: Iterable[Outcome]) -> tuple[Rate, ...]:
-    """All rates that have a target, then false alarms by noise and what wrong shapes cost."""
+    """All rates that have a target, then false alarms by noise and the cost of wrong shapes."""
     made = [outcome for outcome in outcomes if outcome.counts]
     nothing = _of(made, lambda o: o.scenario.kind == "nothing")
     one = _of(made, lambda o: o.scenario.kind == "one")
@@ -39,7 +39,7 @@ def rates(outcomes: Iterable[Outcome]) -> tuple[Rate, ...]:
 
 
 def confusion(outcomes: Iterable[Outcome]) -> dict[str, dict[str, int]]:
-    """By hidden effect (rows), how often each was found as first; a verdict of `adequate` counts as none."""
+    """By hidden effect (rows), how often each was ranked first; a verdict of `adequate` counts as none."""
     rows: dict[str, Counter[str]] = {}
     for outcome in outcomes:
         if outcome.scenario.kind == "one" and outcome.counts:
@@ -49,7 +49,7 @@ def confusion(outcomes: Iterable[Outcome]) -> dict[str, dict[str, int]]:
 
 
 def figures(outcomes: Sequence[Outcome]) -> Figures:
-    """Everything that is printed of trials on the separate bench."""
+    """All results that are printed for trials on the separate bench."""
     return Figures(tuple(outcomes), rates(outcomes), confusion(outcomes))
 
 

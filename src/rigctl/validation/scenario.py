@@ -20,11 +20,11 @@ NOISES: tuple[NoiseVariant, ...] = ("white", "coloured", "ten_bits", "scatter", 
 
 #: correlation of coloured noise from one sample to the next
 CORRELATION = 0.6
-#: how well the pressure setting is repeated, as a share
+#: relative repeatability of the pressure setting
 SCATTER = 0.002
 
-#: standard deviations of what drawings, scales and data sheets tell of the bench: what the textbook model's
-#: priors say of it, so that they are as good as they claim to be, and no better
+#: standard deviations of the bench's properties about drawings, scales and data sheets: those of the textbook
+#: model's priors, so that these are exactly as accurate as they claim
 TOLERANCES = {"mass": 2.0, "spool_time": 8e-3, "dead_a": 15e-6, "dead_b": 15e-6}
 
 
@@ -32,7 +32,7 @@ TOLERANCES = {"mass": 2.0, "spool_time": 8e-3, "dead_a": 15e-6, "dead_b": 15e-6}
 class Wanted:
     """An effect to hide: its size λ in the data, in sigmas, and its direction in the library's sense.
 
-    With `amplitude` (SI) it is that large, whatever λ it has.
+    If `amplitude` (SI) is given, it has that amplitude, whatever its λ.
     """
 
     effect: str
@@ -50,17 +50,16 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A campaign to make and to diagnose; everything is fixed by it but the amplitudes.
+    """A campaign to make and to diagnose; fixes everything except the amplitudes.
 
     Attributes
     ----------
-    kind: what is hidden; with "removed" the library to diagnose with lacks what is hidden.
-    hidden: none, one or two effects with the sizes wanted.
-    noise: "white", "coloured" (correlation 0.6), "ten_bits" (converter steps), "scatter" (0.2 % of the
-        pressure setting), or "all" three.
-    repeated: conditions that are measured twice.
-    noise_known: the diagnosis is told the standard deviations instead of estimating them.
-    temperatures, pressures: degC and bar.
+    kind: what is hidden; with "removed" the library used for the diagnosis lacks the hidden effects.
+    hidden: none, one or two effects with the wanted sizes.
+    noise: "white", "coloured" (correlation 0.6), "ten_bits" (quantised), "scatter" (0.2 % of the pressure
+        setting), or "all" three.
+    repeated: number of conditions that are measured twice.
+    noise_known: the diagnosis is given the standard deviations instead of estimating them.
     """
 
     kind: Kind
@@ -96,7 +95,7 @@ class Scenario:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Effects that the library to diagnose with must lack."""
+        """Effects that the library used for the diagnosis must lack."""
         return self.truth if self.kind == "removed" else ()
 
     @property
@@ -116,13 +115,13 @@ class Scenario:
     def campaign(self, amplitudes: Sequence[float]) -> Campaign:
         """The campaign that hides its effects with these amplitudes (SI, signed), one for each.
 
-        The bench is one of many that its drawings fit: see `TOLERANCES`.
+        The bench is one of many that agree with its drawings: see `TOLERANCES`.
         """
         pairs = [(find_hidden(w.effect), a) for w, a in zip(self.hidden, amplitudes, strict=True)]
         return hide(replace(self.plain, bench=self._bench()), pairs, self.shape)
 
     def _bench(self) -> Bench:
-        """The bench as it was built: off its drawings by up to two standard deviations."""
+        """The bench as built: it deviates from its drawings by up to two standard deviations."""
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence(self.seed, spawn_key=(0,))))
         drawn = Bench()
         for name, std in TOLERANCES.items():
@@ -147,7 +146,7 @@ class Scenario:
 
     @classmethod
     def read(cls, document: Mapping[str, Any]) -> Scenario:
-        """The scenario that `document` made."""
+        """The scenario that `document` describes."""
         fields = dict(document)
         fields["hidden"] = tuple(Wanted(**wanted) for wanted in fields["hidden"])
         fields["temperatures"], fields["pressures"] = (

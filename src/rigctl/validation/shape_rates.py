@@ -1,4 +1,4 @@
-"""Rates of the shape tier: what is claimed of effects whose laws are not the library's, level by level."""
+"""Rates of the shape tier: claims about effects whose laws are not the library's, level by level."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FAMILY = "hydraulic_cylinder"
 
 
 def shape_figures(outcomes: Sequence[Outcome]) -> Figures:
-    """Everything that is printed of the tier."""
+    """All results of the tier that are printed."""
     return Figures(tuple(outcomes), shape_rates(outcomes), confusion(outcomes))
 
 
@@ -58,7 +58,7 @@ def shape_rates(outcomes: Sequence[Outcome]) -> tuple[Rate, ...]:
 
 
 def wrongly_claimed(outcome: Outcome) -> bool:
-    """Whether something that it says for sure is true of none of the hidden effects."""
+    """Whether anything stated as certain is true of none of the hidden effects."""
     return any(_wrong(claim, outcome.scenario.truth) for claim in outcome.claims)
 
 
@@ -71,7 +71,7 @@ def _wrong(claim: Claim, truth: Sequence[str]) -> bool:
 
 
 def _wrong_cause(outcome: Outcome) -> bool:
-    """Whether a place or a driver that it says for sure is that of none of the hidden effects."""
+    """Whether a location or variable stated as certain is that of none of the hidden effects."""
     truth = outcome.scenario.truth
     return any(
         (claim.driver and not any(same_cause(_effect(claim.effect), _effect(name)) for name in truth))
@@ -81,21 +81,22 @@ def _wrong_cause(outcome: Outcome) -> bool:
 
 
 def _honest(outcome: Outcome) -> bool:
-    """Of a hidden effect that the library lacks: outside of it, or not decided, or at the true place."""
+    """For an effect that the library lacks: outside the library, undecided, or at the true location."""
     return outcome.verdict is not None and outcome.verdict != "adequate" and not _wrong_cause(outcome)
 
 
 def _cause_named(outcome: Outcome) -> bool:
-    """Whether place and driver of the hidden effect are among what it says for sure."""
+    """Whether location and variables of the hidden effect are among what is stated as certain."""
     truth = outcome.scenario.truth[0]
     return any(claim.driver and same_cause(_effect(claim.effect), _effect(truth)) for claim in outcome.claims)
 
 
 def _as_far_as_told(outcome: Outcome) -> bool:
-    """Whether place and driver are named; or a class with the truth, where another does nearly the same.
+    """Whether location and variables are named; or a class with the truth, if another effect is nearly
+    equivalent.
 
-    That is one that no data of these sensors tell from it in 99 cases of 100, or that differs by less than
-    either law may be bent: such two are not to be told apart however large they are.
+    That is one that no data of these sensors distinguish from it in 99 cases of 100, or that differs by less
+    than the shape tolerance of either law: such two are indistinguishable whatever their size.
     """
     if _cause_named(outcome):
         return True
@@ -105,7 +106,7 @@ def _as_far_as_told(outcome: Outcome) -> bool:
 
 
 def _beyond_usual(outcome: Outcome) -> bool:
-    """Whether what is hidden is larger than the library's effect usually is."""
+    """Whether the hidden effect is larger than the library's usual range."""
     (wanted,) = outcome.scenario.hidden
     if wanted.amplitude is not None or not outcome.amplitudes:
         return wanted.amplitude is not None

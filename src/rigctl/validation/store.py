@@ -1,7 +1,7 @@
 """Results of the benchmark on disk: one JSON line for each finished scenario.
 
-A line is written whole and handed to the disk before the next begins, so that a kill at any moment loses at
-most the scenarios in work. A line that was cut short is passed over when the file is read again.
+A line is written completely and flushed to disk before the next one starts, so that a kill at any moment
+loses at most the scenarios in progress. A truncated line is skipped when the file is read again.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class ResultStore(Generic[AnyTrial]):
 
     Attributes
     ----------
-    path: of the file; it and its folder are made when the first result is kept.
-    version: of what is judged; results of other versions stay in the file and are not read.
-    read: what was tried, from plain data.
+    path: of the file; it and its folder are created with the first result.
+    version: of what is judged; results of other versions stay in the file and are ignored.
+    read: makes a trial from plain data.
     """
 
     path: Path
@@ -33,7 +33,7 @@ class ResultStore(Generic[AnyTrial]):
     read: Callable[[Mapping[str, Any]], AnyTrial]
 
     def outcomes(self, scenarios: Iterable[AnyTrial] | None = None) -> tuple[TrialOutcome[AnyTrial], ...]:
-        """What is kept, of these scenarios or of all, each scenario once: its last result.
+        """The kept outcomes, for these scenarios or all, each scenario once: its last result.
 
         Raises
         ------
@@ -48,7 +48,7 @@ class ResultStore(Generic[AnyTrial]):
         return tuple(found.values())
 
     def missing(self, scenarios: Iterable[AnyTrial]) -> tuple[AnyTrial, ...]:
-        """The scenarios that have no result yet."""
+        """The scenarios without a result."""
         done = {line["scenario"] for line in self.lines() if line.get("version") == self.version}
         return tuple(scenario for scenario in scenarios if scenario.name not in done)
 
@@ -58,7 +58,7 @@ class ResultStore(Generic[AnyTrial]):
         Raises
         ------
         RigctlError
-            the disk is full or gone.
+            the disk is full or missing.
         """
         line = {"scenario": outcome.scenario.name, "version": self.version, "outcome": outcome.document()}
         text = json.dumps(line, ensure_ascii=False, default=_plain)
@@ -76,7 +76,7 @@ class ResultStore(Generic[AnyTrial]):
             ) from problem
 
     def _cut_short(self) -> bool:
-        """True when the last line lacks its end."""
+        """True if the last line is truncated."""
         with self.path.open("rb") as file:
             if file.seek(0, os.SEEK_END) == 0:
                 return False
@@ -84,7 +84,7 @@ class ResultStore(Generic[AnyTrial]):
             return file.read(1) != b"\n"
 
     def lines(self) -> Iterator[dict[str, Any]]:
-        """Everything that is kept, of every version, as plain data.
+        """All kept results, of every version, as plain data.
 
         Raises
         ------

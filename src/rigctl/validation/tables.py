@@ -28,7 +28,7 @@ def rates_table(figures: Figures) -> Table:
 
 
 def confusion_table(figures: Figures) -> Table:
-    """Which effects were taken for which, as a table for the terminal."""
+    """Which effects were mistaken for which, as a table for the terminal."""
     from rich.table import Table
     from rich.text import Text
 
@@ -64,7 +64,7 @@ def page(figures: Figures, command: str) -> str:
 
 
 def left_out_text(figures: Figures) -> list[str]:
-    """A sentence each for trials that could not be made, and for those that failed."""
+    """One sentence each for trials that could not be made, and for those that failed."""
     untested = [outcome for outcome in figures.outcomes if outcome.untested]
     failed = [outcome for outcome in figures.outcomes if outcome.failure]
     found = []

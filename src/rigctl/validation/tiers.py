@@ -1,4 +1,4 @@
-"""Which trials the benchmark consists of: a quick tier for every day, a full one for the figures in print."""
+"""The trials of the benchmark: a quick tier for every day, a full one for the published figures."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from rigctl.validation.scenario import NOISES, NoiseVariant, Scenario, Wanted
 
 Tier: TypeAlias = Literal["quick", "full", "shape"]
 
-#: sizes λ that effects are hidden with
+#: sizes λ of hidden effects
 SIZES = (6.0, 10.0, 30.0)
-#: what two effects at once are hidden with, each
+#: sizes of two effects hidden together, each
 _TOGETHER = (10.0, 30.0)
 _REMOVED = 30.0
-#: so many conditions are measured twice; more where scatter must be estimated from them
+#: number of conditions measured twice; more if scatter must be estimated from them
 _REPEATED, _REPEATED_SCATTER = 4, 8
 #: effects of the quick tier: one of each family of causes
 _QUICK = (
@@ -33,7 +33,7 @@ _QUICK = (
     "valve_open_delay",
     "position_backlash",
 )
-#: conditions of the quick tier: fewer, so that a trial takes half as long; sizes are in sigmas all the same
+#: conditions of the quick tier: fewer, so that a trial takes half as long; sizes are in sigmas in any case
 _FEW_TEMPERATURES = (20.0, 40.0, 60.0, 80.0)
 _FEW_PRESSURES = (20.0, 35.0, 50.0)
 #: trials of the full tier, about: nothing hidden for each noise and set of sensors, one for each size
@@ -46,15 +46,15 @@ _PAIRS = 60
 _SHAPE_SIZES = (30.0, 100.0, 300.0)
 _STRONG = ((100.0, 30.0), (300.0, 30.0), (1000.0, 30.0), (1000.0, 100.0))
 _STRONG_PAIRS = 32
-#: effects whose usual range ends below what a bench may have, and by how much they go beyond it
+#: effects whose usual range is narrower than what a bench may have, and amplitudes beyond it
 _USUAL = {"viscous_friction": 2e4, "piston_leakage": 2e-13}
 _BEYOND = 3.0
 
 
 def acting() -> tuple[HiddenEffect, ...]:
-    """Effects that a campaign of strokes can show and that a fit does not take up by itself.
+    """Effects that a campaign of strokes can show and that a fit does not absorb by itself.
 
-    The rest is base physics, cannot act in so short a record, or is another name for a fitted parameter.
+    The others are base physics, cannot act in so short a record, or are equivalent to a fitted parameter.
     """
     same_as_fitted = ("load_mass", "thermocouple_offset")
     return tuple(
@@ -65,7 +65,7 @@ def acting() -> tuple[HiddenEffect, ...]:
 
 
 def scenarios(tier: Tier) -> tuple[Scenario, ...]:
-    """The trials of a tier, in an order in which a part of them is a fair sample of all."""
+    """The trials of a tier, in an order in which any part of them is a fair sample of all."""
     if tier == "quick":
         found = [
             replace(scenario, temperatures=_FEW_TEMPERATURES, pressures=_FEW_PRESSURES)
@@ -101,9 +101,9 @@ def _quick() -> Iterator[Scenario]:
 
 
 def _shape() -> Iterator[Scenario]:
-    """Effects of every size whose laws are not the library's: alone, in pairs, beyond range, taken out.
+    """Effects of every size whose laws are not the library's: alone, in pairs, out of range, removed.
 
-    No rate may fall as they grow: a wrong shape is seen the better the larger an effect is.
+    No rate may decrease with their size: the larger an effect is, the more clearly a wrong shape shows.
     """
     effects = acting()
     yield from _nothing(4)
@@ -163,7 +163,7 @@ def _nothing(seeds: int) -> Iterator[Scenario]:
 
 
 def _known(seeds: int) -> Iterator[Scenario]:
-    """Nothing hidden, in noise that the diagnosis is told: it can be told of white noise only."""
+    """Nothing hidden, with known noise: only white noise can be specified."""
     for chambers in (False, True):
         for seed in range(seeds):
             plain = _scenario("nothing", (), "other", "white", 5000 + seed, chambers=chambers)
@@ -173,7 +173,7 @@ def _known(seeds: int) -> Iterator[Scenario]:
 def _one(
     effects: Sequence[HiddenEffect], sizes: Sequence[float], shape: Shape, seeds: range
 ) -> Iterator[Scenario]:
-    """Noise, sensors and direction change from trial to trial, so that every effect meets several."""
+    """Noise, sensors and direction vary from trial to trial, so that every effect meets several."""
     for place, effect in enumerate(effects):
         for row, size in enumerate(sizes):
             for seed in seeds:

@@ -44,26 +44,26 @@ from rigctl.validation.scenario import Scenario, Wanted
 
 Floats = NDArray[np.float64]
 
-#: sizes are wanted to some percent, and so is the misfit that they are read from
+#: sizes are needed to a few per cent, and so is the misfit from which they are computed
 _COST = 1e-3
-#: a normal distribution's two-sided 95 %
+#: two-sided 95 % quantile of the normal distribution
 _WIDTH = 1.959963984540054
 
 
 @one_thread()
 @switched_off()
 def carry_out(scenario: Scenario) -> Outcome:
-    """Make the campaign of a scenario on the separate bench, diagnose it, and say what came of it.
+    """Make the campaign of a scenario on the separate bench, diagnose it, and return the outcome.
 
-    The model is the shipped textbook one, its free parameters fitted; the data are handed over in memory,
-    and are what `make_run` would have kept.
+    The model is the shipped textbook model with its free parameters fitted; the data are passed in memory,
+    and equal those that `make_run` would have kept.
 
     Raises
     ------
     RigctlError
         the tool cannot diagnose the campaign.
     BenchFailure
-        the bench cannot be simulated with what is hidden in it.
+        the bench cannot be simulated with what it hides.
     """
     began = time.process_time()
     amplitudes = hidden_amplitudes(scenario)
@@ -99,7 +99,7 @@ def _claim(levels: Levels) -> Claim:
 
 
 def hidden_amplitudes(scenario: Scenario) -> list[Amplitude]:
-    """The amplitude of each hidden effect of a scenario that has the size wanted."""
+    """The amplitude of each hidden effect of a scenario that has the wanted size."""
     return [
         reference_of(plain_of(scenario)).find(scenario, wanted)
         if wanted.amplitude is None
@@ -110,12 +110,12 @@ def hidden_amplitudes(scenario: Scenario) -> list[Amplitude]:
 
 @dataclass(frozen=True)
 class Reference:
-    """What sizes are measured with: the textbook model fitted to a campaign without noise that hides nothing.
+    """The reference for sizes: the textbook model fitted to a noise-free campaign that hides nothing.
 
     Attributes
     ----------
-    fitted: there, its whiteners those of the noise in question.
-    seen: its linearisation, in which sizes are nearly right where the fitted parameters move little.
+    fitted: there, with whiteners for the noise in question.
+    seen: its linearisation, in which sizes are nearly right if the fitted parameters move little.
     """
 
     fitted: FitResult = field(repr=False)
@@ -124,11 +124,12 @@ class Reference:
     by_fit: Amplitudes = field(repr=False)
 
     def find(self, scenario: Scenario, wanted: Wanted) -> Amplitude:
-        """The amplitude that leaves the size wanted after a fit; begun where the linearisation says."""
+        """The amplitude that leaves the wanted size after a fit, starting from the linearisation's
+        estimate."""
         return self.amplitude(find_hidden(wanted.effect), wanted.size, scenario, wanted.sign)
 
     def amplitude(self, hidden: HiddenEffect, size: float, scenario: Scenario, sign: int = 1) -> Amplitude:
-        """The same of anything that the bench can hide."""
+        """The same for anything that the bench can hide."""
         near = self.by_slopes.find(hidden, size, scenario.plain, shape=scenario.shape, sign=sign)
         if not near.reached:
             return near
@@ -137,13 +138,13 @@ class Reference:
 
 
 def plain_of(scenario: Scenario) -> Scenario:
-    """The scenario that hides nothing in the same noise: one for all that share it."""
+    """The scenario that hides nothing with the same noise: one for all that share it."""
     return replace(scenario, kind="nothing", hidden=(), shape="other", seed=0)
 
 
 @lru_cache(maxsize=32)
 def reference_of(plain: Scenario) -> Reference:
-    """What sizes are measured with, in the noise of a scenario that hides nothing."""
+    """The reference for sizes, with the noise of a scenario that hides nothing."""
     model, rig = bench_model(plain.chamber_pressures)
     measurements = measure(plain.plain, model, rig)
     noisy = fit_model(model, measurements, _noise(plain, measurements))
@@ -162,7 +163,7 @@ def reference_of(plain: Scenario) -> Reference:
 
 
 def refitted(fitted: FitResult, clean: Clean) -> FitResult:
-    """The same model fitted to other readings of the same records, begun where it was."""
+    """The same model fitted to other readings of the same records, starting where it was."""
     problem = fitted.problem
     outputs = problem.measurements.outputs
     records = tuple(
@@ -191,14 +192,14 @@ def _changes(with_it: Clean, without: Clean, outputs: Sequence[str]) -> list[Flo
 
 @lru_cache(maxsize=2)
 def bench_model(chamber_pressures: bool) -> tuple[Model, Rig]:
-    """The textbook model, and the rig with the channels that are recorded."""
+    """The textbook model, and the rig with the recorded channels."""
     name = "hl32-bench-instrumented.yaml" if chamber_pressures else "hl32-bench.yaml"
     rig = load_rig(shipped("rigs", name))
     return load_model(shipped("models", "hl32-textbook.yaml")), rig
 
 
 def _noise(scenario: Scenario, measurements: Measurements) -> DataNoise:
-    """As the data tell it, or as the scenario says that it is known."""
+    """As estimated from the data, or as known by the scenario."""
     if not scenario.noise_known:
         return noise_of(measurements)
     sigma = Noise().sigma
@@ -211,12 +212,12 @@ def _noise(scenario: Scenario, measurements: Measurements) -> DataNoise:
 
 
 def diagnose_scenario(scenario: Scenario, amplitudes: Sequence[float]) -> Diagnosis:
-    """Diagnose a scenario's campaign, its effects hidden with these amplitudes (SI, signed)."""
+    """Diagnose a scenario's campaign, with its effects hidden at these amplitudes (SI, signed)."""
     return diagnose_campaign(scenario, scenario.campaign(amplitudes))
 
 
 def diagnose_campaign(scenario: Scenario, campaign: Campaign) -> Diagnosis:
-    """Diagnose a campaign as a scenario says: with its channels, its noise, and its library."""
+    """Diagnose a campaign as specified by a scenario: with its channels, its noise, and its library."""
     model, rig = bench_model(scenario.chamber_pressures)
     measurements = measure(campaign, model, rig)
     fitted = fit_model(model, measurements, _noise(scenario, measurements))
@@ -225,7 +226,7 @@ def diagnose_campaign(scenario: Scenario, campaign: Campaign) -> Diagnosis:
 
 
 def _alike(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> list[Likeness]:
-    """Of each hidden effect, by itself."""
+    """For each hidden effect, by itself."""
     seen = reference_of(plain_of(scenario)).seen
     return [
         likeness(seen, _left(scenario, [each]), each[0].effect, each[1].size)
@@ -236,7 +237,7 @@ def _alike(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> list[Likeness
 def _beside(
     scenario: Scenario, amplitudes: Sequence[Amplitude], alike: Sequence[Likeness]
 ) -> tuple[float, ...]:
-    """λ of each of several hidden effects beside the others; empty for one, and where it is not known."""
+    """λ of each of several hidden effects beside the others; empty for one, and if unknown."""
     chosen = [each.own for each in alike if each.own is not None]
     if len(chosen) < 2 or len(chosen) < len(amplitudes):
         return ()
@@ -244,7 +245,7 @@ def _beside(
 
 
 def _left(scenario: Scenario, hidden: Sequence[tuple[Wanted, Amplitude]]) -> FitResult:
-    """The textbook model fitted to readings without noise of a bench that hides something."""
+    """The textbook model fitted to noise-free readings of a bench that hides something."""
     return refitted(reference_of(plain_of(scenario)).fitted, _without_noise(scenario, hidden))
 
 
@@ -257,10 +258,10 @@ def _without_noise(scenario: Scenario, hidden: Sequence[tuple[Wanted, Amplitude]
 def _exponents(
     scenario: Scenario, amplitudes: Sequence[Amplitude], diagnosis: Diagnosis
 ) -> Iterator[Interval]:
-    """Of the laws of hidden effects that are corrected to another power of what drives them.
+    """The exponents of the laws of hidden effects that are corrected to another power.
 
-    What the bench has need not be a power: the truth is the exponent of the power that comes nearest to it,
-    fitted to readings without noise of the same bench.
+    The bench's law need not be a power: the true value is the exponent of the nearest power, fitted to
+    noise-free readings of the same bench.
     """
     corrected = [law for law in diagnosis.laws if law.offered == "power" and law.effect in scenario.truth]
     if not corrected:
@@ -282,7 +283,7 @@ def _exponents(
 
 
 def _intervals(scenario: Scenario, amplitudes: Sequence[float], diagnosis: Diagnosis) -> list[Interval]:
-    """Of the parameters of hidden effects that were found and whose fitted value has a truth."""
+    """For the parameters of hidden effects that were found and whose fitted value has a true value."""
     found: list[Interval] = []
     values = _estimates(diagnosis)
     for wanted, truth in zip(scenario.hidden, amplitudes, strict=True):

@@ -1,1 +1,1 @@
-"""The tier of anyone's benches: ten small benches with a user's own files, from a CSV file to a verdict."""
+"""The tier of small benches: ten benches with a user's own files, from a CSV file to a verdict."""

@@ -1,4 +1,4 @@
-"""Rates of the tier of anyone's benches, beside their targets."""
+"""Rates of the tier of small benches, beside their targets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from rigctl.validation.anyone.work import BenchOutcome
 from rigctl.validation.figures import Figures, Rate, rate_of
 
-#: the least λ of what must be found
+#: least λ of effects that must be found
 _PLAIN = 30.0
 
 
@@ -31,7 +31,7 @@ def bench_rates(outcomes: Iterable[BenchOutcome]) -> tuple[Rate, ...]:
 
 
 def bench_figures(outcomes: Sequence[BenchOutcome]) -> Figures:
-    """Everything that is printed of the tier."""
+    """All results of the tier that are printed."""
     rows: dict[str, Counter[str]] = {}
     for outcome in outcomes:
         if outcome.scenario.size and outcome.counts:
@@ -41,29 +41,29 @@ def bench_figures(outcomes: Sequence[BenchOutcome]) -> Figures:
 
 
 def _answer(outcome: BenchOutcome) -> str:
-    """The bench's name for what is right, else what was said."""
+    """The bench's name for the right answer, else the answer given."""
     if outcome.right:
         return outcome.scenario.bench
     return " and ".join(outcome.effects) if outcome.accepted else str(outcome.verdict or "failed")
 
 
 def alarm(outcome: BenchOutcome) -> bool:
-    """The verdict on a bench that hides nothing is not `adequate`; a failure counts as one."""
+    """The verdict on a bench that hides nothing is not `adequate`; a failure counts as an alarm."""
     return outcome.verdict != "adequate"
 
 
 def found_right(outcome: BenchOutcome) -> bool:
-    """What is hidden is named, alone or in a class with others."""
+    """The hidden effect is named, alone or in a class with others."""
     return outcome.right
 
 
 def wrong(outcome: BenchOutcome) -> bool:
-    """An effect is named that is neither hidden nor in a class with what is."""
+    """An effect is named that is neither hidden nor in a class with a hidden one."""
     return outcome.accepted and not outcome.right
 
 
 def outside(outcome: BenchOutcome) -> bool:
-    """Nothing is named, and it is said that something is missing."""
+    """Nothing is named, and the answer is that something is missing."""
     return outcome.verdict == "outside_library"
 
 

@@ -1,4 +1,4 @@
-"""Which trials the tier of anyone's benches consists of."""
+"""The trials of the tier of small benches."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigctl.validation.anyone.trial import BenchTrial
 from rigctl.validation.benches.bench import NOISES, SAMPLES
 from rigctl.validation.benches.register import BENCHES
 
-#: λ of what is hidden: what cannot be missed, and what is plain to the eye
+#: λ of the hidden effect: one that cannot be missed, and one visible to the eye
 SIZES = (30.0, 100.0)
 _SEEDS = 2
 
@@ -18,8 +18,8 @@ _SEEDS = 2
 def bench_trials() -> tuple[BenchTrial, ...]:
     """Every bench with every sampling, noise and set of recorded inputs, hiding nothing and hiding something.
 
-    In an order in which a part of them is a fair sample of all: each round of twenty has every bench once
-    with something hidden and once with nothing, the rest drawn.
+    In an order in which any part of them is a fair sample of all: each round of twenty has every bench once
+    with something hidden and once with nothing, the rest drawn at random.
     """
     rng = np.random.default_rng(0)
     settings = list(product(SAMPLES, (True, False), NOISES, range(_SEEDS)))

@@ -13,7 +13,7 @@ from rigctl.validation.benches.register import find_bench
 
 @dataclass(frozen=True)
 class BenchTrial:
-    """A campaign on a small bench; everything is fixed by it but the amplitude.
+    """A campaign on a small bench; fixes everything except the amplitude.
 
     Attributes
     ----------
@@ -54,5 +54,5 @@ class BenchTrial:
 
     @classmethod
     def read(cls, document: Mapping[str, Any]) -> BenchTrial:
-        """The trial that `document` made."""
+        """The trial that `document` describes."""
         return cls(**document)

@@ -1,4 +1,4 @@
-"""One trial from the generator to the verdict, by the steps that the how-tos tell a user to take."""
+"""One trial from the generator to the verdict, by the steps that the how-to pages describe."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ BenchOutcome: TypeAlias = TrialOutcome[BenchTrial]
 @one_thread()
 @switched_off()
 def carry_out_trial(trial: BenchTrial) -> BenchOutcome:
-    """Measure the bench of a trial, import the file, diagnose the user's model, and say what came of it.
+    """Measure the bench of a trial, import the file, diagnose the user's model, and return the outcome.
 
     Raises
     ------
     RigctlError
-        the tool cannot import or diagnose what was measured.
+        the tool cannot import or diagnose the measurements.
     """
     began = time.process_time()
     amplitude, size = amplitude_of(trial) if trial.size else (0.0, 0.0)
@@ -56,14 +56,14 @@ def carry_out_trial(trial: BenchTrial) -> BenchOutcome:
 
 
 def diagnose_campaign(campaign: BenchCampaign, folder: Path) -> Diagnosis:
-    """What the tool says of a campaign that is imported into `folder`."""
+    """The diagnosis of a campaign that is imported into `folder`."""
     log = write_bench(campaign, folder)
     imported = import_file(log, load_rig(folder / "rig.yaml"), folder / "runs")
     return diagnose([open_run(imported.path)], load_model(folder / "model.yaml"))
 
 
 def amplitude_of(trial: BenchTrial) -> tuple[float, float]:
-    """The amplitude whose λ is as wanted, and that λ; of the first seed, and nearly so of all."""
+    """The amplitude with the wanted λ, and that λ; of the first seed, and approximately of all."""
     return _amplitude(trial.bench, trial.size, trial.sampling, trial.recorded)
 
 

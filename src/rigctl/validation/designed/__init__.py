@@ -1,1 +1,2 @@
-"""Whether designed records tell what they promise: the tier ``design``, learning on the separate bench."""
+"""Whether designed records have their predicted power: the tier ``design``, learning on the separate
+bench."""

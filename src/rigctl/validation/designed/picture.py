@@ -1,7 +1,7 @@
-"""How promises were kept, as a picture: the share of pairs that were told apart over what was promised.
+"""A calibration plot of the predicted power: the share of pairs distinguished over the predicted probability.
 
 ``python -m rigctl.validation.designed.picture design.jsonl... -o promises.svg`` draws the trials of several
-files, of whatever version they are; `rigctl validate --tier design` those that it has carried out.
+files, of any version; `rigctl validate --tier design` those that it has carried out.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from rigctl.validation.designed.trial import DesignTrial
 from rigctl.validation.store import every_outcome
 
 _SIDE, _LEFT, _TOP = 320.0, 64.0, 20.0
-#: a share below which a label stands above its point
+#: share below which a label is above its point
 _LOW = 0.1
 _WIDTH, _HEIGHT = _LEFT + _SIDE + 24.0, _TOP + _SIDE + 56.0
 
 
 def calibration_svg(found: Sequence[Promises]) -> str:
-    """A square with the diagonal; each bin a point with its 95 % bounds and the number of its pairs."""
+    """A square with the diagonal; each bin a point with its 95 % bounds and its number of pairs."""
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH:g} {_HEIGHT:g}" role="img" '
         f'width="{_WIDTH:g}" height="{_HEIGHT:g}" font-family="sans-serif" font-size="12">',

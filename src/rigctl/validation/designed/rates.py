@@ -1,4 +1,4 @@
-"""Rates of the tier ``design``: what designed records told, and whether their promise held."""
+"""Rates of the tier ``design``: what designed records distinguished, and whether that was as predicted."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from rigctl.validation.designed.work import DesignOutcome
 from rigctl.validation.figures import Figures, Rate, rate_of
 from rigctl.validation.outcome import Learnt
 
-#: promised probabilities that are counted together
+#: bins of the predicted probability
 BINS = ((0.0, 0.2), (0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 1.0))
-#: a share of so many pairs or more may be this far from the mean of what they were promised
+#: number of pairs from which a bin's share is judged; tolerated difference from the mean prediction
 _ENOUGH, _APART = 20, 0.10
 #: D of a designed record over the median of any that the bench can make
 _BETTER = 4.0
 
 
 def design_figures(outcomes: Sequence[DesignOutcome]) -> Figures:
-    """Everything that is printed of the tier."""
+    """All results of the tier that are printed."""
     return Figures(tuple(outcomes), design_rates(outcomes), _confusion(outcomes))
 
 
@@ -50,13 +50,13 @@ def design_rates(outcomes: Sequence[DesignOutcome]) -> tuple[Rate, ...]:
 
 @dataclass(frozen=True)
 class Promises:
-    """Pairs that were promised to be told apart with about one probability.
+    """Pairs with about the same predicted probability of being distinguished.
 
     Attributes
     ----------
     low, high: of the probabilities.
-    mean: what was promised, on average.
-    came_out, pairs: how many of how many were told apart.
+    mean: of the predictions.
+    came_out, pairs: number of pairs distinguished, and of all.
     """
 
     low: float
@@ -67,7 +67,7 @@ class Promises:
 
     @property
     def rate(self) -> Rate:
-        """With what the share may differ from the mean by, where there are enough of them."""
+        """With the tolerated difference between share and mean, if there are enough pairs."""
         enough = self.pairs >= _ENOUGH
         return Rate(
             f"a pair promised with {self.low:.0%} to {self.high:.0%}, {self.mean:.0%} on average",
@@ -80,9 +80,9 @@ class Promises:
 
 
 def promises(outcomes: Sequence[DesignOutcome]) -> Iterator[Promises]:
-    """Of each pair of what is hidden and a rival, what was promised and what came out; in bins.
+    """For each pair of a hidden effect and a rival, the prediction and the outcome; in bins.
 
-    Designed and random records together: few designs promise little.
+    Designed and random records together, as few designs predict a low probability.
     """
     pairs = [pair for one in outcomes if one.counts for pair in _pairs(one)]
     for low, high in BINS:
@@ -106,7 +106,7 @@ def _reported(outcome: DesignOutcome) -> bool:
 
 
 def _pairs(outcome: DesignOutcome) -> list[tuple[float, bool]]:
-    """(promised, came out) of each pair; of what was kept before pairs were, of all rivals together."""
+    """(predicted, actual) for each pair; for older results, for all rivals together."""
     found = _of(outcome)
     if found.chances or found.probability is None:
         return [(chance, rival in found.apart) for rival, chance in found.chances.items()]
@@ -127,7 +127,7 @@ def _wrong(outcome: DesignOutcome) -> bool:
 
 
 def _learnt(outcome: DesignOutcome) -> bool:
-    """Whether it ends with exactly what is hidden, or says that the rest cannot be told apart here."""
+    """Whether it ends with exactly what is hidden, or says that the rest cannot be distinguished here."""
     found = _of(outcome)
     if _wrong(outcome):
         return False
@@ -137,7 +137,7 @@ def _learnt(outcome: DesignOutcome) -> bool:
 
 
 def _confusion(outcomes: Sequence[DesignOutcome]) -> dict[str, dict[str, int]]:
-    """By what was hidden, what was added; of designed records."""
+    """By what was hidden, what was added; for designed records."""
     table: dict[str, dict[str, int]] = {}
     for outcome in outcomes:
         if outcome.counts and not outcome.scenario.taken:

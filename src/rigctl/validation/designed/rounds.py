@@ -1,8 +1,8 @@
-"""Whether designed rounds keep a bench inside its limits: records that a search may propose, carried out.
+"""Whether designed rounds keep a bench within its limits: records that a search may propose, carried out.
 
-Nothing is designed for: what is drawn is anything that the search would let through. The bench follows one of
-the explanations, its parameters within what the data so far leave open, its sensors noisy, and the runner's
-own interlocks look at every reading. They share no code with what keeps proposals clear of the limits.
+No question is designed for: the records are random among all that the search would accept. The bench follows
+one of the explanations, with parameters within their uncertainty and noisy sensors, and the runner's own
+interlocks check every reading. They share no code with what keeps proposals clear of the limits.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from rigctl.runner.interlocks import Alarm, Interlocks
 
 Floats = NDArray[np.float64]
 
-#: candidates that are looked at together
+#: number of candidates evaluated together
 _AT_ONCE = 64
 
 
@@ -46,17 +46,17 @@ class Tripped:
 
 @dataclass(frozen=True)
 class Tally:
-    """What came of many rounds.
+    """The results of many rounds.
 
     Attributes
     ----------
-    carried_out: rounds.
-    refused: candidates that were not let through.
-    held_back: those in which an interlock tripped and that a design would not have proposed: before it does
-        it simulates each of its records with draws of every explanation. That is asked of these alone, as it
-        takes some hundred times as long as the round.
+    carried_out: number of rounds.
+    refused: number of candidates that were not accepted.
+    held_back: rounds in which an interlock tripped and that a design would not have proposed, because it
+        finally simulates each of its records with draws of every explanation. This is tested only for these,
+        as it takes about a hundred times as long as the round.
     failed: rounds in which the bench's equations had no solution.
-    tripped: those that it would have, and in which an interlock tripped.
+    tripped: rounds that a design would have proposed, and in which an interlock tripped.
     """
 
     carried_out: int
@@ -77,9 +77,9 @@ class Proposer:
 
     @classmethod
     def after(cls, compared: ModelComparison, rig: Rig, effects: Sequence[str]) -> Proposer:
-        """With the model as it was fitted and each of these effects at its usual size as explanations.
+        """With the fitted model, and each of these effects at its usual size, as explanations.
 
-        Effects that have no value here are left out.
+        Effects that cannot be simulated here are left out.
         """
         fitted = compared.fit
         found = [(NONE, plain(fitted)), *((name, at_usual_size(compared, name)) for name in effects)]
@@ -91,7 +91,7 @@ class Proposer:
         return cls(rig, stage, schemes, Workshop(rivals, known_so_far(rivals), stage))
 
     def carry_out(self, rounds: int, seed: int) -> Tally:
-        """So many records at random points of all schemes, each carried out once."""
+        """This many records at random points of all schemes, each carried out once."""
         rng = np.random.default_rng(seed)
         carried_out, refused, held_back, failed, tripped = 0, 0, 0, 0, list[Tripped]()
         for proposal in self._proposals(rng):
@@ -114,7 +114,7 @@ class Proposer:
         return Tally(carried_out, refused, held_back, failed, tuple(tripped))
 
     def _draws(self, seed: int) -> Draws:
-        """As a design looks at what it has chosen."""
+        """As used by a design for its chosen records."""
         return Draws(self.workshop.known, self.workshop, seed, DRAWS)
 
     def _proposals(self, rng: np.random.Generator) -> Iterator[Proposal | None]:
@@ -125,7 +125,7 @@ class Proposer:
             self.workshop.forget()
 
     def _alarms(self, recipe: Recipe, rng: np.random.Generator) -> list[Alarm]:
-        """What the interlocks say while the levels hold before the record, and in it."""
+        """The interlocks' alarms while the levels hold before the record, and in it."""
         place = int(rng.integers(len(self.workshop.rivals)))
         rival = self.workshop.rivals[place]
         values = drawn(rival, self.workshop.known.covariances[place], int(rng.integers(2**31)), 1)[0]
@@ -139,7 +139,7 @@ class Proposer:
     def _courses(
         self, rival: Rival, values: Floats, recipe: Recipe, rng: np.random.Generator
     ) -> Iterator[tuple[Floats, Floats]]:
-        """(times, readings) of what holds before the record, if anything does, and of the record."""
+        """(times, readings) of the period before the record, if there is one, and of the record."""
         measurements = rival.fit.problem.measurements
         course = self.stage.course(recipe)
         if recipe.rest > 0.0:
@@ -155,8 +155,8 @@ class Proposer:
     def _answered(
         self, rival: Rival, values: Floats, record: MeasuredRecord, rng: np.random.Generator
     ) -> Floats:
-        """(n, outputs) readings with their noise; settings and zeros of the record's own lie where they may
-        lie, and it begins where the bench was brought to."""
+        """(n, outputs) readings with their noise; record-level settings and zeros are drawn from their
+        priors, and the record starts in the state to which the bench was brought."""
         outlines = Outlines(rival, [record])
         problem = outlines.problem
         own = np.array(
@@ -173,8 +173,8 @@ class Proposer:
         return np.asarray(outputs + sigma * rng.standard_normal(outputs.shape))
 
     def _rows(self, times: Floats, readings: Floats) -> Floats:
-        """(n, columns) as the recorder has them; channels that the model says nothing of read what they did
-        in the data so far, or the middle of their range."""
+        """(n, columns) as recorded; channels that the model does not predict have their readings from the
+        data so far, or the middle of their range."""
         outputs = self.workshop.rivals[0].fit.problem.measurements.outputs
         layout = self.rig.layout
         rows = np.zeros((times.size, len(layout.columns) - 2))

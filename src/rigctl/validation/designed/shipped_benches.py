@@ -1,4 +1,4 @@
-"""The rigs that come with rigctl, each with a few records of its simulated bench to design after."""
+"""The rigs that come with rigctl, each with a few records of its simulated bench as a basis for designs."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from rigctl.validation.designed.rounds import Proposer
 
 @dataclass(frozen=True)
 class ShippedBench:
-    """What is measured on a rig first, and what may be missing in its model.
+    """The first measurements on a rig, and what may be missing in its model.
 
-    The truth then is the model's family on the rig, whatever the rig file names.
+    The true family is then the model's, whatever the rig file names.
 
     Attributes
     ----------
     procedure, arguments: of the first records.
-    model: a shipped model file; its rig is put in the place of the one that it names.
+    model: a shipped model file; its rig replaces the one that it names.
     effects: explanations besides the model itself, each at its usual size.
     """
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from rigctl.validation.scenario import Scenario, Wanted
 
-#: λ of what is hidden in the first campaign: between hardly seen and told from its twins
+#: λ of the hidden effect in the first campaign: from hardly visible to distinguished from its twins
 SIZES = (10.0, 20.0, 40.0)
 _SEEDS, _FIRST_SEED = 3, 70_000
 #: sets of records at random for each first campaign, the first of one record
@@ -43,14 +43,14 @@ TEMPERATURES, PRESSURES = (20.0, 40.0, 60.0, 80.0), (20.0, 35.0, 50.0)
 
 @dataclass(frozen=True)
 class DesignTrial:
-    """A learning on the separate bench; everything is fixed by it but the amplitudes.
+    """A learning loop on the separate bench; fixes everything except the amplitudes.
 
     Attributes
     ----------
     hidden: one or two effects; `size` the λ of each in the first campaign, in sigmas.
-    rounds: at most, the first included.
-    taken: how many records at random points are taken instead of a designed set; 0 for the designed set.
-    draw: of these.
+    rounds: largest number, including the first.
+    taken: number of records at random points instead of a designed set; 0 for the designed set.
+    draw: index of the random set.
     """
 
     hidden: tuple[str, ...]
@@ -73,7 +73,7 @@ class DesignTrial:
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The first campaign as the other tiers have it; sizes are measured in it."""
+        """The first campaign as a scenario of the other tiers, in which sizes are measured."""
         return Scenario(
             kind="two" if len(self.hidden) > 1 else "one",
             hidden=tuple(Wanted(name, self.size) for name in self.hidden),
@@ -90,13 +90,13 @@ class DesignTrial:
 
     @classmethod
     def read(cls, document: Mapping[str, Any]) -> DesignTrial:
-        """The trial that `document` made."""
+        """The trial that `document` describes."""
         return cls(**{**document, "hidden": tuple(document["hidden"])})
 
 
 def design_trials() -> tuple[DesignTrial, ...]:
-    """Every twin at every size, and as many with records at random in the place of a designed set; in an
-    order in which a part is a fair sample of all."""
+    """Every twin at every size, and as many with records at random instead of a designed set; in an order in
+    which any part is a fair sample of all."""
     designed, at_random = _mixed([*_twins(), *_learnt()], 0), _mixed([*_at_random()], 1)
     both = zip_longest(designed, at_random)
     return tuple(one for pair in both for one in pair if one is not None)
@@ -107,8 +107,8 @@ def _mixed(found: Sequence[DesignTrial], seed: int) -> list[DesignTrial]:
 
 
 def _at_random() -> Iterator[DesignTrial]:
-    """First campaigns again, gone on with by one to four records at random points; of the largest size most
-    campaigns leave nothing to ask."""
+    """First campaigns again, continued with one to four records at random points; at the largest size most
+    campaigns leave no question open."""
     for one in _twins():
         if one.seed == _FIRST_SEED and one.size < SIZES[-1]:
             for draw in range(_DRAWS):

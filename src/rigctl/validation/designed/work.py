@@ -1,4 +1,4 @@
-"""One learning on the separate bench, from the first campaign to its end, and what was promised of it."""
+"""One learning loop on the separate bench, from the first campaign to its end, with its predictions."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ DesignOutcome: TypeAlias = TrialOutcome[DesignTrial]
 
 @one_thread()
 def carry_out_design(trial: DesignTrial) -> DesignOutcome:
-    """Hide, measure, diagnose, design, measure what was designed, and say what came of the promise.
+    """Hide, measure, diagnose, design, measure the designed records, and compare with the prediction.
 
-    Of a trial with records at random these are measured in the place of designed ones, whatever they promise;
-    what was fitted to the same first campaign before need not be fitted again.
+    For a trial with records at random these are measured instead of designed ones, whatever their predicted
+    power; fits to the same first campaign are reused.
 
     Raises
     ------
     RigctlError
         the tool cannot diagnose the campaign, or design for it.
     BenchFailure
-        the bench cannot be simulated with what is hidden in it.
+        the bench cannot be simulated with what it hides.
     """
     began = time.process_time()
     scenario = trial.scenario
@@ -70,7 +70,7 @@ def carry_out_design(trial: DesignTrial) -> DesignOutcome:
 def _learned(
     trial: DesignTrial, amplitudes: tuple[float, ...], folder: Path
 ) -> tuple[Learned, list[DesignResult]]:
-    """The learning, and each round's design."""
+    """The learning loop, and each round's design."""
     model = folder / "model.yaml"
     model.write_bytes(shipped("models", "hl32-textbook.yaml").read_bytes())
     runs = folder / "runs"
@@ -100,7 +100,7 @@ def _learned(
 
 
 def _at_random(trial: DesignTrial) -> Callable[..., DesignResult]:
-    """Takes records at random points, of as many as the trial says."""
+    """Returns as many records at random points as the trial specifies."""
 
     def records(runs: Sequence[Run], model: Model, *, diagnosis: Diagnosis, **_: object) -> DesignResult:
         return random_experiment(runs, diagnosis, records=trial.taken, seed=1000 * trial.seed + trial.draw)

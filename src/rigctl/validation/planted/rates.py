@@ -10,12 +10,12 @@ from rigctl.validation.planted.terms import find_planted
 from rigctl.validation.planted.trial import SIZES
 from rigctl.validation.planted.work import PlantedOutcome
 
-#: a held-out error this many times the noise is within it
+#: a held-out error of up to this multiple of the noise counts as within it
 _WITHIN = 1.1
 
 
 def planted_figures(outcomes: Sequence[PlantedOutcome]) -> Figures:
-    """Everything that is printed of the tier."""
+    """All results of the tier that are printed."""
     return Figures(tuple(outcomes), planted_rates(outcomes), _confusion(outcomes))
 
 
@@ -63,7 +63,7 @@ def _within(outcome: PlantedOutcome) -> bool:
 
 
 def _confusion(outcomes: Sequence[PlantedOutcome]) -> dict[str, dict[str, int]]:
-    """By what was planted, what was said of it."""
+    """By what was planted, the answer given."""
     table: dict[str, dict[str, int]] = {}
     for outcome in outcomes:
         if outcome.counts:

@@ -1,4 +1,4 @@
-"""What the separate bench can have that is in no library, and what a search may say of each."""
+"""Terms of the separate bench that are in no library, and acceptable answers of a search for each."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class PlantedTerm:
 
     Attributes
     ----------
-    name: of the field; what it is stands there.
-    slots: the place, and others at which a term would do the same.
+    name: of the field, where it is described.
+    slots: the location, and others at which a term has the same signature.
     forms: keys of the formula, without the slot: ``bump of position``.
-    typical: amplitude to begin with, SI; looked for up to a thousand times as much.
-    signs: directions that physics allows.
+    typical: amplitude at which the search starts, SI; up to a thousand times as much is tried.
+    signs: physically possible directions.
     """
 
     name: str
@@ -31,7 +31,7 @@ class PlantedTerm:
 
     @property
     def hidden(self) -> HiddenEffect:
-        """As the bench hides it."""
+        """In the form in which the bench hides it."""
         return HiddenEffect(
             effect=self.name,
             parameter="size",
@@ -92,7 +92,7 @@ def find_planted(name: str) -> PlantedTerm:
     Raises
     ------
     RigctlError
-        there is none; it says the nearest.
+        there is none; the message gives the nearest name.
     """
     names: Sequence[str] = [one.name for one in PLANTED]
     if name not in names:

@@ -12,10 +12,10 @@ import numpy as np
 from rigctl.validation.planted.terms import PLANTED
 from rigctl.validation.scenario import NoiseVariant, Scenario
 
-#: λ of what is planted
+#: λ of the planted term
 SIZES = (50.0, 150.0)
 _NOTHING = 10
-#: noises that the terms are planted in, and conditions of the campaign
+#: noises with which the terms are planted, and conditions of the campaign
 _NOISES: tuple[NoiseVariant, ...] = ("white", "coloured", "ten_bits")
 _TEMPERATURES, _PRESSURES = (20.0, 40.0, 60.0, 80.0), (20.0, 35.0, 50.0)
 _REPEATED = 4
@@ -23,13 +23,13 @@ _REPEATED = 4
 
 @dataclass(frozen=True)
 class PlantedTrial:
-    """A campaign on the separate bench; everything is fixed by it but the amplitude.
+    """A campaign on the separate bench; fixes everything except the amplitude.
 
     Attributes
     ----------
     term: what is planted, "" for nothing; `size` its λ, in sigmas.
     sign: its direction.
-    noise, chamber_pressures, seed: as of a `Scenario`.
+    noise, chamber_pressures, seed: as in a `Scenario`.
     """
 
     term: str = ""
