@@ -1,6 +1,6 @@
 """A way to a bench: which backend, with which options, on which clock; its lock, and the open bench.
 
-Imports little: `rigctl off` has no time for what carries a procedure out.
+Imports little: `rigctl off` must not wait for the modules that carry out a procedure.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rigctl.errors import RigctlError
 from rigctl.rig import Rig
 from rigctl.runner.rig_lock import RigLock
 
-#: backends that are no real bench and may run at any speed
+#: backends that are not real benches and may run at any speed
 UNREAL = ("simulated", "replay", "emulated")
 
 
@@ -33,8 +33,8 @@ class Access:
     backend: name of the backend; the rig file's own when None.
     options: of the backend.
     clock: what the bench waits on.
-    exclusive: whether nobody else may command this bench meanwhile; a private simulation needs no lock.
-    lock_folder: where locks lie; the user's state folder by default.
+    exclusive: whether others are excluded from commanding this bench; a private simulation needs no lock.
+    lock_folder: folder of the locks; by default the user's state folder.
     """
 
     runs: Path
@@ -51,7 +51,7 @@ def clock_for(speed: str, backend: str) -> Clock:
     Raises
     ------
     RigctlError
-        the text is none of them, or a real bench is asked to be faster than time.
+        the text is none of them, or asks a real bench to run faster than real time.
     """
     try:
         factor = math.inf if speed == "max" else float(speed.removesuffix("x"))
@@ -76,7 +76,7 @@ def bench_options(
     runs: Path | None = None,
     clear_trips: bool = False,
 ) -> dict[str, object]:
-    """The options of a backend for what a command line can say.
+    """The options of a backend from those of a command line.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def bench_options(
 
 @contextmanager
 def opened(rig: Rig, how: Access) -> Iterator[Backend]:
-    """The bench, open; closed again whatever happens before, in or after the run."""
+    """The open bench; closed again whatever happens before, during or after the run."""
     backend = create_backend(rig, how.backend, how.clock, how.options)
     try:
         backend.open()
@@ -124,7 +124,7 @@ def opened(rig: Rig, how: Access) -> Iterator[Backend]:
 
 @contextmanager
 def held(rig: Rig, purpose: str, how: Access) -> Iterator[RigLock | None]:
-    """The rig's lock, where one is needed."""
+    """The rig's lock, if one is needed."""
     if not how.exclusive:
         yield None
         return

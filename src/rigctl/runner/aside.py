@@ -1,4 +1,4 @@
-"""Requests and heartbeats in files, looked after by a thread: a slow disk must not hold up the loop."""
+"""Requests and heartbeats in files, handled by a thread: a slow disk must not delay the loop."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ENDS_WITHIN = 2.0  # s; a disk that hangs must not keep the program from ending
 class Aside:
     """A `Control` whose every method returns at once; `control` is used by its thread only.
 
-    Signs of life still come from the loop: what `publish` was not called for is not published.
+    Heartbeats still depend on the loop: nothing is published unless it calls `publish`.
     """
 
     def __init__(self, control: Control) -> None:
@@ -40,7 +40,7 @@ class Aside:
         return found
 
     def acknowledge(self, order: Order, message: str) -> None:
-        """Tell the one who asked, soon."""
+        """Acknowledge an order, soon."""
         self._answers.append((order, message))
         self._wake.set()
 
@@ -49,7 +49,7 @@ class Aside:
         self._view = view
 
     def close(self) -> None:
-        """Publish what is left and end; waits for a disk that hangs no longer than two seconds."""
+        """Publish what is left and end; waits at most two seconds for a disk that hangs."""
         self._ended = True
         self._wake.set()
         self._thread.join(_ENDS_WITHIN)
@@ -76,10 +76,10 @@ class Aside:
 
 
 class Watching:
-    """An observer in a thread of its own: a terminal that nobody reads must not hold up the loop.
+    """An observer in a separate thread: a terminal that nobody reads must not delay the loop.
 
-    It is shown the newest view; what it could not show in time is left out. What it raises comes with the
-    next call.
+    It is shown the newest view; views that it could not show in time are skipped. An exception in it is
+    raised by the next call.
     """
 
     def __init__(self, observer: Callable[[View], None]) -> None:
@@ -100,7 +100,7 @@ class Watching:
         self._wake.set()
 
     def close(self) -> None:
-        """Show the last view, where that takes no longer than two seconds."""
+        """Show the last view, waiting at most two seconds."""
         self._ended = True
         self._wake.set()
         self._thread.join(_ENDS_WITHIN)
@@ -121,5 +121,5 @@ class Watching:
 
 
 def beside(control: Control, clock: Clock) -> Control:
-    """The control in a thread of its own where time is real; in virtual time nobody waits for a disk."""
+    """The control, in a separate thread in real time; in virtual time a slow disk delays nothing."""
     return Aside(control) if math.isfinite(clock.speed) else control

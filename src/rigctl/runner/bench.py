@@ -1,4 +1,4 @@
-"""The bench as a step sees it: what was read last, what can be commanded, what is known by name."""
+"""The bench as steps see it: the newest readings, commands, and values known by name."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rigctl.runner.history import History
 from rigctl.runner.operator import Operator
 from rigctl.runner.recorder import Recorder
 
-#: s of bench time between two looks whether the operator has answered
+#: s of bench time between two checks for the operator's answer
 _ASK_AGAIN = 0.1
 
 
@@ -39,7 +39,7 @@ class Bench:
         self.columns: Mapping[str, int] = {name: index for index, name in enumerate(rig.layout.columns)}
         self.newest: Row | None = None
         self.rate = rig.monitor_rate
-        self.needed_rate = 0.0  #: Hz that the step in progress has to be read with at least
+        self.needed_rate = 0.0  #: lowest sampling rate that the step in progress needs, Hz
         self.record_began = -math.inf  #: s, when the newest record was opened
         self.path = ""  #: of the step in progress
         self.commanded: dict[str, float] = {}
@@ -47,17 +47,17 @@ class Bench:
         self.values: dict[str, float] = {}  #: measures and operators' answers, by name
         self._sent: dict[str, tuple[PendingCommand, float | None]] = {}  # unanswered
         self.doubtful: dict[str, float] = {}  #: commands without an answer, which may have been carried out
-        self.missed: list[str] = []  #: what lay outside its limits while the procedure went on
+        self.missed: list[str] = []  #: measures that were outside their limits while the procedure continued
         self.question: Question | None = None
         self.reachable = True
         self.trouble: RigctlError | None = None  #: the first event that could not be written
         self._types: dict[str, ValueType] = dict(rig.layout.types())
         self._switches: dict[str, float] = {}  # s, when each actuator was last switched, at the latest
         self._known: dict[str, float] = {}  # s, time of the newest receipt of each actuator
-        self.regulated: set[str] = set()  #: what the step in progress commands anew by itself
+        self.regulated: set[str] = set()  #: actuators that the step in progress commands repeatedly itself
         self._loops: set[str] = set()  # what the bench itself commands in a closed loop
         self._changed = -1.0  # s, when a command was last given
-        # the values at which nothing that a directional valve drives can move
+        # the values at which nothing driven by a directional valve can move
         self._resting = {
             name: self.safe_value(name)
             for name, actuator in rig.actuators.items()
@@ -79,13 +79,13 @@ class Bench:
         return self.writer.record >= 0
 
     def event(self, kind: str, message: str, **fields: Any) -> None:
-        """Log something that happened now, at the step in progress; see `log`."""
+        """Log an event at the current time and step; see `log`."""
         self.log(self.now, kind, path=self.path, message=message, **fields)
 
     def log(self, time: float, kind: str, **fields: Any) -> None:
         """Log something. Never raises: making outputs safe must not fail at a full disk.
 
-        The trouble is kept, and ends the run at the next sample.
+        The failure is kept, and ends the run at the next sample.
         """
         try:
             self.writer.event(time, kind, **fields)
@@ -101,7 +101,7 @@ class Bench:
     def watching_rate(self) -> float:
         """How often to read between records, Hz: faster while something may be moving.
 
-        At 10 Hz a rod travels 15 mm between two looks, further than from its limit to its end stop.
+        At 10 Hz a rod travels 15 mm between two samples, further than from its limit to its end stop.
         """
         known = {**self.commanded, **self.doubtful}
         moving = any(known.get(name, rest) != rest for name, rest in self._resting.items())
@@ -109,7 +109,7 @@ class Bench:
         return max(rate, self.needed_rate)
 
     def _keep_watch(self) -> None:
-        """Between records, read as often as what is commanded now calls for."""
+        """Between records, read as often as the present commands require."""
         rate = self.watching_rate
         if not self.recording and rate != self.rate:
             self.start(rate)
@@ -117,7 +117,8 @@ class Bench:
     # --- reading -----------------------------------------------------------------------------------------
 
     def fresh(self) -> Generator[Until, Row | None, Row]:
-        """The newest row, or the next one when a command was given since: what is true of the bench now."""
+        """The newest row, or the next one if a command has been given since: the present state of the
+        bench."""
         if self.newest is not None and self.newest[0] >= self._changed:
             return self.newest
         row: Row | None = None
@@ -126,7 +127,7 @@ class Bench:
         return row
 
     def condition(self, expression: Expression) -> Callable[[Row], object]:
-        """A function of a row for a condition over channels, commands, measures and answers."""
+        """A condition over channels, commands, measures and answers as a function of a row."""
         known = tuple(sorted(expression.names & self.values.keys()))
         names = (*self.rig.layout.columns, *known)
         compiled = expression.compile(self._types, names)
@@ -136,12 +137,12 @@ class Bench:
         return lambda row: compiled((*row, *constants))
 
     def keep(self, name: str, value: float, unit: str, *, difference: bool = False) -> None:
-        """Let later conditions and measures use a value by name."""
+        """Make a value available by name to later conditions and measures."""
         self.values[name] = value
         self._types[name] = type_of_unit(unit, difference=difference)
 
     def record_measure(self, value: MeasuredValue) -> None:
-        """Keep a measured or answered value with the open record, or with the run, and for later steps."""
+        """Keep a measured or answered value for later steps, with the open record or else with the run."""
         self.keep(value.name, value.value, value.unit, difference=value.difference)
         self.writer.measure(replace(value, path=self.path))
 
@@ -160,10 +161,11 @@ class Bench:
     def command(
         self, actuator: str, value: float, duration: float | None = None
     ) -> Generator[Until, Row | None, CommandReceipt]:
-        """Switch an actuator as soon as it may be, for `duration` s if given, and log when that was.
+        """Switch an actuator as soon as that is allowed, for `duration` s if given, and log when that was.
 
-        Until it has rested for its `min_interval`, and while the bench is out of reach, samples, interlocks
-        and endings go on. What a loss of contact means for the run is decided before this goes on.
+        Until it has rested for its `min_interval`, and while the bench cannot be reached, sampling,
+        interlocks and endings continue. What a loss of contact means for the run is decided before this
+        method continues.
         """
         while True:
             ready = self.rested_at(actuator, value)
@@ -178,10 +180,10 @@ class Bench:
             yield Until(when=every_sample)
 
     def send(self, actuator: str, value: float, duration: float | None = None) -> PendingCommand:
-        """Send a command now, for what cannot wait; its answer is taken while samples are.
+        """Send a command now, for steps that cannot wait; its acknowledgement arrives with the samples.
 
-        A bench that cannot time a pulse itself is switched back by `finish_pulse`. A command whose answer
-        has not come, or is another one than expected, may have been carried out: see `unconfirmed`.
+        A bench that cannot time a pulse itself is switched back by `finish_pulse`. A command whose
+        acknowledgement is missing or unexpected may have been carried out: see `unconfirmed`.
 
         Raises
         ------
@@ -197,7 +199,7 @@ class Bench:
             self.event("note", f"{actuator} could not be commanded: {error}")
             raise
         self._sent[actuator] = (sent, duration)
-        self.take_receipts()  # what the bench did before comes first
+        self.take_receipts()  # earlier events of the bench come first
         self.take_answers()
         self._keep_watch()
         return sent
@@ -220,7 +222,7 @@ class Bench:
                 raise sent.trouble
 
     def _carried_out(self, receipt: CommandReceipt, duration: float | None) -> None:
-        """The bench has confirmed a command."""
+        """Handle the bench's confirmation of a command."""
         actuator = receipt.actuator
         self.doubtful.pop(actuator, None)
         self.pulses.pop(actuator, None)
@@ -230,7 +232,7 @@ class Bench:
         self._keep_watch()
 
     def settled(self, actuator: str | None = None) -> Waiting:
-        """Wait until every command is answered, or that to one actuator; a pause waits for it too."""
+        """Wait until every command, or that to one actuator, is acknowledged; a pause waits for it too."""
 
         def answered() -> bool:
             return actuator not in self._sent if actuator is not None else not self._sent
@@ -247,20 +249,21 @@ class Bench:
         return True
 
     def release(self, actuator: str) -> None:
-        """Bring an actuator back to its safe value now; a bench out of reach is made safe when it is back."""
+        """Return an actuator to its safe value now; an unreachable bench is made safe when it is back."""
         if self.reachable and not self.is_at(actuator, self.safe_value(actuator)):
             self.try_switch(actuator, self.safe_value(actuator))
 
     def is_at(self, actuator: str, value: float) -> bool:
-        """Whether the newest command to an actuator was a value, and no answer to it has stayed away."""
+        """Whether the newest command to an actuator was `value` and has not gone unanswered."""
         if actuator in self._sent:
             return self._sent[actuator][0].value == value
         return self.commanded.get(actuator) == value and actuator not in self.doubtful
 
     def rested_at(self, actuator: str, value: float) -> float:
-        """When an actuator that needs rest between two switches may be switched to `value`, s.
+        """Earliest time at which an actuator with a minimum rest between switches may be switched to `value`,
+        s.
 
-        It may always go back to its safe value.
+        It may return to its safe value at any time.
         """
         rest = self.rig.actuators[actuator].min_interval
         if rest <= 0.0 or value in (self.safe_value(actuator), self.commanded.get(actuator)):
@@ -268,7 +271,7 @@ class Bench:
         return self._switches.get(actuator, -math.inf) + rest
 
     def finish_pulse(self, actuator: str) -> Waiting:
-        """Wait until a timed command is over; ends it from here where the bench cannot."""
+        """Wait until a timed command is over; the host ends it if the bench cannot."""
         pulse = self.pulses.get(actuator)
         if pulse is None:
             return
@@ -288,7 +291,7 @@ class Bench:
             yield Until(give_up, lambda _: actuator not in self.pulses)
 
     def cannot_regulate(self, loop: LoopSettings) -> str:
-        """Why the bench itself cannot carry out a closed loop; empty where it can."""
+        """Why the bench itself cannot carry out a closed loop; empty if it can."""
         if not isinstance(self.backend, Regulator):
             return (
                 f"a bench of the kind '{self.backend.identity.get('kind', '')}' has no controller of its own"
@@ -296,20 +299,21 @@ class Bench:
         return self.backend.cannot_regulate(loop)
 
     def regulate(self, loop: LoopSettings) -> Waiting:
-        """Let the bench itself begin a closed loop, and wait until it says that it has."""
+        """Let the bench itself start a closed loop, and wait for its confirmation."""
         yield from self.settled(loop.actuator)
         self.doubtful[loop.actuator] = loop.high  # until it is answered, however the call ends
         self._loops.add(loop.actuator)
         yield from self._asked(loop.actuator, lambda bench: bench.regulate(loop))
 
     def loop_state(self, ahead: float | None = None) -> LoopState:
-        """What is known of the loop that the bench carries out; `ahead` is its feed-forward from now on."""
+        """The state of the loop that the bench carries out; `ahead` is its feed-forward from now on."""
         return (
             self.backend.loop_state(ahead) if isinstance(self.backend, Regulator) else LoopState(False, None)
         )
 
     def stop_regulating(self, actuator: str) -> Waiting:
-        """End such a loop, its output as it is, and wait until the bench has said so and how it ran."""
+        """End such a loop, leaving its output unchanged, and wait for the bench's confirmation and its
+        timing."""
         yield from self.settled(actuator)
         self.doubtful[actuator] = self.commanded.get(actuator, self.safe_value(actuator))  # until answered
         yield from self._asked(actuator, lambda bench: bench.stop_regulating(actuator))
@@ -317,7 +321,7 @@ class Bench:
             self._loops.discard(actuator)
 
     def _asked(self, actuator: str, ask: Callable[[Regulator], PendingCommand]) -> Waiting:
-        """Ask the bench's own controller, and wait for its answer; a loss of contact is logged."""
+        """Send a request to the bench's controller and wait for the answer; a loss of contact is logged."""
         if not isinstance(self.backend, Regulator):
             raise RuntimeError("a bench without a controller was asked for a loop")
         try:
@@ -328,21 +332,21 @@ class Bench:
         yield from self.settled(actuator)
 
     def take_receipts(self) -> None:
-        """Log the switches that the bench made by itself."""
+        """Log the switches that the bench made on its own."""
         for receipt in self.backend.take_receipts():
             self.pulses.pop(receipt.actuator, None)
             self._switched(receipt)
             self._keep_watch()
 
     def make_safe(self, reason: str) -> None:
-        """Bring every driven output to the safe state; never raises, `reachable` says whether it worked.
+        """Bring every driven output to the safe state; never raises: `reachable` shows whether it worked.
 
-        What did not arrive is not logged as given.
+        Commands that did not arrive are not logged as given.
         """
         self.pulses.clear()
         try:
             self.backend.safe()
-        except Exception as error:  # noqa: BLE001 - whatever it is, an ending goes on
+        except Exception as error:  # noqa: BLE001 - whatever it is, an ending continues
             if self.reachable:
                 self.event("fault", f"outputs could not be made safe from here: {error}")
             self.reachable = False
@@ -366,9 +370,9 @@ class Bench:
 
     @property
     def unconfirmed(self) -> str | None:
-        """What may be other than safe now, e.g. ``heater_1 60 %``; None when all is confirmed to be safe.
+        """The outputs that may not be safe now, e.g. ``heater_1 60 %``; None if all are confirmed to be safe.
 
-        What was safe when the bench was last heard of stays so, as nothing has been commanded since, unless
+        An output that was safe at the last contact is still safe, as nothing has been commanded since, unless
         the bench itself commands it in a closed loop.
         """
         if self.reachable:
@@ -398,7 +402,7 @@ class Bench:
                 self.send(actuator, value)
 
     def _switched(self, receipt: CommandReceipt, message: str = "") -> None:
-        """Log a switch; one that is older than what is known changes nothing any more."""
+        """Log a switch; one older than the known state does not change it."""
         name, latest = receipt.actuator, receipt.time + receipt.uncertainty
         if latest >= self._known.get(name, -math.inf):
             if self.commanded.get(name) != receipt.value:
@@ -420,7 +424,7 @@ class Bench:
     # --- asking ------------------------------------------------------------------------------------------
 
     def ask(self, question: Question) -> Generator[Until, Row | None, Answer]:
-        """Ask the operator and wait for the answer, with samples and interlocks going on."""
+        """Ask the operator and wait for the answer; sampling and interlocks continue meanwhile."""
         self.request(question)
         try:
             while True:
@@ -433,14 +437,14 @@ class Bench:
             self.withdraw()
 
     def request(self, question: Question) -> None:
-        """Show the operator what is wanted, without waiting."""
+        """Show the operator a request, without waiting."""
         self.question = question
         self.event("operator", question.text, by="rigctl")
         if question.notice:
             self.operator.ask(question)
 
     def withdraw(self) -> None:
-        """What was asked for is not needed any more."""
+        """Withdraw a request that is no longer needed."""
         if self.question is not None:
             self.operator.withdraw(self.question)
         self.question = None

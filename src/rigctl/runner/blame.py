@@ -1,4 +1,4 @@
-"""Whatever goes wrong inside a step, as the ending it is."""
+"""The ending that an error inside a step leads to."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rigctl.runner.bench import Bench
 
 
 def ending_for(error: Exception, bench: Bench) -> Ending:
-    """The ending that stands for an error; one that is none of the user's doing is logged with its trace."""
+    """The ending for an error; an error of rigctl itself is logged with its traceback."""
     if isinstance(error, Ending):
         return error
     if isinstance(error, BackendLost):

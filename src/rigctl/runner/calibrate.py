@@ -1,4 +1,4 @@
-"""Takes the points of a calibration: the operator says what the reference is, the bench is read."""
+"""Takes the points of a calibration: the operator types the reference value, the bench is read."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rigctl.runner.access import Access
 from rigctl.runner.manual import Reading, watch
 from rigctl.runner.operator import Operator, read_answer
 
-#: what the operator may answer instead of a value, to leave the last point out
+#: what the operator may type instead of a value, to discard the last point
 UNDO = "undo"
 _AT_END = 0.5  # steps of the converter from its end
 
@@ -44,7 +44,7 @@ class _Series:
         )
 
     def answer(self, text: str) -> None:
-        """Take what the operator typed."""
+        """Handle what the operator typed."""
         written = text.strip()
         if not written:
             self.ended = True
@@ -93,9 +93,9 @@ def take_points(
     rate: float,
     tell: Callable[[str], None],
 ) -> list[Point]:
-    """Ask for reference values until the operator has no more, and take `readings` samples at each.
+    """Ask for reference values until the operator ends the series, and take `readings` samples at each.
 
-    The bench is read all the time, under its interlocks, with outputs safe.
+    The bench is read all the time, with its interlocks active and outputs safe.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def take_points(
                 continue
             try:
                 answer = operator.ask(question)
-            except RigctlError:  # nobody will answer any more
+            except RigctlError:  # no further answer can come
                 return series.points
             if answer is not None:
                 series.answer(answer.text)
@@ -142,7 +142,7 @@ def points_of_run(run: Run, rig: Rig, name: str, against: str) -> list[Point]:
     Raises
     ------
     RigctlError
-        no record holds such a value, the run has no such channel, or the converter is another one now.
+        no record holds such a value, the run has no such channel, or the converter has changed.
     """
     if not run.header.rig.text:
         raise RigctlError("this run has no rig file with it, so its raw values are not known", value=run.id)

@@ -41,7 +41,7 @@ class Console:
         self, name: str, write: Callable[[str], None] | None = _to_stderr, keys: Keys | None = None
     ) -> None:
         self.name = name
-        self.typed = ""  #: of the answer, so far; or why the last one was refused
+        self.typed = ""  #: the answer typed so far, or why the last one was refused
         self._write = write or (lambda _: None)
         self._keys = keys or open_keys()
         self._question: Question | None = None
@@ -63,11 +63,11 @@ class Console:
         return orders
 
     def acknowledge(self, order: Order, message: str) -> None:
-        """Show what has become of a key."""
+        """Show the result of a key."""
         self._write(f"{message}\n")
 
     def publish(self, view: View) -> None:
-        """The display does that."""
+        """Nothing to do: the display shows the state."""
 
     def close(self) -> None:
         """Give the terminal back."""
@@ -107,7 +107,7 @@ class Console:
         return None
 
     def withdraw(self, question: Question) -> None:
-        """Forget a question that is not open any more."""
+        """Forget a question that is no longer open."""
         if question is self._question:
             self._question = None
             if self._keys.interactive:

@@ -1,6 +1,6 @@
-"""A run in progress and another terminal: requests in `control.jsonl`, a heartbeat in `state.json`.
+"""Control of a run from another terminal: requests in `control.jsonl`, a heartbeat in `state.json`.
 
-Both lie in the run's folder. The one who asks appends a line and waits until the heartbeat names it.
+Both files are in the run's folder. A client appends a line and waits until the heartbeat acknowledges it.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ if TYPE_CHECKING:
     from rigctl.runner.view import View
 
 CONTROL_NAME = "control.jsonl"
-#: s of wall time between two looks at the file
+#: s of wall time between two checks of the file
 _POLL = 0.2
 #: s of wall time between two heartbeats
 _BEAT = 1.0
-#: longest line that is taken seriously
+#: longest line that is accepted
 LONGEST_LINE = 4096
 
 
 class ControlFile:
-    """The run's side: reads requests, writes the heartbeat. Trouble with either never disturbs the run."""
+    """The run's side: reads requests, writes the heartbeat. A failure of either never disturbs the run."""
 
     def __init__(self, folder: Path) -> None:
         self._control = folder / CONTROL_NAME
@@ -46,7 +46,7 @@ class ControlFile:
         self._view: View | None = None
 
     def poll(self) -> Sequence[Order]:
-        """Requests since the last look."""
+        """Requests since the last call."""
         now = time.monotonic()
         if now < self._next_poll:
             return ()
@@ -63,7 +63,7 @@ class ControlFile:
         return ()
 
     def acknowledge(self, order: Order, message: str) -> None:
-        """Tell the one who asked, at once."""
+        """Acknowledge a request at once."""
         if order.id:
             self._acknowledged.append({"id": order.id, "message": message})
             self._beat()
@@ -99,7 +99,7 @@ class ControlFile:
 
 
 def summary(view: View) -> dict[str, Any]:
-    """What the heartbeat says of a run, as plain data."""
+    """The content of the heartbeat, as plain data."""
     return {
         "run": view.run,
         "state": view.state,
@@ -121,12 +121,12 @@ def summary(view: View) -> dict[str, Any]:
 
 
 def send(folder: Path, request: Request, *, timeout: float = 10.0, at: str = "another terminal") -> str:
-    """Ask something of the run in `folder` and wait until it says what has become of it.
+    """Send a request to the run in `folder` and wait for its answer.
 
     Parameters
     ----------
     timeout: s of wall time.
-    at: where it is asked, for the run's events.
+    at: origin of the request, for the run's events.
 
     Returns
     -------
@@ -152,7 +152,7 @@ def send(folder: Path, request: Request, *, timeout: float = 10.0, at: str = "an
 
 
 def write_line(folder: Path, line: Mapping[str, str], called: str) -> None:
-    """Add a line to what a run reads; `called` names it where that fails.
+    """Add a line to the file that a run reads; `called` names it in an error.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def _await_answer(folder: Path, order_id: str, timeout: float) -> str:
 
 
 def _read_order(line: bytes) -> Order | None:
-    """A request, or None for a line that is none: the file is open to everybody who may write the folder."""
+    """A request, or None for any other line: everybody with write access to the folder can add lines."""
     try:
         fields = json.loads(line[:LONGEST_LINE])
         return Order(
@@ -200,7 +200,7 @@ def _read_order(line: bytes) -> Order | None:
 
 
 def sender(at: str) -> str:
-    """Who asks, for the run's events."""
+    """The user making the request, for the run's events."""
     try:
         user = getpass.getuser()
     except (OSError, KeyError, ImportError):  # a user without a name, as in a container

@@ -1,4 +1,5 @@
-"""The loop: lets time pass, looks at requests, and wakes the step in progress when what it waits for came."""
+"""The main loop: lets time pass, handles requests, and wakes the step in progress when its condition is
+met."""
 
 from __future__ import annotations
 
@@ -16,8 +17,8 @@ from rigctl.runner.signals import Signals
 from rigctl.runner.states import Lifecycle, RunState
 from rigctl.runner.walk import CLEANUP_STEP_LIMIT, Restart, Walker
 
-_SIGNAL = 0.02  # s of wall time that a signal may have to wait where no sample comes meanwhile
-#: s from which two times of a sampling grid are different
+_SIGNAL = 0.02  # longest wait of a signal without a sample, s of wall time
+#: s above which two times on a sampling grid are different
 _SLACK = 1e-9
 
 
@@ -26,13 +27,13 @@ class Quit(Exception):
 
 
 class Driver:
-    """Owns time and requests while a run goes on.
+    """Owns time and requests during a run.
 
     Parameters
     ----------
-    secure: brings outputs to the safe state because of an ending, once for each.
-    tick: called ten times a second of wall time, for whoever watches the run.
-    response: s of wall time between two looks at requests.
+    secure: brings outputs to the safe state because of an ending, once for each ending.
+    tick: called ten times a second of wall time, for observers of the run.
+    response: s of wall time between two checks for requests.
     """
 
     def __init__(
@@ -63,14 +64,14 @@ class Driver:
         self._walker: Walker | None = None
 
     def drive(self, steps: Generator[Until, Row | None, None], walker: Walker) -> None:
-        """Carry the generator through to its end.
+        """Run the generator to its end.
 
         Raises
         ------
         Ending
             what ended it early, after its own cleanup blocks.
         Quit
-            somebody did not want to wait for those.
+            somebody chose not to wait for those.
         """
         self._walker = walker
         try:
@@ -92,7 +93,7 @@ class Driver:
             return
 
     def wait(self, until: Until) -> Row | None:
-        """Let time pass until what a step waits for has come: the row that brought it, or None."""
+        """Let time pass until a step's condition is met; returns the row that met it, or None."""
         sampling, when, done, now = self._sampling, until.when, until.done, self._clock.now
         limit = self._walker.limit if self._walker is not None else math.inf
         deadline = min(until.time, limit)
@@ -101,9 +102,9 @@ class Driver:
             self._look(until)
             time = now()
             patience = sampling.newest + silence - time
-            if patience <= 0.0:  # the alarm for that has been sounded, and time has to go on
+            if patience <= 0.0:  # that alarm has been raised, and time has to continue
                 patience = silence
-            if sampling.awaiting:  # no step goes on meanwhile, whatever it waits for
+            if sampling.awaiting:  # no step continues meanwhile, whatever it waits for
                 sampling.next_row(min(self._slice, patience))
                 continue
             row = sampling.next_row(min(max(deadline - time, 0.0), self._slice, patience))
@@ -113,7 +114,7 @@ class Driver:
                 if when is not None and when(row):
                     return row
                 continue
-            sampling.check_silence()  # at every wait's end as well: many short ones must not hide a silence
+            sampling.check_silence()  # after every wait: many short ones must not hide a silence
             if sampling.awaiting or now() < deadline - _SLACK:
                 continue
             if limit < until.time:
@@ -122,13 +123,13 @@ class Driver:
             return None
 
     def watch(self, duration: float) -> list[Row]:
-        """The samples of the next `duration` s, taken as always, while no step is in progress."""
+        """Take samples as usual for `duration` s while no step is in progress."""
         rows: list[Row] = []
         self.wait(Until(self._clock.now() + duration, when=rows.append))
         return rows
 
     def _look(self, until: Until) -> None:
-        """Signals at once; keys and other terminals, and whoever watches, every tenth of a second."""
+        """Handle signals at once; keys, other terminals and observers every tenth of a second."""
         if self._signals.count > self._signals_seen:
             self._signalled()
         wall = perf_counter()
@@ -155,7 +156,7 @@ class Driver:
         raise ending
 
     def _obey(self, control: Control, order: Order) -> None:
-        """Carry out a request, or say why not."""
+        """Carry out a request, or report why not."""
         self._bench.event("operator", f"{order.request.value} asked for by {order.source}")
         state = self._lifecycle.state
         if state is RunState.FINISHING:
@@ -181,12 +182,12 @@ class Driver:
         if self._bench.recording:
             text = "pausing at the end of the record"
             control.acknowledge(order, text)
-            self._sampling.note(self._clock.now(), "note", text)  # for whoever looks at a display
+            self._sampling.note(self._clock.now(), "note", text)  # for observers
 
     def _stand_still(self, pause: tuple[Control, Order], until: Until) -> None:
-        """Outputs safe, samples and interlocks go on, until somebody lets the run go on.
+        """Make outputs safe and wait until the run is resumed; sampling and interlocks continue.
 
-        A record and a timed move are carried through first: half of one is worthless.
+        A record or a timed move is completed first: half of one is worthless.
         """
         if self._bench.recording or until.on_pause is OnPause.DEFER:
             return
@@ -195,7 +196,7 @@ class Driver:
         control, order = pause
         safe = "outputs are safe" if self._bench.reachable else "but the outputs could not be made safe"
         control.acknowledge(order, f"paused, {safe}")
-        still = math.isinf(self._clock.speed)  # virtual time does not run away while a person thinks
+        still = math.isinf(self._clock.speed)  # virtual time must not run on while a person thinks
         baseline = self._walker.baseline if self._walker is not None else {}
         while True:
             rested_in = self._bench.restorable_at(baseline) - self._clock.now()

@@ -1,4 +1,4 @@
-"""The samples that the measures of a plan will ask for, kept in memory; only the channels they name."""
+"""The samples that the measures of a plan need, kept in memory; only of the channels that they name."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from rigctl.plan.behaviour import Row
 from rigctl.plan.statistics import DURATION, Statistic, Stretch
 from rigctl.steps.measure import Measure
 
-#: old samples are dropped when so many more than needed have gathered
+#: old samples are dropped when this many more than needed have accumulated
 _SPARE = 20_000
 
 
 class History:
     """Recent samples of some signals.
 
-    Inside a record all of its samples are kept, between records those of the longest `window` asked for.
+    Inside a record all of its samples are kept, between records those of the longest `window`.
 
     Parameters
     ----------
-    signals: column of each signal that a measure names.
+    signals: index of the column of each signal that a measure names.
     window: s, the longest window of any measure.
     """
 
@@ -46,7 +46,7 @@ class History:
             self._forget(row[0] - self._window)
 
     def begin_record(self, time: float) -> None:
-        """A record begins: what was before is needed no more, except for windows that reach back."""
+        """A record begins: earlier samples are no longer needed, except for windows that reach back."""
         self._forget(time - self._window)
         self._record_start = self._phase_start = time
 
@@ -55,7 +55,7 @@ class History:
         self._record_start = None
 
     def begin_phase(self, time: float) -> None:
-        """A command has changed."""
+        """Note that a command has changed."""
         self._phase_start = time
 
     def statistics(
@@ -84,7 +84,7 @@ class History:
 
 
 def history_for(plan: Plan, columns: Mapping[str, int]) -> History:
-    """A history that keeps what the plan's measures name, and nothing else."""
+    """A history that keeps only what the plan's measures name."""
     signals: dict[str, int] = {}
     window = 0.0
     for measure in _measures(plan):

@@ -1,7 +1,7 @@
-"""Interlocks: limits, impossible values and silence, looked at on every sample; no input or output here.
+"""Interlocks: limits, impossible values and silence, checked on every sample; no input or output here.
 
-The rig file's limits become small watches. A row that lies inside every band passes in about a microsecond,
-which is what makes it possible to look at every sample.
+The rig file's limits become small watches. A row inside every band takes about a microsecond, which makes it
+possible to check every sample.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from rigctl.units import show
 #: a latched alarm can be raised again only after this many seconds without its cause
 REARM = 10.0
 
-#: how many samples the noise of a channel is judged by, and how many times what is expected is too much
+#: number of samples from which the noise of a channel is judged, and the ratio to the expected noise that is
+#: too large
 _NOISE_SAMPLES = 32
 _NOISE_MASK = (1 << _NOISE_SAMPLES) - 1
 _NOISE_FACTOR = 20.0
@@ -49,7 +50,7 @@ class Watch:
     column: index of the channel in a row.
     low, high: the band, SI, both ends included; of the rate per second when `window` is given.
     window: s over which a rate of change is taken; None for the value itself.
-    missing: True when no value at all (NaN) is outside too.
+    missing: whether a missing value (NaN) counts as outside.
     describe: the message for a value outside.
     """
 
@@ -69,18 +70,18 @@ class Watch:
     _past: deque[tuple[float, float]] = field(default_factory=deque)
 
     def outside(self, value: float) -> bool:
-        """True when `value` alone would trip it."""
+        """True if `value` alone would trip it."""
         if self.low <= value <= self.high:
             return False
         return self.missing or not math.isnan(value)
 
     @property
     def calm(self) -> bool:
-        """True when nothing is pending: an inside value needs no attention."""
+        """True if nothing is pending: a value inside the band needs no further check."""
         return self.outside_since is None and self.raised is None
 
     def update(self, time: float, value: float) -> Alarm | None:
-        """Take the next sample; an alarm when one is raised by it, or cleared."""
+        """Take the next sample; returns an alarm if the sample raises or clears one."""
         if self.window is not None:
             value = self._rate(time, value)
         if math.isnan(value) and not self.missing:
@@ -128,8 +129,8 @@ class Watch:
 class Disturbance:
     """Warns when a channel is far noisier than the rig file says: a loose contact, a failing sensor.
 
-    What is looked at is the second difference of the readings, which smooth motion leaves small: when more
-    than half of the last `_NOISE_SAMPLES` are above the threshold, it is no motion.
+    It examines the second difference of the readings, which is small for smooth motion: if more than half of
+    the last `_NOISE_SAMPLES` are above the threshold, motion is not the cause.
     """
 
     channel: str
@@ -186,7 +187,7 @@ class Interlocks:
         return noisy + alarms
 
     def check_arming(self, rows: Sequence[Sequence[float]]) -> list[Alarm]:
-        """What forbids arming: limits that stop and are exceeded in every one of `rows`, however briefly."""
+        """The alarms that forbid arming: limits with action stop that are exceeded in every one of `rows`."""
         alarms = []
         for watch in self._values:
             if watch.action == "stop" and rows and all(watch.outside(row[watch.column]) for row in rows):
@@ -196,7 +197,7 @@ class Interlocks:
         return alarms
 
     def check_silence(self, now: float, newest: float, period: float) -> Alarm | None:
-        """An alarm when the newest sample is too old; once for each silence.
+        """An alarm if the newest sample is too old; once for each silence.
 
         Parameters
         ----------
@@ -212,7 +213,7 @@ class Interlocks:
         return Alarm(now, "stale", "", "stop", message, now - newest)
 
     def silence_limit(self, period: float) -> float:
-        """How long samples may stay away, in s."""
+        """Longest allowed time without a sample, s."""
         return max(self._stale_after, 3.0 * period)
 
     @staticmethod
@@ -223,7 +224,7 @@ class Interlocks:
 
 
 def _narrowest(watches: Iterable[Watch]) -> tuple[tuple[int, float, float], ...]:
-    """For every column the band inside which none of its watches has anything to say."""
+    """For every column the band inside which none of its watches trips."""
     bands: dict[int, tuple[float, float]] = {}
     for watch in watches:
         low, high = bands.get(watch.column, (-math.inf, math.inf))
@@ -232,7 +233,7 @@ def _narrowest(watches: Iterable[Watch]) -> tuple[tuple[int, float, float], ...]
 
 
 def _of_ranges(rig: Rig, columns: Mapping[str, int]) -> list[Watch]:
-    """One watch per channel: outside what is physically possible, or missing, the sensor is broken."""
+    """One watch per channel: if the value is physically impossible, or missing, the sensor is broken."""
     watches = []
     for name, channel in rig.channels.items():
         low, high = channel.range or (-math.inf, math.inf)

@@ -1,4 +1,4 @@
-"""Single keys from a terminal without waiting for them; whole lines where there is no terminal."""
+"""Single keys from a terminal without blocking; whole lines if there is no terminal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Keys(Protocol):
     """Characters as they are typed."""
 
     interactive: bool
-    ended: bool  #: nothing more can be typed
+    ended: bool  #: whether no further input can come
 
     def read(self) -> str:
         """What was typed since the last call; returns at once."""
@@ -27,7 +27,7 @@ class Keys(Protocol):
 
 
 def open_keys(stream: TextIO | None = None) -> Keys:
-    """The keys of a terminal, or the lines of a stream that is none."""
+    """The keys of a terminal, or the lines of another stream."""
     source = stream or sys.stdin
     try:
         terminal = source is not None and source.isatty()
@@ -51,7 +51,7 @@ def _in_foreground(descriptor: int) -> bool:
 
 
 class _PosixKeys:
-    """A terminal that hands over every key at once and does not show it."""
+    """A terminal that delivers every key at once, without echo."""
 
     interactive = True
     ended = False
@@ -100,7 +100,7 @@ class _WindowsKeys:
         typed = ""
         while self._waiting():
             key = self._key()
-            if key in ("\x00", "\xe0"):  # a function key: its code follows and means nothing here
+            if key in ("\x00", "\xe0"):  # a function key: the code that follows has no meaning here
                 self._key()
             else:
                 typed += "\n" if key == "\r" else key

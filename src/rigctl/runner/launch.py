@@ -1,4 +1,4 @@
-"""From a plan to a run: bench opened, folder made, lock taken; everything given back, however it ends."""
+"""From a plan to a run: opens the bench, makes the folder, takes the lock; releases everything at the end."""
 
 from __future__ import annotations
 
@@ -32,25 +32,25 @@ from rigctl.runner.resume import Resume
 from rigctl.runner.rig_lock import RigLock
 from rigctl.runner.session import Observer, RunResult, run
 
-#: options of a backend that a run is resumed with: what the bench was, and where it is, not what broke
+#: backend options with which a run is resumed: which bench, and where it is, but not the simulated faults
 REMEMBERED = ("port", "baud", "plant", "effects", "noise", "quantised", "seed")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Launch(Access):
-    """What a run needs besides its plan, and a way to its bench.
+    """What a run needs besides its plan and the access to its bench.
 
     Parameters
     ----------
     operator: who answers.
     person: who is in charge, for ``run.json``.
     device: what is known of the device under test, by name.
-    arguments: of the procedure, as they were given.
+    arguments: of the procedure, as given.
     seed: of everything random, on a simulated bench.
-    controls: where requests come from.
-    observer: who looks on.
+    controls: sources of requests.
+    observer: is shown the state of the run.
     dry: arm and read, move nothing.
-    response: s of wall time between two looks at requests.
+    response: s of wall time between two checks for requests.
     """
 
     operator: Operator
@@ -65,7 +65,7 @@ class Launch(Access):
 
 
 def operated(access: Access, operator: Operator, control: Control) -> Launch:
-    """A bench that a person moves by hand, who may end it."""
+    """The settings for moving a bench by hand; the person may end it."""
     given = {each.name: getattr(access, each.name) for each in fields(access)}
     return Launch(**given, operator=operator, controls=(control,))
 
@@ -76,8 +76,8 @@ def launch(plan: Plan, how: Launch) -> RunResult:
     Raises
     ------
     RigctlError
-        the procedure demands what nobody has said, the bench cannot be reached or is in use, cannot be read
-        as often as a record asks for, or the run's folder cannot be made; nothing has moved.
+        something that the procedure requires was not given, the bench cannot be reached or is in use, cannot
+        be read as fast as a record requires, or the run's folder cannot be made; nothing has moved.
     """
     _require_identity(plan, how)
     if (how.backend or plan.rig.backend.kind) in ("serial", "modbus", "visa", "opcua", "emulated"):
@@ -89,7 +89,7 @@ def launch(plan: Plan, how: Launch) -> RunResult:
 
 
 def stored(result: RunResult) -> RunResult:
-    """Send a run that has ended to the project's storage, if it has one; the bench is free meanwhile."""
+    """Send a run that has ended to the project's storage, if it has one; the bench is already free."""
     if result.folder is not None:
         upload_if_wanted(result.folder)
     return result
@@ -103,7 +103,7 @@ def carry_out(
     how: Launch,
     resume_from: Resume | None = None,
 ) -> RunResult:
-    """Run a plan on an open bench, with a writer that has its folder."""
+    """Run a plan on an open bench, with a writer for its folder."""
     controls = list(how.controls)
     if lock is not None:
         lock.take_for(writer.folder)
@@ -123,7 +123,7 @@ def carry_out(
 
 
 def _require_identity(plan: Plan, how: Launch) -> None:
-    """Refuse to begin on a bench without what the procedure demands to know of the device and the person."""
+    """Refuse to start on a bench without the facts that the procedure requires about device and person."""
     _, missing = settled(plan.procedure.identity, _said(how))
     if missing and (how.backend or plan.rig.backend.kind) not in ("simulated", "replay"):
         named = " and the ".join(name.replace("_", " ") for name in missing)
@@ -131,7 +131,7 @@ def _require_identity(plan: Plan, how: Launch) -> None:
 
 
 def _said(how: Launch) -> dict[str, str | None]:
-    """What is known of device and person; nothing for what nobody said."""
+    """What was given about device and person."""
     for name in how.device:
         if name not in NAMES:
             raise unknown_name("fact of the device under test", name, NAMES)
@@ -139,7 +139,7 @@ def _said(how: Launch) -> dict[str, str | None]:
 
 
 def header_of(plan: Plan, backend: Backend, how: Launch) -> RunHeader:
-    """What is known of the run when it begins."""
+    """What is known about the run at its start."""
     procedure = plan.procedure
     started = datetime.now(UTC)
     known, _ = settled(procedure.identity, _said(how))
@@ -163,10 +163,10 @@ def header_of(plan: Plan, backend: Backend, how: Launch) -> RunHeader:
 
 
 def _plain(option: object) -> object:
-    """An option as JSON has it."""
+    """An option in a form for JSON."""
     return list(option) if isinstance(option, tuple) else option
 
 
 def _absolute(path: Path | None) -> str:
-    """As text, so that a run can go on from another folder."""
+    """The absolute path as text, so that a run can be resumed from another folder."""
     return str(path.absolute()) if path is not None else ""

@@ -1,4 +1,4 @@
-"""The bench by hand: one actuator moved, the channels watched. Nothing is recorded."""
+"""Manual operation: one actuator is moved, the channels are watched. Nothing is recorded."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rigctl.runner.recorder import Unrecorded
 from rigctl.runner.session import RunResult, run
 from rigctl.runner.signals import Signals
 
-#: s of wall time that Ctrl-C may have to wait
+#: longest response time to Ctrl-C, s of wall time
 _RESPONSE = 0.1
 
 #: line and column at the start of a reason
@@ -32,7 +32,7 @@ OnEvent = Callable[[float, str, Mapping[str, Any]], None]
 
 @dataclass(frozen=True)
 class Reading:
-    """One sample of a bench that is only watched, and the alarms that it raised or cleared."""
+    """One sample of a bench that is only monitored, and the alarms that it raised or cleared."""
 
     sample: Sample
     alarms: Sequence[Alarm]
@@ -43,7 +43,7 @@ def jog(
 ) -> RunResult:
     """Command one actuator, for a time or until the operator ends it; every output is safe afterwards.
 
-    Interlocks count as in a run: a limit that is exceeded already refuses, one that trips ends it.
+    Interlocks act as in a run: a limit that is already exceeded prevents it, one that trips ends it.
 
     Raises
     ------
@@ -61,14 +61,14 @@ def jog(
             controls=controls,
             observer=how.observer,
         )
-    # a place in the procedure that was made up here helps nobody
+    # a location in a procedure that was generated here helps nobody
     return replace(result, reason=_PLACE.sub("", result.reason)) if result.reason else result
 
 
 def needs_person(rig: Rig, actuator: str, duration: str | None, how: Access) -> bool:
     """Whether somebody has to answer during a jog: to end it, or because the actuator is turned by hand.
 
-    The operator of a bench that is no real one is simulated along with it.
+    The operator of a bench that is not real is simulated too.
     """
     known = rig.actuators.get(actuator)
     if known is None:
@@ -79,7 +79,7 @@ def needs_person(rig: Rig, actuator: str, duration: str | None, how: Access) -> 
 
 
 def watch(rig: Rig, how: Access, rate: float) -> Generator[Reading, None, None]:
-    """Samples of a bench at rest, until the caller has enough or somebody interrupts.
+    """Samples of a bench at rest, until the caller stops or somebody interrupts.
 
     Raises
     ------

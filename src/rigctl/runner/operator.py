@@ -1,4 +1,5 @@
-"""Who answers when a procedure asks: the person at the terminal, a simulated one, or a script."""
+"""The operator, who answers the questions of a procedure: a person at a terminal, a simulation, or a
+script."""
 
 from __future__ import annotations
 
@@ -11,22 +12,22 @@ from rigctl.units import describe, parse_unit, read_si, show
 
 
 class Operator(Protocol):
-    """Somebody who can be asked without the runner having to stop looking at the bench."""
+    """An operator who can be asked while the runner continues to monitor the bench."""
 
     name: str
-    typed: str  #: of the answer, so far: shown behind the question
+    typed: str  #: the answer typed so far, shown behind the question
 
     def ask(self, question: Question) -> Answer | None:
-        """Begin to ask, or go on asking: None as long as there is no answer."""
+        """Ask, or continue asking; None as long as there is no answer."""
         ...
 
     def withdraw(self, question: Question) -> None:
-        """The answer is not needed any more."""
+        """Withdraw a question whose answer is no longer needed."""
         ...
 
 
 def read_answer(question: Question, text: str) -> Answer:
-    """What was typed as an answer; a number without unit is taken in the question's.
+    """The answer that was typed; a number without a unit is read in the unit of the question.
 
     Raises
     ------
@@ -52,9 +53,9 @@ def read_answer(question: Question, text: str) -> Answer:
 
 
 class AutomaticOperator:
-    """The operator of a simulated bench: does what is asked, at once.
+    """The operator of a simulated bench: answers at once.
 
-    A value is the one the procedure names for simulations, or else the middle of the allowed range.
+    A value is the one given in the procedure for simulations, or else the middle of the allowed range.
     """
 
     name = "simulated"

@@ -1,4 +1,4 @@
-"""How far a run is, by what its steps are expected to take."""
+"""The progress of a run, from the expected durations of its steps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigctl.runner.resume import record_paths
 
 
 class Progress:
-    """Share of the expected duration that is done.
+    """Completed share of the expected duration.
 
     Parameters
     ----------
@@ -31,11 +31,11 @@ class Progress:
         self.records_total = records_total
 
     def begin(self, planned: str, label: str, time: float) -> None:
-        """A step begins; `planned` is its path in the plan, without the rounds of its loops."""
+        """Note the start of a step; `planned` is its path in the plan, without the rounds of its loops."""
         self._current, self.label, self._since = planned, label, time
 
     def end(self, time: float) -> None:
-        """The step is over."""
+        """Note the end of the step."""
         left = self._left.get(self._current, 0)
         if left > 0:
             self._left[self._current] = left - 1
@@ -43,14 +43,14 @@ class Progress:
         self._current, self._since = "", time
 
     def skip(self, node: Node) -> None:
-        """The steps below a node were done in an earlier session."""
+        """Note that the steps below a node were done in an earlier session."""
         for below in walk(node):
             if isinstance(below, Leaf) and self._left.get(below.path, 0) > 0:
                 self._left[below.path] -= 1
                 self._total -= self._expected.get(below.path, 0.0)
 
     def left(self, time: float) -> float | None:
-        """Expected s until the end; None when nothing is known."""
+        """Expected time until the end, s; None if unknown."""
         if self._total <= 0.0:
             return None
         return max(self._total - self._done - self._of_current(time), 0.0)

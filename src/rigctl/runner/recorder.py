@@ -1,4 +1,4 @@
-"""Where a run's samples and events go: a `RunWriter`, or nowhere."""
+"""The destination of a run's samples and events: a `RunWriter`, or none."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigctl.plan.measured import MeasuredValue
 
 
 class Recorder(Protocol):
-    """What the runner asks of a `rigctl.dataset.RunWriter`."""
+    """What the runner requires of a `rigctl.dataset.RunWriter`."""
 
     @property
     def id(self) -> str:
@@ -19,7 +19,7 @@ class Recorder(Protocol):
 
     @property
     def folder(self) -> Path | None:
-        """The run's folder; None where nothing is kept."""
+        """The run's folder; None if nothing is kept."""
         ...
 
     @property
@@ -32,7 +32,7 @@ class Recorder(Protocol):
         ...
 
     def event(self, time: float, kind: str, **fields: Any) -> None:
-        """Keep something that happened."""
+        """Keep an event."""
         ...
 
     def open_record(
@@ -50,7 +50,7 @@ class Recorder(Protocol):
         ...
 
     def warnings(self) -> Sequence[str]:
-        """What is to be said of the disk since the last call."""
+        """Warnings about the disk since the last call."""
         ...
 
     def close(self, status: str, reason: str | None = None, unconfirmed: str | None = None) -> Path | None:
@@ -59,11 +59,11 @@ class Recorder(Protocol):
 
 
 class Unrecorded:
-    """Keeps nothing: for moving the bench by hand and for watching it.
+    """Keeps nothing: for moving the bench by hand and for monitoring it.
 
     Parameters
     ----------
-    on_event: told of every event.
+    on_event: called with every event.
     """
 
     id = ""

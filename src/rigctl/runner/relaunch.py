@@ -1,4 +1,4 @@
-"""Going on with a run that was cut off: what must not have changed, and what is done already."""
+"""Resuming an interrupted run: what must not have changed, and what is already done."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from rigctl.runner.launch import Launch, carry_out, header_of, stored
 from rigctl.runner.resume import Resume, record_paths
 from rigctl.runner.session import RunResult
 
-#: of what a bench says of itself: what may not change within a run; faults and seed may
+#: properties of a bench that must not change within a run; faults and seed may
 _SAME = ("kind", "plant", "noise")
 
 
 @dataclass(frozen=True)
 class Interrupted:
-    """A run that can go on: its plan as it was, and how far it came."""
+    """A run that can be resumed: its original plan, and how far it got."""
 
     folder: Path
     plan: Plan
@@ -35,12 +35,12 @@ class Interrupted:
 
     @property
     def left(self) -> int:
-        """How many records are not complete."""
+        """The number of incomplete records."""
         return sum(path not in self.done.completed for path in record_paths(self.plan.root))
 
 
 def open_interrupted(folder: Path) -> Interrupted:
-    """Read a run that ended early and check that it can go on as it began.
+    """Read a run that ended early and check that it can be resumed unchanged.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def open_interrupted(folder: Path) -> Interrupted:
 
 
 def plan_of(header: RunHeader) -> Plan:
-    """The plan that a run was begun with, from its files.
+    """The plan with which a run was started, from its files.
 
     Raises
     ------
@@ -69,12 +69,12 @@ def plan_of(header: RunHeader) -> Plan:
 
 
 def relaunch(run_before: Interrupted, how: Launch) -> RunResult:
-    """Go on at the first record that is not complete, in the same folder.
+    """Resume at the first incomplete record, in the same folder.
 
     Raises
     ------
     RigctlError
-        as `rigctl.runner.launch.launch`; or the bench is another one than before.
+        as `rigctl.runner.launch.launch`; or the bench is not the same as before.
     """
     plan = run_before.plan
     with held(plan.rig, f"a run of '{plan.name}'", how) as lock, opened(plan.rig, how) as backend:
@@ -86,7 +86,7 @@ def relaunch(run_before: Interrupted, how: Launch) -> RunResult:
 
 
 def _require_same_bench(before: Mapping[str, str], now: Mapping[str, str]) -> None:
-    """Refuse a bench that obeys other equations: records of one run must not follow two truths."""
+    """Refuse a simulated bench with other equations: all records of a run must come from the same system."""
     for key in _SAME:
         if before.get(key) != now.get(key):
             raise RigctlError(

@@ -1,7 +1,8 @@
-"""An operator at another place: answers come through the file that requests come through.
+"""A remote operator: answers come through the same file as requests.
 
-A run that was begun by the served page has no terminal. Its questions are in its heartbeat, for all to see;
-whoever answers appends a line to `rigctl.runner.control.CONTROL_NAME`, which names the question it answers.
+A run that was started from the web page has no terminal. Its questions are in its heartbeat, visible to all;
+an answer is a line appended to `rigctl.runner.control.CONTROL_NAME`, which names the question that it
+answers.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _ANSWER: Final = "answer"
 
 
 class RemoteOperator:
-    """Hands on the answers that others write. What looks at the file is `answers`, a `Control` for a thread.
+    """Passes on the answers that others write. `answers`, a `Control` for a thread, reads the file.
 
     Parameters
     ----------
@@ -49,7 +50,7 @@ class RemoteOperator:
         while self._given:
             about, text = self._given.popleft()
             if about != str(question):
-                continue  # it was meant for another question, which is over
+                continue  # it was meant for an earlier question
             try:
                 answer = read_answer(question, text)
             except RigctlError as error:
@@ -60,7 +61,7 @@ class RemoteOperator:
         return None
 
     def withdraw(self, question: Question) -> None:
-        """Forget a question that is not open any more."""
+        """Forget a question that is no longer open."""
         if question is self._question:
             self._question, self.typed = None, ""
 
@@ -75,7 +76,7 @@ class _Answers:
         self._offset = 0
 
     def poll(self) -> Sequence[Order]:
-        """Take what has been answered since the last look."""
+        """Take the answers since the last call."""
         if self._path is None or not self._path.is_file():
             return ()
         with self._path.open("rb") as file:
@@ -93,7 +94,7 @@ class _Answers:
         """Nothing was ordered."""
 
     def publish(self, view: View) -> None:
-        """Learn where the run lies."""
+        """Take the run's folder."""
         if self._path is None and view.run:
             from rigctl.dataset import find_run
 
@@ -106,7 +107,7 @@ class _Answers:
 
 
 def send_answer(folder: Path, question: str, text: str) -> None:
-    """Answer what the operator of a run is asked, where its heartbeat says that it listens.
+    """Answer the operator's question of a run whose heartbeat says that it accepts remote answers.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def send_answer(folder: Path, question: str, text: str) -> None:
     Raises
     ------
     RigctlError
-        nothing is asked, something else is asked by now, or it is answered at a terminal.
+        there is no question, the question has changed, or it is answered at a terminal.
     """
     state = read_state(folder)
     fields: dict[str, Any] = dict(state.fields) if state is not None and state.fresh else {}

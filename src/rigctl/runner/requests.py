@@ -1,4 +1,4 @@
-"""What somebody asks of a run in progress: pause, go on, end. From a key, another terminal, or a test."""
+"""Requests to a run in progress: pause, continue, end. From a key, another terminal, or a test."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from rigctl.runner.view import View
 
-#: s of wall time that a key or another terminal may have to wait
+#: longest response time to a key or another terminal, s of wall time
 RESPONSE = 0.1
 
 
 class Request(Enum):
-    """What can be asked."""
+    """The kinds of request."""
 
     PAUSE = "pause"
     CONTINUE = "continue"
@@ -24,7 +24,7 @@ class Request(Enum):
 
 @dataclass(frozen=True)
 class Order:
-    """A request and where it comes from; `id` names it to whoever waits for the acknowledgement."""
+    """A request and its origin; `id` identifies it in the acknowledgement."""
 
     request: Request
     source: str
@@ -32,20 +32,20 @@ class Order:
 
 
 class Control(Protocol):
-    """Somewhere that requests come from, and that is told about the run."""
+    """A source of requests, which is informed about the run."""
 
     def poll(self) -> Sequence[Order]:
         """Requests since the last call; must return at once."""
         ...
 
     def acknowledge(self, order: Order, message: str) -> None:
-        """What has become of an order."""
+        """Acknowledge an order."""
         ...
 
     def publish(self, view: View) -> None:
-        """What the run is doing now; called ten times a second of wall time."""
+        """Publish the state of the run; called ten times a second of wall time."""
         ...
 
     def close(self) -> None:
-        """The run is over; never raises."""
+        """Close when the run is over; never raises."""
         ...

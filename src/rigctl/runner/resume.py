@@ -1,4 +1,4 @@
-"""Which parts of a plan are left to do, and which of the steps before them have to be done again."""
+"""The parts of a plan that are left to do, and the preceding steps that have to be repeated."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from rigctl.plan import Leaf, Loop, Node, RecordNode, children, iteration_path
 
 @dataclass(frozen=True)
 class Resume:
-    """What an interrupted run has done already.
+    """What an interrupted run has already done.
 
     Parameters
     ----------
     completed: paths of the records that are complete, with the rounds of their loops.
     values: measures and operators' answers by name: SI value, unit, and whether it is a difference.
-    missed: what lay outside its limits in what is done, one sentence each.
+    missed: measures that were outside their limits, one sentence each.
     """
 
     completed: frozenset[str]
@@ -27,7 +27,7 @@ class Resume:
 def record_paths(node: Node) -> list[str]:
     """The paths of every record below, one for each round of counted loops.
 
-    A loop with a condition stands for its first round: how many there will be is not known.
+    A loop with a condition counts as one round, since their number is not known.
     """
     if isinstance(node, RecordNode):
         return [node.path]
@@ -39,7 +39,7 @@ def record_paths(node: Node) -> list[str]:
 
 
 def remaining(nodes: Sequence[Node], done: Callable[[str], bool]) -> list[Node]:
-    """The children of a group that are left to do, with the set-up they rest on.
+    """The children of a group that are left to do, with the set-up steps on which they depend.
 
     Parameters
     ----------
@@ -56,10 +56,10 @@ def remaining(nodes: Sequence[Node], done: Callable[[str], bool]) -> list[Node]:
 
 
 def setup_before(nodes: Sequence[Node], index: int) -> list[Node]:
-    """The steps before `nodes[index]` that its conditions rest on.
+    """The steps before `nodes[index]` on which its conditions depend.
 
-    Everything since the last records before it, and of what came earlier the last temperature, the last
-    level and the last setting of each actuator.
+    All steps since the last record before it, and of the earlier ones the last temperature, the last level
+    and the last setting of each actuator.
     """
     past = [i for i, node in enumerate(nodes[:index]) if record_paths(node)]
     since = past[-1] + 1 if past else 0
@@ -68,7 +68,7 @@ def setup_before(nodes: Sequence[Node], index: int) -> list[Node]:
 
 
 def _lasting(nodes: Sequence[Node], later: Sequence[Node] = ()) -> list[Node]:
-    """The last step that sets each actuator for good, as far as no step of `later` does."""
+    """The last step that sets each actuator permanently, unless a step of `later` does."""
     settled: set[str] = set()
     for node in later:
         settled |= _sets(node)
@@ -82,5 +82,5 @@ def _lasting(nodes: Sequence[Node], later: Sequence[Node] = ()) -> list[Node]:
 
 
 def _sets(node: Node) -> frozenset[str]:
-    """The actuators whose lasting state a step decides; a pulse or a move decides none."""
+    """The actuators whose state a step sets permanently; none for a pulse or a move."""
     return node.action.lasting() if isinstance(node, Leaf) else frozenset()

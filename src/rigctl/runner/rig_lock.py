@@ -1,7 +1,7 @@
-"""One program at a time commands a bench: a lock with owner, process and heartbeat.
+"""A lock with owner, process and heartbeat: only one program at a time commands a bench.
 
-The owner is written to a small file in the user's state folder. Whoever finds an owner that is gone, or whose
-heartbeat is old, takes the bench over; the former owner, if it was only asleep, finds that out and ends.
+The owner is written to a small file in the user's state folder. A program that finds a dead owner, or one
+with an old heartbeat, takes the bench over; the former owner, if it was only suspended, notices and ends.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ _BEAT = 2.0
 
 @dataclass(frozen=True)
 class Owner:
-    """Who commands a bench. `beat` is monotonic time on `host`, `date` the calendar's, both in s."""
+    """The program that commands a bench. `beat` is monotonic time on `host`, `date` calendar time, both in
+    s."""
 
     token: str
     rig: str
@@ -43,14 +44,14 @@ class Owner:
     pid: int
     beat: float
     date: float
-    run: str = ""  #: the folder of the run that is in progress, if it is one
+    run: str = ""  #: the folder of the run in progress, if any
 
     @property
     def alive(self) -> bool:
-        """False when its process is gone, its computer was restarted, or its heartbeat is old.
+        """False if its process is gone, its computer was restarted, or its heartbeat is old.
 
-        On this computer the age is monotonic: a step of the calendar clock neither kills an owner nor keeps
-        a dead one.
+        On this computer the age is measured in monotonic time: a step of the calendar clock neither removes a
+        live owner nor keeps a dead one.
         """
         if self.host != platform.node():
             return abs(time.time() - self.date) < OLD
@@ -64,9 +65,9 @@ class RigLock:
     Parameters
     ----------
     rig: the bench's name.
-    purpose: what it is needed for, told to others who ask.
-    folder: where locks lie; the user's state folder by default.
-    at_any_cost: take it from whoever has it, and go on without it where it cannot be written: to make a bench
+    purpose: what it is needed for, shown to others.
+    folder: of the locks; by default the user's state folder.
+    at_any_cost: take it from its owner, and continue without it if it cannot be written: to make a bench
         safe. The owner notices at its next heartbeat, and ends.
     """
 
@@ -117,7 +118,7 @@ class RigLock:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Give it back; never raises."""
+        """Release it; never raises."""
         if not self._held:
             return
         self._held = False
@@ -134,14 +135,14 @@ class RigLock:
         return ()
 
     def acknowledge(self, order: Order, message: str) -> None:
-        """Nobody waits for it."""
+        """Nothing to acknowledge."""
 
     def publish(self, view: View) -> None:
         """Beat when it is due."""
         self.beat()
 
     def beat(self) -> None:
-        """Write that the owner is alive, when it is time to; or find out that the bench was taken over."""
+        """Write the heartbeat when it is due, or notice that the bench was taken over."""
         now = time.monotonic()
         if not self._held or now < self._next_beat:
             return
@@ -156,21 +157,21 @@ class RigLock:
                 self._write()
 
     def close(self) -> None:
-        """The lock is given back where it was taken."""
+        """Nothing to do: `__exit__` releases the lock."""
 
     def take_for(self, run: Path) -> None:
-        """Say in which folder the run lies that the bench is needed for, so that others can ask it to end."""
+        """Publish the folder of the run, so that others can ask it to end."""
         self._run = run
         self._next_beat = 0.0
         self.beat()
 
     def owner(self) -> Owner | None:
-        """Who commands the bench now; None when nobody does."""
+        """The owner of the bench; None if there is none."""
         owner = read_owner(self._path)
         return owner if owner is not None and owner.alive else None
 
     def _guard(self) -> Any:
-        """For the moment of reading and writing the owner's file."""
+        """A short lock while reading and writing the owner's file."""
         from filelock import FileLock
 
         return FileLock(self._path.with_suffix(".lock"), timeout=5.0)
@@ -194,7 +195,7 @@ class RigLock:
 
 
 def read_owner(path: Path) -> Owner | None:
-    """Who is written in a lock's file; None when nobody is, or it cannot be read."""
+    """The owner in a lock file; None if there is none or it cannot be read."""
     import json
 
     try:

@@ -1,4 +1,4 @@
-"""Takes samples: journal, interlocks, the bench's own notices, and what silence means."""
+"""Takes samples: journal, interlocks, notices of the bench, and the handling of silence."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from rigctl.runner.bench import Bench
 from rigctl.runner.interlocks import Alarm, Interlocks
 from rigctl.runner.view import Happening
 
-#: s of bench time that a record which will be measured again waits for a lost bench to come back
+#: s of bench time that a repeatable record waits for a lost bench to come back
 RECONNECT = 30.0
 
 
 @dataclass(frozen=True)
 class _Awaited:
-    """A bench that is waited for: why, and until which bench time, s."""
+    """A lost bench that is being waited for: the reason, and until which bench time, s."""
 
     reason: str
     give_up: float
@@ -30,7 +30,7 @@ class _Awaited:
 
 @dataclass(frozen=True)
 class RunWarning:
-    """Something that the bench warned of: when, s of bench time, and in which record; -1 between two."""
+    """A warning of the bench: its bench time, s, and the record; −1 between records."""
 
     time: float
     record: int
@@ -38,11 +38,11 @@ class RunWarning:
 
 
 class Sampling:
-    """Every sample of a run passes here, whatever the run is doing.
+    """All samples of a run pass through here, whatever the run is doing.
 
     Parameters
     ----------
-    secure: brings outputs to the safe state because of an ending, once for each.
+    secure: brings outputs to the safe state because of an ending, once for each ending.
     """
 
     def __init__(self, bench: Bench, interlocks: Interlocks, secure: Callable[[Ending], None]) -> None:
@@ -62,16 +62,16 @@ class Sampling:
 
     @property
     def longest_silence(self) -> float:
-        """How long samples may stay away at the present rate, s."""
+        """Longest allowed time without a sample at the present rate, s."""
         return self._interlocks.silence_limit(1.0 / self._bench.rate)
 
     @property
     def awaiting(self) -> bool:
-        """True while no step may go on, since the bench is lost and its record will be measured again."""
+        """True while no step may continue, because the bench is lost and its record will be repeated."""
         return self._awaited is not None
 
     def next_row(self, timeout: float) -> Row | None:
-        """The next sample's row, kept and looked at; None when none came within `timeout` s.
+        """The row of the next sample, journalled and checked; None if none came within `timeout` s.
 
         Raises
         ------
@@ -96,7 +96,7 @@ class Sampling:
         return self._take(sample)
 
     def check_silence(self) -> None:
-        """Trip when no sample has come for too long."""
+        """Trip if no sample has come for too long."""
         bench = self._bench
         alarm = self._interlocks.check_silence(bench.now, self.newest, 1.0 / bench.rate)
         if alarm is None:
@@ -111,7 +111,7 @@ class Sampling:
         self._sound([alarm])
 
     def keep(self, sample: Sample) -> None:
-        """Journal a sample of a run that has ended: what was measured is kept, nothing follows from it."""
+        """Journal a sample of a run that has ended: it is kept, but has no consequences."""
         bench = self._bench
         try:
             bench.writer.append(self._row(sample))
@@ -119,7 +119,7 @@ class Sampling:
             bench.trouble = bench.trouble or error
 
     def note(self, time: float, kind: str, message: str) -> None:
-        """Keep something for whoever watches the run."""
+        """Keep an event for observers of the run."""
         self.happenings.append(Happening(time, kind, message))
 
     def _row(self, sample: Sample) -> Row:
@@ -152,7 +152,7 @@ class Sampling:
             self._end(Lost(str(bench.trouble)))
 
     def _collect(self) -> None:
-        """Switches and notices that the bench reports by itself."""
+        """Handle switches and notices that the bench reports on its own."""
         self._bench.take_receipts()
         self._bench.take_answers()
         for notice in self._backend.take_notices():
@@ -167,10 +167,10 @@ class Sampling:
                 self._gap(notice)
 
     def _gap(self, notice: Notice) -> None:
-        """A gap ends a record that can be measured again, and whatever had its outputs cut off in it.
+        """End a record that can be repeated after a gap, and any step whose outputs were switched off in it.
 
-        A step that regulates an output commands it anew by itself; what an earlier step has set, or half a
-        move, nothing makes good. In a record nothing may have been otherwise than commanded.
+        A step that controls an output commands it again itself; the setting of an earlier step or half a move
+        cannot be restored. In a record no output may have differed from its command.
         """
         if self.repeatable:
             self._end(SamplesLost(self._awaited.reason if self._awaited is not None else notice.message))
@@ -181,7 +181,7 @@ class Sampling:
             self._end(Lost(notice.message))
 
     def _sound(self, alarms: Sequence[Alarm]) -> None:
-        """Log alarms; one that stops ends the step in progress, outputs safe first."""
+        """Log alarms; one with action stop makes outputs safe and then ends the step in progress."""
         stopping = next((a for a in alarms if a.active and a.action == "stop"), None)
         tripped = Tripped(stopping.message) if stopping is not None else None
         if tripped is not None:

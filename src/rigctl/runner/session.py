@@ -1,4 +1,4 @@
-"""One run from arming to its last line: whatever ends it passes the same cleanup, once."""
+"""One run from arming to its last line: every ending passes through the same cleanup, once."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ from rigctl.runner.states import Lifecycle, RunState
 from rigctl.runner.view import View
 from rigctl.runner.walk import Walker
 
-#: s of bench time that a bench which cannot be reached at the end is looked for
+#: s of bench time for trying to reach a lost bench at the end
 LAST_TRY = 3.0
-#: samples that are looked at before anything moves
+#: samples that are checked before anything moves
 _ARMING_SAMPLES = 3
 
 Observer = Callable[[View], None]
@@ -49,16 +49,16 @@ class RunResult:
     Parameters
     ----------
     status: ``finished``, ``failed`` or ``aborted``.
-    reason: why it did not finish, or what was missed; None when all is well.
+    reason: why it did not finish, or which limit was missed; None if all is well.
     exit_code: what the process returns.
     folder: the run's folder; None where nothing was recorded.
     records: number of complete records, those of earlier sessions included.
     duration: s of bench time.
-    unconfirmed: which outputs may still be on, since the bench could not be reached at the end; None when it
+    unconfirmed: outputs that may still be on, because the bench could not be reached at the end; None if it
         has confirmed that they are safe.
     by_hand: what is to be done then.
-    warnings: where a simulated bench left the ranges of its effects' laws.
-    test: whether the device under test has passed, over all sessions; None where nothing was recorded.
+    warnings: where a simulated bench left the ranges of validity of its effects.
+    test: whether the device under test has passed, over all sessions; None if nothing was recorded.
     """
 
     status: str
@@ -94,17 +94,17 @@ def run(
     resume_from: Resume | None = None,
     response: float = RESPONSE,
 ) -> RunResult:
-    """Carry out a plan on a bench that has been opened; closes bench and data, however it ends.
+    """Carry out a plan on an open bench; closes bench and data, however it ends.
 
     Parameters
     ----------
     writer: a `rigctl.dataset.RunWriter`, or `Unrecorded` for moving a bench by hand.
     operator: who answers when the procedure asks.
-    control, controls: requests besides signals and the run's control file: a keyboard, a test.
-    observer: told about ten times a second what the run is doing.
+    control, controls: sources of requests besides signals and the run's control file: a keyboard, a test.
+    observer: called about ten times a second with the state of the run.
     dry: arm and read, but move nothing.
-    resume_from: what earlier sessions have done.
-    response: s of wall time between two looks at requests.
+    resume_from: what earlier sessions have completed.
+    response: s of wall time between two checks for requests.
     """
     with Signals() as signals:
         session = _Session(plan, backend, writer, operator, resume_from)
@@ -151,14 +151,14 @@ class _Session:
         self._message = ""
 
     def watched_by(self, controls: Sequence[Control], observer: Observer | None) -> None:
-        """Add who may ask and who looks on."""
+        """Add sources of requests and the observer."""
         self._controls += controls
         if observer is not None and math.isfinite(self._backend.clock.speed):
             observer = self._watching = Watching(observer)
         self._observer = observer
 
     def carry_out(self, signals: Signals, response: float, *, dry: bool) -> Ending | None:
-        """Arm, walk the plan; what ended it early, or None. Outputs are safe when this returns."""
+        """Arm and walk the plan; returns what ended it early, or None. Outputs are safe when this returns."""
         steps = self._walker.plan(self._plan)
         driver = Driver(
             self._bench,
@@ -185,14 +185,14 @@ class _Session:
             ending = ending_for(error, self._bench)
         if ending is not None and self._first is None:
             self._secure(ending)
-        with suppress(Exception):  # closes what a second signal left open; the outputs are safe already
+        with suppress(Exception):  # closes what a second signal left open; the outputs are already safe
             steps.close()
         self._bench.make_safe("end of the run")
         self._insist(signals)
         return ending
 
     def _insist(self, signals: Signals) -> None:
-        """Look for a bench that could not be made safe, for a short time or until a further signal."""
+        """Try to reach a bench that could not be made safe, for a short time or until a further signal."""
         bench, before = self._bench, signals.count
         give_up = bench.now + LAST_TRY
         while bench.unconfirmed is not None and bench.now < give_up and signals.count == before:
@@ -206,7 +206,7 @@ class _Session:
             bench.make_safe("end of the run")
 
     def close(self, ending: Ending | None) -> RunResult:
-        """Let the bench go, close the data, say how it was."""
+        """Close the bench and the data, and report the result."""
         duration = self._bench.now
         status, event, reason, code = self._verdict(ending)
         unconfirmed, by_hand = self._bench.unconfirmed, None
@@ -224,7 +224,7 @@ class _Session:
         try:
             self._writer.close(status, reason, unconfirmed)
         except RigctlError as error:
-            told = reason or ""  # a full disk is told once
+            told = reason or ""  # a full disk is reported once
             reason = told if str(error) in told else "; ".join(filter(None, (told, str(error))))
             status, code = "failed" if status == "finished" else status, code or ExitCode.FAILED
         self._tick()
@@ -240,7 +240,7 @@ class _Session:
         )
 
     def _arm(self, driver: Driver) -> None:
-        """Read the bench and look at the interlocks before anything moves.
+        """Read the bench and check the interlocks before anything moves.
 
         Raises
         ------
@@ -254,7 +254,7 @@ class _Session:
         bench.start(bench.rig.monitor_rate)
         try:
             rows = driver.watch((_ARMING_SAMPLES - 1) / bench.rate)
-            while not rows:  # a bench that stays silent trips the interlock for that
+            while not rows:  # a bench that stays silent trips the interlock for silence
                 rows = driver.watch(1.0 / bench.rate)
         except Tripped as tripped:
             tripped.reason = f"not armed: {tripped.reason}"
@@ -266,7 +266,7 @@ class _Session:
             raise Tripped("not armed: " + "; ".join(alarm.message for alarm in alarms))
 
     def _secure(self, ending: Ending) -> None:
-        """Outputs safe, first of all and once for each ending."""
+        """Make outputs safe, first of all and once for each ending."""
         if ending is self._secured:
             return
         self._secured = ending
@@ -298,7 +298,7 @@ class _Session:
         self._sampling.note(bench.now, "state", after.value)
 
     def _tick(self) -> None:
-        """Tell whoever looks on; one that fails is not told again."""
+        """Call the observer; one that fails is not called again."""
         for text in self._writer.warnings():
             self._bench.event("note", text)
             self._sampling.note(self._bench.now, "note", text)
@@ -354,7 +354,7 @@ def _refuse_impossible(plan: Plan, bench: Bench) -> None:
 
 
 def _judged(folder: Path | None) -> Judgement | None:
-    """What the run's log says of the device; None where there is no log that can be read."""
+    """The result of the device's test in the run's log; None if no log can be read."""
     if folder is None:
         return None
     try:

@@ -1,4 +1,4 @@
-"""Signals become flags; what follows from them is decided in the runner's own loop."""
+"""Signals become flags; the runner's loop decides what follows from them."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _TERMINATE = ("SIGTERM", "SIGHUP", "SIGBREAK")
 
 
 class Signals:
-    """Counts the signals that ask for the end, while it is entered; hands the old handlers back afterwards.
+    """Counts the signals that ask for the end, while it is entered; restores the old handlers afterwards.
 
     Outside the main thread, where Python allows no handlers, it does nothing.
     """
 
     def __init__(self) -> None:
         self.count = 0  #: all of them; the second one skips the cleanup blocks
-        self.exit_code = ExitCode.INTERRUPTED  #: what the first one stands for
+        self.exit_code = ExitCode.INTERRUPTED  #: description of the first one
         self.name = ""
         self._before: dict[int, Any] = {}
 

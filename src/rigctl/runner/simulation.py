@@ -1,4 +1,4 @@
-"""A procedure on the simulated bench, from Python: what `rigctl simulate` does."""
+"""A procedure on the simulated bench, from Python: the function behind `rigctl simulate`."""
 
 from __future__ import annotations
 
@@ -60,13 +60,13 @@ def simulate(
     procedure: the procedure file; looked for here, in the project, and among the shipped ones.
     rig: another rig file than the procedure names.
     arguments: of the procedure, written with units: ``{"temperatures": "20 degC, 60 degC"}``.
-    plant: a model file as the truth.
+    plant: a model file that defines the simulated bench.
     effects: hidden effects, ``"piston_leakage:clearance=30 um"``.
     noise, seed: of the sensors; the rig file's own when None. One seed gives one set of samples.
     speed: ``max`` (virtual time), ``1x``, ``10x``.
-    faults: what breaks when, ``"sensor_stuck:position@12 s"``.
+    faults: which fault occurs when, ``"sensor_stuck:position@12 s"``.
     runs: the folder for the run; the project's by default.
-    observer: told about ten times a second what the run is doing.
+    observer: called about ten times a second with the state of the run.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def simulation_launch(
     person: str = "",
     device: Mapping[str, str] | None = None,
 ) -> Launch:
-    """What `launch` needs for a private bench: it takes no lock, and its operator answers at once."""
+    """The settings of `launch` for a private bench: no lock, and an operator who answers at once."""
     chosen: dict[str, object] = {
         "plant": str(plant.absolute()) if plant is not None else None,
         "effects": tuple(effects) or None,

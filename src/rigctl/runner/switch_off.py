@@ -1,4 +1,4 @@
-"""Everything off, whoever has the bench: what `rigctl off` does."""
+"""Everything off, whichever program has the bench: the function behind `rigctl off`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rigctl.runner.control import send
 from rigctl.runner.requests import Request
 from rigctl.runner.rig_lock import RigLock
 
-#: s of wall time that a run may take to answer, and again to say that its outputs are safe
+#: s of wall time for a run to answer, and again to report that its outputs are safe
 _ANSWER = 0.8
 _LOOK = 0.02
 _ENDED = ("finished", "failed", "aborted")
@@ -27,13 +27,13 @@ _ENDED = ("finished", "failed", "aborted")
 
 @dataclass(frozen=True)
 class SwitchedOff:
-    """What `switch_off` did.
+    """The result of `switch_off`.
 
     Parameters
     ----------
     done: one sentence.
-    confirmed: whether every output was read back, or the bench has answered its command, or the run that has
-        the bench says so.
+    confirmed: whether every output was read back, or the bench has acknowledged its command, or the run in
+        control of the bench has confirmed it.
     known_by: how that is known.
     ended: the runs that were ended, each with its answer.
     """
@@ -47,13 +47,13 @@ class SwitchedOff:
 def switch_off(rig: Rig, how: Access) -> SwitchedOff:
     """Bring every output to the safe state, now, and read them back.
 
-    Runs in progress on this bench, simulated ones too, are asked to end: their own first act is the same.
-    Whoever else has the bench, or does not answer, loses it.
+    Runs in progress on this bench, also simulated ones, are asked to end: they make outputs safe first. Any
+    other program that has the bench, or does not answer, loses it.
 
     Raises
     ------
     RigctlError
-        the bench cannot be reached, or its outputs are others than commanded.
+        the bench cannot be reached, or its outputs differ from the commands.
     """
     owner = RigLock(rig.name, "", how.lock_folder).owner() if how.exclusive else None
     folders = [Path(owner.run)] if owner is not None and owner.run else []
@@ -79,9 +79,9 @@ def switch_off(rig: Rig, how: Access) -> SwitchedOff:
 
 
 def _nothing_real(rig: Rig, how: Access, folders: list[Path], ended: list[str]) -> SwitchedOff:
-    """A bench that lives in the process of its user alone: what was to be switched off ends with that."""
+    """A bench that exists only in the process that uses it: it ends together with that process."""
     with RigLock(rig.name, "'rigctl off'", how.lock_folder, at_any_cost=True):
-        pass  # whoever moves or watches it by hand loses it
+        pass  # a program that moves or monitors it by hand loses it
     if not all(_made_safe(folder) for folder in folders):
         known_by = "a run has not said that its outputs are safe"
         done = f"OUTPUTS NOT CONFIRMED SAFE ({known_by})"
@@ -98,7 +98,7 @@ def _safe_state(rig: Rig) -> str:
 
 
 def _in_progress(rig: Rig, runs: Path) -> list[Path]:
-    """Runs on a bench of this name that are carried out now, from this project."""
+    """Runs in progress on a bench of this name, from this project."""
     found = []
     for folder in reversed(run_folders(runs)):
         state = read_state(folder)
@@ -112,7 +112,7 @@ def _in_progress(rig: Rig, runs: Path) -> list[Path]:
 
 
 def _made_safe(folder: Path) -> bool:
-    """Whether a run that was asked to end says, soon, that its outputs are confirmed to be safe."""
+    """Whether a run that was asked to end soon reports that its outputs are confirmed to be safe."""
     give_up = monotonic() + _ANSWER
     while monotonic() < give_up:
         state = read_state(folder)
@@ -161,12 +161,12 @@ def _known_by(rig: Rig, read: frozenset[str], answered: frozenset[str]) -> tuple
 
 
 def _read_back(rig: Rig, backend: Backend) -> frozenset[str]:
-    """Read the outputs as they are now: those that the bench reports; none where no sample came.
+    """Read the present outputs, as far as the bench reports them; none if no sample came.
 
     Raises
     ------
     RigctlError
-        one is other than its safe value.
+        one differs from its safe value.
     """
     backend.start(rig.monitor_rate)
     sample = backend.next_sample(min(1.0, 2.0 / rig.monitor_rate))

@@ -1,4 +1,4 @@
-"""What a run is doing, for people and programs that watch it: a cheap snapshot."""
+"""The state of a run, for people and programs that observe it: a cheap snapshot."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigctl.runner.interlocks import Alarm
 
 @dataclass(frozen=True, slots=True)
 class Happening:
-    """Something that was logged and is worth showing."""
+    """A logged event that is worth showing."""
 
     time: float
     kind: str
@@ -32,14 +32,14 @@ class View:
     progress: share of the expected duration that is done, 0 to 1.
     time_left: expected, s; None when it is unknown.
     values: the newest reading of every channel by name.
-    commands: what every actuator is told.
+    commands: the command of every actuator by name.
     alarms: every alarm that is latched.
     happenings: the newest events, oldest first.
-    question: what the operator is being asked, or None.
-    asked: the question alone, without what was typed or refused.
-    remote: whether it is answered at another place, see `rigctl.runner.remote`.
+    question: the open question to the operator, or None.
+    asked: the question alone, without the text typed so far.
+    remote: whether it can be answered remotely, see `rigctl.runner.remote`.
     message: why the run ended, or what it is waiting for.
-    unconfirmed: outputs that may be on though they were to be made safe, or None.
+    unconfirmed: outputs that may still be on although they were to be made safe, or None.
     """
 
     run: str

@@ -15,12 +15,12 @@ from rigctl.runner.progress import Progress
 from rigctl.runner.resume import record_paths, remaining, setup_before
 from rigctl.runner.sampling import Sampling
 
-#: s of bench time that one step of a cleanup block may take after something went wrong
+#: longest time of one step of a cleanup block after a failure, s of bench time
 CLEANUP_STEP_LIMIT = 60.0
 
 
 class Restart(Exception):
-    """The step in progress begins again, after a pause."""
+    """Restart the step in progress after a pause."""
 
 
 class Walker(Visitor[Waiting]):
@@ -29,7 +29,7 @@ class Walker(Visitor[Waiting]):
     Parameters
     ----------
     secure: brings outputs to the safe state because of an ending, before any cleanup block runs.
-    finish: tells that all steps are done and only the procedure's own `finally` is left.
+    finish: called when all steps are done and only the procedure's `finally` is left.
     completed: paths of records that an earlier session has completed.
     """
 
@@ -50,13 +50,13 @@ class Walker(Visitor[Waiting]):
         self._finish = finish
         self._completed = completed
         self._rounds: list[tuple[Loop, int]] = []
-        self._again = False  # the record in progress will be measured again if samples are lost
+        self._again = False  # the record in progress will be repeated if samples are lost
         self._hopeless = False  # no further cleanup block can be carried out
         self.limit = math.inf  #: s, when the step in progress has to be over
         self.baseline: dict[str, float] = {}  #: what was commanded when the step in progress began
 
     def plan(self, plan: Plan) -> Waiting:
-        """The whole plan.
+        """Carry out the whole plan.
 
         Raises
         ------
@@ -76,7 +76,7 @@ class Walker(Visitor[Waiting]):
     # --- groups ------------------------------------------------------------------------------------------
 
     def group(self, group: Group) -> Waiting:
-        """Its nodes one after the other, then the cleanup that their end calls for."""
+        """Carry out its nodes one after the other, then the cleanup that applies to their end."""
         ending: Ending | None = None
         nodes: Sequence[Node] = group.children
         if self._completed:
@@ -99,7 +99,7 @@ class Walker(Visitor[Waiting]):
     def _unwind(
         self, on_failure: Group | None, on_abort: Group | None, last: Group | None, ending: Ending | None
     ) -> Waiting:
-        """The cleanup blocks that an ending, or a good end, calls for."""
+        """The cleanup blocks that apply to an ending, or to success."""
         if ending is None:
             if last is not None:
                 yield from self.group(last)
@@ -112,7 +112,7 @@ class Walker(Visitor[Waiting]):
                 yield from self._cleanup(block)
 
     def _cleanup(self, block: Group) -> Waiting:
-        """Every step of a cleanup block, each bounded in time, whatever becomes of the ones before."""
+        """Carry out every step of a cleanup block, each limited in time, even if earlier ones fail."""
         for node in block.children:
             if self._hopeless or not self._bench.reachable:
                 self._bench.event("note", f"cleanup step left out: {node.label}")
@@ -127,7 +127,7 @@ class Walker(Visitor[Waiting]):
                 self.limit = math.inf
 
     def loop(self, loop: Loop) -> Waiting:
-        """Its body again and again, while its condition holds."""
+        """Carry out its body repeatedly, while its condition holds."""
         bench = self._bench
         for number in count(1):
             if loop.count is not None and number > loop.count:
@@ -149,7 +149,7 @@ class Walker(Visitor[Waiting]):
                 self._rounds.pop()
 
     def branch(self, branch: Branch) -> Waiting:
-        """One of its sides, by the newest sample."""
+        """Carry out one of its branches, according to the newest sample."""
         bench = self._bench
         bench.path = self._path(branch.path)
         yield CHECKPOINT
@@ -163,7 +163,7 @@ class Walker(Visitor[Waiting]):
     # --- steps -------------------------------------------------------------------------------------------
 
     def leaf(self, leaf: Leaf) -> Waiting:
-        """Its action; whatever fails in it makes the outputs safe before anything else."""
+        """Carry out its action; any failure makes the outputs safe before anything else."""
         bench = self._bench
         bench.path = path = self._path(leaf.path)
         self._progress.begin(leaf.path, leaf.label, bench.now)
@@ -211,7 +211,7 @@ class Walker(Visitor[Waiting]):
         self._progress.records_done += 1
 
     def _repeated(self, nodes: Sequence[Node], index: int) -> Waiting:
-        """A record that is measured again, with the set-up before it, when samples were lost inside."""
+        """Carry out a record that is repeated, with the set-up before it, if samples are lost inside."""
         node = nodes[index]
         for left in range(_retries(node), -1, -1):
             self._again = left > 0
@@ -271,7 +271,7 @@ class Walker(Visitor[Waiting]):
 
 
 def _retries(node: Node) -> int:
-    """How often a record may be measured again; its own cleanup stands around it as a group."""
+    """How often a record may be repeated; its cleanup surrounds it as a group."""
     if isinstance(node, Group) and len(node.children) == 1:
         return _retries(node.children[0])
     return node.retries if isinstance(node, RecordNode) else 0
