@@ -64,7 +64,7 @@ def test_a_wrong_exponent_is_named_and_corrected_by_following_what_is_said(folde
     assert law["statement"] in printed
     page = Path("page.html").read_text("utf-8")
     assert "By which law" in page
-    assert "fan over speed: the law assumed, and the one that the data ask for" in page
+    assert "fan over speed: the assumed law, and the one estimated from the data" in page
 
     printed = told(*next_command(printed))  # diagnose … --laws effects
     written = Path("effects/fan_power.yaml")

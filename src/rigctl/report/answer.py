@@ -1,7 +1,7 @@
-"""What a comparison, a diagnosis or a search came to, for a reader who has a minute.
+"""The result of a comparison, a diagnosis or a search, for a reader who has a minute.
 
-One title, one plain sentence, and what is asked next: how large, how sure, what became of the error, what is
-left. The page and the terminal show the same; the evidence stands behind it, with the field's own terms.
+One title, one plain sentence, and the next questions: how large, how certain, how the error changed, what is
+left. The page and the terminal show the same; the evidence follows in technical terms.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ _TONES: dict[Verdict, Tone] = {
 }
 #: as `chance_text` has it
 _CHANCE = re.compile(r" \(p [<=] [0-9.e+-]+\)")
-#: a share of an error by which it has changed
+#: relative change of an error from which it counts as changed
 _CHANGED = 0.02
-#: effects of which the size is told
+#: effects whose size is stated
 _MOST_SIZES = 2
 
 
@@ -48,10 +48,10 @@ class Answer:
 
     Attributes
     ----------
-    tone: good where nothing is wrong, warn where something is missing or open, bad where the model fails.
+    tone: good if nothing is wrong, warn if something is missing or open, bad if the model fails.
     title: the verdict in a few words.
-    sentence: it in a plain sentence, without a full stop.
-    facts: heading and text of what is asked next, the most important first.
+    sentence: the verdict in a plain sentence, without a full stop.
+    facts: headings and texts, the most important first.
     """
 
     tone: Tone
@@ -76,7 +76,7 @@ def comparison_answer(model: ModelComparison) -> Answer:
 
 
 def models_answer(models: Sequence[ModelComparison]) -> Answer:
-    """Of several models the last one's, with what became of the error since the first."""
+    """The answer for the last of several models, with the change of the error since the first."""
     last = comparison_answer(models[-1])
     if len(models) == 1:
         return last
@@ -87,17 +87,17 @@ def models_answer(models: Sequence[ModelComparison]) -> Answer:
 
 
 def plain_statement(model: ModelComparison) -> str:
-    """A comparison's statement without the chance that it rests on."""
+    """A comparison's statement without its p-value."""
     return without_chance(model.statement)
 
 
 def without_chance(text: str) -> str:
-    """A sentence without the ``(p = 0.53)`` that it rests on."""
+    """A sentence without its ``(p = 0.53)``."""
     return _CHANCE.sub("", text)
 
 
 def diagnosis_answer(found: Diagnosis) -> Answer:
-    """What is missing, how large it is, how sure that is, what it does to the error and what it leaves."""
+    """What is missing, its size, how certain that is, its effect on the error, and what is left."""
     if found.verdict is Verdict.ADEQUATE and not found.doubt:
         facts = [("error", _error_text(falls([found.before.fit], left_of(found.before))))]
     else:
@@ -114,7 +114,7 @@ def diagnosis_answer(found: Diagnosis) -> Answer:
 
 
 def improvement_answer(found: Improvement) -> Answer:
-    """What was added, what became of the error, and what the model as it is now still lacks."""
+    """What was added, how the error changed, and what the current model still lacks."""
     text = found.statement
     fits = [*([found.first.before.fit] if found.steps else []), found.last.before.fit]
     facts = [
@@ -131,15 +131,17 @@ def improvement_answer(found: Improvement) -> Answer:
     return Answer(tone, "What was added", text[0].upper() + text[1:], _said(facts))
 
 
-#: of a learning, by how it ended
+# --- a learning ---------------------------------------------------------------------------------------------
+
+
 def learning_answer(
     found: learning.Learned, fits: Sequence[FitResult] = (), left: Mapping[str, float] | None = None
 ) -> Answer:
-    """How a learning ended, what it added, what became of the error, and whether promises were kept.
+    """How a learning ended, what it added, how the error changed, and whether predictions came true.
 
     Parameters
     ----------
-    fits: of the model as it was and as it is, on all that was measured; of none nothing is said of the error.
+    fits: of the original and the current model, on all measurements; without them the error is not stated.
     left: of the last of them, as of `systematic.falls`.
     """
     good = found.ended is learning.Ended.ADEQUATE
@@ -157,7 +159,7 @@ def learning_answer(
         ),
     ]
     if found.sensor:
-        facts.append(("sensor", f"of {' and '.join(found.sensor)} would tell what is left apart"))
+        facts.append(("sensor", f"of {' and '.join(found.sensor)} would distinguish what is left"))
     return Answer("good" if good else "warn", found.ended.heading, found.statement.rstrip("."), _said(facts))
 
 
@@ -169,7 +171,7 @@ def _said(facts: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
 
 
 def _error_text(found: Sequence[ChannelFall]) -> str:
-    """What is left of each channel's error when the noise is taken off; of two models, where it changed."""
+    """The systematic error of each channel; for two models, of those where it changed."""
     if not found:
         return ""
     guessed = [one.channel for one in found if one.guessed]
@@ -199,7 +201,7 @@ def _size(one: ChannelFall, place: int) -> str:
 
 
 def _held_out(fits: Sequence[FitResult]) -> str:
-    """The error on records that no fit saw, in units of the noise; of two models where it changed."""
+    """The error on records that no fit saw, in units of the noise; for two models, where it changed."""
     first, last = fits[0].heldout_errors, fits[-1].heldout_errors
     parts = []
     for name, error in first.items():
@@ -215,7 +217,7 @@ def _held_out(fits: Sequence[FitResult]) -> str:
 
 
 def _most(model: ModelComparison) -> str:
-    """The worst condition, of which chance is not the cause."""
+    """The worst condition, if it is not due to chance."""
     from rigctl.analysis.levels import ALPHA
 
     worst = [one for one in model.where if one.by == "condition" and one.p_value < ALPHA][:2]
@@ -223,7 +225,7 @@ def _most(model: ModelComparison) -> str:
 
 
 def _wanted(model: ModelComparison) -> str:
-    """The equations that most want a term."""
+    """The equations that most probably lack a term."""
     known = [one for one in model.slots if one.log_evidence > 0.0]
     if not known or (model.rows and len(known[0].alike) > 1):
         return ""
@@ -244,7 +246,7 @@ def _close(evidence: float) -> float:
 
 
 def _sentence(found: Diagnosis) -> str:
-    """The verdict in a plain sentence; its statement where that is one."""
+    """The verdict in a plain sentence; its statement if that is one."""
     if found.doubt:
         return f"{found.doubt}: these data cannot tell whether anything is missing"
     if found.verdict is Verdict.ADEQUATE:
@@ -255,7 +257,7 @@ def _sentence(found: Diagnosis) -> str:
     close = next((group for group in found.classes if len(group) > 1), ())
     if found.verdict is Verdict.AMBIGUOUS and close:
         others = [name for name in close if name not in found.effects]
-        return f"something is missing, and these data cannot tell {names} from {_listed(others)}"
+        return f"something is missing, and these data cannot distinguish {names} from {_listed(others)}"
     said = found.statement.partition(": ")[0]
     nearest = " and ".join(found.best.effects)
     said = said.replace("in the library is this", f"in the library is {nearest}")
@@ -275,7 +277,7 @@ def _size_head(found: Diagnosis) -> str:
 
 
 def _sizes(found: Diagnosis) -> str:
-    """The parameters of the best set, with what they come to on a bench."""
+    """The parameters of the best set, with their consequence on a bench."""
     named = {one.effect: one for one in found.ranking}
     chosen = [one for one in found.best.candidates if one.name in named][:_MOST_SIZES]
     alone = found.verdict is Verdict.MISSING_EFFECT and len(chosen) == 1
@@ -296,7 +298,7 @@ def _parameters(found: Diagnosis, one: Ranked) -> str:
 
 
 def _sureness(found: Diagnosis) -> str:
-    """By how much it stands out, whether it predicts, and what comes next."""
+    """How significant it is, whether it predicts, and which effect is next best."""
     members = [one for one in found.ranking if one.effect in found.best.effects]
     if not members:
         return ""
@@ -327,9 +329,9 @@ def _left(found: Diagnosis) -> str:
 
 
 def _sizes_in(problem: Problem, added: Sequence[str]) -> str:
-    """The parameters of effects as the model's file has them, with what they come to on a bench.
+    """The parameters of effects in the model's file, with their consequence on a bench.
 
-    A fit of other records, or with noise learned again, would end a little beside them: one figure is told.
+    A fit of other records, or with a new estimate of the noise, would differ slightly: one value is stated.
     """
     parts = []
     for name in added:
@@ -346,7 +348,7 @@ def _sizes_in(problem: Problem, added: Sequence[str]) -> str:
 
 
 def _added(found: Diagnosis, effects: Sequence[str]) -> str:
-    """What an addition was, with its size."""
+    """An addition with its size."""
     named = {one.effect: one for one in found.ranking if one.effect in found.best.effects}
     parts = [f"{name} ({_parameters(found, named[name])})" if name in named else name for name in effects]
     return " and ".join(parts)

@@ -1,4 +1,4 @@
-"""A horizontal bar drawn with block characters, an eighth of a character fine, for a terminal."""
+"""A horizontal bar of block characters, with a resolution of an eighth of a character, for a terminal."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ _EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 
 def draw_bar(value: float, largest: float, *, width: int = 40) -> str:
-    """A bar of `value` where `largest` fills the width; nothing for what is not a positive number."""
+    """A bar of `value`, where `largest` fills the width; empty unless it is a positive number."""
     if not (value > 0.0 and largest > 0.0 and math.isfinite(value)):
         return ""
     eighths = max(round(min(value / largest, 1.0) * width * 8), 1)

@@ -14,8 +14,8 @@ def draw_curve(
 ) -> list[str]:
     """Lines of text with the curve of equally spaced `values`, between `low` and `high`.
 
-    Every column of dots spans what the values in it span, and joins the column before, so that no peak is
-    lost however many values there are.
+    Every column of dots covers the range of the values in it, and joins the previous column, so that no peak
+    is lost however many values there are.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How well a calibration fits: its curve and points and, below, what is left; as a file and as text."""
+"""How well a calibration fits: its curve and points and, below, the residuals; as a file and as text."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def calibration_plot(name: str, channel: Channel, fit: CalibrationFit, title: st
 
 
 def residual_lines(channel: Channel, fit: CalibrationFit) -> list[str]:
-    """A line for each point: reference, raw value, residual, and where that lies around zero."""
+    """A line for each point: reference, raw value, residual, and its position around zero."""
     unit, raw, between = channel.unit, channel.raw_unit, channel.interval_unit
     tiny = _ROUNDING * max(abs(point.reference) for point in fit.points)
     residuals = [interval(channel, value) if abs(value) > tiny else 0.0 for value in fit.residuals]

@@ -1,4 +1,4 @@
-"""What an effect does to the readings, as a plot."""
+"""The effect on the readings as a plot."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rigctl.report.static import FORMATS, write_figure
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit
 
-#: what readings are shown in where no rig says it
+#: units of readings without a rig file
 _SHOWN = {"Pa": "bar", "m": "mm", "m^2/s": "cSt"}
 
 
@@ -29,7 +29,7 @@ def write_effect_figure(seen: Signature, effect: Effect, path: Path, rig: Rig | 
     Raises
     ------
     RigctlError
-        the file's ending is another one, what is there is no figure, or it cannot be written.
+        the file has another ending, an existing file is not a figure, or it cannot be written.
     """
     form = path.suffix.lstrip(".").casefold()
     if form not in FORMATS:

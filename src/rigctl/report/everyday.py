@@ -1,4 +1,4 @@
-"""Parameters in units of everyday beside those of SI: a leak of 3.9e-15 m³ is some 0.02 l/min."""
+"""Parameters in everyday units beside SI: a leak of 3.9e-15 m³ is about 0.02 l/min."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from rigctl.units import parse_unit
 _WEIGHT = 9.81
 #: forces below this are too small for a comparison to help, N
 _LEAST_FORCE = 1.0
-#: a coefficient of temperature is told for so many kelvins
+#: a temperature coefficient is stated per this many kelvins
 _WARMER = 10.0
 
 
 def everyday(effect: Effect, name: str, found: FoundParameter, problem: Problem) -> str:
-    """What a parameter comes to, e.g. ``about 0.02 l/min at 50 bar, 60 degC``; "" where its unit says it.
+    """The consequence of a parameter, e.g. ``about 0.02 l/min at 50 bar, 60 degC``; "" if its unit suffices.
 
     The conditions are the highest pressure and the warmest oil of the records.
     """
@@ -51,7 +51,7 @@ def _leak(conductance: float, problem: Problem) -> str:
 
 
 def _highest(problem: Problem, unit: str) -> float | None:
-    """The highest value of any operating variable of that kind, SI; None where the records have none."""
+    """The highest value of any operating variable of that kind, SI; None if the records have none."""
     from rigctl.analysis.localisation import variable_units
 
     units, wanted = variable_units(problem.measurements), parse_unit(unit)

@@ -1,4 +1,4 @@
-"""Numbers in colours: on the page a table that a screen reader can read, in a file a picture."""
+"""Numbers as colours: on the page a table that a screen reader can read, in a file an image."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class HeatMap:
     row_title, column_title: what the rows and the columns are.
     rows, columns: their names.
     values: by row; NaN where there is none.
-    strong: by row, whether a value is more than chance; it is marked.
+    strong: by row, whether a value is more than chance, and marked.
     limit: the value of the strongest colour.
-    signed: of a size, which has no sign, False: one colour, and no plus before it.
+    signed: False for a size, which has no sign: one colour, no plus sign.
     """
 
     id: str
@@ -68,11 +68,11 @@ def heat_map_table(shown: HeatMap) -> Markup:
 
 
 def _cell(shown: HeatMap, value: float, strong: bool) -> _Cell:
-    """A cell never darker than its text can be read on."""
+    """A cell, never too dark for its text."""
     if not math.isfinite(value):
         return _Cell("–", "above", "0", False)
     share = min(abs(value) / shown.limit, 1.0) if shown.limit else 0.0
-    depth = 0.08 + 0.55 * share if strong else 0.05  # chance stays pale
+    depth = 0.08 + 0.55 * share if strong else 0.05  # values within chance stay pale
     text = f"{value:+.1f}" if shown.signed else f"{value:.1f}"
     if not float(text):
         text = text.lstrip("+-")

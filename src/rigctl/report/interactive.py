@@ -1,4 +1,4 @@
-"""Plots as plotly.js reads them; numbers travel as base64 of 32-bit floats, which a browser reads at once."""
+"""Plots for plotly.js; numbers are base64 of 32-bit floats, which a browser decodes quickly."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ _PANEL_PIXELS = 168
 _GAP_PIXELS = 16
 _MARGINS = {"l": 78, "r": 18, "t": 34, "b": 46}
 _MARK_COLOUR = "#c9504c"
-#: what would end the script element that holds the JSON, or start a comment in it
+#: characters that could end the script element with the JSON, or start a comment in it
 _UNSAFE = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 
 
 def figure(plot: Plot) -> dict[str, Any]:
-    """A plot whole: ``data``, ``layout``, and the height in pixels that it needs."""
+    """A complete plot: ``data``, ``layout``, and the required height in pixels."""
     return {**template(plot), "arrays": arrays(plot)}
 
 
 def template(plot: Plot) -> dict[str, Any]:
-    """A plot without its numbers: what records with the same signals have in common."""
+    """A plot without its numbers, which records with the same signals have in common."""
     height = _height(plot.panels)
     data = [
         {**_style(trace), "xaxis": "x", "yaxis": _axis("y", number)}
@@ -59,7 +59,7 @@ def encode(values: NDArray[np.float64]) -> str:
 
 
 def embed(value: object) -> Markup:
-    """JSON that can stand inside a script element whatever its texts say."""
+    """JSON that is safe inside a script element whatever its texts contain."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     for character, replacement in _UNSAFE.items():
         text = text.replace(character, replacement)
@@ -67,7 +67,7 @@ def embed(value: object) -> Markup:
 
 
 def _text(text: str) -> str:
-    """Text that plotly.js shows as it is: it would take some HTML in it as markup."""
+    """Text that plotly.js shows literally: it would interpret some HTML in it as markup."""
     return escape(text, quote=False)
 
 
@@ -156,7 +156,7 @@ def _span(span: Span) -> dict[str, Any]:
 
 
 def _flag(mark: Mark) -> dict[str, Any]:
-    """What a mark means is read by pointing at it: texts of marks close together would cover each other."""
+    """The meaning of a mark is shown on hovering: the texts of neighbouring marks would overlap."""
     return {
         "x": mark.x,
         "y": 1,

@@ -1,4 +1,4 @@
-"""What a model is called where people read: its file, and its version where it has several."""
+"""The title of a model for readers: its file, and its version if it has several."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from rigctl.model.model import Model
 
 
 def model_title(model: Model) -> str:
-    """``hl32-textbook.yaml``, of several versions ``…, version 2``; of no file its family."""
+    """``hl32-textbook.yaml``, with several versions ``…, version 2``; without a file its family."""
     from rigctl.model.history.store import current_version, versions
 
     if model.path is None:

@@ -18,7 +18,7 @@ _NAME = re.compile(r"[^\W\d]\w*|(?<!\d)1(?!\d)")
 
 
 def symbol(unit: str) -> str:
-    """A unit as it is printed: ``degC`` is °C, ``mm^2`` is mm², ``N*s/m`` is N·s/m, ``1`` is nothing."""
+    """A unit as printed: ``degC`` is °C, ``mm^2`` is mm², ``N*s/m`` is N·s/m, ``1`` is empty."""
     if unit == "1":
         return ""
     text = _POWER.sub(lambda match: match.group(1).translate(_SUPERSCRIPT), unit)
@@ -27,7 +27,7 @@ def symbol(unit: str) -> str:
 
 
 def prose(text: str) -> str:
-    """A sentence with its units and numbers as they are printed: °C for degC, m³ for m^3, 6.8·10⁻¹⁵, −3."""
+    """A sentence with units and numbers as printed: °C for degC, m³ for m^3, 6.8·10⁻¹⁵, −3."""
     text = re.sub(r"\bdeg([CF])\b", r"°\1", text)
     text = _EXPONENT.sub(lambda match: _scientific(match.group(1), match.group(2)), text)
     text = re.sub(r"(?<=[^\W\d_])\^(-?\d+)", lambda match: match.group(1).translate(_SUPERSCRIPT), text)
@@ -36,12 +36,12 @@ def prose(text: str) -> str:
 
 
 def words(text: str) -> str:
-    """As `prose`, with names as words: valve leakage for valve_leakage; names of files stay as they are."""
+    """As `prose`, with names as words: valve leakage for valve_leakage; names of files are unchanged."""
     return prose(_UNDERSCORE.sub(lambda match: match.group().replace("_", " "), text))
 
 
 def begun(text: str) -> str:
-    """A sentence with a capital letter; one that begins with a name, ``hl32-textbook``, as it is."""
+    """A sentence with a capital letter, unless it begins with a name such as ``hl32-textbook``."""
     first = text.split(maxsplit=1)[0] if text.strip() else ""
     return text[0].upper() + text[1:] if first.strip(",:;'").isalpha() else text
 
@@ -63,12 +63,12 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def setting(value: float) -> str:
-    """A value that was set, or where it was not, the middle of what was read: to four digits, or whole."""
+    """A value that was set, or else the middle of the readings: to four digits, or whole."""
     return number(value, 4 if abs(value) < 1e3 else 7)
 
 
 def amount(value: float | None, unit: str, digits: int = 4) -> str:
-    """A value with its unit, which is in the form that files use: ``amount(40, "degC")`` is ``40 °C``."""
+    """A value with its unit, given in the form used in files: ``amount(40, "degC")`` is ``40 °C``."""
     return with_unit(number(value, digits), unit)
 
 
@@ -79,7 +79,7 @@ def with_unit(text: str, unit: str) -> str:
 
 
 def decimals(values: Iterable[float], digits: int = 4) -> int:
-    """How many decimals give the largest of the values `digits` significant digits."""
+    """The number of decimals that gives the largest of the values `digits` significant digits."""
     largest = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
     if largest == 0.0:
         return 0
@@ -97,13 +97,13 @@ def fixed(value: float | None, places: int, *, sign: bool = False) -> str:
 
 
 def resolved(value: float, scale: float) -> float:
-    """A value to a hundredth of `scale`: of a mean error, what is smaller is rounding, and so is its sign."""
+    """A value to a hundredth of `scale`: anything smaller in a mean error is rounding, and so is its sign."""
     step = 0.01 * scale
     return round(value / step) * step + 0.0 if step > 0.0 else value
 
 
 def duration(seconds: float | None) -> str:
-    """A length of time in the two units a person would say it in, e.g. ``3 h 12 min``."""
+    """A duration in its two largest units, e.g. ``3 h 12 min``."""
     if seconds is None or not math.isfinite(seconds):
         return MISSING
     space = "\N{NO-BREAK SPACE}"
@@ -117,7 +117,7 @@ def duration(seconds: float | None) -> str:
 
 
 def moment(text: str | None) -> str:
-    """A point in time from its ISO form, to the second, with its zone; unreadable text as it is."""
+    """An instant from its ISO form, to the second, with its zone; unreadable text is unchanged."""
     if not text:
         return MISSING
     try:
@@ -133,5 +133,5 @@ def plural(count: int, noun: str, nouns: str | None = None) -> str:
 
 
 def whole(count: int) -> str:
-    """A count with its thousands apart: ``65 100``."""
+    """A count with separated thousands: ``65 100``."""
     return f"{count:,}".replace(",", "\N{NARROW NO-BREAK SPACE}")

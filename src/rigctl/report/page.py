@@ -1,7 +1,7 @@
-"""The page around the sections: one HTML file that needs no other, and that nothing can make fetch one.
+"""The page around the sections: one HTML file that needs no other file and cannot be made to fetch one.
 
-The plots are drawn by plotly.js, whose basic bundle lies unchanged in ``assets`` with its licence; the first
-lines of it name its version. ``npm pack plotly.js-basic-dist-min`` fetches a newer one.
+The plots are drawn by plotly.js, whose unchanged basic bundle is in ``assets`` with its licence; its first
+lines state its version. ``npm pack plotly.js-basic-dist-min`` fetches a newer one.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def page(runs: Sequence[RunData], sections: Sequence[Section], made: datetime | 
 
     Parameters
     ----------
-    made: when, for the footer; now when left out.
+    made: time for the footer; by default now.
     """
     scripts = [_asset("plotly-basic.min.js"), _asset("page.js")]
     when = (made or datetime.now(UTC)).isoformat(timespec="seconds")
@@ -38,7 +38,7 @@ def page(runs: Sequence[RunData], sections: Sequence[Section], made: datetime | 
         title=about or title(runs),
         subtitle=f"on {title(runs)}, {subtitle(runs)}" if about else subtitle(runs),
         sections=sections,
-        contents=not about,  # of a page with an answer the folded titles are the contents
+        contents=not about,  # on a page with an answer the folded titles are the table of contents
         policy=policy(scripts),
         style=Markup(_asset("page.css")),  # noqa: S704 - a file of this package
         scripts=[Markup(script) for script in scripts],  # noqa: S704 - files of this package
@@ -54,7 +54,7 @@ def title(runs: Sequence[RunData]) -> str:
 
 
 def subtitle(runs: Sequence[RunData]) -> str:
-    """On what, when, by whom; for several runs on what and how many."""
+    """The bench, when and by whom; for several runs the bench and their number."""
     rigs = ", ".join(dict.fromkeys(str(run.info.get("rig", {}).get("name") or "") for run in runs))
     on = f"on {rigs}" if rigs else ""
     if len(runs) > 1:
@@ -66,9 +66,9 @@ def subtitle(runs: Sequence[RunData]) -> str:
 
 
 def policy(scripts: Sequence[str]) -> str:
-    """A content security policy: these scripts run and no other, and nothing is fetched from anywhere.
+    """A content security policy: only these scripts run, and nothing is fetched from anywhere.
 
-    It stands even if a text from a user's file should get into the page unescaped.
+    It protects even if a text from a user's file should get into the page unescaped.
     """
     hashes = " ".join(f"'sha256-{_sha256(script)}'" for script in scripts)
     return "; ".join(
@@ -89,7 +89,7 @@ def _sha256(text: str) -> str:
 
 @lru_cache(maxsize=4)
 def _asset(name: str) -> str:
-    """A file of the page, its lines ended as a browser sees them, which the policy's hashes depend on."""
+    """A file of the page with line ends as a browser sees them, on which the policy's hashes depend."""
     return (_ASSETS / name).read_text(encoding="utf-8")
 
 

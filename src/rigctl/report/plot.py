@@ -1,4 +1,5 @@
-"""What a plot shows, apart from how it is drawn: the page draws it interactively, `static` into a file."""
+"""The content of a plot, independent of how it is drawn: interactively on the page, or by `static` into a
+file."""
 
 from __future__ import annotations
 

@@ -61,11 +61,11 @@ class Response:
     x_name: str
     x_unit: str
     series: tuple[Series, ...]
-    origin: str = ""  #: how the values come about, where the procedure does not say it
+    origin: str = ""  #: how the values are obtained, if the procedure does not say it
 
     @property
     def x_title(self) -> str:
-        """What is on the x axis, as prose: ``oil temperature`` for a temperature swept as ``oil``."""
+        """The title of the x axis, as prose: ``oil temperature`` for a temperature swept as ``oil``."""
         name = plain_name(self.x_name)
         kind = quantity_name(parse_unit(self.x_unit).dimension)
         return name if kind is None or kind in name else f"{name} {kind}"
@@ -86,10 +86,10 @@ class Response:
 
 
 def responses(runs: Sequence[RunData]) -> list[Response]:
-    """What the usable records of the runs say about each result; the stroke comes first.
+    """The results from the usable records of the runs; the stroke comes first.
 
-    x is the swept temperature, or what was swept in most steps when no temperature was; the other variables
-    tell the series apart, and so do runs. Nothing comes of runs without a sweep.
+    x is the swept temperature, or else the variable with the most steps; the other variables, and the runs,
+    distinguish the series. Runs without a sweep give no result.
     """
     found: list[Response] = []
     names = list(dict.fromkeys(record.name for run in runs for record in run.records))
@@ -131,7 +131,7 @@ def response_plot(response: Response, key: str) -> Plot:
 
 
 def _choose_x(records: Sequence[RecordData]) -> str | None:
-    """The variable on the x axis; None when nothing was swept in two steps or more."""
+    """The variable on the x axis; None if nothing was swept in at least two steps."""
     values: dict[str, set[float]] = {}
     units: dict[str, str] = {}
     for record in records:
@@ -186,7 +186,7 @@ def _measure_named(name: str, unit: str) -> _Value:
 
 
 def _same_unit(value: float, unit: str, wanted: str) -> float | None:
-    """The value in the unit of the others; None when it is not one of them."""
+    """The value in the unit of the others; None if it has another dimension."""
     if unit != wanted:
         if parse_unit(unit).dimension != parse_unit(wanted).dimension:
             return None

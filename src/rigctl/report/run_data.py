@@ -1,4 +1,4 @@
-"""A run as the page sees it: every number in the unit it is shown in, every record with its rows."""
+"""A run as the page needs it: every number in its display unit, every record with its rows."""
 
 from __future__ import annotations
 
@@ -51,13 +51,13 @@ class Measured:
 
     @property
     def limited(self) -> bool:
-        """True when there is something it could miss."""
+        """True if it has a limit."""
         return self.low is not None or self.high is not None
 
 
 @dataclass(frozen=True)
 class RecordData:
-    """One record: what it was measured at, how it ended, and which rows of the run are its own."""
+    """One record: its operating point, its outcome, and its rows in the run."""
 
     index: int
     name: str
@@ -71,7 +71,7 @@ class RecordData:
 
     @property
     def usable(self) -> bool:
-        """True when it was measured as planned and nobody excluded it."""
+        """True if it was measured as planned and nobody excluded it."""
         return self.outcome == COMPLETE and self.excluded is None
 
 
@@ -224,7 +224,7 @@ def rows_of_records(row_records: NDArray[np.int32]) -> dict[int, slice]:
 
 
 def _rig(info: Mapping[str, Any]) -> Rig | None:
-    """The rig as it was when the run was made; None for data that came without a whole rig file."""
+    """The rig at the time of the run; None for data without a complete rig file."""
     text = info.get("rig", {}).get("text")
     if not text:
         return None

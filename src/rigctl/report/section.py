@@ -1,4 +1,4 @@
-"""A part of the page, and the templates that all parts are made with."""
+"""A section of the page, and the templates of all sections."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from rigctl.report.heat_map import HeatMap
 
-#: rows of a table that a browser lays out without delay; a page says how many it leaves out
+#: rows of a table that a browser lays out without delay; the page states how many are left out
 MOST_ROWS = 1000
 
 
@@ -32,11 +32,11 @@ class Section:
     ----------
     id: unique on the page; a link to the section ends with it.
     title: its heading, and its entry in the page's contents.
-    body: HTML, from `render`, which escapes whatever comes from a user's file.
-    plots: what is drawn into files when figures are asked for.
-    folded: only its title is seen until a reader opens it, and `hint`, which says what is within.
-    closes: it stands at the end of the page.
-    names_page: what the page is about, in place of what was run; "" where it is about the runs.
+    body: HTML, from `render`, which escapes everything from a user's file.
+    plots: those that are drawn into files if figures are requested.
+    folded: only its title and `hint`, a line on its content, are visible until a reader opens it.
+    closes: whether it is at the end of the page.
+    names_page: the subject of the page, instead of the procedures that were run; "" if it is about the runs.
     """
 
     id: str
@@ -50,7 +50,7 @@ class Section:
 
 
 def folded(sections: Sequence[Section]) -> list[Section]:
-    """The same, folded: what another answer on the page rests on."""
+    """The same, folded, as evidence for another answer on the page."""
     return [replace(one, folded=True) for one in sections]
 
 

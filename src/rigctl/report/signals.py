@@ -1,4 +1,4 @@
-"""Plots of what was measured: a record, or a whole run, one panel for each kind of quantity."""
+"""Plots of measurements: a record, or a whole run, one panel for each kind of quantity."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rigctl.report.run_data import Event, RecordData, RunData, Signal
 from rigctl.report.thin import changes, thin
 from rigctl.units import DIMENSIONLESS, Dimension, parse_unit
 
-#: panels from top to bottom; what is not listed comes between these and the plain numbers
+#: panels from top to bottom; others come between these and the plain numbers
 _ORDER = (("m", "position"), ("Pa", "pressure"), ("K", "temperature"), ("m^3/s", "flow"))
 #: kinds of events that are marked in the overview
 ALARMS = ("alarm", "fault", "gap")
@@ -63,10 +63,10 @@ def overview_plot(run: RunData, *, points: int, key: str) -> Plot:
 
 
 def end_to_end(run: RunData) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Times at which no record lies over another, and by how much each row is later than it says; s.
+    """Times at which no record overlaps another, and the shift of each row; s.
 
-    A logger that begins anew with every record gives them all the same times. Rows whose time goes back
-    are laid behind those before them; a run that was measured here stays as it is.
+    A logger that restarts its clock with every record gives them all the same times. Rows whose time goes
+    back are shifted behind those before them; a run recorded by rigctl is unchanged.
     """
     shift = np.zeros(len(run.time))
     steps = np.diff(run.time)
@@ -93,7 +93,7 @@ def record_ranges(run: RunData) -> dict[str, tuple[float, float]]:
 
 
 def record_label(record: RecordData) -> str:
-    """What a person calls a record, e.g. ``12 · stroke · oil 40 °C, supply 30 bar``."""
+    """The name of a record for readers, e.g. ``12 · stroke · oil 40 °C, supply 30 bar``."""
     sweep = sweep_label(record.sweep)
     return f"{record.index} · {record.name}" + (f" · {sweep}" if sweep else "")
 
@@ -145,7 +145,7 @@ def _title(signal: Signal) -> str:
 
 
 def quantity_name(dimension: Dimension) -> str | None:
-    """What a quantity of this dimension is called on an axis; None for one that has no name here."""
+    """The name of a quantity of this dimension on an axis; None if there is none."""
     return next((name for unit, name in _ORDER if parse_unit(unit).dimension == dimension), None)
 
 
@@ -173,7 +173,7 @@ def _trace(signal: Signal, rows: slice, time: NDArray[np.float64], points: int, 
     if signal.command and len(kept) > points:
         kept = thin(values, points)
     look = Look.STEP if signal.command else Look.LINE
-    # shared when nothing was left out, so that a page holds these times once
+    # shared if no rows were left out, so that a page contains these times once
     x = time if len(kept) == len(time) else time[kept]
     faint = signal.command and signal.dimension != DIMENSIONLESS
     name = plain_name(signal.name) + (" (set)" if faint else "")

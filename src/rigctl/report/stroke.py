@@ -18,7 +18,7 @@ NEUTRAL = 0.0
 
 @dataclass(frozen=True)
 class Motion:
-    """Which signals tell of an extension: `command` at `value` moves what `position` reads."""
+    """The signals of an extension: `command` at `value` moves what `position` reads."""
 
     position: Signal
     command: Signal
@@ -26,7 +26,7 @@ class Motion:
 
 
 def find_motion(run: RunData) -> Motion | None:
-    """What extends on this bench: by the rig's role, else by the only position and valve there are."""
+    """The extension on this bench: by the rig's role, or else the only position and valve."""
     role = run.rig.roles.extend if run.rig else None
     if run.rig and role and role.position and {role.position, role.actuator} <= run.signals.keys():
         value = run.rig.actuators[role.actuator].read(role.value)
@@ -53,7 +53,7 @@ def stroke(run: RunData, record: RecordData, motion: Motion) -> float | None:
 
     Returns
     -------
-    None when the record has no extension that begins and ends in it.
+    None if the record has no complete extension.
     """
     time = run.time[record.rows]
     position = motion.position.values[record.rows]

@@ -1,9 +1,9 @@
-"""The systematic error of a model: what is left of its error when the noise is taken off, channel by channel.
+"""The systematic error of a model: its error without the noise, channel by channel.
 
-A root mean square error of 0.158 mm that falls to 0.127 mm looks like little; where the noise is 0.127 mm all
-of what could fall has fallen. So the error is measured by how far it stands out from the noise, all readings
-together: S = √X standard deviations, X what the whitened squares have more of than noise makes. Of two models
-on the same data the difference of X is that of their whitened squares, whatever the noise is taken for.
+A root mean square error that falls from 0.158 mm to 0.127 mm seems a small change; if the noise is 0.127 mm,
+the whole systematic error is gone. The error is therefore measured by its significance over all readings: S =
+√X standard deviations, where X is the excess of the whitened squares over those of noise. For two models on
+the same data the difference of X is that of their whitened squares, whatever noise is assumed.
 """
 
 from __future__ import annotations
@@ -22,23 +22,24 @@ from rigctl.model.fit.fit import FitResult
 from rigctl.report.numbers import number, symbol
 from rigctl.units import parse_unit
 
-#: standard deviations of what chance makes of a sum of squares, up to which it is not told from noise
+#: standard deviations of a sum of squares under chance up to which it is not distinguished from noise
 _CHANCE = 1.96
-#: S up to which a channel's error is not told from noise: what a fit makes of noise with some parameters more
+#: S up to which a channel's error is not distinguished from noise: the effect of some more parameters on
+#: noise
 _FLOOR = 3.0
 
 
 @dataclass(frozen=True)
 class ChannelFall:
-    """The systematic error of one channel, of a model and of those that came after it.
+    """The systematic error of one channel, for a model and its successors.
 
     Attributes
     ----------
     title, unit: of the channel, as it is shown.
     noise: standard deviation of one reading, in `unit`.
-    sizes: S of each model, in sigmas of all readings together; 0 where it is not told from noise.
+    sizes: S of each model, in sigmas of all readings together; 0 if not distinguished from noise.
     amounts: root mean square of the systematic error of each model, in `unit`; NaN where noise hides it.
-    guessed: the noise is no more than a guess, and so is what is left without it.
+    guessed: whether the noise is only a guess, and so the systematic error too.
     """
 
     channel: str
@@ -55,7 +56,7 @@ class ChannelFall:
         return abs(self.sizes[0] ** 2 - self.sizes[-1] ** 2) > _FLOOR**2
 
     def within(self, place: int) -> bool:
-        """Whether that model's cannot be told from noise."""
+        """Whether the error of that model is within the noise."""
         return self.sizes[place] == 0.0
 
     def sigmas(self, place: int) -> str:
@@ -75,7 +76,7 @@ class ChannelFall:
         return f"{_two(self.noise)} {self.unit}".strip()
 
     def amount(self, place: int) -> str:
-        """The error in the channel's unit: ``0.10 mm``; "" where it is not told from noise."""
+        """The error in the channel's unit: ``0.10 mm``; "" if it is within the noise."""
         amount = self.amounts[place]
         return f"{_two(amount)} {self.unit}".strip() if not self.within(place) and amount > 0.0 else ""
 
@@ -87,11 +88,11 @@ def _two(value: float) -> str:
 
 
 def falls(fits: Sequence[FitResult], left: Mapping[str, float]) -> tuple[ChannelFall, ...]:
-    """By channel, of models on the same data; the largest of the first model first.
+    """By channel, for models on the same data; ordered by the error of the first model.
 
     Parameters
     ----------
-    left: S of the last model, of the channels on which it is more than noise; see `left_of`.
+    left: S of the last model, for the channels where it exceeds the noise; see `left_of`.
     """
     problem = fits[0].problem
     measurements = problem.measurements
@@ -121,7 +122,7 @@ def falls(fits: Sequence[FitResult], left: Mapping[str, float]) -> tuple[Channel
 
 
 def _rest(normalised: float, base: float) -> float:
-    """Root of what a mean square has more than `base`."""
+    """Root of the excess of a mean square over `base`."""
     return math.sqrt(max(normalised**2 - base, 0.0))
 
 
@@ -133,10 +134,10 @@ def _amplitude(error: ChannelError, size: float) -> float:
 
 
 def left_of(model: ModelComparison) -> dict[str, float]:
-    """S of a model by channel, of those on which the error is more than chance; none of one that agrees.
+    """S of a model by channel, for those whose error exceeds chance; none for a model that agrees.
 
-    X is what the residuals' means over the phases of the records have more of than chance, or all whitened
-    squares where that is more: an error that changes its sign within a phase has no mean there.
+    X is the excess over chance of the residuals' means over the phases of the records, or of all whitened
+    squares if that is larger: an error that changes its sign within a phase has no mean there.
     """
     if model.adequate:
         return {}
@@ -157,7 +158,7 @@ def left_of(model: ModelComparison) -> dict[str, float]:
 
 
 def left_of_fit(fit: FitResult) -> dict[str, float]:
-    """The same from a fit alone: what its whitened squares have more of than noise."""
+    """The same from a fit alone: the excess of its whitened squares over noise."""
     found = {}
     for name, error in fit.errors.items():
         excess = error.count * (error.chi2_reduced - 1.0)
@@ -167,7 +168,8 @@ def left_of_fit(fit: FitResult) -> dict[str, float]:
 
 
 def left_of_diagnosis(found: Diagnosis) -> dict[str, float]:
-    """S of the model with the effects found: what the diagnosis leaves, by channel as its squares are."""
+    """S of the model with the effects found: the remainder of the diagnosis, divided by channel like its
+    squares."""
     if not found.best.candidates:
         return left_of(found.before)
     if found.remainder is None:

@@ -1,4 +1,4 @@
-"""Fewer points that look the same: what a screen cannot show is left out, extremes never are."""
+"""Decimation for display: points that a screen cannot show are left out, extremes never are."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ def thin(values: NDArray[np.float64], points: int) -> NDArray[np.intp]:
     Parameters
     ----------
     values: shape (n,); NaN where a sample is missing.
-    points: wanted number, at least 4. With gaps up to half as many again are returned.
+    points: requested number, at least 4. With gaps up to half as many again are returned.
 
     Returns
     -------
-    Rising indices, shape (m,); all of them when n ≤ points.
+    Increasing indices, shape (m,); all of them if n ≤ points.
     """
     count = len(values)
     if count <= points:

@@ -46,21 +46,20 @@ def write_report(
     sections: Sequence[Section] = (),
     force: bool = False,
 ) -> Report:
-    """Write one self-contained HTML page about the runs, whole or not at all.
+    """Write one self-contained HTML page about the runs, completely or not at all.
 
     Parameters
     ----------
     output: the page's file; an earlier page is replaced.
-    figures: a folder for every plot as a file of its own.
+    figures: a folder for every plot as a separate file.
     form: of these, ``png`` or ``svg``.
-    sections: what other parts of rigctl have to say about these runs; shown after the outcome.
-    force: replace whatever file is there, but none of a run.
+    sections: sections from other parts of rigctl about these runs; shown after the outcome.
+    force: replace any existing file, except those of a run.
 
     Raises
     ------
     RigctlError
-        no run was given, a run's file is damaged, another file is where one should go, or a file cannot be
-        written.
+        no run was given, a run's file is damaged, another file is in the way, or a file cannot be written.
     """
     require_output(output, replaces=is_page, force=force)
     if not runs:
@@ -87,10 +86,10 @@ def _draw(plot: Plot | HeatMap, folder: Path, form: str) -> Path:
 
 
 def assemble(runs: Sequence[RunData], sections: Sequence[Section] = ()) -> list[Section]:
-    """The page's sections: the answer first, then what stands behind it.
+    """The page's sections: the answer first, then its evidence.
 
-    The answer is what was contributed; without any it is how the run ended, and what it measured. A run that
-    failed says so before everything else. What only some readers look for is folded.
+    The answer is the contributed section; without one it is how the run ended, and its results. For a failed
+    run this comes before everything else. Sections for only some readers are folded.
     """
     own = [section for build in SECTIONS if (section := build(runs)) is not None]
     if not sections:

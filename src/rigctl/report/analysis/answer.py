@@ -1,4 +1,4 @@
-"""The top of an analysis' page: the verdict, the fall of the systematic error, one overlay."""
+"""The top of an analysis page: the verdict, the decrease of the systematic error, one overlay."""
 
 from __future__ import annotations
 
@@ -20,17 +20,18 @@ from rigctl.report.systematic import ChannelFall, falls
 
 Floats = NDArray[np.float64]
 
-#: channels that one overlay shows at most
+#: most channels in one overlay
 _MOST_CHANNELS = 2
-#: facts that are drawn as bars, or have a fold of their own
+#: facts that are drawn as bars, or have a separate folded section
 _ELSEWHERE = ("error", "wanted")
-#: a channel of which less than this share of the largest stands out is not drawn
+#: a channel whose error is below this share of the largest one is not drawn
 _DRAWN = 0.5
 
 
 @dataclass(frozen=True)
 class Told:
-    """Models on the same data, by their names on the page: the first as it was, the last as it is.
+    """Models on the same data, by their names on the page: the first is the original, the last the current
+    one.
 
     `left` is the last one's systematic error, as of `rigctl.report.systematic.falls`.
     """
@@ -41,12 +42,12 @@ class Told:
 
     @property
     def timed(self) -> bool:
-        """Whether there are courses in time to draw, not the rows of a table."""
+        """Whether there are time series to draw, not the rows of a table."""
         return not self.fits[0].problem.measurements.table
 
     @property
     def record(self) -> int:
-        """The record that shows most: where the models differ most, or the only one is worst."""
+        """The most telling record: where the models differ most, or a single model fits worst."""
         first, last = self.fits[0], self.fits[-1]
         errors = [first.normalised_error(k) for k in range(len(first.outputs))]
         if len(self.fits) > 1:
@@ -60,13 +61,13 @@ def _mean_square(error: Floats) -> float:
 
 
 def answer_section(answer: Answer, told: Told | None, *, about: str, sentence: str = "") -> Section:
-    """What the page begins with.
+    """The beginning of the page.
 
     Parameters
     ----------
-    told: the models that the answer is about; of None there is nothing to draw.
-    about: the model, as the page is named after it.
-    sentence: in place of the answer's, where that has statistics in it.
+    told: the models that the answer is about; with None nothing is drawn.
+    about: the model after which the page is named.
+    sentence: replaces that of the answer, if that contains statistics.
     """
     found = falls(told.fits, told.left) if told is not None else ()
     shown = [one for one in found if _shows(one)]
@@ -90,7 +91,7 @@ def answer_section(answer: Answer, told: Told | None, *, about: str, sentence: s
 
 
 def _shows(one: ChannelFall) -> bool:
-    """Whether a channel has anything to see: a change, or of a single model an error beyond the noise."""
+    """Whether a channel has anything to show: a change, or for a single model an error beyond the noise."""
     return one.changed if len(one.sizes) > 1 else not one.within(0)
 
 
@@ -122,7 +123,7 @@ def _beside(one: ChannelFall, place: int) -> str:
 
 
 def _unchanged(found: Sequence[ChannelFall], shown: Sequence[ChannelFall]) -> str:
-    """The channels of which nothing is drawn, in a sentence."""
+    """A sentence on the channels that are not drawn."""
     rest = [one for one in found if one not in shown]
     if not rest:
         return ""
@@ -135,7 +136,7 @@ def _unchanged(found: Sequence[ChannelFall], shown: Sequence[ChannelFall]) -> st
 
 
 def _overlay(told: Told, channels: Sequence[str]) -> Plot | None:
-    """Measured and modelled in the record that shows most, with what the first and the last model leave."""
+    """The most telling record, measured and modelled, with the residuals of the first and the last model."""
     if not channels:
         return None
     first, last = told.fits[0], told.fits[-1]

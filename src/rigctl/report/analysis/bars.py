@@ -12,7 +12,7 @@ from rigctl.report.section import render
 
 @dataclass(frozen=True)
 class Bar:
-    """One bar: its label, its length as a share of the longest, and what stands beside it."""
+    """One bar: its label, its length as a share of the longest, and the text beside it."""
 
     label: str
     share: float

@@ -1,4 +1,4 @@
-"""The page's part on a comparison: how well the models agree, and where they fail."""
+"""The section on a comparison: how well the models agree, and where they fail."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ _MOST_PLACES = 8
 
 
 def comparison_sections(comparison: Comparison, *, answered: bool = False) -> list[Section]:
-    """The answer, with what became of the error from the first model to the last; behind it the evidence.
+    """The answer, with the change of the error from the first model to the last; then the evidence.
 
     Parameters
     ----------
-    answered: what the page is asked has been said already: the evidence alone.
+    answered: the page already has an answer: show the evidence only.
     """
     first = comparison.models[0]
     tables = table_parts(comparison)
@@ -52,7 +52,7 @@ def told_of(models: Sequence[ModelComparison]) -> Told:
 
 
 def page_name(model: ModelComparison) -> str:
-    """What a model is called on the page: as it was named for it, or by its file and version."""
+    """The name of a model on the page: the given one, or its file and version."""
     own = model.fit.problem.model
     return model_title(own) if model.name == own.name else model.name
 
@@ -70,7 +70,7 @@ def _answer(models: Sequence[ModelComparison], told: Told) -> Section:
 
 
 def _where(model: ModelComparison, *, several: bool) -> Section | None:
-    """Places, maps, equations, and the direction of the error."""
+    """Where in the data the error is, maps, equations, and the direction of the error."""
     maps = channel_maps(model, "error-map") if not model.rows else ()
     places, slots = _places(model), _slots(model)
     trends = [one.text for one in model.trends[:4] if one.matters and one.text[1:] not in model.statement]
@@ -85,7 +85,7 @@ def _where(model: ModelComparison, *, several: bool) -> Section | None:
 
 
 def _measured(comparison: Comparison, seen: int | None) -> Section:
-    """Records with what the models say of them; `seen` has been drawn already."""
+    """Records with the models' predictions; `seen` is already drawn."""
     first = comparison.models[0]
     plots = [
         overlay_plot(
@@ -111,14 +111,14 @@ def _measured(comparison: Comparison, seen: int | None) -> Section:
 
 
 def _table(tables: Sequence[TablePart], findings: Sequence[str]) -> Section:
-    """A table's values beside the models': it is the picture of the answer, and not folded."""
+    """A table's values beside the models': the plot of the answer, not folded."""
     body = Markup(table_body(tables, findings))  # noqa: S704 - rendered, autoescaped
     plots = tuple(part.plot for part in tables)
     return Section("comparison", "Model against measurement", body, plots)
 
 
 def _numbers(comparison: Comparison) -> Section:
-    """Errors, tests, what each record has of its own, and notes on the data: the field's own terms."""
+    """Errors, tests, record-level parameters and notes on the data, in technical terms."""
     body = render(
         "numbers.html", comparison=comparison, models=[_model(model) for model in comparison.models]
     )

@@ -1,4 +1,4 @@
-"""The page's part on a set-point schedule: what to set, what becomes of the quantity with it and without."""
+"""The section on a set-point schedule: the set-points, and the quantity with and without it."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def _plot(found: Schedule) -> Plot:
     return Plot(
         "schedule",
         f"{plain_name(found.vary)} over {plain_name(found.over)}, and {plain_name(found.quantity)} with it "
-        "and without, as the model has them",
+        "and without, as predicted by the model",
         f"{plain_name(found.over)} [{symbol(found.over_unit)}]",
         (
             Panel(f"{plain_name(found.vary)} [{v}]", upper, 1.2),

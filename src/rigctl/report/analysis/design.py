@@ -1,4 +1,4 @@
-"""The page's part on the next experiment: what each rival predicts of it, and what it promises."""
+"""The section on the next experiment: the predictions of the rivals, and the predicted power."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from rigctl.report.signals import plain_name
 
 #: rivals that are drawn, the most probable first
 _DRAWN = 4
-#: a channel in which none of them differ by more, in sigmas, says nothing of them
+#: a channel in which none of them differ by more, in sigmas, does not distinguish them
 _SHOWS = 0.5
 
 
 def design_sections(found: DesignResult) -> list[Section]:
     """The answer, the rivals, the records with what each rival predicts, the sensors, the procedure."""
     plots = [
-        record_plot(found, number) if record.predictions else None  # a row of a table has no course in time
+        record_plot(found, number) if record.predictions else None  # a row of a table has no time series
         for number, record in enumerate(found.records)
     ]
     chart = sensor_plot(found.sensors)
@@ -62,7 +62,7 @@ def _chances(found: DesignResult) -> Markup:
         Bar(f"with record {number}", one.after, share(one.after), "", 0)
         for number, one in enumerate(found.records, start=1)
     ]
-    return bars("Probability that a diagnosis names what is right, alone", shown)
+    return bars("Probability that a diagnosis names the right rival alone", shown)
 
 
 def _rival(one: DesignRival) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""The page's part on a diagnosis: what is missing, how sure that is, and what it would look like."""
+"""The section on a diagnosis: what is missing, how certain that is, and its signature."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ Floats = NDArray[np.float64]
 
 _SHOWN = 6
 _SIGNATURES = 3
-#: a channel that no candidate changes by more, in sigmas, says nothing of them
+#: a channel that no candidate changes by more, in sigmas, does not distinguish them
 _SHOWS = 0.5
 
 
 def diagnosis_sections(diagnosis: Diagnosis, *, added: bool = False) -> list[Section]:
-    """The verdict with the fall of the error; behind it the ranking, the signatures and the laws.
+    """The verdict with the decrease of the error; then the ranking, the signatures and the laws.
 
-    `added` says that what was found is in the model by now: then that is the answer, and this its evidence.
+    With `added` the effects found are already in the model: that is the answer, and this the evidence for it.
     """
     signature = None if diagnosis.before.rows else signature_plot(diagnosis)
     curves = law_plots(diagnosis.laws)
-    ranked = not (diagnosis.before.rows and diagnosis.before.adequate)  # a table's few rows rank by chance
+    ranked = not (diagnosis.before.rows and diagnosis.before.adequate)  # a ranking of few rows is chance
     body = render(
         "diagnosis.html",
         diagnosis=diagnosis,
@@ -55,8 +55,8 @@ def diagnosis_sections(diagnosis: Diagnosis, *, added: bool = False) -> list[Sec
         drift=[_drift(one) for one in diagnosis.drift],
     )
     drawn = () if signature is None else (signature,)
-    hint = "the ranking, what speaks for it and against, what these data cannot tell"
-    evidence = Section("diagnosis", "Why, and how sure", body, (*drawn, *curves), folded=True, hint=hint)
+    hint = "the ranking, the evidence for and against, what these data cannot decide"
+    evidence = Section("diagnosis", "Why, and how certain", body, (*drawn, *curves), folded=True, hint=hint)
     return [evidence] if added else [*_answer(diagnosis), evidence]
 
 
@@ -78,7 +78,7 @@ def _answer(diagnosis: Diagnosis) -> list[Section]:
 
 
 def _sentence(diagnosis: Diagnosis, answer: Answer, about: str) -> str:
-    """The verdict with what it is about: the title alone does not say what is missing."""
+    """The verdict with its subject: the title alone does not say what is missing."""
     if diagnosis.doubt:
         return answer.sentence
     if diagnosis.verdict is Verdict.ADEQUATE:
@@ -93,7 +93,7 @@ def _sentence(diagnosis: Diagnosis, answer: Answer, about: str) -> str:
 
 
 def _drift(one: Drift) -> tuple[str, str, str, str]:
-    """A fitted parameter without and with what was found, to the digits that are known."""
+    """A fitted parameter without and with the effects found, to its significant digits."""
     before, after = known_digits(one.before, one.before_std)[0], known_digits(one.after, one.after_std)[0]
     return one.parameter, before, after, symbol(one.unit)
 
@@ -128,7 +128,7 @@ def _row(one: Ranked) -> dict[str, object]:
 
 
 def signature_plot(diagnosis: Diagnosis) -> Plot | None:
-    """What each refitted candidate takes away from the residual of the worst record, over that residual."""
+    """The change by each refitted candidate, over the residual of the worst record."""
     trials = _candidates(diagnosis)
     if not trials:
         return None

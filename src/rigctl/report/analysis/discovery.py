@@ -1,4 +1,5 @@
-"""The page's part on a search for a formula: where in the machine, the curve with its band, the formulas."""
+"""The section on a search for a formula: the location in the machine, the curve with its band, the
+formulas."""
 
 from __future__ import annotations
 
@@ -85,14 +86,14 @@ def _curve_plot(number: int, curve: Curve, formulas: tuple[FoundFormula, ...]) -
         f"The term at {plain_name(curve.slot.name)} over {plain_name(curve.over)}"
         + (f", times {curve.times}" if curve.times else "")
         + ", over the range that the data visit"
-        + (", but for a part of any size that the fit takes up" if curve.free else ""),
+        + (", up to a part of any size that the fit absorbs" if curve.free else ""),
         f"{plain_name(curve.over)} [{symbol(curve.shown)}]",
         (Panel(f"{plain_name(curve.slot.name)} [{symbol(unit)}]", tuple(traces), 2.0),),
     )
 
 
 def _slots(family: ModelFamily, shares: dict[str, float]) -> Markup:
-    """The places of the equations as boxes, filled by the share of the misfit that a term there explains."""
+    """The equations as boxes, filled by the share of the misfit that a term there explains."""
     columns = [(heading, [slot for slot in family.slots if slot.kind == kind]) for kind, heading in _KINDS]
     columns = [(heading, slots) for heading, slots in columns if slots]
     boxes = [

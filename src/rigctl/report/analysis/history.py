@@ -1,4 +1,4 @@
-"""The page's part on a model's versions: how the error fell, down to the noise."""
+"""The section on a model's versions: how the error fell, down to the noise."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from rigctl.report.numbers import symbol
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
 
-#: an error above the noise by less is that of noise that was learned from a part of the data
+#: a smaller excess over the noise can come from noise that was estimated from a part of the data
 _AT_NOISE = 1.05
 _UNSEEN = "on records no fit saw"
-#: a share of the noise that is not told from it
+#: an excess below this share of the noise is not distinguished from it
 _WITHIN = 0.1
 
 
 def history_sections(path: Path, compared: Sequence[ModelComparison] = ()) -> list[Section]:
-    """A waterfall for each channel; nothing for a model whose versions have no errors yet.
+    """A waterfall chart for each channel; nothing for a model whose versions have no errors yet.
 
     Parameters
     ----------
@@ -73,10 +73,10 @@ def _before_and_after(
 
 
 def _waterfall(channel: str, steps: Sequence[tuple[str, ModelError]]) -> Markup:
-    """What is left of a channel's error when the noise is taken off, by version, fitted and held out.
+    """A channel's error without the noise, by version, fitted and held out.
 
-    The noise is what was learned of it, or the error of the last version where that is no more than it by
-    chance. Where it is not known the error is shown as it was measured.
+    The noise is the estimated one, or the error of the last version if that exceeds it only by chance. If the
+    noise is not known the whole error is shown.
     """
     known = [(label, error) for label, error in steps if channel in error.rmse]
     unit = symbol(known[-1][1].units.get(channel, ""))
@@ -107,5 +107,5 @@ def _waterfall(channel: str, steps: Sequence[tuple[str, ModelError]]) -> Markup:
 
 
 def _told(size: float, noise: float, unit: str) -> str:
-    """A size, or that it is not told from noise."""
+    """A size as text, or that it is within the noise."""
     return "within the noise" if size < _WITHIN * noise else f"{size:.2g} {unit}".rstrip()

@@ -1,4 +1,4 @@
-"""The page's part on a model that was improved: what was added, how the error fell, and what it was."""
+"""The section on an improved model: the additions, the decrease of the error, and the original model."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def improvement_sections(compared: Comparison, improved: Improvement, path: Path
 
 
 def left_sections(improved: Improvement) -> list[Section]:
-    """The verdict on the model as it is now, and what it leaves; nothing where nothing was added."""
+    """The verdict on the current model, and what it leaves; nothing if nothing was added."""
     last = improved.last
     if not improved.steps:
         return []
@@ -53,12 +53,12 @@ def left_sections(improved: Improvement) -> list[Section]:
         evidence=[text for text in last.further_evidence if last.verdict is not Verdict.ADEQUATE],
         classes=[names for names in last.classes if len(names) > 1],
     )
-    hint = f"{last.title}; what these data still cannot tell"
+    hint = f"{last.title}; what these data still cannot decide"
     return [Section("model-now", "The model as it is now", body, folded=True, hint=hint)]
 
 
 def _versions(compared: Comparison, improved: Improvement) -> list[ModelComparison]:
-    """The model as it was, then with each addition."""
+    """The original model, then with each addition."""
     if not improved.steps:
         return []
     before = improved.steps[0].version.parent
@@ -67,7 +67,7 @@ def _versions(compared: Comparison, improved: Improvement) -> list[ModelComparis
 
 
 def _answer(versions: Sequence[ModelComparison], improved: Improvement, path: Path) -> Section:
-    """What was added and what became of the error, each addition with its reason."""
+    """The additions, each with its reason, and the change of the error."""
     first, last = versions[0], versions[-1]
     told = Told((first.name, last.name), (first.fit, last.fit), left_of(improved.last.before))
     about = f"{path.name}, {versions[-1].name}"

@@ -1,4 +1,4 @@
-"""The page's part on laws: the term that was assumed, and the one that the data ask for with its band."""
+"""The section on laws: the assumed term, and the one estimated from the data with its band."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ def law_plots(laws: Sequence[LawAnswer]) -> list[Plot]:
 def _plot(one: LawAnswer, number: int) -> Plot:
     law, unit = one.law, symbol(one.value_unit)
     traces = (
-        Trace("as it is assumed", one.x, one.assumed, colour=7, unit=unit),
-        Trace("as the data ask for", one.x, law.asked, colour=0, unit=unit),
+        Trace("assumed", one.x, one.assumed, colour=7, unit=unit),
+        Trace("estimated from the data", one.x, law.asked, colour=0, unit=unit),
         Trace("in 95 of 100 cases between", one.x, law.low, colour=0, unit=unit, faint=True),
         Trace("", one.x, law.high, colour=0, unit=unit, faint=True, in_legend=False),
     )
     driver = plain_name(law.driver.name)
     panel = Panel(f"{plain_name(law.slot)} [{unit}]", traces, height=1.4)
-    caption = f"{plain_name(one.effect)} over {driver}: the law assumed, and the one that the data ask for"
+    caption = f"{plain_name(one.effect)} over {driver}: the assumed law, and the one estimated from the data"
     return Plot(f"law-{number}", caption, f"{driver} [{symbol(one.unit)}]", (panel,))

@@ -1,4 +1,5 @@
-"""The page's part on learning: by round the verdict, the rivals, the error, and promise beside outcome."""
+"""The section on learning: by round the verdict, the rivals, the error, and predicted beside achieved
+results."""
 
 from __future__ import annotations
 
@@ -20,18 +21,18 @@ from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
 
-#: effects that are drawn, those first that were ever the most probable
+#: effects that are drawn, those with the highest maximum probability first
 _DRAWN = 6
 #: an effect that was never more probable than this is not drawn
 _PROBABLE = 0.01
 
 
 def learning_sections(learned: Learned, model: Path, told: Told | None = None) -> list[Section]:
-    """How it ended; behind it the story by rounds, and the versions of the model that came of it.
+    """How it ended; then the rounds, and the resulting versions of the model.
 
     Parameters
     ----------
-    told: the model as it was and as it is, on all that was measured.
+    told: the original and the current model, on all measurements.
     """
     plot = rounds_plot(learned)
     body = render(
@@ -52,7 +53,7 @@ def learning_sections(learned: Learned, model: Path, told: Told | None = None) -
 
 
 def hidden_section(hidden: str, found: str, *, right: bool) -> Section:
-    """The end of a demonstration's page: what its bench hid, and what was found.
+    """The end of a demonstration's page: the hidden effects, and those found.
 
     Parameters
     ----------
@@ -67,7 +68,7 @@ def hidden_section(hidden: str, found: str, *, right: bool) -> Section:
 
 
 def rounds_plot(learned: Learned) -> Plot | None:
-    """The probability of each rival and the error, by round; nothing of a single one."""
+    """The probability of each rival and the error, by round; nothing for a single round."""
     judged = [one for one in learned.rounds if one.judged]
     if len(judged) < 2:
         return None
@@ -90,7 +91,7 @@ def rounds_plot(learned: Learned) -> Plot | None:
     ]
     panels = [Panel("probability", tuple(rivals), 1.4, (0.0, 1.05))] if rivals else []
     panels.append(Panel("error / noise", tuple(errors), 1.0))
-    return Plot("rounds", "What the data said after each round", "round", tuple(panels))
+    return Plot("rounds", "The verdict after each round", "round", tuple(panels))
 
 
 def _drawn(judged: Sequence[Round]) -> list[str]:
@@ -107,7 +108,7 @@ def _course(judged: Sequence[Round], name: str) -> np.ndarray:
 
 
 def _shown(one: Round) -> dict[str, object]:
-    """A round as the table has it."""
+    """A round as a row of the table."""
     return {
         "number": one.number,
         "run": one.run or ("declined" if one.answer == "no" else "not measured"),

@@ -1,4 +1,4 @@
-"""Error maps: every condition, in sigmas of the noise, of a channel: its bias with its sign, and its size."""
+"""Error maps of a channel over all conditions, in sigmas of the noise: the signed bias, and the size."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 Values = tuple[tuple[float, ...], ...]
 Marks = tuple[tuple[bool, ...], ...]
 
-#: sigmas of the strongest colour, of a size and of a bias
+#: sigmas of the strongest colour, for a size and for a bias
 _LIMIT, _BIAS_LIMIT = 4.0, 2.0
 
 
@@ -36,9 +36,9 @@ def channel_maps(
 
     Parameters
     ----------
-    title: says which of several models this is.
-    channels: those that are shown; of None those of which any condition is more than noise, or the one that
-        is nearest to that.
+    title: identifies one of several models.
+    channels: to show; with None those with an error beyond the noise at any condition, or the one nearest to
+        that.
     """
     grid = _grid(model)
     if grid is None:
@@ -90,8 +90,8 @@ def _grid(model: ModelComparison) -> _Grid | None:
 def _maps_of(model: ModelComparison, grid: _Grid, c: int, key: str, title: str) -> tuple[HeatMap, HeatMap]:
     """The bias of one channel, model less measured with its sign, and the size of its systematic error.
 
-    The size is ``√(max(⟨(e/σ)²⟩ − 1, 0))``: it is there too where the error changes its sign within a
-    record, and its mean is nothing. Marked is what whitened residuals have more of than chance.
+    The size is ``√(max(⟨(e/σ)²⟩ − 1, 0))``: it also shows an error that changes its sign within a record, so
+    that its mean is zero. Conditions whose whitened residuals exceed chance are marked.
     """
     places = range(len(grid.points))
     name = plain_name(model.fit.problem.measurements.outputs[c])
@@ -127,7 +127,7 @@ def _size(errors: Floats) -> float:
 
 
 def _bias_stands_out(errors: Floats) -> bool:
-    """Whether the mean of whitened errors is more than four standard deviations of chance."""
+    """Whether the mean of whitened errors deviates by more than four standard deviations of chance."""
     return bool(errors.size) and abs(float(errors.mean())) > 4.0 / math.sqrt(errors.size)
 
 
@@ -140,7 +140,7 @@ def _pooled(errors: Sequence[Floats], grid: _Grid) -> list[list[Floats]]:
 
 
 def _stands_out(errors: Floats) -> bool:
-    """Whether whitened errors do, by more than four standard deviations of what noise alone makes."""
+    """Whether the whitened squares exceed those of noise by more than four standard deviations."""
     if not errors.size:
         return False
     return float(np.sqrt(np.mean(errors**2))) > 1.0 + 4.0 / math.sqrt(2.0 * errors.size)

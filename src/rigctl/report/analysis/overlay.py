@@ -1,4 +1,4 @@
-"""Measured and model over each other with the noise band, and what is left between them."""
+"""Measurement and model in one plot with the noise band, and the residuals."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from rigctl.units import parse_unit
 Floats = NDArray[np.float64]
 
 _MOST_POINTS = 1500
-#: colours of residuals are others than those of two models
+#: colours of residuals, different from those of two models
 _AFTER_MODELS = 2
 
 
 def typical_records(fit: FitResult) -> tuple[tuple[str, int], ...]:
-    """(what it is, place) of the worst, the middle and the best record."""
+    """(description, index) of the worst, the middle and the best record."""
     sizes = [float(np.sqrt(np.nanmean(fit.normalised_error(k) ** 2))) for k in range(len(fit.outputs))]
     order = sorted(range(len(sizes)), key=lambda k: -sizes[k])
     chosen = {order[0]: "the worst record"}
@@ -35,7 +35,7 @@ def typical_records(fit: FitResult) -> tuple[tuple[str, int], ...]:
 
 
 def condition_of(fit: FitResult, k: int) -> str:
-    """The operating point of a record, or what it is called."""
+    """The operating point of a record, or its name."""
     from rigctl.analysis.localisation import variable_units
     from rigctl.model.measured.conditions import condition_text
 
@@ -46,11 +46,11 @@ def condition_of(fit: FitResult, k: int) -> str:
 def fall_plot(
     models: Sequence[tuple[str, FitResult]], k: int, key: str, caption: str, channels: Sequence[str]
 ) -> Plot:
-    """One record of some channels, measured and of one or two models, with what each leaves below it.
+    """One record of some channels, measured and of one or two models, with the residuals below it.
 
-    `models` are names and what each says of the same records. Residuals are in sigmas of one reading, with
-    the band that holds 19 of 20 of noise alone. Where they are smaller than the noise of one reading they are
-    drawn as means of some readings, in which it averages out.
+    `models` are names and the predictions of the same records. Residuals are in sigmas of one reading, with
+    the band that contains 19 of 20 of noise alone. If they are smaller than the noise of one reading, means
+    of several readings are drawn, in which the noise averages out.
     """
     problem = models[0][1].problem
     record, outputs = problem.records[k], problem.measurements.outputs
@@ -68,7 +68,8 @@ def fall_plot(
 
 
 def _averaged(models: Sequence[tuple[str, FitResult]], k: int, columns: Sequence[int]) -> int:
-    """Of how many readings means are drawn: of one where what the first model leaves is seen in them."""
+    """The number of readings in each mean: one if the residuals of the first model are visible without
+    averaging."""
     first, last = models[0][1], models[-1][1]
     error = first.normalised_error(k)[:, columns]
     if len(models) > 1:
@@ -81,7 +82,7 @@ def _averaged(models: Sequence[tuple[str, FitResult]], k: int, columns: Sequence
 
 
 def running_mean(values: Floats, phase: NDArray[np.intp], count: int) -> Floats:
-    """(n) the mean of `count` values around each, of its own phase and of those that there are."""
+    """(n) the mean of `count` present values around each, within its phase."""
     if count < 2:
         return values
     found = np.full(values.shape, np.nan)
@@ -98,11 +99,11 @@ def running_mean(values: Floats, phase: NDArray[np.intp], count: int) -> Floats:
     return found
 
 
-#: root mean square in sigmas from which on residuals are seen without averaging
+#: root mean square in sigmas from which residuals are visible without averaging
 _SEEN = 1.0
-#: means along a record, and of how many readings each at most
+#: number of means along a record, and the most readings in each
 _MEANS, _MOST_AVERAGED = 50, 50
-#: of the first and the last model: what was is orange, what is is blue
+#: of the first and the last model: the original is orange, the current one blue
 _OF_MODELS = (1, 0)
 
 
@@ -167,8 +168,8 @@ def overlay_plot(
 ) -> Plot:
     """One record: every channel with its noise band and the models, and the residuals in sigmas below.
 
-    `models` are names and what each says of the same records; band and residuals are the first one's, which
-    `curve_bands` belong to: the band is wider by them.
+    `models` are names and the predictions of the same records; band and residuals are those of the first one.
+    `curve_bands` belong to it too, and widen the band.
     """
     problem = models[0][1].problem
     record = problem.records[k]
@@ -205,7 +206,7 @@ def _channel_panel(
     *,
     named: bool,
 ) -> Panel:
-    """One channel, measured and of every model; `named` says whether the legend tells of its lines,
+    """One channel, measured and of every model; `named` says whether its lines are in the legend,
     `extra` (rows) is what half the band is wider, SI."""
     problem = models[0][1].problem
     record, measurements = problem.records[k], problem.measurements

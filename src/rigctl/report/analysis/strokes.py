@@ -1,4 +1,4 @@
-"""Stroke against temperature: the picture in which a hydraulic bench is published."""
+"""Stroke against temperature: the usual plot of a hydraulic bench in publications."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rigctl.units import parse_unit
 
 
 def stroke_plot(models: Sequence[ModelComparison], key: str = "model-stroke") -> Plot | None:
-    """Stroke against temperature by pressure, measured and of every model; None where nothing strokes."""
+    """Stroke against temperature by pressure, measured and of every model; None without strokes."""
     problem = models[0].fit.problem
     units = variable_units(problem.measurements)
     hot = next((name for name in problem.measurements.variables if parse_unit(units[name]).offset), None)
@@ -47,7 +47,7 @@ def stroke_plot(models: Sequence[ModelComparison], key: str = "model-stroke") ->
 
 
 def _groups(problem: Problem, hot: str, units: dict[str, str]) -> list[tuple[str, list[int]]]:
-    """Records that differ in temperature alone, under what they have in common."""
+    """Records that differ only in temperature, by what they have in common."""
     rest = [name for name in problem.measurements.variables if name != hot]
     groups: dict[tuple[float, ...], list[int]] = {}
     for k, record in enumerate(problem.records):

@@ -1,4 +1,4 @@
-"""The page of a survey: what has changed, and every quantity's course over the runs."""
+"""The page of a survey: what has changed, and the trend of every quantity over the runs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from rigctl.report.section import Section, cut, plot_slot, render
 from rigctl.report.signals import plain_name
 from rigctl.units import parse_unit
 
-#: courses that are drawn
+#: trends that are drawn
 _DRAWN = 12
 _DAY = 86_400.0
 
@@ -74,7 +74,7 @@ def write_survey_page(found: Survey, rig: str, output: Path, *, force: bool = Fa
 
 
 def _places(found: Survey) -> tuple[NDArray[np.float64], str]:
-    """Where the runs lie on the chart, and what that axis is called."""
+    """The positions of the runs on the chart, and the title of that axis."""
     places = np.array([line.entry.place for line in found.read])
     if found.axis.name == DATE:
         start = datetime.fromtimestamp(float(places[0]), UTC) if places.size else datetime.now(UTC)
@@ -89,7 +89,7 @@ def _places(found: Survey) -> tuple[NDArray[np.float64], str]:
 
 
 def _plot(found: Survey, course: Course, number: int) -> Plot:
-    """The values of one quantity with their 95 % intervals, and where it was first sure."""
+    """The values of one quantity with their 95 % intervals, and where the change was first significant."""
     quantity = course.quantity
     unit = parse_unit(quantity.unit)
     values = np.array([unit.from_si(float(v), difference=quantity.difference) for v in course.values])
@@ -120,7 +120,7 @@ def _plot(found: Survey, course: Course, number: int) -> Plot:
 def _shape(
     found: Survey, number: int, x: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The change as it was fitted: a growth from where it began, or its steps."""
+    """The fitted change: a ramp from its onset, or steps."""
     change = found.changes[number]
     quantity, unit = change.quantity, parse_unit(change.quantity.unit)
 

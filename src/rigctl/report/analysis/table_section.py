@@ -1,4 +1,4 @@
-"""The page's part on a table of single values: each beside the model's, over the operating variable."""
+"""The section on a table of single values: measured and modelled, over the operating variable."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _BAND = 2.0
 
 @dataclass(frozen=True)
 class TablePart:
-    """What the page shows of one quantity: a plot, and its rows as text."""
+    """The plot of one quantity, and its rows as text."""
 
     quantity: str
     plot: Plot
@@ -37,7 +37,8 @@ class TablePart:
 
 @dataclass(frozen=True)
 class _Curve:
-    """Rows that a line joins, in the order of x; `label` says what they share, "" of the only curve."""
+    """Rows that are joined by a line, in the order of x; `label` is what they have in common, "" for a single
+    curve."""
 
     label: str
     number: int
@@ -46,17 +47,17 @@ class _Curve:
 
     @property
     def prefix(self) -> str:
-        """What the name of each of its traces begins with."""
+        """The prefix of the names of its traces."""
         return f"{self.label} " if self.label else ""
 
     @property
     def hue(self) -> int:
-        """Curves have a colour each; a single one is grey, so that the models' colours are seen."""
+        """Each curve has its colour; a single one is grey, so that the models' colours are visible."""
         return self.number if self.label else 7
 
 
 def table_parts(comparison: Comparison) -> list[TablePart]:
-    """Of every quantity of a table; none for measurements with a course in time."""
+    """The views of all quantities of a table; none for time series."""
     first = comparison.models[0]
     found = []
     for number, quantity in enumerate(dict.fromkeys(row.quantity for row in first.rows)):
@@ -67,7 +68,7 @@ def table_parts(comparison: Comparison) -> list[TablePart]:
 
 
 def table_plot(models: Sequence[ModelComparison], quantity: str, key: str) -> Plot:
-    """Measured values with what every model says, and below it what is left between them."""
+    """Measured values and the predictions of every model, with the residuals below."""
     own = _rows(models[0], quantity)
     x, drawn, x_title = _curves(models[0], own)
     unit, relative = symbol(own[0].unit), _relative(models[0], own)
@@ -93,7 +94,7 @@ def _rows(model: ModelComparison, quantity: str) -> list[TableRow]:
 
 
 def _relative(model: ModelComparison, rows: Sequence[TableRow]) -> bool:
-    """Whether errors are shown as shares: where the noise is one."""
+    """Whether errors are shown as shares: if the noise is relative."""
     return any(channel.share for channel in model.fit.problem.noise.channels) and all(
         row.measured for row in rows
     )
@@ -132,7 +133,7 @@ def _of_models(
     unit: str,
     what: str = "",
 ) -> list[Trace]:
-    """Of each model one line through what is `shown` of its rows; all but the last are faint."""
+    """For each model one line through `shown` of its rows; all but the last are faint."""
     found = []
     for number, model in enumerate(models):
         by_record = {row.record: row for row in _rows(model, curve.rows[0].quantity)}
@@ -146,12 +147,12 @@ def _of_models(
 
 
 def _laws(models: Sequence[ModelComparison], curve: _Curve, unit: str) -> list[Trace]:
-    """What the models say."""
+    """The predictions of the models."""
     return _of_models(models, curve, lambda row: row.predicted, Look.LINE, unit)
 
 
 def _others(curve: _Curve, unit: str) -> list[Trace]:
-    """Other people's values beside a single curve."""
+    """Published values of others beside a single curve."""
     if curve.label:
         return []
     names = dict.fromkeys(name for row in curve.rows for name in row.beside)
@@ -170,7 +171,8 @@ def _others(curve: _Curve, unit: str) -> list[Trace]:
 
 
 def _residuals(models: Sequence[ModelComparison], curve: _Curve, unit: str, *, relative: bool) -> list[Trace]:
-    """Model less measurement, of the fitted models, and of a single one as its file has it."""
+    """Model less measurement, for the fitted models, and for a single one also with the values of its
+    file."""
 
     def error(row: TableRow, value: float | None) -> float:
         if value is None:
@@ -186,7 +188,7 @@ def _residuals(models: Sequence[ModelComparison], curve: _Curve, unit: str, *, r
 
 
 def _noise_band(rows: Sequence[TableRow], x: Floats, unit: str, *, relative: bool) -> list[Trace]:
-    """What noise alone does, from one end of x to the other: that of the middle of all rows."""
+    """The noise band over the whole range of x: the median noise of all rows."""
     sizes = [row.noise / (row.measured / 100.0 if relative else 1.0) for row in rows]
     level = np.full(2, _BAND * float(np.median(sizes)))
     ends = np.array([float(np.nanmin(x)), float(np.nanmax(x))])
@@ -200,7 +202,7 @@ def _noise_band(rows: Sequence[TableRow], x: Floats, unit: str, *, relative: boo
 def _text(
     models: Sequence[ModelComparison], quantity: str
 ) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
-    """The rows of the table as text, one column for each thing that is said of a value."""
+    """The rows of the table as text."""
     own = _rows(models[0], quantity)
     beside = list(dict.fromkeys(name for row in own for name in row.beside))
     fitted = shows_unfitted(own)
@@ -232,5 +234,5 @@ def _shown(value: float | None, form: str, unit: str = "") -> str:
 
 
 def table_body(parts: Sequence[TablePart], findings: Sequence[str]) -> object:
-    """The pictures, what they say, and the rows, as HTML."""
+    """The plots with their captions, and the rows, as HTML."""
     return render("table.html", parts=parts, findings=findings)

@@ -1,4 +1,4 @@
-"""The page's part on records that no fit saw: how good the model is there, and what it still misses."""
+"""The section on records that no fit saw: how good the model is there, and what it still misses."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rigctl.report.signals import plain_name
 
 
 def unseen_sections(found: Sequence[Unseen]) -> list[Section]:
-    """A statement; where the model misses something, bars too, and the record that shows it most."""
+    """A statement; if the model misses something, also bars and the record that shows it most."""
     if not found:
         return []
     plots = [None if one.as_good else _worst(one, number) for number, one in enumerate(found)]
@@ -40,7 +40,7 @@ def unseen_sections(found: Sequence[Unseen]) -> list[Section]:
 def _bars(name: str, values: dict[str, object]) -> object:
     unit = symbol(str(values["unit"]))
     sizes = [("here", values["rmse"], 1), ("where it was fitted", values["fitted_rmse"], 0)]
-    sizes.append(("what noise alone makes", values["noise"], 7))
+    sizes.append(("the noise alone", values["noise"], 7))
     known = [(label, float(str(size)), colour) for label, size, colour in sizes if size is not None]
     largest = max(size for _, size, _ in known) or 1.0
     shown = [Bar(label, size / largest, f"{size:.3g} {unit}", "", colour) for label, size, colour in known]

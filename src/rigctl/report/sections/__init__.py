@@ -12,7 +12,7 @@ from rigctl.report.run_data import RunData
 from rigctl.report.section import Section
 from rigctl.report.sections import campaign, events, measures, outcome, overview, provenance, records
 
-#: each makes its section of the runs, or None when they have nothing to show in it
+#: each returns its section of the runs, or None if there is nothing to show in it
 SECTIONS: tuple[Callable[[Sequence[RunData]], Section | None], ...] = (
     outcome.build,
     campaign.build,

@@ -1,4 +1,5 @@
-"""Results over what was swept: stroke against temperature for each pressure, with the table of values."""
+"""Results over the swept variables: stroke against temperature for each pressure, with the table of
+values."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from rigctl.report.signals import plain_name
 
 @dataclass(frozen=True)
 class Cell:
-    """One operating point in the table: its mean, and what is said beside it."""
+    """One operating point in the table: its mean, and the text beside it."""
 
     value: str
     spread: str  #: of the replicates

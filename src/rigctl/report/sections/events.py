@@ -1,4 +1,4 @@
-"""What happened: alarms, faults, operators' answers, changes of state; not the many steps and commands."""
+"""Events: alarms, faults, operators' answers, changes of state; not the many steps and commands."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Row:
 
 
 def build(runs: Sequence[RunData]) -> Section:
-    """What went wrong first, then everything else in its order."""
+    """Alarms and faults first, then everything else in order."""
     every = [(run, event) for run in runs for event in run.events]
     alarms, alarms_left = cut([pair for pair in every if pair[1].kind in ALARMS])
     others, _ = cut([pair for pair in every if pair[1].kind not in (*ALARMS, *_LEFT_TO_THE_FILES)])
@@ -59,7 +59,7 @@ def _row(run: RunData, event: Event) -> Row:
 
 
 def _facts(event: Event) -> str:
-    """What an event says of itself when it has no message."""
+    """The text of an event that has no message."""
     hidden = ("record", "session")
     return ", ".join(
         f"{name.replace('_', ' ')} {number(value) if isinstance(value, float) else value}"

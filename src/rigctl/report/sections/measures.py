@@ -13,7 +13,7 @@ from rigctl.report.signals import plain_name, record_label
 
 @dataclass(frozen=True)
 class Row:
-    """One value: `place` is where it lies between its limits, from 0 to 1, when it has both."""
+    """One value: `place` is its position between its limits, from 0 to 1, if it has both."""
 
     run: str
     record: str

@@ -1,4 +1,4 @@
-"""What was run, on what, when and by whom, and how it ended in one sentence."""
+"""What was run, on which bench, when and by whom, and how it ended in one sentence."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rigctl.report.signals import ALARMS, end_to_end
 _SIMULATED = {"simulated": "simulated bench", "emulated": "emulated board and simulated bench"}
 #: ``procedures/stroke.yaml:15:5: what happened``
 _PLACE = re.compile(r"(?:.*[/\\])?(?P<file>[^/\\:]+\.ya?ml):(?P<line>\d+)(?::\d+)?: (?P<what>.+)", re.DOTALL)
-#: what a run says of the device under test, where a measure has limits
+#: the results for the device under test, if a measure has limits
 _RESULTS = {"pass": "passed", "fail": "failed", "incomplete": "incomplete"}
 _STATUS = {
     "finished": ("good", "finished"),
@@ -29,14 +29,14 @@ _STATUS = {
 
 @dataclass(frozen=True)
 class RunSummary:
-    """What the top of the page says about one run."""
+    """The summary of one run at the top of the page."""
 
     id: str
     tone: str  #: good, warn or bad
     status: str
-    badge: str | None  #: says that no bench was involved
+    badge: str | None  #: a notice that no real bench was involved
     statement: str
-    safety: str  #: of a run that did not come to its end: whether its outputs are known to be safe
+    safety: str  #: for a run that ended early: whether its outputs are known to be safe
     safe: bool
     figures: tuple[tuple[str, str], ...]
     facts: tuple[tuple[str, str], ...]
@@ -53,12 +53,12 @@ def build(runs: Sequence[RunData]) -> Section:
 
 
 def ended_well(run: RunData) -> bool:
-    """Whether a run came to its end, with every output known to be safe."""
+    """Whether a run was completed, with every output known to be safe."""
     return run.info.get("status") == "finished" and not run.info.get("unconfirmed")
 
 
 def summarise(run: RunData) -> RunSummary:
-    """Everything the summary of a run shows."""
+    """The complete summary of a run."""
     status = str(run.info.get("status", ""))
     imported = run.info.get("source") == "import"
     tone, word = _STATUS.get(status, ("warn", status or "unknown"))
@@ -96,7 +96,7 @@ def statement(run: RunData) -> str:
 
 
 def safety(run: RunData) -> str:
-    """What is known of the outputs of a run that did not come to its end; "" of one that did."""
+    """The known state of the outputs after a run that ended early; "" for a completed run."""
     doubt = run.info.get("unconfirmed")
     if doubt:
         return f"Not confirmed safe: {doubt} may still be on. Look at the bench before you touch it."
@@ -114,7 +114,7 @@ def _known_safe(run: RunData) -> bool:
 
 
 def readable(reason: str) -> str:
-    """A reason with its place in a file at its end, where it does not stand in the way."""
+    """A reason with its location in a file moved to the end."""
     found = _PLACE.match(reason)
     if found is None:
         return reason.rstrip(".")
@@ -126,7 +126,7 @@ def _complete(run: RunData) -> int:
 
 
 def _kept(run: RunData) -> str:
-    """How many records there are, of a run that was carried out to its end."""
+    """The number of records of a completed run."""
     complete, total = _complete(run), len(run.records)
     if total == 0:
         return "Nothing was recorded"
@@ -136,7 +136,7 @@ def _kept(run: RunData) -> str:
 
 
 def _kept_so_far(run: RunData) -> str:
-    """How many records there are, of a run that may have had more to come."""
+    """The number of records of a run that ended early."""
     complete, total = _complete(run), len(run.records)
     if total == 0:
         return "Nothing was recorded"
@@ -146,7 +146,7 @@ def _kept_so_far(run: RunData) -> str:
 
 
 def _measured(run: RunData) -> str:
-    """What became of the values that have limits."""
+    """The results of the values with limits."""
     limited = [measured for measured in run.all_measures() if measured.limited]
     missed = sum(not measured.passed for measured in limited)
     if not limited:
@@ -163,7 +163,7 @@ def _figures(run: RunData, missed: int) -> list[tuple[str, str]]:
     complete, total = _complete(run), len(run.records)
     open_ended = run.info.get("status") != "finished" and complete == total
     found = [("records complete", str(complete) if open_ended else f"{complete} of {total}")]
-    timed = bool(len(run.time)) or not total  # the rows of a table have no course in time
+    timed = bool(len(run.time)) or not total  # the rows of a table are not time series
     if timed:
         found += [("duration", duration(_length(run))), ("samples", whole(len(run.time)))]
     excluded = sum(record.excluded is not None for record in run.records)
@@ -180,7 +180,7 @@ def _figures(run: RunData, missed: int) -> list[tuple[str, str]]:
 
 def _length(run: RunData) -> float:
     time, shift = end_to_end(run)
-    if shift.any():  # each record of a logger that begins anew
+    if shift.any():  # each record of a logger that restarts its clock
         return float(time[-1] - time[0])
     given = run.info.get("duration")
     if isinstance(given, int | float):
@@ -217,13 +217,13 @@ def _facts(run: RunData) -> list[tuple[str, str]]:
 
 
 def _test(info: Mapping[str, Any]) -> str:
-    """The result for the device under test; "" where no measure has limits."""
+    """The result for the device under test; "" if no measure has limits."""
     test = _part(info, "test")
     return _RESULTS.get(str(test.get("result")), "") if test.get("passed") or test.get("missed") else ""
 
 
 def _notes(run: RunData) -> list[str]:
-    """What people said about the run afterwards."""
+    """Notes that people added to the run afterwards."""
     said = [item for item in run.info.get("annotations") or () if item.get("kind") == "note"]
     return [
         f"{item.get('text', '')} ({', '.join(filter(None, (item.get('by'), moment(item.get('when')))))})"

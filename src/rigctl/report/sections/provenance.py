@@ -14,7 +14,7 @@ from rigctl.report.signals import plain_name
 
 @dataclass(frozen=True)
 class CalibrationRow:
-    """What is known of one sensor."""
+    """The data of one sensor."""
 
     channel: str
     formula: str
@@ -25,7 +25,7 @@ class CalibrationRow:
 
 @dataclass(frozen=True)
 class RunProvenance:
-    """What one run was made from."""
+    """The inputs of one run."""
 
     id: str
     hashes: tuple[tuple[str, str], ...]
@@ -35,7 +35,7 @@ class RunProvenance:
 
 
 def build(runs: Sequence[RunData]) -> Section:
-    """Hashes, versions, calibrations, and the files word for word."""
+    """Hashes, versions, calibrations, and the full text of the files."""
     body = render("provenance.html", runs=[_provenance(run) for run in runs], several=len(runs) > 1)
     hint = "calibrations, versions, checksums, the files word for word"
     return Section("provenance", "Where the numbers come from", body, folded=True, hint=hint)
@@ -80,7 +80,7 @@ def _calibration(name: str, facts: Mapping[str, Any], unit: str) -> CalibrationR
 
 
 def _amount(value: object, unit: str) -> str:
-    """An interval as the rig file has it: text with its unit, or a number in SI."""
+    """An interval as in the rig file: text with its unit, or a number in SI."""
     if isinstance(value, str):
         return value
     if isinstance(value, int | float) and unit:

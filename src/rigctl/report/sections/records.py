@@ -1,4 +1,4 @@
-"""Every record: a table of them, and a plot of the one that is chosen, with another one for comparison."""
+"""All records: a table, and a plot of the selected one, with another for comparison."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rigctl.report.section import Section, cut, render
 from rigctl.report.signals import plain_name, record_label, record_plot, record_ranges
 from rigctl.report.stroke import find_motion, stroke
 
-#: values in all record plots together: 1.5 million are 8 MB of page at most, a usual campaign has a quarter
+#: values in all record plots together: 1.5 million are at most 8 MB of page; a usual campaign has a quarter
 _MOST_VALUES = 600_000
 _MOST_POINTS, _FEWEST_POINTS = 2000, 24
 
@@ -96,7 +96,7 @@ def _run_records(run: RunData, key: str, points: int) -> tuple[RunRecords, list[
 
 
 def _strokes(run: RunData, records: Sequence[RecordData]) -> tuple[list[str], str | None]:
-    """The stroke of each record as text, and the column's head; None where no record has one."""
+    """The stroke of each record as text, and the column's heading; None if no record has one."""
     motion = find_motion(run)
     found = [None if motion is None else stroke(run, record, motion) for record in records]
     present = [value for value in found if value is not None]
