@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import socket
 import struct
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,8 @@ from hypothesis import strategies as st
 
 from commands import call
 from protocol_servers import ModbusServer, RtuServer
+from rigctl.backends.modbus.client import ModbusClient
+from rigctl.backends.modbus.create import settings_of
 from rigctl.backends.modbus.numbers import Place
 from rigctl.backends.registry import create_backend
 from rigctl.backends.transport.pursuit import pursuits
@@ -210,3 +214,32 @@ def test_a_guard_goes_on_until_a_device_that_was_away_is_off(tmp_path: Path) -> 
         while any(notice.port == server.port for notice in pursuits()):
             time.sleep(0.01)
         assert server.circuit.off
+
+
+@pytest.mark.parametrize("broken", ["function", "address"])
+def test_an_answer_to_something_else_confirms_no_output(broken: str) -> None:
+    """A gateway that mixes up its clients: the transaction is right, what is answered is not."""
+
+    def answer(listening: socket.socket) -> None:
+        line, _ = listening.accept()
+        with line:
+            head = line.recv(7, socket.MSG_WAITALL)
+            asked = line.recv(struct.unpack(">HHHB", head)[2] - 1, socket.MSG_WAITALL)
+            found = bytearray(asked)
+            if broken == "function":
+                found[0] = 6 if asked[0] == 5 else 5
+                found[3:5] = b"\xff\x00" if found[0] == 5 else found[3:5]
+            else:
+                found[2] ^= 1
+            line.sendall(head + bytes(found))
+
+    assert RIG.backend.modbus is not None
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        thread = threading.Thread(target=answer, args=(listening,))
+        thread.start()
+        settings = settings_of(RIG.backend.modbus, 19200)
+        client = ModbusClient(f"127.0.0.1:{listening.getsockname()[1]}", settings)
+        said = client.answer(f"write {next(iter(settings['writes']))} 0")
+        client.close()
+        thread.join()
+    assert said is not None and said.startswith("error")

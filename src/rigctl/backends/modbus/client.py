@@ -16,6 +16,9 @@ from rigctl.backends.transport.client_port import ClientPort
 from rigctl.backends.transport.port import PortLost
 from rigctl.clock import Clock
 
+#: function codes of the protocol
+_READS = {"coil": 1, "discrete": 2, "holding": 3, "input": 4}
+_WRITE_COIL, _WRITE_REGISTER, _WRITE_REGISTERS = 5, 6, 16
 _EXCEPTIONS = {
     1: "illegal function",
     2: "illegal address",
@@ -160,7 +163,7 @@ class ModbusClient:
             "holding": library.read_holding_registers,
         }[table]
         answer = reading(address, count=count, device_id=self._unit)
-        _require(answer, f"{table} {address}")
+        _require(answer, f"{table} {address}", _READS[table])
         found: Sequence[int] = answer.bits if table in ("coil", "discrete") else answer.registers
         if len(found) < count:
             raise _RefusedError(f"{len(found)} of {count} values from {table} {address}")
@@ -169,12 +172,18 @@ class ModbusClient:
     def _put(self, place: Place, words: list[int]) -> None:
         library = self._ready()
         if place.is_bit:
+            done = _WRITE_COIL
             answer = library.write_coil(place.address, bool(words[0]), device_id=self._unit)
         elif len(words) == 1:
+            done = _WRITE_REGISTER
             answer = library.write_register(place.address, words[0], device_id=self._unit)
         else:
+            done = _WRITE_REGISTERS
             answer = library.write_registers(place.address, words, device_id=self._unit)
-        _require(answer, f"{place.table} {place.address}")
+        where = f"{place.table} {place.address}"
+        _require(answer, where, done)
+        if answer.address != place.address:
+            raise _RefusedError(f"a write to {answer.address} was confirmed instead of one to {where}")
 
     def _ready(self) -> Any:
         """The library, with no late answer in its way: RTU has no numbers to tell answers apart."""
@@ -188,10 +197,12 @@ class _RefusedError(Exception):
     """The device answers with an exception."""
 
 
-def _require(answer: Any, where: str) -> None:
+def _require(answer: Any, where: str, function: int) -> None:
     if answer.isError():
         code = getattr(answer, "exception_code", 0)
         raise _RefusedError(f"{_EXCEPTIONS.get(code, 'exception')} ({code}) at {where}")
+    if answer.function_code != function:  # the library takes it for the answer to whatever was asked
+        raise _RefusedError(f"an answer to function {answer.function_code}, not to {function}, at {where}")
 
 
 def _connection(url: str, settings: Mapping[str, Any]) -> Any:
