@@ -1,23 +1,23 @@
-"""The linear systems of a step as straight-line code: LU in order, of the entries that a Jacobian has.
+"""The linear systems of a step as straight-line code: LU decomposition of the entries that can be nonzero.
 
-Which entries of ``I - h·gamma·∂f/∂y`` are zero whatever the state, the equations tell: the elimination is
-written out for the others alone, the few that it fills in among them. Numbers then stay in registers, and no
-loop runs over zeros; what is computed is what `kernels.linear` would, operation by operation, which has the
-same with exchanges of rows for where this one is not safe.
+The equations determine which entries of ``I - h·gamma·∂f/∂y`` are zero in every state. The elimination is
+written out for the others only, including those that it fills in. Numbers then stay in registers, and no loop
+runs over zeros. The operations are those of `kernels.linear`, one by one; that module also has the version
+with row exchanges for matrices for which this one is not safe.
 
 ``factorise``  LU factors of the matrix, U's diagonal inverted, and whether a multiplier is too large for it
 ``solve``      a right-hand side replaced by the solution
 
-A multiplier is large where each row is taken relative to its largest entry and each column in the unit of
-its unknown: scaled partial pivoting, content with a pivot that is not the best (N. J. Higham, Accuracy and
-Stability of Numerical Algorithms, 9).
+Whether a multiplier is too large is judged with each row divided by its largest entry and each column in the
+unit of its unknown: scaled partial pivoting that accepts a pivot other than the largest (N. J. Higham,
+Accuracy and Stability of Numerical Algorithms, 9).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-#: of the two functions, their arrays in the order they take them
+#: the arrays of the two functions, in the order of their arguments
 ARGUMENTS: Mapping[str, tuple[str, ...]] = {
     "factorise": ("jacobian", "unit", "reach", "matrix", "refused"),
     "solve": ("matrix", "value"),
@@ -25,15 +25,15 @@ ARGUMENTS: Mapping[str, tuple[str, ...]] = {
 
 _LARGEST_MULTIPLIER = 100.0
 
-#: (row, column) of entries that are not zero whatever the state
+#: (row, column) of entries that can be nonzero
 Places = frozenset[tuple[int, int]]
 
 
 def elimination(n: int, jacobian: Iterable[tuple[int, int]]) -> str:
-    """Both functions for n states, of a ∂f/∂y with the entries `jacobian` (row, column).
+    """Both functions for n states and a ∂f/∂y with the nonzero entries `jacobian` (row, column).
 
-    ``factorise`` takes ``h·gamma`` as `reach` and the tolerance of each state as `unit`, and leaves the other
-    entries of `matrix` (n, n) as they are: zero; `refused` is above zero where it is not safe.
+    ``factorise`` has ``h·gamma`` as `reach` and the tolerance of each state as `unit`, and leaves the other
+    entries of `matrix` (n, n) unchanged, at zero; `refused` is positive if the elimination is not safe.
     """
     given = frozenset(jacobian)
     filled = _filled(n, given)
@@ -52,14 +52,14 @@ def _filled(n: int, given: Places) -> Places:
 
 
 class _Lines:
-    """Straight-line code as `straight_line` reads it: one operation a line, each with its number."""
+    """Straight-line code in the form of `straight_line`: one numbered operation in each line."""
 
     def __init__(self, name: str) -> None:
         self.lines = [f"function {name} {' '.join(ARGUMENTS[name])}"]
         self.count = 0
 
     def __call__(self, *operation: object) -> int:
-        """One operation more; its number."""
+        """Append an operation; returns its number."""
         self.lines.append(" ".join(map(str, (self.count, *operation))))
         self.count += 1
         return self.count - 1
@@ -69,7 +69,7 @@ class _Lines:
         self.lines.append(f"store {array} {index} {number}")
 
     def text(self) -> str:
-        """All of it."""
+        """The whole code."""
         return "\n".join([*self.lines, "end\n"])
 
 

@@ -2,8 +2,7 @@
 
 Gaussian sequences without a change are simulated with autocorrelations ρ, ρ², … at lags 1, 2, … ρ itself is
 random: zero for half of the sequences, as the runs of most benches are independent, and uniform between 0.1
-    and
-0.8 for the others. For each sequence the size T of its scan and its estimated autocorrelation r
+and 0.8 for the others. For each sequence the size T of its scan and its estimated autocorrelation r
 (`rigctl.monitoring.ranks`) are kept. The p-value of a series (T₀, r₀) is the share of large sizes among the
 sequences with a similar r,
 

@@ -45,23 +45,24 @@ def survey(
     workers: Workers | None = None,
     on_progress: Callable[[str], None] | None = None,
 ) -> Survey:
-    """Look at many runs with one model: what changes over them, since when, and how sure that is.
+    """Evaluate many runs with one model: which quantities change, since when, and with what certainty.
 
     Parameters
     ----------
     by: ``run``, ``record``, ``day``, ``week``, ``month``, or a column of the records.
     over: ``date``, ``order``, or a column, an argument or a channel.
-    share: parameters that all runs have in common, at the model's values; ``all`` for every one. The others
-        that the model's file frees each run has of its own.
-    effects: those that are looked at, besides the model's; every one that it may lack when left out.
-    only, assume: as of `rigctl compare`.
-    notes: what else is to be known of the runs: it is told with the result.
-    name: diagnose a run after a change, and fit what is named in every run; False tells what moves alone.
+    share: parameters common to all runs, held at the model's values; ``all`` for every one. The other
+        parameters that the model's file frees are fitted in each run.
+    effects: effects to test besides the model's own; by default every one that the model may lack.
+    only, assume: as for `rigctl compare`.
+    notes: remarks on the runs, repeated in the result.
+    name: diagnose a run after a change, and fit the effect that is named in every run; False reports only
+        what changes.
 
     Raises
     ------
     RigctlError
-        there is nothing to look at, a name or a column is unknown, or no run can be read.
+        nothing is tested, a name or a column is unknown, or no run can be read.
     """
     said = on_progress or no_progress
     shared = _shared(model, share)
@@ -144,7 +145,8 @@ def _begun(
     effects: Sequence[str] | None,
     said: Callable[[str], None],
 ) -> tuple[Model, tuple[Candidate, ...]]:
-    """The model where fits begin, at what the first run that fits says; and the effects looked at."""
+    """The model with the starting values of the fits, from the first run that can be fitted; and the effects
+    to test."""
     picked = _picked(model, None, effects)
     trial = Plan(model, freed, (), (), only, assume)
     for entry in entries[:_TRIED]:
@@ -155,7 +157,7 @@ def _begun(
             if not freed:
                 return model, picked
             fitted = fit_problem(problem, data.noise)
-        except RigctlError:  # it is told with the others
+        except RigctlError:  # it is reported with the others
             continue
         found = dict(zip((one.name for one in fitted.problem.shared), fitted.values, strict=True))
         inside = {n: float(found[n]) for n in freed if n in found and n not in fitted.at_bound}
@@ -166,9 +168,9 @@ def _begun(
 def _picked(
     model: Model, measurements: Measurements | None, wanted: Sequence[str] | None
 ) -> tuple[Candidate, ...]:
-    """One candidate for each effect: of those over a grid of shapes the one in the middle.
+    """One candidate for each effect: if it has a grid of shapes, the middle one.
 
-    All runs are looked at with the same shapes, or their sizes would not be of one thing.
+    All runs are evaluated with the same shapes; otherwise the sizes would not be comparable.
     """
     ranges = {} if measurements is None else data_ranges(model.family, measurements)
     tried = candidates(model, ranges=ranges)
@@ -210,7 +212,7 @@ def _read(
     said: Callable[[str], None],
     doing: str,
 ) -> list[Reading | Failure]:
-    """Every entry with the plan, in order, by whoever works."""
+    """Every entry evaluated with the plan, in order, here or in worker processes."""
     every = max(1, len(entries) // _OFTEN)
 
     def told(done: int, total: int) -> None:

@@ -23,37 +23,39 @@ Floats = NDArray[np.float64]
 
 _SQUARES = Squares()
 _FIRST_DAMPING = 1e-2
-_STRETCHED = 1.4  # a fall of the cost this much larger than expected asks for a longer step
+_STRETCHED = 1.4  # ratio of the actual to the expected decrease above which a longer step is tried
 _LEAST_DAMPING, _MOST_DAMPING = 1e-12, 1e12
-_LESS = 1e-2  # of the damping, where that alone leaves a step little to gain
-_LITTLE = 10.0  # times the fall at which a fit is done is little, and so is a tenth of what could be gained
-_LATE = 1e-3  # share of the cost: a step that promises more is not one of the last
-_BOLD = 2  # steps of little damping that may lead nowhere
-_ASIDE = 3  # steps from where one of them raised the cost
-_LEAST_GAIN = 1e-4  # share of the expected fall that a step must bring
-_NEARER = 0.01  # share of the distance to a rival that a step must promise
-_CUT_OFF = 0.99  # of the box: a step that is longer would have been longer without it
-_AS_EXPECTED = 0.5  # share of the expected fall from which on a step that was cut off may be longer next time
-_LONGER, _LONGEST = 2.0, 4.0  # times as long as the last one, and as the first may be
-_SHORTER = 0.5  # times as long as one that led nowhere, at the most
-_PATIENCE = 4  # iterations that together must lower the cost by the share at which a fit is done
+_LESS = 1e-2  # factor on the damping while damping alone limits the step's expected decrease
+# a step is late if its expected decrease is below this multiple of the tolerance; less damping is tried if it
+# could increase the decrease by this factor
+_LITTLE = 10.0
+_LATE = 1e-3  # share of the cost: a step with a larger expected decrease is not one of the last
+_BOLD = 2  # number of failed steps with little damping after which no more are tried
+_ASIDE = 3  # further steps tried from where such a step has raised the cost
+_LEAST_GAIN = 1e-4  # least ratio of the actual to the expected decrease of an accepted step
+_NEARER = 0.01  # share of the difference to the rival's cost that a step must be expected to gain
+_CUT_OFF = 0.99  # share of the box: a longer step counts as limited by it
+_AS_EXPECTED = 0.5  # ratio of the actual to the expected decrease above which the box of a limited step grows
+_LONGER, _LONGEST = 2.0, 4.0  # growth of the box after such a step, and its largest size over the first
+_SHORTER = 0.5  # a step after a rejected one is at most this long, relative to it
+_PATIENCE = 4  # number of steps that together must lower the cost by the tolerance
 
 
 @dataclass(frozen=True)
 class Options:
-    """When a fit is done.
+    """When a fit ends.
 
     Attributes
     ----------
-    loss: how much a residual counts.
-    cost: stop when the next step would lower the cost by less than this share of it.
-    step: stop when it would move every parameter by less than this share of its size.
-    gradient: stop when the cosine between residuals and every column is below this.
-    iterations: never more than these.
-    largest_step: the change of a parameter in the first iteration, in units of its size; it may become four
-        times that while the steps go as expected.
-    rival: a cost that is known to be reached otherwise: far above it, a fit is done when it would not come
-        nearer by a hundredth of the distance.
+    loss: the loss function of the residuals.
+    cost: end when the next step is expected to lower the cost by less than this share of it.
+    step: end when the next step would change every parameter by less than this share of its size.
+    gradient: end when the cosine of the angle between the residuals and every column is below this.
+    iterations: largest number of iterations.
+    largest_step: largest change of a parameter in the first iteration, in units of its size; while steps
+        lower the cost as expected, it may grow to four times that.
+    rival: a cost already reached by another fit: far above it, this fit ends when a step is not expected to
+        reduce the difference by a hundredth.
     """
 
     loss: Loss = _SQUARES
@@ -75,19 +77,20 @@ def least_squares(
 ) -> LeastSquaresResult:
     """Minimise ``sum of loss(residuals)/2 + sum of ((value - mean)/std)²/2`` over all parameters.
 
-    Levenberg's damping of a Gauss-Newton step with Marquardt's scaling by the columns' lengths and Nielsen's
-    updates, inside a box that grows while the steps go as expected; where late in a fit the damping alone
-    leaves a step little to gain, it is lowered until half of what there is to gain is promised, and a step
-    that then leaves a curved valley is given up only when the next ones do not lead back into it; the
-    records' own parameters are eliminated record by record, so that the cost is linear in the number of
-    records; a parameter at a bound is held there while it would leave (see `bounded_step`).
+    A Levenberg-Marquardt method: Gauss-Newton steps with damping, scaled by the lengths of the columns
+    (Marquardt), the damping updated by Nielsen's rule, within a box that grows while steps lower the cost as
+    expected. If late in a fit a step lowers the cost little only because of the damping, that is reduced
+    until half of the possible decrease is expected; a step that then leaves a curved valley is undone only if
+    the next ones do not lead back into it. Parameters of a single record are eliminated record by record, so
+    the computing time is linear in the number of records. A parameter at a bound is held there as long as
+    it would leave the bounds (see `bounded_step`).
 
     Parameters
     ----------
     evaluate: residuals and derivatives of every record; see `block.Evaluate`.
     unknowns: the shared parameters.
-    local: the parameters of each record alone, () where it has none.
-    progress: told of every iteration.
+    local: the parameters of each record alone; () if it has none.
+    progress: called after every iteration.
 
     Raises
     ------
@@ -104,7 +107,7 @@ def least_squares(
 
 
 class _Search:
-    """One run: the present point, its linearisation, and the damping."""
+    """One fit: the current point, its linearisation, and the damping."""
 
     def __init__(
         self,
@@ -126,8 +129,8 @@ class _Search:
         self.evaluations = self.iterations = 0
         self.column_size = np.zeros(len(self.all))
         self.falls: list[float] = []
-        self.turned_down = False  # a step from the present point
-        self.timid = 0  # steps of little damping that led nowhere
+        self.turned_down = False  # whether a step from the current point was rejected
+        self.timid = 0  # number of steps with little damping that failed
 
     def run(self) -> LeastSquaresResult:
         """Iterate to an end and conclude."""
@@ -215,16 +218,16 @@ class _Search:
             )
 
     def _scale(self) -> Floats:
-        """Marquardt's scaling: the longest each column has been, or its prior's weight."""
+        """Marquardt's scaling: the largest length so far of each column, at least the weight of its prior."""
         _, weight = prior_rows(self.all, self.point.flat())
         scale = np.maximum(self.column_size, weight)
         return np.where(scale > 0.0, scale, 1.0 / self.size)
 
     def _bolder(self, found: BoundedStep) -> tuple[float, BoundedStep] | None:
-        """(damping, step) where it is the damping that leaves a step little to gain; None where it is not.
+        """(damping, step) with less damping, if only the damping limits the expected decrease; else None.
 
-        Damping holds back most what the data tell least: the way along a valley in which two parameters do
-        nearly the same.
+        Damping restricts a step most in the directions that the data determine least: along a valley in which
+        two parameters have nearly the same effect.
         """
         expected = self._expected(found.step)
         late = expected <= min(_LITTLE * self.options.cost, _LATE) * self.cost
@@ -240,10 +243,10 @@ class _Search:
         return damping, found
 
     def _dare(self, damping: float, found: BoundedStep) -> bool:
-        """Take a step with less damping if that ends lower, straight away or by way of further ones.
+        """Take a step with less damping if the cost then falls, immediately or after a few further steps.
 
-        Along a curved valley every step of a useful length leads up its side, and damping would shorten it to
-        nothing; from there the next ones lead down to the valley's floor.
+        Along a curved valley every step of useful length ends on its side, and damping would shorten it to
+        nothing; from there the next steps lead back to the valley's floor.
         """
         here = self.point, self.cost, self.arrow, self.column_size, self.damping
         before, largest = self.cost, self._largest(found.step)
@@ -262,7 +265,7 @@ class _Search:
         return False
 
     def _went(self, step: Vector) -> bool:
-        """Go to a step's end, whatever the cost is there; False where the model has no value."""
+        """Move to the end of a step, whatever the cost there; False if the model cannot be evaluated."""
         trial = self._ahead(step, 1.0)
         blocks = self._blocks(trial, derivatives=True)
         if isinstance(blocks, Refused):
@@ -292,7 +295,7 @@ class _Search:
         return BoundedStep(step, found.free, found.factors)
 
     def _expected(self, step: Vector) -> float:
-        """The fall of the cost that the linear model expects."""
+        """The decrease of the cost predicted by the linear model."""
         residual, weight = prior_rows(self.all, self.point.flat())
         moved = weight * step.flat()
         return -(self.arrow.change(step) + float(moved @ (residual + 0.5 * moved)))
@@ -317,9 +320,10 @@ class _Search:
         return None
 
     def _out_of_patience(self) -> tuple[Outcome, str] | None:
-        """Steps that promise more than they bring: the model is not exact enough for the rest.
+        """End if the last steps lowered the cost by less than expected: the model's values are not accurate
+        enough for more.
 
-        Steps of which none is good are another matter: then the damping still has to find its size.
+        This does not apply if all of them were rejected: then the damping is still too small.
         """
         last = sum(self.falls[-_PATIENCE:])
         if len(self.falls) >= _PATIENCE and 0.0 < last <= self._enough():
@@ -327,14 +331,15 @@ class _Search:
         return None
 
     def _enough(self) -> float:
-        """The fall of the cost at which a fit is done."""
+        """The decrease of the cost below which the fit ends."""
         return max(self.options.cost * self.cost, _NEARER * (self.cost - self.options.rival))
 
     def _try(self, found: BoundedStep, eager: bool) -> tuple[bool, tuple[Outcome, str] | None]:
-        """Evaluate at the step's end and move there, or further on, if it is better.
+        """Evaluate the cost at the end of the step, and move there, or further, if it is lower.
 
-        With `eager`, derivatives come with the first evaluation: most steps are good, and then one call
-        does the work of two. Returns whether the next one should be eager, and the end if this is it.
+        With `eager`, derivatives are computed in the first evaluation: most steps are accepted, and then one
+        call does the work of two. Returns whether the next step should be eager, and the outcome if the fit
+        ends.
         """
         trial = self._ahead(found.step, 1.0)
         expected = self._expected(found.step)
@@ -367,9 +372,9 @@ class _Search:
         return False, None
 
     def _shorten(self, largest: float) -> None:
-        """More damping (Nielsen's rule), until the next step is shorter than one that led nowhere.
+        """Increase the damping (Nielsen's rule) until the next step is shorter than the rejected one.
 
-        Where bounds or the box cut a step off, a little more damping leaves it as it was.
+        A small increase does not change a step that is limited by bounds or by the box.
         """
         while True:
             self.damping, self.growth = self.damping * self.growth, self.growth * 2.0
@@ -384,7 +389,7 @@ class _Search:
         self._linearise(blocks)
 
     def _relax(self, gain: float) -> None:
-        """Less damping after a step that went as the linear model expected (Nielsen's rule)."""
+        """Reduce the damping after a step as predicted by the linear model (Nielsen's rule)."""
         if gain <= _STRETCHED:
             factor = max(1 / 3, 1.0 - (2.0 * gain - 1.0) ** 3)
             self.damping = max(_LEAST_DAMPING, self.damping * factor)
@@ -397,11 +402,11 @@ class _Search:
     def _stretch(
         self, step: Vector, trial: Vector, cost: float, complete: bool
     ) -> tuple[Vector, float, bool]:
-        """Go on in the same direction while the cost falls further.
+        """Continue in the same direction while the cost falls further.
 
-        Where the cost falls faster than the linear model expects, as it does while two steep edges approach
-        each other in time, the Gauss-Newton step is far too short. Returns (point, cost, whether the
-        derivatives there are known).
+        If the cost falls faster than predicted by the linear model, as when two steep edges approach each
+        other in time, the Gauss-Newton step is far too short. Returns (point, cost, whether the derivatives
+        there are known).
         """
         for factor in (2.0, 4.0, 8.0):
             further = self._ahead(step, factor)

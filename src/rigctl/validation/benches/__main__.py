@@ -1,4 +1,4 @@
-"""Write what a user of a small bench has: ``python -m rigctl.validation.benches motor --hide 0.0046``."""
+"""Write the files of a user of a small bench: ``python -m rigctl.validation.benches motor --hide 0.0046``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rigctl.validation.benches.size import size_of
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the folder and say how large what is hidden is; returns the exit code."""
+    """Write the folder and print the size λ of the hidden effect; returns the exit code."""
     parser = argparse.ArgumentParser(prog="python -m rigctl.validation.benches", description=__doc__)
     benches = "; ".join(f"{b.name} hides {b.hidden.what} [{b.hidden.unit}]" for b in BENCHES.values())
     parser.add_argument("bench", choices=list(BENCHES), help=benches)

@@ -46,7 +46,7 @@ def simulate(draw: Draw) -> list[Trace]:
 
 
 def _slack(moved: Floats, width: float) -> Floats:
-    """What follows a motion with slack; at the start it has been taken up on the rear side."""
+    """The motion behind a gear with slack, which is initially taken up on the rear side."""
     followed = np.empty_like(moved)
     at = moved[0]
     for place, here in enumerate(moved):

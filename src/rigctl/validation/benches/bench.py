@@ -16,13 +16,13 @@ Sampling: TypeAlias = Literal["fast", "slow", "five"]
 Noise: TypeAlias = Literal["white", "heavy", "level"]
 Signal: TypeAlias = Callable[[float], float]
 
-#: samples in each time constant of the bench
+#: samples per time constant of the bench
 SAMPLES: Final[Mapping[Sampling, float]] = {"fast": 50.0, "slow": 15.0, "five": 5.0}
 NOISES: Final[tuple[Noise, ...]] = ("white", "heavy", "level")
-#: degrees of freedom of heavy tails: spikes of ten sigmas are a daily event
+#: degrees of freedom of heavy tails: outliers of ten sigma are frequent
 _TAILS = 3.0
 _FILES = Path(__file__).parent / "files"
-#: what a user writes of a bench
+#: the files that a user would write for a bench
 USER_FILES = ("family.yaml", "rig.yaml", "model.yaml")
 
 
@@ -36,14 +36,14 @@ class Trace:
 
 @dataclass(frozen=True)
 class Nudge:
-    """A small change of a bench, for the slopes of what it shows.
+    """A small change of a bench, for the derivatives of its readings.
 
     Attributes
     ----------
-    part: which of the drawn values is changed, by its number; -1 for none.
-    share: by which share of it.
-    optional: what is added to the optional input.
-    late: by how much every command acts later, s.
+    part: index of the drawn value that is changed; -1 for none.
+    share: its relative change.
+    optional: added to the optional input.
+    late: additional delay of every command, s.
     """
 
     part: int = -1
@@ -57,16 +57,16 @@ NOTHING: Final = Nudge()
 
 @dataclass
 class Draw:
-    """What a generator is asked for, and what it draws.
+    """The settings of a generator, and its random values.
 
     Attributes
     ----------
-    rng: draws what differs from bench to bench and from record to record.
+    rng: of the values that differ between benches and between records.
     period: between two samples, s.
-    amplitude: of what is hidden, in the unit of `Hidden`; 0 hides nothing.
-    steady: the optional input does not change within a record.
-    alike: nor from record to record, and stands away from the middle of what it can be.
-    drawn: how many values of the bench have been drawn: those that a model of it fits.
+    amplitude: of the hidden effect, in the unit of `Hidden`; 0 for none.
+    steady: the optional input is constant within a record.
+    alike: it is also the same in all records, at one end of its range.
+    drawn: number of values of the bench drawn so far: those that a model of it fits.
     """
 
     rng: np.random.Generator
@@ -82,7 +82,7 @@ class Draw:
         return np.asarray(np.arange(round(duration / self.period) + 1) * self.period, dtype=np.float64)
 
     def about(self, value: float, share: float) -> float:
-        """A value off by up to this share of it: no bench is as it was drawn."""
+        """A random value within this share of `value`: no real bench has exactly its nominal values."""
         found = value * (1.0 + share * float(self.rng.uniform(-1.0, 1.0)))
         if self.drawn == self.nudge.part:
             found *= 1.0 + self.nudge.share
@@ -90,12 +90,12 @@ class Draw:
         return found
 
     def switches(self, times: Sequence[float]) -> list[float]:
-        """Instants at which a command changes: somewhere between two samples, as on a bench."""
+        """Times at which a command changes: somewhere between two samples, as on a bench."""
         return [t + self.period * float(self.rng.uniform(0.1, 0.9)) + self.nudge.late for t in times]
 
     def feed(self, about: float, spread: float, period: float, *, steady: bool = False) -> Signal:
-        """An input that nobody commands: its level differs from record to record and, unless it is steady,
-        swings slowly by a quarter of the spread within one.
+        """An input that is not commanded: its level differs from record to record and, unless it is steady,
+        varies slowly within each by a quarter of the spread.
         """
         level = about + spread * float(self.rng.uniform(-1.0, 1.0))
         phase = float(self.rng.uniform(0.0, 2.0 * np.pi))
@@ -112,12 +112,12 @@ class Draw:
 
 @dataclass(frozen=True)
 class Hidden:
-    """What a bench can hide.
+    """The effect that a bench can hide.
 
     Attributes
     ----------
-    what, unit: in words, and the unit of its amplitude.
-    typical, largest: amplitudes; beyond the largest the bench is no bench any more.
+    what, unit: a description, and the unit of its amplitude.
+    typical, largest: amplitudes; beyond the largest the bench would not work.
     counts_as: names of effects that are a right answer.
     """
 
@@ -140,9 +140,9 @@ class SmallBench:
     noise: standard deviation of every channel, in the unit of its column.
     optional: the input that a user may or may not have recorded.
     spread: of the optional input, in the unit of its column.
-    time_constant: s; the sampling goes by it. None for a table without time.
-    simulate: the records of a campaign.
-    hold_out: the records that judge what was fitted, as an expression of the file's condition.
+    time_constant: s; it determines the sampling. None for a table without time.
+    simulate: returns the records of a campaign.
+    hold_out: the held-out records, as a condition.
     """
 
     name: str
@@ -163,14 +163,14 @@ class SmallBench:
 
 @dataclass(frozen=True)
 class BenchCampaign:
-    """A campaign on a small bench; the same one gives the same bytes.
+    """A campaign on a small bench; equal campaigns give identical files.
 
     Attributes
     ----------
-    amplitude: of what is hidden, 0 for nothing.
+    amplitude: of the hidden effect; 0 for none.
     recorded: whether the optional input is in the file.
     noise: "white"; "heavy" tails (Student's t with 3 degrees of freedom); "level", growing with the reading
-        from a half to twice the nominal one. "none" for the truth.
+        from half to twice the nominal noise; "none" for noise-free data.
     """
 
     bench: SmallBench
@@ -186,14 +186,14 @@ class BenchCampaign:
         return _rounded((self.bench.time_constant or 1.0) / SAMPLES[self.sampling])
 
     def drawn(self, nudge: Nudge = NOTHING) -> tuple[list[Trace], int]:
-        """The records without noise of a bench that is nudged, and how many of its values were drawn."""
+        """The noise-free records of a changed bench, and the number of its values that were drawn."""
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(0,)))
         alike = not self.recorded and self.seed % 2 == 1  # a heater that is always off, a room always warm
         draw = Draw(rng, self.period, self.amplitude, not self.recorded, nudge, alike=alike)
         return self.bench.simulate(draw), draw.drawn
 
     def traces(self) -> list[Trace]:
-        """The records without noise."""
+        """The noise-free records."""
         return self.drawn()[0]
 
     def records(self) -> list[Trace]:
@@ -212,7 +212,7 @@ class BenchCampaign:
         }
 
     def write_csv(self, path: Path) -> None:
-        """The campaign as a logger writes it: one row for each sample, names with units in the heading."""
+        """Write the campaign as a logger would: one row for each sample, names with units in the heading."""
         names = [name for name in self.bench.columns if self.recorded or name != self.bench.optional]
         heading = ["time [s]", "record"] if self.bench.time_constant else []
         heading += [f"{name} [{self.bench.columns[name]}]" for name in names]
@@ -226,7 +226,7 @@ class BenchCampaign:
 
 
 def write_bench(campaign: BenchCampaign, folder: Path) -> Path:
-    """A folder as a user has it: family, rig and model, and the log; returns the log."""
+    """Write a user's folder: family, rig and model, and the log; returns the path of the log."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in USER_FILES:
         shutil.copyfile(campaign.bench.file(name), folder / name)
@@ -236,7 +236,7 @@ def write_bench(campaign: BenchCampaign, folder: Path) -> Path:
 
 
 def _rounded(period: float) -> float:
-    """A period that a logger has: 1, 2 or 5 times a power of ten, or the nearest to it."""
+    """A sampling period usual for a logger: the nearest of 1, 2, 4, 5 and 8 times powers of ten."""
     power = 10.0 ** np.floor(np.log10(period))
     return float(power * min((1.0, 2.0, 4.0, 5.0, 8.0, 10.0), key=lambda m: abs(np.log(period / power / m))))
 

@@ -14,7 +14,7 @@ Floats: TypeAlias = NDArray[np.float64]
 Rates: TypeAlias = Callable[[float, Floats], Sequence[float]]
 
 _RTOL, _ATOL = 1e-9, 1e-12
-#: a velocity that is none
+#: a velocity below which the state is at rest
 _STILL = 1e-9
 
 
@@ -25,7 +25,7 @@ def steps(instants: Sequence[float], values: Sequence[float]) -> Callable[[float
 
 
 def sampled(signal: Callable[[float], float], time: Floats) -> Floats:
-    """What a logger shows of a signal."""
+    """A signal as a logger samples it."""
     return np.array([signal(float(t)) for t in time])
 
 
@@ -45,13 +45,13 @@ def with_dry_friction(
 ) -> Floats:
     """(samples, states) of a system whose state `velocity` is braked by dry friction.
 
-    Coulomb: ``dv/dt = a − f·sign(v)`` while it slides; at rest it stays until ``|a| > f``. The ends of every
-    stretch are found as events, so that nothing is rounded.
+    Coulomb friction: ``dv/dt = a − f·sign(v)`` while it slides; at rest it stays until ``|a| > f``.
+    Transitions are located as events, so nothing is smoothed.
 
     Parameters
     ----------
     rates: of all states, without the friction.
-    friction: what it takes off the acceleration, in the unit of `velocity` per second.
+    friction: the deceleration by friction, in the unit of `velocity` per second.
     """
     found = np.empty((time.size, len(start)))
     found[0] = start
@@ -72,7 +72,7 @@ def _stretch(
     velocity: int,
     friction: float,
 ) -> tuple[float, Floats]:
-    """Integrate until the end or until sticking or sliding ends; returns the time and the states there."""
+    """Integrate until the end, or until sticking or sliding ends; returns the time and the states there."""
     # a command that changes at `now` has its new value just after it
     after = now + 1e-9 * (end - now)
     sense = _sense(rates, after, state, velocity, friction) if friction else 0.0
@@ -115,7 +115,7 @@ def _stretch(
 
 
 def _sense(rates: Rates, now: float, state: Floats, velocity: int, friction: float) -> float:
-    """Of the motion that begins here: +1, −1, or 0 while it sticks."""
+    """The sign of the motion that begins here: +1, −1, or 0 while it sticks."""
     speed = float(state[velocity])
     if abs(speed) > _STILL:
         return float(np.sign(speed))

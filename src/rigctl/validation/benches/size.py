@@ -1,10 +1,9 @@
-"""How large what a bench hides is in its data, whatever the tool thinks of it.
+"""The size λ of a bench's hidden effect in its data, computed independently of the tool.
 
-λ = ‖(I − P_J)·(y_with − y_without)/σ‖ of the channels without noise: what a fit of the bench as its
-family has it leaves of the hidden effect, in sigmas. The columns of J are the slopes of what the bench
-shows by the values that a model of it fits, by the moment at which commands act, and by the level of the
-optional input in each record where that is not in the file. All of it comes from the bench's own
-generator.
+λ = ‖(I − P_J)·(y_with − y_without)/σ‖ of the noise-free channels, in sigmas: what remains of the hidden
+effect after a fit of the bench as its family describes it. The columns of J are the derivatives of the
+readings with respect to the values that a model of it fits, to the delay of the commands and, if the optional
+input is not in the file, to its level in each record. All are computed with the bench's own generator.
 """
 
 from __future__ import annotations
@@ -16,12 +15,12 @@ import numpy as np
 
 from rigctl.validation.benches.bench import BenchCampaign, Floats, Nudge, SmallBench, Trace
 
-#: change of a value for its slope: far above the integrator's error, small enough to be a slope
+#: relative change for a finite difference: far above the integrator's error, but small
 _SHARE = 1e-3
 
 
 def size_of(campaign: BenchCampaign) -> float:
-    """λ of what the campaign hides; 0 where it hides nothing."""
+    """λ of the campaign's hidden effect; 0 if it has none."""
     bench = campaign.bench
     plain = replace(campaign, amplitude=0.0, noise="none")
     traces, drawn = plain.drawn()
@@ -38,14 +37,14 @@ def size_of(campaign: BenchCampaign) -> float:
 
 
 def _stacked(bench: SmallBench, traces: Sequence[Trace]) -> Floats:
-    """Every reading over its noise, record after record."""
+    """All readings divided by their noise, record after record."""
     return np.concatenate(
         [trace.columns[name] / sigma for trace in traces for name, sigma in bench.noise.items()]
     )
 
 
 def _by_record(moved: Floats, sizes: Sequence[int]) -> list[Floats]:
-    """A column for each record, zero in all others."""
+    """The derivative with respect to each record's own level: one column per record."""
     ends = np.cumsum(sizes)
     found = []
     for end, count in zip(ends, sizes, strict=True):
@@ -56,7 +55,7 @@ def _by_record(moved: Floats, sizes: Sequence[int]) -> list[Floats]:
 
 
 def _rest(difference: Floats, columns: Sequence[Floats]) -> Floats:
-    """What no combination of the columns makes up for."""
+    """The residual of the difference after least squares on the columns."""
     scaled = [column / np.linalg.norm(column) for column in columns if np.linalg.norm(column) > 0.0]
     if not scaled:
         return difference

@@ -11,7 +11,7 @@ from rigctl.validation.benches.motion import integrate, sampled, steps
 _LEVELS = ((5, 3), (7.5, 3), (6.5, 4), (4, 7.5), (3, 6), (7, 7.5), (7.5, 3), (4, 5))
 _LITRES_PER_MINUTE = 1e-3 / 60.0
 _GRAVITY = 9.80665
-#: m, where the first tank's overflow pipe is
+#: height of the first tank's overflow pipe, m
 _RIM = 0.20
 
 
