@@ -203,7 +203,8 @@ def test_versions_are_compared_beside_each_other(bench: Page) -> None:
 def test_a_reload_keeps_the_steps_and_what_was_found(bench: Page) -> None:
     settled(bench)
     kept = position(bench)
-    drag(bench, "flow area fitted", 4)
+    bench.get_by_label("flow area, typed").fill("3.4")
+    bench.keyboard.press("Tab")
     settled(bench)
     moved = position(bench)
     assert moved != kept
@@ -267,8 +268,7 @@ def test_a_cell_of_the_map_shows_its_record_and_arrows_go_to_the_next(bench: Pag
     assert bench.evaluate("document.activeElement.getAttribute('aria-label')") != label
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [1400, 420])
+@pytest.mark.parametrize(("width", "scheme"), [(1400, "light"), (420, "dark")])
 def test_nothing_serious_is_in_the_way_of_anybody(bench: Page, scheme: Any, width: int) -> None:
     from axe_playwright_python.sync_playwright import Axe
 
@@ -367,7 +367,7 @@ def test_what_no_page_of_ours_says_is_refused_and_the_session_goes_on(leaking: S
             assert problem["error"]["message"], message
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(
     hnp.arrays(np.float32, hnp.array_shapes(min_dims=1, max_dims=2, min_side=0, max_side=7)),
     st.dictionaries(st.text(max_size=5), st.text(max_size=9), max_size=3),

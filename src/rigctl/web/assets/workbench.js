@@ -425,7 +425,8 @@ const bench = (place, told, { send, asked, desk }) => {
   const hear = (header, arrays) => {
     if (header.kind === "record" && header.record === shownRecord) curves.setRecord({ arrays });
     if (header.kind === "picture") {
-      const stale = header.seq !== null && header.seq < sequence && header.exact;
+      // also the first one of all, where steps are taken up again after a reload
+      const stale = header.exact && (header.seq ?? 0) < sequence;
       if (!stale) {
         kept.size = arrays.size;
         kept.bias = arrays.bias;
