@@ -1,6 +1,6 @@
-"""How a part answers: a plain function of what is asked, called in a thread, whose result becomes JSON.
+"""How a part answers: a plain function of the request, called in a thread, whose result becomes JSON.
 
-What a function raises becomes an answer too: a `RigctlError` with its parts by name, as ``--json`` has it.
+Exceptions become answers too: a `RigctlError` with its parts by name, as with ``--json``.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ class Asked:
 
     Parameters
     ----------
-    path: what the route's braces stand for.
-    query: what follows the question mark.
-    body: the fields of a request that does something.
-    viewer: which window asks; each has a name of its own, which a reload keeps.
+    path: values of the route's placeholders.
+    query: parameters after the question mark.
+    body: fields of a request with an effect.
+    viewer: the window that asks; each has a unique name, which survives a reload.
     """
 
     path: Mapping[str, str]
@@ -43,7 +43,7 @@ class Asked:
     viewer: str = ""
 
     def text(self, name: str, default: str | None = None) -> str:
-        """A text among path, query and body.
+        """A text from path, query or body.
 
         Raises
         ------
@@ -56,7 +56,7 @@ class Asked:
         return found
 
     def whole(self, name: str, default: int, low: int, high: int) -> int:
-        """A whole number, brought between `low` and `high`.
+        """A whole number, limited to `low` and `high`.
 
         Raises
         ------
@@ -92,12 +92,12 @@ def get(path: str, work: Work) -> Route:
 
 
 def post(path: str, work: Work) -> Route:
-    """A route that does something; its body is a JSON object."""
+    """A route with an effect; its body is a JSON object."""
     return Route(path, _endpoint(work), methods=["POST"])
 
 
 def delete(path: str, work: Work) -> Route:
-    """A route that takes something away or stops it."""
+    """A route that removes or stops something."""
     return Route(path, _endpoint(work), methods=["DELETE"])
 
 

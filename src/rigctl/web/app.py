@@ -1,4 +1,4 @@
-"""The application: the page around the parts, the parts themselves, and what they share."""
+"""The application: the frame page, its parts, and what they share."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 _ASSETS: Final = Path(__file__).parent / "assets"
 _REPORT_ASSETS: Final = Path(__file__).parents[1] / "report" / "assets"
-#: bytes of a request that only carries the token
+#: most bytes of a request that only carries the token
 _MOST_TOKEN: Final = 1000
 
 
@@ -59,7 +59,7 @@ def application(site: Site, keys: Keys, hosts: Collection[str], *, secure: bool)
 
 
 def status(site: Site) -> dict[str, Any]:
-    """What every page says of the project and of the server's work."""
+    """The state of the project and of the server's jobs, for every page."""
     site.refresh()
     root = site.project.root
     working = [job.document() for job in site.jobs.all() if job.state == "working"]
@@ -105,7 +105,7 @@ def _session(keys: Keys) -> Any:
 
 
 async def _shared_style(_: Request) -> Response:
-    """The style sheet of the report, from which all pages of rigctl have their colours and types."""
+    """The style sheet of the report, which defines colours and fonts of all pages of rigctl."""
     return Response((_REPORT_ASSETS / "page.css").read_bytes(), media_type="text/css")
 
 
@@ -121,7 +121,7 @@ def _page(part: Part) -> Any:
 
 
 def shell(part: Part) -> str:
-    """The page around a part; it holds nothing of the project, which its script asks for."""
+    """The frame page of a part; it contains no data of the project, which its script requests."""
     links = "\n".join(_link(each, current=each is part) for each in PARTS)
     return _template().substitute(
         title=escape(part.title), name=escape(part.name), about=escape(part.about), links=links

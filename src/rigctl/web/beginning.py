@@ -1,4 +1,4 @@
-"""An empty folder in a browser: what ``rigctl init`` writes is a click away."""
+"""An empty folder in a browser: ``rigctl init`` by a click."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ _HOLDS: Final = (MARKER, "rigs", "models", "procedures", "runs", "families")
 
 
 def is_empty(site: Site) -> bool:
-    """Whether the folder holds nothing of a project."""
+    """Whether the folder contains no part of a project."""
     root = site.project.root
     return root.is_dir() and not any((root / name).exists() for name in _HOLDS)
 
 
 def fill(site: Site, asked: Asked) -> dict[str, Any]:
-    """Begin a project in the folder: ``rigctl init``, or with ``--minimal`` one of one's own.
+    """Start a project in the folder: ``rigctl init``, or with ``--minimal`` an empty one.
 
     Raises
     ------

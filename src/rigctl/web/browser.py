@@ -1,4 +1,4 @@
-"""Opening the browser, without telling other users of the computer the token."""
+"""Opens the browser without revealing the token to other users of the computer."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from pathlib import Path
 
 
 def can_open() -> bool:
-    """Whether there is a screen that a browser could be shown on."""
+    """Whether there is a screen on which a browser could be shown."""
     if sys.platform in ("win32", "darwin"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def open_browser(address: str) -> None:
-    """Open an address in the user's browser, in the background; nothing happens where there is none.
+    """Open an address in the user's browser, in the background; does nothing if there is none.
 
-    Every user of a computer sees what programs are begun with. The browser is given a file that this user
-    alone may read, which leads to the address.
+    Every user of a computer can see the arguments of programs. The browser is therefore given a file that
+    only this user can read and that redirects to the address.
     """
     with suppress(OSError):
         page = _leading_page(address)

@@ -1,4 +1,4 @@
-"""Samples made as few as a plot is wide, no peak lost: of each stretch the lowest and the highest."""
+"""Decimation of samples to the width of a plot without losing peaks: minimum and maximum of each interval."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def envelope(rows: NDArray[np.float64], stretch: float) -> NDArray[np.float64]:
-    """Rows of time and values with two rows for each stretch of time that has more.
+    """Rows of time and values, with two rows for each time interval that has more.
 
     Parameters
     ----------
@@ -19,8 +19,8 @@ def envelope(rows: NDArray[np.float64], stretch: float) -> NDArray[np.float64]:
 
     Returns
     -------
-    Shape (m, 1 + columns). Of each column the two values are the lowest and the highest of its stretch, the
-    lowest first where it rises; NaN where the stretch has no value.
+    Shape (m, 1 + columns). The two values of each column are the minimum and maximum of the interval, the
+    minimum first if it rises; NaN if the interval has no value.
     """
     import numpy as np
 
@@ -41,7 +41,7 @@ def envelope(rows: NDArray[np.float64], stretch: float) -> NDArray[np.float64]:
 
 
 class Thinning:
-    """Rows as they come, thinned; what belongs to a stretch that is not over is provisional.
+    """Decimates rows as they arrive; those of an unfinished interval are provisional.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class Thinning:
         self._open: NDArray[np.float64] | None = None
 
     def take(self, rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
-        """The thinned rows, and how many of them at the end the next ones take the place of."""
+        """The decimated rows, and how many at their end will be replaced by the next ones."""
         import numpy as np
 
         if self._stretch <= 0.0 or not len(rows):

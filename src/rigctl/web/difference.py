@@ -1,4 +1,4 @@
-"""Two campaigns over each other: at each condition that both have, what differs and how much repeats do."""
+"""Two campaigns compared: the difference at each common condition, and the scatter of repeats."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Key = tuple[str, tuple[tuple[str, float], ...]]
 
 
 def difference(first: Run, second: Run) -> dict[str, Any]:
-    """What differs between two runs at the conditions that both have been measured at.
+    """The difference between two runs at their common conditions.
 
     Of each channel of a condition, over the time that both lasted, in the channel's unit: ``rms`` and
     ``bias`` of the second's mean curve minus the first's, and ``scatter``, the root mean square deviation of

@@ -1,4 +1,4 @@
-"""Docs: the site of the documentation, as it was built, without a network."""
+"""The built documentation site, served without a network."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def site_folder() -> Path | None:
 
 
 def routes(_: Site) -> Sequence[BaseRoute]:
-    """What the page asks for: whether the site is there, and its files."""
+    """The routes of the page: whether the site exists, and its files."""
     return (
         get("/api/docs", lambda _: {"there": site_folder() is not None}),
         get("/docs/{path:path}", page),
@@ -67,7 +67,7 @@ def page(asked: Asked) -> Response:
 
 
 def policy(html: str) -> str:
-    """What a page of the site may do: its own scripts run, those in the page by their hashes."""
+    """The policy for a page of the site: its own scripts run, inline ones by their hashes."""
     hashes = {hashlib.sha256(script.encode("utf-8")).digest() for script in _INLINE.findall(html)}
     allowed = " ".join(sorted(f"'sha256-{base64.b64encode(one).decode('ascii')}'" for one in hashes))
     return (

@@ -1,8 +1,7 @@
-"""A run in progress, read along for all windows that watch it.
+"""A run in progress, read for all windows that watch it.
 
-One thread for each run that is watched reads its journal, its log and its heartbeat, the files that are
-there anyway. The run knows nothing of it. What a window cannot take in time is left out for that window,
-oldest first.
+One thread for each watched run reads its journal, its log and its heartbeat, which exist in any case. The run
+is not affected. What a window cannot receive in time is dropped for that window, oldest first.
 """
 
 from __future__ import annotations
@@ -32,18 +31,18 @@ if TYPE_CHECKING:
     from rigctl.live.steps import PlanPlaces
     from rigctl.rig import Layout, Rig
 
-#: s between two looks at the journal: 20 Hz
+#: s between two reads of the journal: 20 Hz
 LOOK: Final = 0.05
-#: s between two looks at the heartbeat
+#: s between two reads of the heartbeat
 _STATE: Final = 0.2
-#: s of samples that a window which opens later is shown, and rows at most
+#: s of samples shown to a window that opens later, and most rows
 KEPT: Final = 900.0
 _MOST_ROWS: Final = 150_000
 #: events that are kept for it
 _MOST_EVENTS: Final = 300
 #: batches that may wait for a slow window: two seconds
 _MOST_WAITING: Final = 40
-#: s that a feed goes on when nobody watches
+#: s that a feed continues when nobody watches
 _LINGER: Final = 15.0
 #: s after the begin of a step in which its first reading is looked for in what is kept
 _FRESH: Final = 5.0
@@ -58,11 +57,11 @@ _MOST_IN_ONE: Final = 60_000
 
 
 class Watcher:
-    """One window: how much it wants to see, and what waits for it.
+    """One window: what it wants to see, and the data that wait for it.
 
     Parameters
     ----------
-    wake: called from another thread when there is something.
+    wake: called from another thread when there are data.
     """
 
     def __init__(self, wake: Callable[[], None]) -> None:
@@ -75,7 +74,7 @@ class Watcher:
         self.dropped = 0  #: batches left out, since it was slow
 
     def begin(self, rows: NDArray[np.float64], window: float, width: int) -> None:
-        """Show `window` s of what there is, for a plot of `width` pixels, and go on from there."""
+        """Show the last `window` s, for a plot of `width` pixels, and continue from there."""
         stretch = window / max(width, 1)
         with self._lock:
             self._batches.clear()
@@ -87,7 +86,7 @@ class Watcher:
         self._wake()
 
     def take(self, rows: NDArray[np.float64]) -> None:
-        """Hand new rows on; a window that does not take them in time loses the oldest."""
+        """Pass on new rows; a window that does not take them in time loses the oldest."""
         with self._lock:
             thinned, provisional = self._thinning.take(rows)
             self._batches.append(batch(thinned[-_MOST_IN_ONE:], provisional))
@@ -97,7 +96,7 @@ class Watcher:
         self._wake()
 
     def tell(self, kind: str, what: object) -> None:
-        """Hand something on of which only the newest counts."""
+        """Pass on a message of which only the newest counts."""
         with self._lock:
             self._told[kind] = what
         self._wake()
@@ -124,7 +123,7 @@ class Watcher:
 
 
 def batch(rows: NDArray[np.float64], provisional: int = 0, *, anew: bool = False) -> bytes:
-    """Rows as a browser reads them: a head, then each column as float32, time from the first row on."""
+    """Rows for a browser: a header, then each column as float32, time relative to the first row."""
     import numpy as np
 
     first = float(rows[0, 0]) if len(rows) else 0.0
@@ -138,7 +137,7 @@ def batch(rows: NDArray[np.float64], provisional: int = 0, *, anew: bool = False
 
 @dataclass(frozen=True)
 class Columns:
-    """How the rows of a journal become those that are shown: time of the run, then display units."""
+    """Converts rows of a journal for display: time of the run, and display units."""
 
     layout: Layout
     factors: NDArray[np.float64]
@@ -197,7 +196,7 @@ class Feed:
         self._thread.start()
 
     def join(self, watcher: Watcher, window: float, width: int) -> None:
-        """Begin to tell a window; again to tell it of more or less time."""
+        """Start to serve a window; called again to change its time span."""
         with self._lock:
             rows = self.rows(window)
             if watcher not in self._watchers:
@@ -210,7 +209,7 @@ class Feed:
         self._asked = monotonic()
 
     def leave(self, watcher: Watcher) -> None:
-        """Tell a window nothing more."""
+        """Stop serving a window."""
         with self._lock, suppress(ValueError):
             self._watchers.remove(watcher)
         self._asked = monotonic()
@@ -228,7 +227,7 @@ class Feed:
         return np.concatenate(chosen[::-1]) if chosen else np.empty((0, width))
 
     def snapshot(self, after: float, window: float, width: int) -> dict[str, Any]:
-        """What has come after a time, for a browser without sockets; it asks once a second."""
+        """The data after a time, for a browser without sockets, which polls once a second."""
         self._asked = monotonic()
         rows = self.rows(window)
         rows = envelope(rows[rows[:, 0] > after], window / max(width, 1))
@@ -344,7 +343,7 @@ class Feed:
         return self._tree[1]
 
     def _open_plan(self) -> None:
-        """The plan's files may have changed since; then only the step in progress is named."""
+        """If the plan's files have changed since, only the step in progress is named."""
         from rigctl.live.steps import PlanPlaces
         from rigctl.runner.relaunch import plan_of
 
@@ -378,7 +377,7 @@ def _measure(line: Mapping[str, Any]) -> str:
 
 
 def about(header: RunHeader) -> dict[str, Any]:
-    """What a plot needs to know of a run: channels with their limits and set-points, and commands."""
+    """The description of a run for plots: channels with their limits and set-points, and commands."""
     rig = _rig(header)
     layout = header.layout
     roles = [] if rig is None else [rig.roles.set_pressure]
@@ -424,7 +423,7 @@ def _rig(header: RunHeader) -> Rig | None:
 
 
 def _safe(rig: Rig | None, name: str) -> float | None:
-    """Where an actuator is when all is well ended, in its unit; None where nobody says."""
+    """The safe value of an actuator, in its unit; None if it has none."""
     from rigctl.units import parse_unit
 
     if rig is None or name not in rig.safe_state:

@@ -1,10 +1,10 @@
-"""Who is let in: the name that was asked for, the page that asks, and the cookie, before any part is reached.
+"""Access control: host name, origin and cookie are checked before any part is reached.
 
 A server on 127.0.0.1 can be reached by every program of the computer and, through the browser, by every page
-that is open in it. A page elsewhere can send requests here and can make its own name lead here (DNS
-rebinding), but it cannot forge the headers ``Host`` and ``Origin``: both are held against fixed lists, on
-HTTP and on the upgrade to a socket. Everything that says or does something needs a cookie besides, which is
-had for the token that the server prints.
+that is open in it. A foreign page can send requests here and can let its own name resolve to this address
+(DNS rebinding), but it cannot forge the headers ``Host`` and ``Origin``: both are checked against fixed
+lists, on HTTP and on the upgrade to a socket. Every route with data or an effect also needs a cookie, which
+is given in exchange for the token that the server prints.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
-#: browsers that are let in at a time; of more, the first must show the token again
+#: most sessions at a time; beyond that, the oldest must show the token again
 _MOST_SESSIONS: Final = 100
 _SAFE: Final = frozenset({"GET", "HEAD"})
 #: where the token is exchanged for the cookie
@@ -36,7 +36,7 @@ _HEADERS: Final = {
 
 
 class Keys:
-    """The token that is printed, and the cookies that were given out for it; both are 256 random bits."""
+    """The printed token, and the cookies given in exchange for it; each is 256 random bits."""
 
     def __init__(self) -> None:
         self.token = secrets.token_urlsafe(32)
@@ -53,13 +53,13 @@ class Keys:
         return session
 
     def know(self, session: str) -> bool:
-        """Whether this cookie was given out."""
+        """Whether this cookie is valid."""
         given = session.encode("utf-8", "replace")
         return any(hmac.compare_digest(given, known.encode("ascii")) for known in self._sessions)
 
 
 class Refused(Exception):
-    """Why a request is not answered."""
+    """The reason for refusing a request."""
 
     def __init__(self, status: int, why: str) -> None:
         super().__init__(why)
@@ -67,15 +67,15 @@ class Refused(Exception):
 
 
 class Gate:
-    """Stands before an application and adds to every answer what a browser must not do with it.
+    """Wraps an application, checks requests, and adds security headers to every answer.
 
     Parameters
     ----------
-    app: what is behind it.
+    app: the wrapped application.
     keys: token and cookies.
-    hosts: what may stand in ``Host``, each with its port.
-    secure: whether the server speaks TLS.
-    open_paths: paths that hold nothing of the project: the page around the parts.
+    hosts: permitted values of ``Host``, each with its port.
+    secure: whether the server uses TLS.
+    open_paths: paths without data of the project: the frame page.
     """
 
     def __init__(
@@ -103,14 +103,14 @@ class Gate:
         await self._app(scope, receive, self._sealed(send, host))
 
     def _require_host(self, headers: Iterable[tuple[bytes, bytes]]) -> str:
-        """The name that was asked for, one of ours."""
+        """Check the requested host name."""
         hosts = _all(headers, b"host")
         if len(hosts) != 1 or hosts[0].lower() not in self._hosts:
             raise Refused(421, "this server has another name")
         return hosts[0].lower()
 
     def _require_origin(self, scope: Scope, headers: Iterable[tuple[bytes, bytes]], host: str) -> None:
-        """A page of this server asks, or for what is only read a person who types the address."""
+        """Check that the request comes from a page of this server, or for reading from a typed address."""
         origins = _all(headers, b"origin")
         only_reads = scope["type"] == "http" and scope["method"] in _SAFE
         if not origins and only_reads:
@@ -122,7 +122,7 @@ class Gate:
             raise Refused(403, "another site asks" if origins else "no page of this server asks")
 
     def _session(self, scope: Scope, headers: Iterable[tuple[bytes, bytes]]) -> str:
-        """The cookie of whoever asks; empty where none is needed."""
+        """Check the cookie; not needed for open paths."""
         jar = SimpleCookie()
         for cookies in _all(headers, b"cookie"):
             try:
@@ -158,7 +158,7 @@ class Gate:
         return sealed
 
     def _policy(self, host: str) -> str:
-        """What a page of this server may load: its files, and no script that stands in a page."""
+        """The policy for pages of this server: only its files are loaded, no inline scripts."""
         socket = f" {self._scheme.replace('http', 'ws')}://{host}" if host else ""
         return (
             f"default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
@@ -168,7 +168,7 @@ class Gate:
 
 
 def cookie_name(scope: Mapping[str, Any]) -> str:
-    """Of the cookie; a browser sends those of one host to all its ports, so that the port is in it."""
+    """The cookie's name; it contains the port, since a browser sends a host's cookies to all its ports."""
     server = scope.get("server") or ("", 0)
     return f"rigctl_{server[1]}"
 
@@ -185,7 +185,7 @@ def _all(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> list[str]:
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, refused: Refused) -> None:
     if scope["type"] == "websocket":
-        await receive()  # the upgrade that is asked for
+        await receive()  # the requested upgrade
         await send({"type": "websocket.close", "code": 1008, "reason": str(refused)})
         return
     from rigctl.web.answer import refusal_text

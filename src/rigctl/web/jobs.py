@@ -1,8 +1,7 @@
-"""What takes long: each piece of work in a process of its own, watched, stopped, its result kept.
+"""Background jobs: each runs in a separate process, is monitored, can be stopped, and its result is kept.
 
-The work is a command of rigctl, or a function of a module that is given what it needs as plain values and a
-`Report` to say how far it is. It begins with nothing of the server's: it opens runs and models itself, and
-what it returns is made JSON.
+A job is a command of rigctl, or a function of a module that is given plain values and a `Report` for its
+progress. It shares no state with the server: it opens runs and models itself, and its result becomes JSON.
 """
 
 from __future__ import annotations
@@ -26,27 +25,27 @@ from typing import IO, Any, Final, Literal
 from rigctl.errors import ExitCode, RigctlError
 
 State = Literal["working", "done", "failed", "stopped", "died"]
-#: at a time; each may use every core
+#: most jobs at a time; each may use every core
 _MOST_WORKING: Final = 3
 #: results that are kept
 _MOST_KEPT: Final = 50
-#: s that a process has to end by itself once it is asked to
+#: s for a process to end after it has been asked to
 _GRACE: Final = 2.0
 
 
 class Report:
-    """The work's way to say how far it is."""
+    """Reports the progress of a job."""
 
     def __init__(self, pipe: Connection) -> None:
         self._pipe = pipe
 
     def __call__(self, text: str, share: float | None = None, partial: Any = None) -> None:
-        """Say what is being done.
+        """Report the current activity.
 
         Parameters
         ----------
-        share: of the work that is done, 0 to 1; None where that is not known.
-        partial: what is known already, made JSON.
+        share: completed share, 0 to 1; None if unknown.
+        partial: the partial result, for JSON.
         """
         from rigctl.files.write import to_json
 
@@ -58,16 +57,16 @@ Work = Callable[..., Any]
 
 @dataclass
 class Job:
-    """A piece of work; its fields change while it goes on.
+    """A job; its fields change while it runs.
 
     Parameters
     ----------
-    name: what a person calls it.
-    command: what does the same on the command line.
-    state: ``died`` where its process ended without a word.
-    text, share: how far it is.
-    partial, result: what it has found, as JSON; None before.
-    error: why it failed, as `RigctlError.as_dict` has it.
+    name: for people.
+    command: the equivalent command line.
+    state: ``died`` if its process ended without a message.
+    text, share: progress.
+    partial, result: as JSON; None before.
+    error: why it failed, as in `RigctlError.as_dict`.
     """
 
     name: str
@@ -84,7 +83,7 @@ class Job:
     seconds: float = 0.0
 
     def document(self) -> dict[str, Any]:
-        """What a page is told of it."""
+        """Its state for a page."""
         import json
 
         told = {name: getattr(self, name) for name in ("id", "name", "command", "began", "state", "text")}
@@ -98,7 +97,7 @@ class Job:
 
 
 class Jobs:
-    """The work of one server."""
+    """The jobs of one server."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -108,7 +107,7 @@ class Jobs:
         self._lock = threading.Lock()
 
     def start(self, name: str, command: str, work: Work, *arguments: Any) -> Job:
-        """Begin a piece of work.
+        """Start a job.
 
         Parameters
         ----------
@@ -135,7 +134,7 @@ class Jobs:
         return job
 
     def start_command(self, name: str, arguments: Sequence[str]) -> Job:
-        """Begin a command of rigctl, whose answer is the result: ``--json`` is added to it.
+        """Start a command of rigctl, whose answer is the result: ``--json`` is added to it.
 
         Raises
         ------
@@ -164,14 +163,14 @@ class Jobs:
 
     @property
     def scratch(self) -> Path:
-        """A folder of this user's alone for what work writes; removed when the server ends."""
+        """A private folder for files of jobs; removed when the server ends."""
         with self._lock:
             if self._scratch is None:
                 self._scratch = TemporaryDirectory(prefix="rigctl-", ignore_cleanup_errors=True)
             return Path(self._scratch.name)
 
     def find(self, job_id: str) -> Job:
-        """A piece of work by its id.
+        """A job by its id.
 
         Raises
         ------
@@ -184,11 +183,11 @@ class Jobs:
         return job
 
     def all(self) -> list[Job]:
-        """Every piece of work that is remembered, newest first."""
+        """All remembered jobs, newest first."""
         return list(self._jobs.values())[::-1]
 
     def stop(self, job_id: str) -> Job:
-        """End a piece of work, whatever it does; nothing happens to one that has ended."""
+        """End a job, whatever it does; has no effect on one that has ended."""
         job = self.find(job_id)
         with self._lock:
             if job.state == "working":
@@ -213,7 +212,7 @@ class Jobs:
             )
 
     def _watch_command(self, job: Job, process: subprocess.Popen[str]) -> None:
-        """Take what a command says until it ends."""
+        """Read the output of a command until it ends."""
         assert process.stdout is not None  # noqa: S101 - opened as pipes
         assert process.stderr is not None  # noqa: S101
         said: list[str] = []
@@ -238,7 +237,7 @@ class Jobs:
             self._processes.pop(job.id, None)
 
     def _watch(self, job: Job, pipe: Connection) -> None:
-        """Take what a process says until it ends."""
+        """Read the messages of a process until it ends."""
         with suppress(EOFError, OSError):
             while True:
                 self._take(job, pipe.recv())
@@ -278,17 +277,17 @@ class _Command:
         self.terminate, self.kill = process.terminate, process.kill
 
     def is_alive(self) -> bool:
-        """Whether it goes on."""
+        """Whether it is running."""
         return self._process.poll() is None
 
     def join(self, timeout: float) -> None:
-        """Wait for its end, so many s at most."""
+        """Wait for its end, with a time limit in s."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout)
 
 
 def _settle(job: Job, code: int, answer: str, said: Sequence[str]) -> None:
-    """What came of a command, from its exit code and its words."""
+    """Set the outcome of a command, from its exit code and its output."""
     import json
 
     try:
@@ -322,7 +321,7 @@ def _end(process: Any) -> None:
 
 
 def _carry_out(pipe: Connection, folder: str, work: Work, arguments: tuple[Any, ...]) -> None:
-    """The process: do the work and say what came of it."""
+    """The process: do the work and report the outcome."""
     import os
     import signal
 
@@ -334,5 +333,5 @@ def _carry_out(pipe: Connection, folder: str, work: Work, arguments: tuple[Any, 
         pipe.send(("done", to_json(work(Report(pipe), *arguments), indent=None)))
     except RigctlError as error:
         pipe.send(("failed", error.as_dict()))
-    except Exception as fault:  # noqa: BLE001 - said to whoever began it
+    except Exception as fault:  # noqa: BLE001 - reported to the page that started it
         pipe.send(("failed", RigctlError(f"a fault of rigctl itself: {fault!r}").as_dict()))

@@ -1,4 +1,4 @@
-"""Who may command a run: one window at a time, seen by all, which another one can take over."""
+"""The right to command a run: one window at a time has it, visible to all, and another can take it over."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Final
 
 from rigctl.errors import ExitCode, RigctlError
 
-#: s after which a window that is gone has given it back: a reload takes less
+#: s after which a closed window loses the right: a reload takes less
 _GONE: Final = 10.0
 
 
@@ -23,7 +23,7 @@ class _Window:
 class Lease:
     """The right to command, among the windows of one server.
 
-    Whoever commands when nobody has it gets it. To bring the bench into its safe state nobody needs it.
+    A window that gives a command while nobody has the right gets it. Making the bench safe does not need it.
     """
 
     def __init__(self) -> None:
@@ -33,14 +33,14 @@ class Lease:
         self._lock = threading.Lock()
 
     def connected(self, viewer: str) -> int:
-        """A window watches; its number."""
+        """Register a window; returns its number."""
         with self._lock:
             window = self._window(viewer)
             window.open += 1
             return window.number
 
     def disconnected(self, viewer: str) -> None:
-        """A window does not watch any longer."""
+        """Unregister a window."""
         with self._lock:
             window = self._window(viewer)
             window.open = max(window.open - 1, 0)
@@ -49,7 +49,7 @@ class Lease:
                 del self._windows[name]
 
     def take(self, viewer: str, *, over: bool) -> None:
-        """Get the right to command.
+        """Acquire the right to command.
 
         Raises
         ------
@@ -68,13 +68,13 @@ class Lease:
             self._holder = viewer
 
     def give(self, viewer: str) -> None:
-        """Give the right back; nothing happens to one that another window has."""
+        """Release the right; no effect if another window has it."""
         with self._lock:
             if self._holder == viewer:
                 self._holder = ""
 
     def told(self, viewer: str) -> dict[str, object]:
-        """What a window is told of it."""
+        """The state of the right for a window."""
         with self._lock:
             holder = self._holder if self._holder and self._there(self._holder) else ""
             mine = self._windows.get(viewer)

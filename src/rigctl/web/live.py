@@ -1,4 +1,4 @@
-"""The run in progress: watched by any number of windows, commanded by one."""
+"""The run in progress: any number of windows can watch it, one can command it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from rigctl.web.feed import Feed, Watcher
 
-#: s for which a look at the folders of the runs is taken as what there is
+#: s for which a listing of the runs' folders is reused
 _LOOK: Final = 1.0
 #: of the newest runs, among which those in progress are
 _NEWEST: Final = 50
@@ -35,7 +35,7 @@ _WIDTHS: Final = (50, 4000)
 
 
 def routes(site: Site) -> Sequence[BaseRoute]:
-    """What the page asks for."""
+    """The routes of the page."""
     live = Live(site)
     return (
         get("/api/live", live.runs),
@@ -66,7 +66,7 @@ class Live:
         return {"runs": found, "lease": self._lease.told(asked.viewer)}
 
     def snapshot(self, asked: Asked) -> dict[str, Any]:
-        """The same as the socket tells, for a browser that has none."""
+        """The same data as through the socket, for a browser without sockets."""
         from rigctl.web.feed import about
 
         feed = self._feed(asked.text("run"))
@@ -80,7 +80,7 @@ class Live:
         return {**found, "run": about(feed.header), "lease": self._lease.told(asked.viewer)}
 
     def lease_asked(self, asked: Asked) -> dict[str, Any]:
-        """Take the controls, take them over, or give them back."""
+        """Acquire the controls, take them over, or release them."""
         if asked.body.get("give") is True:
             self._lease.give(asked.viewer)
         else:
@@ -104,7 +104,7 @@ class Live:
         return {"run": folder.name, "answer": send(folder, request, at="a browser")}
 
     def answer(self, asked: Asked) -> dict[str, Any]:
-        """Answer what the operator is asked, where the run was begun by this page."""
+        """Answer the operator's question of a run that was started from this page."""
         from rigctl.runner.remote import send_answer
 
         folder = self._folder(asked.text("run"))
@@ -113,7 +113,7 @@ class Live:
         return {"run": folder.name}
 
     def off(self, asked: Asked) -> dict[str, Any]:
-        """Everything to the safe state, as `rigctl off` does: by any window, whoever has the controls."""
+        """Everything to the safe state, like `rigctl off`: from any window, whichever has the controls."""
         from rigctl.runner.access import Access, bench_options
         from rigctl.runner.switch_off import switch_off
 
@@ -124,7 +124,7 @@ class Live:
         return {"rig": rig.name, "done": done.done, "confirmed": done.confirmed, "known_by": done.known_by}
 
     async def stream(self, socket: WebSocket) -> None:
-        """Tell a window until it closes: JSON for what happens, float32 for samples."""
+        """Serve a window until it closes: JSON for events, float32 for samples."""
         await socket.accept()
         viewer = socket.query_params.get("viewer", "")[:64]
         if not viewer:
@@ -140,7 +140,7 @@ class Live:
     # --- inside -------------------------------------------------------------------------------------------
 
     def told(self, viewer: str) -> dict[str, object]:
-        """Who has the controls."""
+        """The window with the controls."""
         return self._lease.told(viewer)
 
     def ids(self) -> list[str]:
@@ -152,7 +152,7 @@ class Live:
         return self._feed(run)
 
     def _in_progress(self) -> list[Path]:
-        """Folders whose heartbeat is fresh: no lock is touched, which a run might need just then."""
+        """Folders with a recent heartbeat: no lock is touched, which a run might need at that moment."""
         from rigctl.dataset.catalogue import newest_folders
         from rigctl.dataset.writer_lock import read_state
         from rigctl.web.feed import ENDED
@@ -178,7 +178,7 @@ class Live:
         return find_run(plain_id(run), self._site.project.runs)
 
     def _feed(self, run: str) -> Feed:
-        """The feed of a run, begun when the first window watches."""
+        """The feed of a run, started when the first window watches."""
         from rigctl.dataset import RunHeader
         from rigctl.dataset.run_json import read_info
         from rigctl.web.feed import Feed
@@ -198,7 +198,7 @@ class Live:
             return self._feeds[run]
 
     def _bench(self, asked: Asked) -> Any:
-        """The rig that is meant: that of a run, or the project's."""
+        """The rig in question: that of a run, or the project's."""
         from rigctl.rig import load_rig
 
         self._site.require_project()
@@ -219,7 +219,7 @@ class Live:
 
 
 class _Window:
-    """One socket: reads what its window wants to see, and sends it."""
+    """One socket: reads the requests of its window and sends the data."""
 
     def __init__(self, live: Live, socket: WebSocket, viewer: str) -> None:
         self._live = live
@@ -244,7 +244,7 @@ class _Window:
             self._leave()
 
     async def _read(self) -> None:
-        """What the window wants: ``{"run", "window", "width"}``; anything else is left alone."""
+        """The request of the window: ``{"run", "window", "width"}``; anything else is ignored."""
         with suppress(WebSocketDisconnect):
             while True:
                 text = await self._socket.receive_text()
@@ -306,7 +306,7 @@ class _Window:
             await self._socket.send_bytes(batch)
 
     async def _say(self, kind: str, what: object) -> None:
-        """Send something if it is new."""
+        """Send a message if it is new."""
         if kind not in self._sent or self._sent[kind] != what:
             self._sent[kind] = what
             await self._socket.send_text(to_json({"kind": kind, kind: what}, indent=None))

@@ -1,4 +1,4 @@
-"""A procedure: its text with what is wrong in it, its plan, and its start, simulated or on the real bench."""
+"""A procedure: its text with errors marked, its plan, and its start, simulated or on the real bench."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from rigctl.plan import Plan
 
 _FOLDER: Final = "procedures"
-#: s that a run may take to begin; after that it is left to itself
+#: s for a run to start; after that it is no longer waited for
 _BEGINS_WITHIN: Final = 30.0
 _SPEEDS: Final = ("1x", "10x", "max")
 
 
 def routes(site: Site) -> Sequence[BaseRoute]:
-    """What the page asks for."""
+    """The routes of the page."""
     procedures = Procedures(site)
     return (
         get("/api/procedure", procedures.files),
@@ -62,7 +62,7 @@ class Procedures:
         return {"path": asked.text("path"), "text": text, "sha256": _hash(text)}
 
     def check(self, asked: Asked) -> dict[str, Any]:
-        """What a text means: its plan, or what is wrong in it, with the places."""
+        """The plan of a text, or its errors with their locations."""
         from datetime import UTC, datetime
 
         from rigctl.plan.identity import settled
@@ -86,7 +86,7 @@ class Procedures:
         }
 
     def save(self, asked: Asked) -> dict[str, Any]:
-        """Write a text over the file it was read from, if nobody else has changed that meanwhile."""
+        """Write a text to the file it was read from, unless that has been changed meanwhile."""
         from rigctl.files.write import write_text
 
         root = self._site.require_project()
@@ -104,9 +104,9 @@ class Procedures:
         return {"path": asked.text("path"), "sha256": _hash(text)}
 
     def start(self, asked: Asked) -> dict[str, Any]:
-        """Begin a run in a process of its own, which goes on whatever becomes of this server.
+        """Start a run in a separate process, which continues even if this server ends.
 
-        On the real bench only for whoever types its name: a click alone moves nothing.
+        Starting the real bench requires typing its name: a click alone moves nothing.
         """
         root = self._site.require_project()
         path = inside(root, asked.text("path"))
@@ -132,17 +132,17 @@ class Procedures:
         return {"run": self._begin(command), "command": f"rigctl {' '.join(command)}"}
 
     def _begin(self, command: Sequence[str]) -> str:
-        """The id of the run that a command has begun.
+        """The id of the run that a command has started.
 
         Raises
         ------
         RigctlError
-            it has ended without beginning one; says why.
+            it has ended without starting one; says why.
         """
         from tempfile import TemporaryFile
 
         errors = TemporaryFile(dir=self._site.jobs.scratch)  # noqa: SIM115 - closed by the thread below
-        # a Ctrl-C that ends the server is none of its
+        # a Ctrl-C that ends the server must not end the run
         group = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
         alone: dict[str, Any] = {"creationflags": group} if group else {"start_new_session": True}
         process = subprocess.Popen(  # noqa: S603 - this program, no shell
@@ -182,7 +182,7 @@ class Procedures:
         return None
 
     def _writable(self, root: Path, name: str) -> Path:
-        """A file of the folder of procedures, which may be new."""
+        """A file in the folder of procedures, which may be new."""
         path = (root / name).resolve() if "\0" not in name else root
         home = (root / _FOLDER).resolve()
         if path.suffix != ".yaml" or not path.is_relative_to(home) or path.is_dir():
@@ -194,7 +194,7 @@ class Procedures:
 
 @dataclass
 class _Begun:
-    """A process that was begun, and what it says of its trouble."""
+    """A process that was started, and its error messages."""
 
     process: subprocess.Popen[bytes]
     errors: Any
@@ -204,7 +204,7 @@ class _Begun:
         self._over = threading.Event()
 
     def wait(self) -> None:
-        """Take its end, so that the system can forget it."""
+        """Reap the process at its end."""
         self.process.wait()
         with suppress(OSError, ValueError):
             self.errors.seek(0)
@@ -213,7 +213,7 @@ class _Begun:
         self._over.set()
 
     def last_words(self) -> str:
-        """Why it has ended."""
+        """The reason for its end."""
         self._over.wait(2.0)
         lines = [line.removeprefix("rigctl: ") for line in self.said.splitlines() if line.strip()]
         return "\n".join(lines[-5:]) or "the run's program has ended without a word"
@@ -235,7 +235,7 @@ def _hash(text: str) -> str:
 
 @lru_cache(maxsize=1)
 def completion() -> dict[str, Any]:
-    """What an editor offers, from the schema of procedures: steps, and the fields of each key."""
+    """Completions for an editor, from the schema of procedures: steps, and the fields of each key."""
     from rigctl.files.schema import json_schema
     from rigctl.procedure import ProcedureFile
 
@@ -269,7 +269,7 @@ def _fields(part: dict[str, Any]) -> dict[str, str]:
 
 
 def _targets(about: object) -> list[str]:
-    """The parts of a schema that a value may be."""
+    """The alternatives of a schema for a value."""
     if isinstance(about, dict):
         found = [str(about["$ref"]).rpartition("/")[2]] if "$ref" in about else []
         return found + [one for name in ("anyOf", "oneOf", "allOf") for one in _targets(about.get(name))]

@@ -1,4 +1,4 @@
-"""The page of one or more runs, as `rigctl report` makes it, inside this one."""
+"""The page of one or more runs, made by `rigctl report`, in a frame of this one."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _POLICY: Final = re.compile(r'http-equiv="Content-Security-Policy" content="([^"
 
 
 def routes(site: Site) -> Sequence[BaseRoute]:
-    """What the page asks for."""
+    """The routes of the page."""
     pages = Pages(site)
     return (
         get("/api/report/models", pages.models),
@@ -34,7 +34,7 @@ def routes(site: Site) -> Sequence[BaseRoute]:
 
 
 class Pages:
-    """The reports that were made since the server began."""
+    """The reports made since the server was started."""
 
     def __init__(self, site: Site) -> None:
         self._site = site
@@ -45,7 +45,7 @@ class Pages:
         return {"models": project_files(root, "models")}
 
     def make(self, asked: Asked) -> dict[str, Any]:
-        """Begin to make a page; it is shown under the id of the work."""
+        """Start to make a page; it is shown under the id of the job."""
         root = self._site.require_project()
         runs = [plain_id(run) for run in asked.texts("runs")]
         if not 0 < len(runs) <= _MOST:
@@ -64,10 +64,10 @@ class Pages:
         return job.document()
 
     def show(self, asked: Asked) -> Response:
-        """A page that was made, under its own policy and without this server's rights.
+        """A finished page, under its own policy and without this server's rights.
 
-        It is sandboxed: its scripts run, but not as this server's pages, so that whatever should be wrong
-        with it reaches neither the cookie nor a command.
+        It is sandboxed: its scripts do not run with the origin of this server, so that a flaw in it can reach
+        neither the cookie nor a command.
         """
         import json
 

@@ -1,4 +1,5 @@
-"""The catalogue: found, sorted and paged by the index, with notes, exclusions and what a run holds."""
+"""The catalogue of runs: search, sorting and paging by the index, notes, exclusions, and the content of a
+run."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ _MOST_RECORDS: Final = 2000
 
 
 def routes(site: Site) -> Sequence[BaseRoute]:
-    """What the page asks for."""
+    """The routes of the page."""
     catalogue = Catalogue(site)
     return (
         get("/api/runs", catalogue.page),
@@ -33,13 +34,13 @@ def routes(site: Site) -> Sequence[BaseRoute]:
 
 
 class Catalogue:
-    """The runs of one project, as a page asks for them."""
+    """The runs of one project, for a page."""
 
     def __init__(self, site: Site) -> None:
         self._site = site
 
     def page(self, asked: Asked) -> dict[str, Any]:
-        """Some of the runs, in an order."""
+        """A sorted page of the runs."""
         from rigctl.dataset.catalogue import page_of_runs
 
         self._site.require_project()
@@ -56,7 +57,7 @@ class Catalogue:
         return listed | {"store": self._site.project.store}
 
     def show(self, asked: Asked) -> dict[str, Any]:
-        """One run: what was carried out, on what, by whom, its records and what was said of it."""
+        """One run: procedure, bench, operator, records and notes."""
         from rigctl.dataset.catalogue import status_of
         from rigctl.dataset.run_json import read_info
 
@@ -91,7 +92,7 @@ class Catalogue:
         return {"run": folder.name}
 
     def exclude(self, asked: Asked) -> dict[str, Any]:
-        """Leave a record out of analysis, or take it back in; with a reason."""
+        """Exclude a record from analysis, or include it again; with a reason."""
         from rigctl.dataset import exclude, include
 
         reason = asked.text("reason").strip()
@@ -105,7 +106,7 @@ class Catalogue:
         return {"run": folder.name}
 
     def difference(self, asked: Asked) -> dict[str, Any]:
-        """What differs between two campaigns, condition by condition."""
+        """The difference between two campaigns, condition by condition."""
         from rigctl.dataset import open_run
         from rigctl.web.difference import difference
 
@@ -125,7 +126,7 @@ class Catalogue:
 
 
 def plain_id(text: str) -> str:
-    """A run of this project by its id; a path would lead elsewhere.
+    """A run of this project by its id; a path is refused, as it could lead elsewhere.
 
     Raises
     ------
@@ -146,7 +147,7 @@ def _record(given: object) -> int | None:
 
 
 def _records(folder: Path) -> list[dict[str, Any]]:
-    """What the table of records says of each: values in the units they are shown in."""
+    """The rows of the table of records, in display units."""
     from rigctl.dataset import open_run
 
     run = open_run(folder)

@@ -1,4 +1,4 @@
-"""The server: one for each project, on this computer alone unless it is told otherwise."""
+"""The server: one for each project, reachable only from this computer unless requested otherwise."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rigctl.project import Project
 if TYPE_CHECKING:
     import uvicorn
 
-#: the port where none is asked for and this one is free
+#: the default port, if it is free
 USUAL_PORT: Final = 8750
 _LOCAL: Final = "127.0.0.1"
 
@@ -36,8 +36,8 @@ class Settings:
     host: the address it listens at.
     port: None for the usual one, or any that is free; 0 for any that is free.
     certificate, key: files of TLS, in PEM; needed for other addresses than this computer's.
-    exposed: whether other computers may reach it; asked for by name.
-    names: under which it may be asked for, besides `host`.
+    exposed: whether other computers may reach it; must be requested explicitly.
+    names: host names under which it may be addressed, besides `host`.
     """
 
     project: Project
@@ -50,16 +50,16 @@ class Settings:
 
     @property
     def secure(self) -> bool:
-        """Whether it speaks TLS."""
+        """Whether it uses TLS."""
         return self.certificate is not None
 
     def require_safe(self) -> None:
-        """Refuse another address than this computer's without TLS and consent.
+        """Refuse a non-local address without TLS and consent.
 
         Raises
         ------
         RigctlError
-            others could reach the bench, or read along.
+            others could reach the bench, or intercept the token.
         """
         if (self.certificate is None) != (self.key is None):
             raise RigctlError("TLS needs a certificate and its key", expected="--certificate and --key")
@@ -88,13 +88,13 @@ def serve(settings: Settings, started: Callable[[str], None], ends: Callable[[],
 
     Parameters
     ----------
-    started: called with the address, token and all, once it can be opened.
-    ends: asked once a second whether to end.
+    started: called with the complete address, including the token, once it can be opened.
+    ends: called once a second; the server ends when it returns True.
 
     Raises
     ------
     RigctlError
-        the port is in use, the project is served already, or others could reach the address.
+        the port is in use, the project is already served, or others could reach the address.
     """
     settings.require_safe()
     with one_server(settings.project) as say_address, _listening(settings) as listener:
@@ -131,7 +131,7 @@ def serve(settings: Settings, started: Callable[[str], None], ends: Callable[[],
 
 
 def host_names(settings: Settings, port: int) -> list[str]:
-    """What may stand in ``Host``."""
+    """The permitted values of ``Host``."""
     if settings.host == "localhost" or is_loopback(settings.host):
         names = [_LOCAL, "localhost", _shown(settings.host)]
     else:
@@ -145,7 +145,7 @@ def host_names(settings: Settings, port: int) -> list[str]:
 
 @contextmanager
 def one_server(project: Project) -> Iterator[Callable[[str], None]]:
-    """The right to serve a project: one server, so that one lease says who may command a run.
+    """The lock for serving a project: only one server, so that a single lease controls who may command a run.
 
     Raises
     ------
@@ -177,7 +177,7 @@ def one_server(project: Project) -> Iterator[Callable[[str], None]]:
 
 
 def served_at(project: Project) -> dict[str, Any] | None:
-    """Address and process of the server of a project; None where it has none that is known."""
+    """Address and process of the server of a project; None if none is known."""
     try:
         found = json.loads(_facts_path(project).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -199,7 +199,7 @@ def _say(path: Path, facts: dict[str, Any]) -> None:
 
 @contextmanager
 def _listening(settings: Settings) -> Iterator[socket.socket]:
-    """A socket that listens; on the usual port, or any that is free where nobody has asked for one.
+    """A listening socket, on the requested port, or else on the usual one or any that is free.
 
     Raises
     ------
@@ -254,7 +254,7 @@ def _shown(host: str) -> str:
 def _server(
     config: uvicorn.Config, started: Callable[[], None], ends: Callable[[], bool] | None
 ) -> uvicorn.Server:
-    """A server that says when it has begun, and ends by a signal as after any other work."""
+    """A server that reports when it has started, and ends normally on a signal."""
     import uvicorn
 
     class Server(uvicorn.Server):

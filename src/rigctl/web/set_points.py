@@ -1,8 +1,7 @@
-"""The set-points of the steps of a run that is watched, as lines over its channels.
+"""The set-points of the steps of a watched run, as lines over its channels.
 
-The log says when a step began and ended, the plan what it asks of which channel. What begins at the first
-reading of its step, a ramp or a value that is held as it is found, waits for that reading; where it is not
-known nothing is drawn.
+The log gives the start and end of a step, the plan its channel and target. A set-point that depends on the
+first reading of its step, such as a ramp or a held value, is drawn once that reading is known.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ FirstReading = Callable[[str, float], float | None]
 
 @dataclass
 class _Step:
-    """One step that has begun; `end` None while it goes on."""
+    """One step that has started; `end` is None while it is in progress."""
 
     path: str
     begin: float
@@ -40,11 +39,11 @@ class _Step:
 
 
 class SetPoints:
-    """What the steps of one run ask of its channels.
+    """The set-points of the steps of one run.
 
     Parameters
     ----------
-    rig: says the units; None shows nothing.
+    rig: for the units; with None nothing is shown.
     """
 
     def __init__(self, rig: Rig | None) -> None:
@@ -53,11 +52,11 @@ class SetPoints:
         self._places: PlanPlaces | None = None
 
     def follow(self, places: PlanPlaces) -> None:
-        """The plan is known from now on."""
+        """Set the plan."""
         self._places = places
 
     def take(self, line: Mapping[str, Any]) -> None:
-        """A line of the log: a step has begun or ended, or the run has."""
+        """Handle a line of the log: the start or end of a step or of the run."""
         time, kind = line.get("time"), line.get("kind")
         if not isinstance(time, int | float):
             return
@@ -92,7 +91,7 @@ class SetPoints:
         return chain[-1].action.set_point() if chain and isinstance(chain[-1], Leaf) else None
 
     def _line(self, step: _Step, first: FirstReading) -> Mapping[str, Any] | None:
-        """From where to where, in how many seconds, and how closely."""
+        """Start and target value, duration in s, and tolerance."""
         from rigctl.units import parse_unit
 
         asked = self._asked(step.path)

@@ -23,7 +23,7 @@ class Site:
     Parameters
     ----------
     project: its folder, and that of its runs.
-    jobs: what takes long.
+    jobs: background jobs.
     """
 
     project: Project
@@ -33,9 +33,9 @@ class Site:
         self._begun = (self.project.root / MARKER).is_file()
 
     def refresh(self) -> None:
-        """Take what ``rigctl.toml`` says, where the folder has become a project since the server began."""
+        """Read ``rigctl.toml`` if the folder has become a project since the server was started."""
         if not self._begun and (self.project.root / MARKER).is_file():
-            with suppress(RigctlError):  # half written: the next look reads it
+            with suppress(RigctlError):  # half written: the next call reads it
                 self.project = find_project(self.project.root)
                 self._begun = True
 
@@ -65,7 +65,7 @@ class Part:
     Parameters
     ----------
     name: its path is ``/name``, its script ``assets/name.js``, and its routes begin with ``/api/name/``.
-    title: what the navigation calls it.
+    title: in the navigation.
     about: one line for the page's description.
     routes: makes its routes, from `rigctl.web.answer.get` and `post`.
     """

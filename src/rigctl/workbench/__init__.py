@@ -1,4 +1,4 @@
-"""The workbench: a model on its runs that follows sliders and switches, without any page."""
+"""The workbench: a model on its runs, controlled by sliders and switches; independent of any page."""
 
 from rigctl.workbench.picture import Picture
 from rigctl.workbench.session import Workbench

@@ -1,4 +1,4 @@
-"""The command that a click on the workbench stands for."""
+"""The equivalent command of a click on the workbench."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rigctl.workbench.state import State
 
 @dataclass(frozen=True)
 class Changes:
-    """What of a state differs from the model in the file.
+    """The difference between a state and the model in the file.
 
     Attributes
     ----------
@@ -32,12 +32,12 @@ class Changes:
 
 @dataclass(frozen=True)
 class Subject:
-    """What the workbench is about, as it is typed.
+    """The subject of the workbench, as typed on the command line.
 
     Attributes
     ----------
     runs: ids.
-    model: the file's path as it is typed, with its version where it is not the head.
+    model: the file's path as typed, with its version unless it is the head.
     choice: of the records.
     """
 
@@ -47,7 +47,7 @@ class Subject:
 
     @property
     def head(self) -> str:
-        """The file, whichever version of it is looked at."""
+        """The file, without the version."""
         folder, name = Path(self.model).parent, Path(self.model).name.partition("@")[0]
         return (folder / name).as_posix()
 
@@ -66,7 +66,7 @@ class Subject:
 
 
 def set_command(subject: Subject, model: Model, state: State, changes: Changes) -> str:
-    """The command that makes a state the model's next version; "" where it is the model already."""
+    """The command that makes a state the model's next version; "" if it equals the model."""
     if not changes:
         return ""
     words = ["model", "set", subject.model]
@@ -88,5 +88,5 @@ def _effect_words(model: Model, state: State, effect: str) -> str:
 
 
 def also(*commands: str) -> str:
-    """Commands one after the other, each only if the one before it was done."""
+    """Commands in sequence, each only if the previous one succeeded."""
     return " && ".join(one for one in commands if one)

@@ -1,7 +1,7 @@
 """A slider for every parameter, a switch for every effect.
 
-A slider's ends are the bounds within which a fit looks, or five standard deviations around what is known
-before. It is logarithmic where these ends span decades.
+A slider's ends are the bounds of a fit, or five standard deviations around the prior's mean. It is
+logarithmic if the ends span decades.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from rigctl.model.model import Model
 from rigctl.model.setting import setting_text
 from rigctl.units import parse_unit
 
-#: ends with a larger ratio are a logarithmic slider
+#: ratio of the ends above which a slider is logarithmic
 _DECADES = 30.0
 #: standard deviations around a prior's mean
 _AROUND = 5.0
-#: the least size of an effect on its slider, as a share of what is typical: below it the switch is off
+#: the smallest size of an effect on its slider, as a share of the typical one: below it the switch is off
 _LEAST = 1e-3
-#: an upper end where neither bounds nor a value give one, in units of the parameter's declaration
+#: the upper end if neither bounds nor a value give one, in the unit of the parameter's declaration
 _WIDE = 20.0
 
 
@@ -36,9 +36,9 @@ class Slider:
     name: as in the model's values.
     label: without the effect's name.
     low, high: the slider's ends; typed values may lie beyond them, within the bounds of a fit.
-    scale: log where the ends span decades.
-    null: the value that switches an effect off; None of others.
-    shape: it only forms what another parameter of its effect switches on.
+    scale: log if the ends span decades.
+    null: the value that switches an effect off; None for other parameters.
+    shape: whether it only shapes an effect that another parameter switches on.
     fit: whether a fit may change it.
     fixed: a dimension, which is a number of the compiled equations.
     """
@@ -58,7 +58,7 @@ class Slider:
     fit: bool = False
 
     def document(self) -> dict[str, Any]:
-        """As the page takes it."""
+        """For the page."""
         return {
             "name": self.name,
             "label": self.label,
@@ -84,7 +84,7 @@ class Switch:
     ----------
     base: base physics, which is switched off by its parameters' null values and has no sliders of its own.
     on: whether the model has it.
-    instead_of: effects that contradict it.
+    instead_of: effects that exclude it.
     """
 
     name: str
@@ -97,7 +97,7 @@ class Switch:
     instead_of: tuple[str, ...] = ()
 
     def document(self) -> dict[str, Any]:
-        """As the page takes it."""
+        """For the page."""
         return {
             "name": self.name,
             "summary": self.summary,
@@ -111,7 +111,7 @@ class Switch:
 
 
 def sliders(model: Model) -> tuple[Slider, ...]:
-    """A slider for each parameter of the model's family that is no dimension."""
+    """A slider for each parameter of the model's family except dimensions."""
     return tuple(_of_family(model, one.name) for one in model.family.parameters if not one.fixed)
 
 
@@ -167,7 +167,9 @@ def _of_effect(model: Model, effect: Effect, declared: EffectParameter) -> Slide
     given = model.effects.get(effect.name, {}).get(declared.name)
     value = declared.start if given is None else given.si
     low, high = declared.bounds_around(value)
-    if declared.null == low == 0.0:  # a size of one sign: as many decades below the usual as can be seen
+    if (
+        declared.null == low == 0.0
+    ):  # a size of one sign: as many decades below the typical one as are visible
         low = min(_LEAST * declared.start, value or math.inf)
     made = Slider(
         name,
@@ -200,5 +202,5 @@ def _slider(made: Slider, *, fit: bool, difference: bool = False) -> Slider:
 
 
 def value_words(model: Model, name: str, si: float) -> str:
-    """A slider's value as it is typed: ``7e-15 m^3``."""
+    """A slider's value as text: ``7e-15 m^3``."""
     return setting_text(model, name, si)

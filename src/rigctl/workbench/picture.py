@@ -1,4 +1,4 @@
-"""What a state looks like: curves, residuals in sigmas of the noise, and the error of every record."""
+"""The result of a state: curves, residuals in sigmas of the noise, and the error of every record."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ class Picture:
 
     Attributes
     ----------
-    exact: of all records, with what each record has of its own fitted to it, as ``compare --no-fit`` does;
-        else these are as they were when the last slider was released.
-    records: the places of those that were simulated.
-    outputs: (n, channels) of each of them, SI, by place.
+    exact: all records, with the record-level parameters fitted, as in ``compare --no-fit``; otherwise these
+        are as at the last release of a slider.
+    records: indices of those that were simulated.
+    outputs: (n, channels) of each of them, SI, by index.
     errors: (n, channels) of each of them, (model − measured)/sigma; NaN where no reading counts.
     size, bias: (records, channels) root mean square and mean of the errors; NaN of records that are not here.
     channels: the error of each channel over the records here, and of those held out.
     chi2_reduced: only of an exact one.
-    failures: of records that the model has no course for, why, by place.
-    seconds: that it took.
+    failures: why a record could not be simulated, by index.
+    seconds: computation time.
     """
 
     exact: bool
@@ -66,7 +66,7 @@ def _channel(error: ChannelError, unit: str) -> dict[str, Any]:
 
 
 def exact_picture(fitted: FitResult, seconds: float = 0.0) -> Picture:
-    """Of a model that was taken as it is, on all its records."""
+    """The picture of a model without a fit, on all its records."""
     places = range(len(fitted.problem.records))
     errors = {k: fitted.normalised_error(k) for k in places}
     size, bias = _maps(errors, len(fitted.problem.records), len(fitted.problem.measurements.outputs))
@@ -91,7 +91,7 @@ def coarse_picture(
     fitted: Sequence[int],
     seconds: float = 0.0,
 ) -> Picture:
-    """Of the records that were simulated; `fitted` are the places of those that are not held out."""
+    """The picture of the simulated records; `fitted` are the indices of those not held out."""
     errors = {}
     for k, outputs in simulated.items():
         error = (outputs - problem.records[k].values) / problem.sigma[k]

@@ -1,9 +1,9 @@
-"""A model on its runs, opened once, that follows sliders and switches.
+"""A model on its runs, opened once and controlled by sliders and switches.
 
-The equations are compiled once with every effect of the library in them, each at its null until it is
-switched on: a switch costs no compilation. While a slider moves, what belongs to each record (when its
-switches acted, where it began, what its sensors are off by) stays as it was; at rest it is fitted again,
-in the equations that the model has by itself, and the numbers are those of ``rigctl compare --no-fit``.
+The equations are compiled once with every effect of the library, each at its null value until it is switched
+on: a switch needs no compilation. While a slider moves, the record-level parameters (switch times, initial
+values, sensor offsets) are kept; at rest they are fitted again, with the equations of the model alone, and
+the numbers are those of ``rigctl compare --no-fit``.
 """
 
 from __future__ import annotations
@@ -40,26 +40,26 @@ from rigctl.workbench.state import State, Track
 
 Floats = NDArray[np.float64]
 
-#: s that a picture may take while a slider moves
+#: longest time of a picture while a slider moves, s
 _BUDGET = 0.04
-#: a picture while a slider moves has so many records at least
+#: fewest records in a picture while a slider moves
 _FEWEST = 3
 
 
 class Unwanted(Exception):
-    """Nobody waits for what is being computed any more."""
+    """The result being computed is no longer wanted."""
 
 
 @dataclass(frozen=True)
 class Opened:
-    """What stays the same while sliders move.
+    """The constant part of a session.
 
     Attributes
     ----------
-    model: as its file has it.
+    model: as in its file.
     runs: that were opened.
     data: their records and noise.
-    subject: the same as it is typed.
+    subject: the same as typed on the command line.
     """
 
     model: Model
@@ -69,10 +69,10 @@ class Opened:
 
 
 class Workbench:
-    """Chosen runs and a model, the state of its sliders and switches, and what that looks like.
+    """Runs and a model, the state of its sliders and switches, and the resulting pictures.
 
-    Pictures may be asked for from several threads: each is of the state it is given, beside the records' own
-    unknowns of the last `settle` that was done.
+    Several threads may request pictures: each is of the given state, with the record-level parameters of the
+    last `settle`.
     """
 
     def __init__(self, opened: Opened, on_progress: OnProgress = no_progress) -> None:
@@ -98,11 +98,11 @@ class Workbench:
         on_progress: OnProgress = no_progress,
         named: str = "",
     ) -> Workbench:
-        """Read the records of `runs` and the model, and simulate it as it is.
+        """Read the records of `runs` and the model, and simulate it without a fit.
 
         Parameters
         ----------
-        named: the model file as it is typed; its path if left out.
+        named: the model file as typed; by default its path.
 
         Raises
         ------
@@ -118,17 +118,17 @@ class Workbench:
 
     @property
     def model(self) -> Model:
-        """The model as its file has it."""
+        """The model as in its file."""
         return self.opened.model
 
     @property
     def problem(self) -> Problem:
-        """The data with their noise, as the last exact picture had them."""
+        """The data with their noise, as in the last exact picture."""
         return self._settled.problem
 
     @property
     def fitted(self) -> FitResult:
-        """The model as it was last settled, with the records' own unknowns fitted."""
+        """The model at the last `settle`, with the record-level parameters fitted."""
         return self._settled
 
     def _state_of_model(self) -> State:
@@ -137,7 +137,7 @@ class Workbench:
         return State({slider.name: slider.value for slider in every}, on)
 
     def changes(self, state: State) -> Changes:
-        """What of the state differs from the model in the file."""
+        """The difference between the state and the model in the file."""
         added = tuple(s.name for s in self.switches if s.name in state.on and not s.on)
         removed = tuple(s.name for s in self.switches if s.name not in state.on and s.on)
         base = {p for s in self.switches if s.base and s.name not in state.on for p in _base(s, self.model)}
@@ -152,7 +152,7 @@ class Workbench:
         return Changes(values, added, removed)
 
     def model_of(self, state: State) -> Model:
-        """The model that says the state, as it would be kept.
+        """The model of the state, as it would be saved.
 
         Raises
         ------
@@ -177,11 +177,11 @@ class Workbench:
         return set_command(self.opened.subject, self.model, state, self.changes(state))
 
     def settle(self, state: State, *, wanted: Callable[[], bool] = lambda: True) -> Picture:
-        """The exact picture of a state, and what the records have of their own for the pictures to come.
+        """The exact picture of a state; keeps the record-level parameters for the next pictures.
 
         Parameters
         ----------
-        wanted: asked with each iteration; `Unwanted` is raised where it says no.
+        wanted: called in each iteration; `Unwanted` is raised if it returns False.
 
         Raises
         ------
@@ -194,7 +194,7 @@ class Workbench:
         return self.exact
 
     def step(self, state: State) -> None:
-        """Make a state the present one, to which `undo` comes back.
+        """Make a state the present one, to which `undo` returns.
 
         Raises
         ------
@@ -205,7 +205,7 @@ class Workbench:
         self.track = self.track.then(state)
 
     def retrace(self, present: State, past: Sequence[State], future: Sequence[State]) -> None:
-        """Take up the steps of an earlier workbench on the same model and runs.
+        """Restore the steps of an earlier workbench on the same model and runs.
 
         Raises
         ------
@@ -218,17 +218,17 @@ class Workbench:
         self.track = Track(present, before, tuple(future))
 
     def undo(self) -> State:
-        """Go back to the state before; see `Track.undone`."""
+        """Return to the previous state; see `Track.undone`."""
         self.track = self.track.undone()
         return self.track.present
 
     def redo(self) -> State:
-        """Take an `undo` back; see `Track.redone`."""
+        """Revert an `undo`; see `Track.redone`."""
         self.track = self.track.redone()
         return self.track.present
 
     def reopened(self, *, on_progress: OnProgress = no_progress) -> Workbench:
-        """The same records with the model as its file is now.
+        """The same records with the model's current file.
 
         Raises
         ------
@@ -240,11 +240,11 @@ class Workbench:
         return Workbench(replace(self.opened, model=load_model(path)), on_progress)
 
     def follow(self, state: State, shown: Sequence[int] = (), *, budget: float = _BUDGET) -> Picture:
-        """A picture while a slider moves: of the records that are shown, and as many as the time allows.
+        """A picture while a slider moves: of the records shown, and as many others as the time allows.
 
         Parameters
         ----------
-        shown: places of records that are always simulated.
+        shown: indices of records that are always simulated.
         budget: s for it; infinite for all records.
         """
         begun = time.monotonic()
@@ -326,7 +326,7 @@ class Workbench:
             return fit_problem(problem, data.noise, data.held_out, refit=False, iterated=iterated)
 
     def _moved(self, problem: Problem, state: State) -> Problem:
-        """The problem with the values of a state; equations and data are the same."""
+        """The problem with the values of a state; equations and data are unchanged."""
         values, system = self._values(state), problem.compiled.system
         base = problem.base.copy()
         for index, name in enumerate(system.parameter_names):
@@ -357,7 +357,7 @@ class Workbench:
         return values
 
     def _coarse(self, problem: Problem, shown: Sequence[int], budget: float) -> list[int]:
-        """Places of records: those shown, then others spread over all, as many as the time allows."""
+        """Indices of records: those shown, then others spread over all, as many as the time allows."""
         count = len(problem.records)
         cost = self._cost.get(problem.compiled.source.digest, 0.0)
         room = budget / cost if cost else (_FEWEST if math.isfinite(budget) else math.inf)
@@ -366,18 +366,18 @@ class Workbench:
         return sorted(dict.fromkeys([*(k for k in shown if 0 <= k < count), *spread]))
 
     def _learn_cost(self, problem: Problem, each: float) -> None:
-        """What a record takes in these equations, s: half of it from now, half from before."""
+        """Update the time of a record with these equations, s: average of the new and the previous value."""
         name = problem.compiled.source.digest
         self._cost[name] = 0.5 * (self._cost.get(name, each) + each)
 
 
 def _base(switch: Switch, model: Model) -> tuple[str, ...]:
-    """The family's parameters that a piece of base physics is switched off by."""
+    """The family's parameters that switch off a part of the base physics."""
     return tuple(model.effect(switch.name).base)
 
 
 @contextmanager
 def _not_kept() -> Iterator[None]:
-    """A slider's every rest is no result that another command will ask for."""
+    """Do not store results: other commands will not need those of every slider position."""
     with switched_off():
         yield

@@ -1,8 +1,8 @@
-"""What has been set on the workbench, and the way back.
+"""The settings of the workbench, with undo.
 
     state = (value of every slider, effects that are on)
 
-A value stays where it was while its effect is off, so that a switch brings back what was seen before.
+A value is kept while its effect is off, so that switching it on again restores the previous state.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from rigctl.errors import RigctlError, unknown_name
 
-#: steps back that are remembered
+#: most undo steps
 _REMEMBERED = 200
 
 
@@ -23,7 +23,7 @@ class State:
 
     Attributes
     ----------
-    values: SI, by the names of a model's values; of effects that are off too.
+    values: SI, by the names of a model's values; also for effects that are off.
     on: the effects that the model has, base physics included.
     """
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def routes(site: Site) -> Sequence[BaseRoute]:
-    """What the page asks for."""
+    """The routes of the page."""
     from rigctl.web.workbench.routes import workbench_routes
 
     return workbench_routes(site)

@@ -1,4 +1,4 @@
-"""What the page is told of a workbench once it is open."""
+"""The description of an open workbench for its page."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from rigctl.workbench import Picture, State, Workbench
 
 Floats = NDArray[np.float64]
 
-#: points of a curve, which a plot of some thousand pixels shows as well as more
+#: points of a curve: enough for a plot of some thousand pixels
 _POINTS = 2000
 
 
@@ -62,7 +62,7 @@ def opened_document(bench: Workbench) -> dict[str, Any]:
 
 
 def state_document(state: State) -> dict[str, Any]:
-    """A state as the page keeps it."""
+    """A state in the form of the page."""
     return {"values": dict(state.values), "on": sorted(state.on)}
 
 
@@ -85,14 +85,14 @@ def _records(problem: Problem, held_out: set[int]) -> list[dict[str, Any]]:
 
 
 def _phases(problem: Problem, k: int) -> list[tuple[str, float]]:
-    """The stretches of a record with the time each begins."""
+    """The phases of a record with their start times."""
     record = problem.records[k]
     starts = np.flatnonzero(np.diff(record.phase, prepend=-1))
     return [(record.phases[record.phase[at]], float(record.times[at])) for at in starts]
 
 
 def _axes(problem: Problem) -> dict[str, Any]:
-    """Where each record lies on the error map: the first variable down, the second across."""
+    """The position of each record on the error map: the first variable down, the second across."""
     measured = problem.measurements
     units, names = variable_units(measured), measured.variables[:2]
     axes = []
@@ -120,7 +120,7 @@ def _rounded(value: float) -> float:
 
 
 def _over(problem: Problem) -> dict[str, str] | None:
-    """Of a table, what its rows are drawn over; None where records have a course in time."""
+    """The variable over which the rows of a table are drawn; None for time series."""
     measured = problem.measurements
     if not measured.table:
         return None
@@ -141,7 +141,7 @@ def series_of(problem: Problem, k: int) -> tuple[int, ...]:
 
 
 def _series_text(problem: Problem, k: int) -> str:
-    """Of a row, what the rows of its curve have in common."""
+    """What the rows on the curve of a row have in common."""
     measured = problem.measurements
     if not measured.table:
         return ""
@@ -187,7 +187,7 @@ def _places(problem: Problem, k: int) -> Floats:
 
 
 def record_frame(bench: Workbench, k: int) -> bytes:
-    """What was measured in a record: times, readings, their noise and which of them count."""
+    """The measurements of a record: times, readings, their noise and which of them count."""
     problem = bench.problem
     units = problem.measurements.units
     records, sigma, counts = problem.records, problem.sigma, problem.ok
@@ -205,7 +205,7 @@ def record_frame(bench: Workbench, k: int) -> bytes:
 def picture_frame(
     bench: Workbench, picture: Picture, shown: Sequence[int], header: Mapping[str, Any]
 ) -> bytes:
-    """A picture: the errors of every record, and the curves of those that are shown."""
+    """A picture: the errors of every record, and the curves of those shown."""
     problem = bench.problem
     units = problem.measurements.units
     named = dict(zip(problem.measurements.outputs, units, strict=True))

@@ -3,7 +3,7 @@
     length of the header (uint32) | header, JSON filled up with spaces to whole words | arrays
 
 everything little-endian. The header's ``arrays`` names each array with its shape, in the order in which they
-follow; a value that is not there is NaN.
+follow; a missing value is NaN.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def frame(header: Mapping[str, Any], arrays: Sequence[tuple[str, ArrayLike]]) ->
 
 
 def read_frame(message: bytes) -> tuple[dict[str, Any], dict[str, NDArray[np.float32]]]:
-    """What `frame` made; for tests and for other clients.
+    """Decode a message of `frame`; for tests and other clients.
 
     Raises
     ------

@@ -1,10 +1,10 @@
-"""A workbench in a process of its own, which the server hands messages to and from.
+"""A workbench in a separate process; the server passes messages to and from it.
 
-What is computed here neither stops the server nor shares its memory: a page that is closed ends its process,
-and so does one whose equations run into a fault of machine code.
+Its computations neither block the server nor share its memory: closing the page ends the process, and a crash
+of compiled equations ends only this process.
 
-A picture while a slider moves is asked for more often than it can be made: of those that wait only the newest
-counts. Everything else is done in the order in which it was asked.
+While a slider moves, pictures are requested faster than they can be computed: only the newest waiting request
+counts. Everything else is done in the order of the requests.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from rigctl.workbench.session import Unwanted
 
 logger = logging.getLogger(__name__)
 
-#: steps back and forth that are taken from a page
+#: most undo and redo steps accepted from a page
 _RETRACED = 200
 #: before a message to the page: its text, or its bytes
 TEXT, BYTES = b"t", b"b"
@@ -78,12 +78,12 @@ class _Session:
         }
 
     def begin(self) -> None:
-        """Start the two who work."""
+        """Start the two worker threads."""
         threading.Thread(target=self._follow_always, name="follow", daemon=True).start()
         threading.Thread(target=self._work_always, name="work", daemon=True).start()
 
     def read(self, message: bytes) -> None:
-        """Take what a page has sent; what is no object in JSON is refused, and nothing else comes of it."""
+        """Handle a message of a page; anything but a JSON object is refused without further effect."""
         try:
             asked = json.loads(message)
         except (ValueError, RecursionError):
@@ -94,7 +94,7 @@ class _Session:
             self._problem({}, RigctlError("the message is no JSON object").as_dict())
 
     def take(self, asked: Mapping[str, Any]) -> None:
-        """Put a message where it is waited for."""
+        """Put a message into the queue of its worker."""
         with self._there:
             if asked.get("do") == "follow":
                 self._moving = asked
@@ -212,7 +212,7 @@ class _Session:
         self._picture_now(asked)
 
     def _retrace(self, asked: Mapping[str, Any]) -> None:
-        """The steps of a page that was loaded again."""
+        """Restore the steps of a reloaded page."""
         bench = self._open_bench
         past, future = (
             [_state_of(bench, one) for one in list(asked.get(name) or ())[-_RETRACED:]]
@@ -230,9 +230,9 @@ class _Session:
         self._picture_now(asked, moved=True)
 
     def _picture_now(self, asked: Mapping[str, Any], *, moved: bool = False) -> None:
-        """Every record of the present state, at once and then exactly; nothing of it if more has been asked.
+        """All records of the present state, quickly and then exactly; skipped if a newer request waits.
 
-        After undo the page has to be told the state too.
+        After undo the page also needs the state.
         """
         bench = self._open_bench
         state = bench.track.present
@@ -245,12 +245,12 @@ class _Session:
             exact = bench.settle(state, wanted=self._idle)
         except Unwanted:
             return
-        for k in self._shown:  # what counts and its noise may be others beside another model
+        for k in self._shown:  # the readings that count, and their noise, can depend on the model
             self._send(BYTES + record_frame(bench, k))
         self._send(BYTES + picture_frame(bench, exact, self._shown, header))
 
     def _idle(self) -> bool:
-        """Whether nothing is waited for that may change the state."""
+        """Whether no waiting request can change the state."""
         with self._there:
             return self._moving is None and not self._waiting
 
@@ -271,12 +271,12 @@ class _Session:
         self._begin_with(bench.reopened(on_progress=self._progress))
 
     def _reload(self, _: Mapping[str, Any]) -> None:
-        """The model's file has another version by now: a job has made it."""
+        """Handle a new version of the model's file, made by a job."""
         self._begin_with(self._open_bench.reopened(on_progress=self._progress))
 
 
 def _state_of(bench: Workbench, asked: Mapping[str, Any]) -> State:
-    """The state that a page says: the values that differ from the model's, and the effects that are on.
+    """The state from a page: the values that differ from the model's, and the effects that are on.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What the workbench's page asks for, and the socket through which its sliders are followed."""
+"""The routes of the workbench's page, and the socket of its sliders."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MOST_RUNS: Final = 200
 _VERBS: Final = ("compare", "diagnose", "design", "discover", "fit", "add", "remove", "improve")
 _YAML: Final = frozenset({".yaml", ".yml"})
 _MEASURED: Final = frozenset({".csv", ".gz", ".xlsx", ".parquet", ".tdms", ".mf4", ".mat"})
-#: what each is called while it is worked on
+#: the name of each job
 _NAMES: Final = {
     "compare": "Compare",
     "diagnose": "Diagnose",
@@ -91,7 +91,7 @@ def _files(folder: Path, endings: Collection[str]) -> list[Path]:
 
 
 def _rig_of(path: Path) -> str:
-    """The name of the bench that a model is of; "" where the file does not say, or cannot be read."""
+    """The name of a model's bench; "" if the file does not state it, or cannot be read."""
     from rigctl.model import load_model
 
     try:
@@ -112,7 +112,7 @@ def history(site: Site, asked: Asked) -> dict[str, Any]:
 
 
 def subject_of(asked: Asked) -> Subject:
-    """What the request is about, as it is typed."""
+    """The subject of the request, as typed on the command line."""
     runs = asked.texts("runs")
     if not runs:
         raise RigctlError("choose a run")
@@ -123,7 +123,7 @@ def subject_of(asked: Asked) -> Subject:
 
 
 def begin(site: Site, asked: Asked) -> dict[str, Any]:
-    """Begin a piece of work: what a button stands for."""
+    """Start the job of a button."""
     from rigctl.web.workbench import work
 
     site.require_project()
@@ -147,7 +147,7 @@ def begin(site: Site, asked: Asked) -> dict[str, Any]:
 
 
 def command_of(verb: str, subject: Subject, effect: str = "", beside: str = "") -> str:
-    """The command that a button stands for; `beside` is another version to compare with."""
+    """The command of a button; `beside` is another version to compare with."""
     if beside:
         words = [verb, *subject.runs, "--model", beside, "--model", subject.model]
         return command(words, subject.choice)
@@ -159,7 +159,7 @@ def command_of(verb: str, subject: Subject, effect: str = "", beside: str = "") 
 
 
 def approve(site: Site, asked: Asked) -> dict[str, Any]:
-    """Carry a designed procedure out on the simulated bench; on a real one, the page of procedures does."""
+    """Carry out a designed procedure on the simulated bench; the page of procedures does so on a real one."""
     from rigctl.web.workbench import work
 
     root = site.require_project()
@@ -200,7 +200,7 @@ def bring_in(site: Site, asked: Asked) -> dict[str, Any]:
 
 
 def write_procedure(site: Site, asked: Asked) -> dict[str, Any]:
-    """Keep a designed procedure in the project, for the real bench: nothing is begun."""
+    """Keep a designed procedure in the project, for the real bench, without starting it."""
     from rigctl.files.write import write_new
 
     root = site.require_project()

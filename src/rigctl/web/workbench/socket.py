@@ -1,4 +1,4 @@
-"""Between a page and its workbench: messages go through as they are."""
+"""Connects a page with its workbench: messages pass unchanged."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 _MOST: Final = 4
 #: bytes of a message from a page: a state of thousands of parameters
 _LONGEST: Final = 500_000
-#: s that a process has to end
+#: s for a process to end
 _GRACE: Final = 1.0
 
 
 def session_endpoint(site: Site) -> Callable[[WebSocket], Awaitable[None]]:
-    """The socket's end at the server: one process for each page."""
+    """The server's side of the socket: one process for each page."""
     open_now: list[object] = []
 
     async def endpoint(socket: WebSocket) -> None:
@@ -52,7 +52,7 @@ async def _refuse(socket: WebSocket) -> None:
 
 
 async def _through(socket: WebSocket, folder: str) -> None:
-    """Hand messages on until the page or the process ends."""
+    """Pass on messages until the page or the process ends."""
     loop = asyncio.get_running_loop()
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()

@@ -1,7 +1,7 @@
-"""What takes long on the workbench, each in a process of its own: what the commands do, with curves besides.
+"""The jobs of the workbench, each in a separate process: the commands, with curves in addition.
 
-Every function is given the `Report` of `rigctl.web.jobs` and what was asked as plain values, and returns what
-the command answers to ``--json``, with what the page draws beside it.
+Every function is given the `Report` of `rigctl.web.jobs` and the request as plain values, and returns the
+command's answer to ``--json`` with the data of the page's plots.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _DRAWN = 4
 
 
 def compare(report: Report, asked: Asked) -> dict[str, Any]:
-    """As ``rigctl compare``; beside another version of the model, what each leaves of a record."""
+    """As ``rigctl compare``; with another version of the model, also the residuals of both in a record."""
     found = _compared(report, asked)
     if len(found.models) == 1:
         return found.document()
@@ -44,7 +44,7 @@ def compare(report: Report, asked: Asked) -> dict[str, Any]:
 
 
 def diagnose(report: Report, asked: Asked) -> dict[str, Any]:
-    """As ``rigctl diagnose``, with the candidates' curves and the difference of those that look alike."""
+    """As ``rigctl diagnose``, with the candidates' curves and the differences of indistinguishable ones."""
     from rigctl.analysis.diagnosis import diagnose_comparison
     from rigctl.analysis.fitting import require_free_parameters
 
@@ -63,7 +63,7 @@ def diagnose(report: Report, asked: Asked) -> dict[str, Any]:
 
 
 def design(report: Report, asked: Asked) -> dict[str, Any]:
-    """As ``rigctl design``, with what every rival predicts of every record."""
+    """As ``rigctl design``, with the prediction of every rival for every record."""
     from rigctl.design.design import design_experiment
 
     found = design_experiment(
@@ -218,7 +218,7 @@ def _state(trial: RefittedSet) -> dict[str, Any]:
 
 
 def _signatures(found: Diagnosis) -> dict[str, Any] | None:
-    """What each refitted candidate explains, over the residual of the record that agrees least."""
+    """The change by each refitted candidate, over the residual of the worst record."""
     from rigctl.report.analysis.overlay import typical_records
 
     best = [found.best] if found.best.candidates else []
@@ -237,7 +237,7 @@ def _signatures(found: Diagnosis) -> dict[str, Any] | None:
 
 
 def _residuals(found: Comparison, names: Sequence[str]) -> dict[str, Any] | None:
-    """What two versions leave of the record in which they differ most, in sigmas."""
+    """The residuals of two versions in the record in which they differ most, in sigmas."""
     fits = [model.fit for model in found.models]
     problem = fits[-1].problem
     if problem.measurements.table:
@@ -249,7 +249,7 @@ def _residuals(found: Comparison, names: Sequence[str]) -> dict[str, Any] | None
 
 
 def _alike(found: Diagnosis, names: Sequence[str]) -> dict[str, Any]:
-    """A group that the data cannot tell apart, and its members less the first where they differ most."""
+    """A group that the data cannot distinguish, and the members less the first where they differ most."""
     trials = {one.effects: one for one in found.trials}
     present = [name for name in names if (name,) in trials]
     drawn = None
@@ -289,7 +289,7 @@ def _curves(problem: Problem, k: int, named: Mapping[str, Floats]) -> dict[str, 
 
 
 def _predictions(found: DesignResult, number: int) -> list[dict[str, Any]]:
-    """What each rival predicts of a proposed record, by channel, in the channel's unit."""
+    """The predictions of the rivals for a proposed record, by channel, in the channel's unit."""
     from rigctl.report.numbers import symbol
 
     drawn = []
@@ -308,5 +308,5 @@ def _predictions(found: DesignResult, number: int) -> list[dict[str, Any]]:
 
 
 def _numbers(values: Floats) -> list[float | None]:
-    """Five digits, which no screen shows more of; null for what is not there."""
+    """Five digits, more than a screen shows; null for missing values."""
     return [float(f"{value:.5g}") if np.isfinite(value) else None for value in values]
