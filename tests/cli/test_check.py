@@ -154,7 +154,7 @@ def test_check_refuses_what_is_none_of_ours_and_what_is_wrong(
 ) -> None:
     (tmp_path / "data.csv").write_text("time [s],a\n0,1\n", encoding="utf-8")
     assert call(monkeypatch, "check", str(tmp_path / "data.csv")) == 2
-    assert "this is no file of rigctl's" in capsys.readouterr().err
+    assert "this is not a file of rigctl" in capsys.readouterr().err
     (tmp_path / "rig.yaml").write_text("name: b\nchannels:\n  a: {unit: rpmm, quantity: other}\n")
     assert call(monkeypatch, "check", str(tmp_path / "rig.yaml")) == 2
     assert "rig.yaml:3:13: unit: unknown unit, got 'rpmm'; expected a unit such as" in capsys.readouterr().err

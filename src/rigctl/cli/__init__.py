@@ -1,1 +1,1 @@
-"""The command line: thin; each command parses, calls the library, and shows what came back."""
+"""The command line: a thin layer; each command parses, calls the library, and shows the result."""

@@ -1,4 +1,4 @@
-"""What a comparison or a diagnosis shows, as a page."""
+"""A comparison or a diagnosis as a page."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from rigctl.report.analysis.answer import Told
     from rigctl.report.section import Section
 
-#: so many earlier versions of a model are fitted again for a page: the first and the newest
+#: most earlier versions of a model that are fitted again for a page: the first and the newest
 _MOST_EARLIER = 5
 
 
 def require_page(output: Path | None, *, force: bool) -> None:
-    """Refuse a page's path before any work is done, where something else would be lost.
+    """Refuse a page's path before any work is done, if another file would be lost.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def require_page(output: Path | None, *, force: bool) -> None:
 def write_page(
     runs: Sequence[Run], output: Path, sections: Sequence[Section], *, force: bool = False
 ) -> None:
-    """Write the runs' page with these sections, and say where it is.
+    """Write the runs' page with these sections, and print its path.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def write_page(
 def compare_with_versions(
     runs: Sequence[Run], models: Sequence[Model], *, earlier: bool = True, **choice: Any
 ) -> tuple[Comparison, list[ModelComparison]]:
-    """The models compared; and of a single one its versions too, in order, where it has several.
+    """The compared models; for a single model also its versions, in order.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def compare_with_versions(
 
 
 def told_of_versions(runs: Sequence[Run], path: Path, first: int, **choice: Any) -> Told:
-    """A model's version `first` and its head fitted to the same runs; the head alone where it is that.
+    """A model's version `first` and its head, fitted to the same runs; only the head if they are the same.
 
     Parameters
     ----------
@@ -105,12 +105,12 @@ def told_of_versions(runs: Sequence[Run], path: Path, first: int, **choice: Any)
 
 
 def _versions_with_errors(path: Path) -> list[int]:
-    """The numbers of the versions whose error is known, the head's last; none where there is no other."""
+    """The numbers of the versions with a known error, the head last; empty if there is no other."""
     from rigctl.files.version_suffix import split_version
     from rigctl.model.history.errors import version_errors
     from rigctl.model.history.store import current_version, versions
 
-    if split_version(path)[1] is not None:  # a version that was asked for by its number stands alone
+    if split_version(path)[1] is not None:  # a version that was requested by its number is shown alone
         return []
     head = current_version(path).number
     known = [one.version.number for one in version_errors(versions(path)) if one.version.number != head]

@@ -1,4 +1,4 @@
-"""How an answer is printed: the verdict, and a line for what is asked next; ``-v`` has the evidence."""
+"""How an answer is printed: the verdict, and a line for each fact; ``-v`` shows the evidence."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ _WIDTH = 11
 
 
 def show_answer(answer: Answer, *, title: str = "", more: Sequence[str] = ()) -> None:
-    """The title and the sentence, a line for each fact, and what else ``-v`` has to say.
+    """Print the title and the sentence, a line for each fact, and what ``-v`` would add.
 
     Parameters
     ----------
-    title: in place of the answer's; of "-" the sentence stands alone.
+    title: replaces that of the answer; with "-" only the sentence is printed.
     more: what was left out, e.g. ``4 notes on the data``.
     """
     out, colour = console(), _COLOURS[answer.tone]

@@ -143,7 +143,7 @@ def _from_bench(
     rate: float | None,
     readings: int,
 ) -> Sequence[Point]:
-    """The points as they are taken; what the operator needs to know goes to stderr."""
+    """Take the points; messages for the operator go to stderr."""
     from rigctl.cli.manual import access_of
     from rigctl.runner.calibrate import take_points
     from rigctl.runner.console import Console
@@ -164,7 +164,7 @@ def _from_bench(
 def _write(
     rig: Rig, channel: str, fit: CalibrationFit, day: date, reference: str | None, valid_for: str | None
 ) -> dict[str, Any]:
-    """Rig file, points and figure; where they are."""
+    """Write rig file, points and figure; returns their paths."""
     from rigctl.files.write import write_text
     from rigctl.report.calibration_figure import calibration_plot
     from rigctl.report.static import write_figure
@@ -192,7 +192,7 @@ def _write(
 
 
 def _as_document(name: str, channel: Channel, fit: CalibrationFit, day: date) -> dict[str, Any]:
-    """What was found, for programs; field names are contract."""
+    """The result for programs; field names are part of the interface."""
     return {
         "channel": name,
         "unit": channel.unit,
@@ -221,7 +221,7 @@ def _as_document(name: str, channel: Channel, fit: CalibrationFit, day: date) ->
 
 
 def _remarks(channel: Channel, fit: CalibrationFit) -> list[str]:
-    """What somebody who calibrates should know before trusting it."""
+    """Warnings about the calibration."""
     unit, found = channel.unit, []
     if fit.residual_std is None:
         found.append(

@@ -1,6 +1,6 @@
-"""Which commands there are and where each lives.
+"""The table of commands and their modules.
 
-`rigctl --help` reads only this table, so that it answers at once; a command's module is imported when the
+`rigctl --help` reads only this table, so that it responds at once; a command's module is imported when the
 command is called.
 """
 

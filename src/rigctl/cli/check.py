@@ -1,4 +1,4 @@
-"""`rigctl check`: validate a file; of a procedure, print what it would do."""
+"""`rigctl check`: validate a file; for a procedure, print its plan."""
 
 from __future__ import annotations
 

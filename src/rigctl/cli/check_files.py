@@ -1,4 +1,4 @@
-"""What `rigctl check` says of files that are no procedure: rigs, models, families and effects."""
+"""`rigctl check` for files other than procedures: rigs, models, families and effects."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rigctl.errors import Location, RigctlError
 if TYPE_CHECKING:
     from rigctl.physics.family import ModelFamily
 
-#: the key that tells a kind of file from those after it; a rig file says `model` too
+#: the key that identifies a kind of file; in this order, since a rig file also has `model`
 _KEYS: Mapping[str, str] = {
     "effect": "effect",  # it names its family too
     "family": "family",
@@ -24,7 +24,7 @@ _KEYS: Mapping[str, str] = {
 
 
 def kind_of(path: Path) -> str:
-    """What a file is: procedure, rig, model, family or effect.
+    """The kind of a file: procedure, rig, model, family or effect.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def kind_of(path: Path) -> str:
 
 def _none_of_ours(path: Path, found: str) -> RigctlError:
     return RigctlError(
-        "this is no file of rigctl's",
+        "this is not a file of rigctl",
         value=found,
         expected="a procedure ('procedure: name' in it), a rig ('channels:'), a model ('model: FAMILY'), "
         "a family ('family: name') or an effect ('effect: name')",
@@ -60,13 +60,13 @@ def describe(kind: str, path: Path) -> dict[str, Any]:
     Raises
     ------
     RigctlError
-        something in it is wrong, with the place.
+        something in it is wrong; with the location.
     """
     return {"kind": kind, "path": str(path), **_READERS[kind](path)}
 
 
 def lines(document: Mapping[str, Any]) -> list[str]:
-    """What a person reads of it."""
+    """Print the description for people."""
     listed = [
         f"  {key.replace('_', ' ')}: {_listed(value)}"
         for key, value in document.items()

@@ -1,4 +1,4 @@
-"""`rigctl compare`: how well a model agrees with what was measured, and where it fails."""
+"""`rigctl compare`: how well a model agrees with measurements, and where it fails."""
 
 from __future__ import annotations
 
@@ -172,28 +172,28 @@ def _rivals(fmus: Sequence[Path], found: Comparison, on_progress: Callable[[str]
 
 
 def _lead_on(found: Comparison, runs: list[str], model: str, choice: DataOptions) -> None:
-    """What to type next: find what is missing, or make the page."""
+    """The next command: find what is missing, or make the page."""
     from rigctl.cli.next_command import page_of, show_next
     from rigctl.command_line import analysis
 
     if found.models[-1].adequate and found.models[-1].rows:
         command = analysis("diagnose", runs, model, choice)
-        show_next(command, "says what so few values could have shown, and what to measure next")
+        show_next(command, "shows what so few values can reveal, and what to measure next")
     elif found.models[-1].adequacy.below_noise:
         command = page_of("compare", runs, model, choice)
         show_next(command, "makes the page of it; measure the noise, then ask again")
     elif found.models[-1].adequate:
         command = page_of("compare", runs, model, choice)
-        show_next(command, "makes the page of it; these data ask for nothing more")
+        show_next(command, "makes the page of it; these data require nothing more")
     else:
         command = analysis("diagnose", runs, model, choice)
-        show_next(command, "says which effect is missing")
+        show_next(command, "finds the missing effect")
 
 
 def open_runs(
     written: Sequence[str], model: Model | None = None, assume: Sequence[str] | None = None
 ) -> list[Run]:
-    """The runs, each once however often it is named, with what is assumed of the model's inputs in them."""
+    """The runs, each once, with the assumed values of the model's inputs."""
     from rigctl.dataset import open_run
 
     runs = list({run.id: run for run in map(open_run, written)}.values())
@@ -205,7 +205,7 @@ def open_runs(
 
 
 def open_models(written: Sequence[Path]) -> list[Model]:
-    """The models that are named, from the current folder, the project or those that are shipped."""
+    """The named models, from the current folder, the project or the shipped ones."""
     from rigctl.model import load_model
     from rigctl.project import find_file
 

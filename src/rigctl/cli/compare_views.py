@@ -84,26 +84,26 @@ _ROUTINE = ("Noise: ", "Noise of ", "assumed of ", "Commands were written down",
 
 
 def routine(notes: Sequence[str]) -> list[str]:
-    """The notes that say no more than how the data were taken; each answer would repeat them."""
+    """Notes that only describe how the data were taken, which every answer would repeat."""
     return [note for note in notes if any(part in note for part in _ROUTINE)]
 
 
 def show_notes(notes: Sequence[str]) -> None:
-    """All of them, each thing once: that of the noise counts the spikes, and the channels' table has them."""
+    """All notes without repetition: the note on the noise and the table of channels include the spikes."""
     for note in notes:
         if not re.search(_SPIKES, note):
             console().print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
 
 
 def show_unusual(notes: Sequence[str]) -> None:
-    """The other notes: what a reader has to know before a verdict is believed."""
+    """The other notes: those that a reader has to know before trusting a verdict."""
     for note in notes:
         if note not in routine(notes):
             console().print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
 
 
 def _show_evidence(found: Comparison) -> None:
-    """The statement of each model, and every figure behind it."""
+    """Show the statement on each model, and every figure behind it."""
     out = console()
     for model in found.models:
         show_statement(model)
@@ -244,7 +244,7 @@ def _tests(model: ModelComparison) -> Table:
 
 
 def _places(places: Sequence[Place]) -> Table:
-    """Where it fails, the worst of each kind first."""
+    """Show where it fails, the worst of each kind first."""
     made = table("where it fails", "share of the error", "", "error/noise", "p")
     made.columns[2].justify = "right"
     kinds = list(dict.fromkeys(place.by for place in places))

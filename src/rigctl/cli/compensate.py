@@ -162,7 +162,7 @@ def _judge(chosen: list[str], *, as_json: bool) -> None:
 
 
 def _texts() -> dict[str, Callable[[Schedule, Path], str]]:
-    """By the ending of a file, what is written into it."""
+    """The content to write, by the extension of the file."""
     from rigctl.compensation.check_text import beside
     from rigctl.compensation.tables import csv_text, header_text
 
@@ -174,7 +174,7 @@ def _texts() -> dict[str, Callable[[Schedule, Path], str]]:
 
 
 def _require(written: list[Path], *, force: bool) -> None:
-    """Refuse a kind of file that there is none of, and one that is there."""
+    """Refuse an unknown kind of file, and an existing file."""
     from rigctl.dataset.outputs import require_output
     from rigctl.errors import RigctlError
 
@@ -182,7 +182,7 @@ def _require(written: list[Path], *, force: bool) -> None:
     for path in written:
         if path.suffix not in known:
             raise RigctlError(
-                "no kind of file for a schedule",
+                "not a file format for a schedule",
                 value=path.name,
                 expected=f"a name that ends in {', '.join(known)}",
             )

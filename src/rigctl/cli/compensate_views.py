@@ -20,7 +20,7 @@ _POINTS = "operating points with what each comes to"
 
 
 def show_schedule(found: Schedule, written: Sequence[Path], *, verbose: bool = False) -> None:
-    """What to set, how sure that is and where it was measured; with `verbose` the rows as a table."""
+    """Show the set-points, their uncertainty and the measured range; with `verbose` also the table."""
     out = console()
     more = [] if verbose else [*counted(len(found.rows), "operating point with what it comes to", _POINTS)]
     show_answer(schedule_answer(found), more=more)
@@ -42,7 +42,7 @@ def show_schedule(found: Schedule, written: Sequence[Path], *, verbose: bool = F
 
 
 def schedule_answer(found: Schedule) -> Answer:
-    """The set-point at each operating point, its uncertainty, and what it was measured over."""
+    """The set-point at each operating point, its uncertainty, and the measured range."""
     reached = found.reached
     points = [f"{show(row.vary, found.vary_unit)} at {show(row.over, found.over_unit)}" for row in reached]
     std = show(max(row.std for row in reached), found.vary_unit, difference=True, digits=2)
@@ -79,6 +79,6 @@ def _rows(found: Schedule) -> Table:
 
 
 def show_verdict(found: Verdict) -> None:
-    """Whether the schedule is accepted, and why."""
+    """Show whether the schedule is accepted, and why."""
     head = "[bold green]Accepted[/]" if found.accepted else "[bold yellow]Not accepted[/]"
     console().print(f"{head}: {escape(found.statement)}.", soft_wrap=True)

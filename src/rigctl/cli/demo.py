@@ -1,4 +1,4 @@
-"""`rigctl demo`: the whole loop on the simulated bench, from nothing to a model that agrees, and a page."""
+"""`rigctl demo`: the whole workflow on the simulated bench, up to a model that agrees, and a page."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 _PROCEDURE = Path("procedures") / "campaign.yaml"
 _MODEL = Path("models") / "hl32-textbook.yaml"
-#: what its copy is called; of further demos in a folder with a number behind it
+#: name of the copy; for further demos in a folder with a number appended
 _DEMO = "hl32-demo"
-#: what the bench may hide, so weakly that the campaign cannot tell it from others; the seed chooses, so that
+#: what the bench may hide, so weakly that the campaign cannot identify it; the seed chooses, so that
 #: a reader of this file does not know either
 _HIDDEN = (
     "rod_leakage:conductance=3e-15 m^3",
@@ -102,7 +102,7 @@ def demo(
 
 
 def _own_model(directory: Path) -> Path:
-    """A copy of the textbook model, ``hl32-demo.yaml``: another demo begins with the textbook again."""
+    """A copy of the textbook model, ``hl32-demo.yaml``: another demo starts from the textbook again."""
     from itertools import count
 
     from rigctl.files.write import write_new
@@ -118,7 +118,7 @@ def _own_model(directory: Path) -> Path:
 
 
 def _compare(path: Path, run: Run, console: Console) -> Comparison:
-    """The textbook model held against the campaign."""
+    """Compare the textbook model with the campaign."""
     from rich.markup import escape
 
     from rigctl.analysis.comparison import compare
@@ -133,7 +133,7 @@ def _compare(path: Path, run: Run, console: Console) -> Comparison:
 
 
 def _learn(directory: Path, model: Path, run: Run, seed: int, hidden: str, console: Console) -> Learned:
-    """From the campaign on: what it leaves open, the records that would tell, and what they told."""
+    """The steps after the campaign: the open question, the designed records, and their result."""
     from rich.markup import escape
 
     from rigctl.cli.telling import telling
@@ -174,7 +174,7 @@ def _learn(directory: Path, model: Path, run: Run, seed: int, hidden: str, conso
 
 
 def _found(learned: Learned, model: Path) -> str:
-    """What was added, each with its size, as it is written behind ``--with``; else how it ended."""
+    """The added effects with their sizes, in the form of ``--with``; otherwise how it ended."""
     from rigctl.model import load_model
     from rigctl.units import parse_unit, with_uncertainty
 
@@ -194,7 +194,7 @@ def _found(learned: Learned, model: Path) -> str:
 def _write_story(
     directory: Path, learned: Learned, page: Path, compared: Comparison, model: Path, hidden: str
 ) -> int:
-    """The page: what was learnt, how the error fell, where the textbook failed, and what had been hidden."""
+    """The page: what was learnt, how the error fell, where the textbook failed, and the hidden effect."""
     from rigctl.cli.analysis_page import told_of_versions
     from rigctl.dataset import find_run, open_run
     from rigctl.report import write_report

@@ -145,7 +145,7 @@ def read_budget(text: str) -> float:
     Raises
     ------
     RigctlError
-        no time, or none that is left.
+        not a time, or not greater than zero.
     """
     from rigctl.errors import RigctlError
     from rigctl.units import read_si
@@ -195,7 +195,7 @@ def _write_sheet(sheet: Path, found: DesignResult) -> None:
 
 
 def _write_page(runs: list[Run], page: Path, found: DesignResult, *, force: bool) -> None:
-    """The design first, then the diagnosis that it began with."""
+    """The design first, then the diagnosis on which it is based."""
     from rigctl.cli.analysis_page import write_page
     from rigctl.report.analysis import design_sections, diagnosis_sections
     from rigctl.report.section import folded
@@ -207,18 +207,18 @@ def _write_page(runs: list[Run], page: Path, found: DesignResult, *, force: bool
 
 
 def _lead_on(found: DesignResult, runs: list[str], model: str, output: Path | None) -> None:
-    """What to type next: write the procedure, look at it, or look for a sensor."""
+    """The next command: write the procedure, check it, or look for a sensor."""
     from rigctl.cli.next_command import show_next
     from rigctl.command_line import analysis, command
 
     again = analysis("design", runs, model)
     rows = bool(found.records) and not found.procedure
     if rows:
-        show_next(analysis("diagnose", runs, model), "says what else than rows would tell them apart")
+        show_next(analysis("diagnose", runs, model), "shows what other than rows would distinguish them")
     elif not found.separable and found.aim != "precision" and not found.sensors:
-        show_next(f"{again} --sensors", "says which sensor would tell them apart")
+        show_next(f"{again} --sensors", "shows which sensor would distinguish them")
     elif not found.procedure:
-        show_next(analysis("diagnose", runs, model), "says what these data tell and what not")
+        show_next(analysis("diagnose", runs, model), "shows what these data can decide and what not")
     elif output is None:
         show_next(f"{again} -o next.yaml", "writes the procedure")
     else:

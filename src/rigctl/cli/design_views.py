@@ -14,7 +14,7 @@ from rigctl.report.answer import Answer
 from rigctl.report.bars import draw_bar
 
 _WIDTH = 12
-#: a probability that tells two apart
+#: a probability from which two count as distinguished
 _LIKELY = 0.5
 
 
@@ -36,7 +36,9 @@ def show_design(found: DesignResult, *, verbose: bool = False) -> None:
         facts.append(("hardly", f"distinguished if one of them is right: {', '.join(alike.values())}"))
     more = [
         *(["the predicted power for each pair"] if found.outlooks else []),
-        *counted(len(found.sharpened), "parameter that becomes sharper", "parameters that become sharper"),
+        *counted(
+            len(found.sharpened), "parameter that becomes more certain", "parameters that become more certain"
+        ),
         *counted(len(found.sensors), "set of sensors", "sets of sensors"),
     ]
     answer = Answer(

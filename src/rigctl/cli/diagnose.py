@@ -1,4 +1,4 @@
-"""`rigctl diagnose`: which physical effect a model lacks, how sure that is, and adding it."""
+"""`rigctl diagnose`: which physical effect a model lacks, how certain that is, and adding it."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def diagnose(
 
 
 def _require_no_apply(apply: bool, **others: bool) -> None:
-    """Refuse what belongs to one diagnosis beside an option that makes several."""
+    """Refuse options of a single diagnosis together with one that makes several."""
     from rigctl.errors import RigctlError
 
     for name, given in others.items():
@@ -171,7 +171,7 @@ def _require_no_apply(apply: bool, **others: bool) -> None:
 def _with_intervals(
     found: Diagnosis, repetitions: int, at: Workers, on_progress: Callable[[str], None]
 ) -> Diagnosis:
-    """The diagnosis with intervals of the parameters of the model that it ends with, if they are wanted."""
+    """The diagnosis with intervals for the parameters of its final model, if requested."""
     from rigctl.analysis.bootstrap import bootstrap
 
     if not repetitions:
@@ -190,7 +190,7 @@ def _with_files(found: Diagnosis, folder: Path) -> Diagnosis:
 
 
 def _lead_on(found: Diagnosis, runs: list[str], model: str, choice: DataOptions) -> None:
-    """What to type next: add what is missing, look at where nothing helps, or make the page."""
+    """The next command: add what is missing, show where nothing helps, or make the page."""
     from rigctl.analysis.diagnosis_result import Verdict
     from rigctl.cli.next_command import page_of, show_next
     from rigctl.command_line import analysis
@@ -207,24 +207,24 @@ def _lead_on(found: Diagnosis, runs: list[str], model: str, choice: DataOptions)
         show_next(command, "makes the page of it; measure the noise, then ask again")
     elif found.verdict is Verdict.ADEQUATE:
         command = page_of("compare", runs, model, choice)
-        show_next(command, "makes the page of it; these data ask for nothing more")
+        show_next(command, "makes the page of it; these data require nothing more")
     elif found.verdict is Verdict.AMBIGUOUS and any(len(names) > 1 for names in found.classes):
         command = analysis("design", runs, model, choice)
-        show_next(f"{command} -o next.yaml", "designs the records that would tell them apart")
+        show_next(f"{command} -o next.yaml", "designs the records that would distinguish them")
     elif gate_of(found).open:
         command = analysis("discover", runs, model, choice)
         show_next(command, "looks for a formula where no effect of the library fits")
     elif found.best.candidates:
-        likely = ", the most probable, but these data cannot tell" * (found.verdict is Verdict.AMBIGUOUS)
+        likely = ", the most probable, but these data cannot decide" * (found.verdict is Verdict.AMBIGUOUS)
         show_next(f"{again} --apply", f"adds {found.best.effects[0]} as the model's next version{likely}")
     else:
         command = analysis("compare", runs, model, choice)
-        why = "draws where it fails; 'rigctl effects check FILE' reads an effect of your own"
+        why = "plots where it fails; 'rigctl effects check FILE' checks your own effect"
         show_next(f"{command} -o page.html", why)
 
 
 def _law_first(found: Diagnosis, runs: list[str], model: str, choice: DataOptions, again: str) -> bool:
-    """Where the data ask for another law of an effect: write it, or add what was written."""
+    """If the data suggest another law of an effect: write it, or add what was written."""
     from rigctl.cli.next_command import show_next
     from rigctl.command_line import command
 
@@ -233,7 +233,7 @@ def _law_first(found: Diagnosis, runs: list[str], model: str, choice: DataOption
         return False
     first = told[0]
     if first.file is None:
-        show_next(f"{again} --laws effects", "writes the law that the data ask for as an effect of your own")
+        show_next(f"{again} --laws effects", "writes the law that the data suggest as an effect file")
         return True
     present = first.effect in found.before.fit.problem.model.effects
     shapes = ["--fit-shapes"] if first.offered == "power" else []
@@ -258,7 +258,7 @@ def _write_page(
     *,
     force: bool,
 ) -> None:
-    """The diagnosis first, with what to measure next, or what was added; then the comparison."""
+    """The diagnosis first, with the next measurement or the additions; then the comparison."""
     from rigctl.analysis.improve import Improvement
     from rigctl.cli.analysis_page import write_page
     from rigctl.report.analysis import (
@@ -282,7 +282,7 @@ def _compared(
     choice: DataOptions,
     on_progress: Callable[[str], None],
 ) -> Comparison:
-    """The model fitted to the runs; one with nothing to fit is refused before any work."""
+    """The model fitted to the runs; one without free parameters is refused before any work."""
     from rigctl.analysis.comparison import compare
     from rigctl.analysis.fitting import require_free_parameters
     from rigctl.cli.compare import open_models, open_runs

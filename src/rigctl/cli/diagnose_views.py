@@ -1,4 +1,4 @@
-"""How a diagnosis, and what was done about it, are printed."""
+"""How a diagnosis and the resulting changes are printed."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def _held_out(one: Ranked) -> str:
 
 
 def _show_evidence(evidence: Sequence[str]) -> None:
-    """A line for each thing that speaks for an effect or against it."""
+    """Show a line for each piece of evidence for or against an effect."""
     out = console()
     for line in evidence:
         mark = {"for": "[green]+[/]", "against": "[red]-[/]"}.get(line.partition(" ")[0])
@@ -195,14 +195,14 @@ def _drift(found: Sequence[Drift]) -> Table:
 
 
 def _change(one: Drift) -> str:
-    """In per cent; of a temperature in kelvin, whose share of degrees Celsius says nothing."""
+    """In per cent; for a temperature in kelvin, since a share of degrees Celsius is meaningless."""
     if parse_unit(one.unit).absolute_temperature:
         return f"{(one.after - one.before) * parse_unit(one.unit).factor:+.2g} K"
     return f"{100 * (one.after / one.before - 1):+.1f} %" if one.before else ""
 
 
 def _show_untestable(found: Sequence[tuple[str, str]]) -> None:
-    """Effects that are not testable with these data, by what would make them so."""
+    """Show effects that are not testable with these data, by what would make them testable."""
     out = console()
     by_need: dict[str, list[str]] = {}
     for name, needs in found:
@@ -214,7 +214,7 @@ def _show_untestable(found: Sequence[tuple[str, str]]) -> None:
 
 
 def _show_step(step: Step) -> None:
-    """One addition: what it is, what speaks for and against it, and what it did to the error."""
+    """Show one addition: the effect, the evidence for and against it, and the change of the error."""
     out = console()
     head = step.version.head
     added = ", ".join(step.effects)
@@ -233,7 +233,8 @@ def _subject(evidence: str) -> str:
 
 
 def show_improvement(found: Improvement, *, verbose: bool = False) -> None:
-    """How it ended, what was added, what became of the error; with `verbose` every step and its reason."""
+    """Show how it ended, the additions and the change of the error; with `verbose` every step and its
+    reason."""
     if verbose:
         _show_steps(found)
         return
@@ -248,7 +249,7 @@ def show_improvement(found: Improvement, *, verbose: bool = False) -> None:
 
 
 def _show_steps(found: Improvement) -> None:
-    """Every step, how it ended, the whole fall of the error, and what is left."""
+    """Show every step, how it ended, the whole decrease of the error, and what is left."""
     out = console()
     for step in found.steps:
         _show_step(step)
@@ -265,7 +266,7 @@ def _show_steps(found: Improvement) -> None:
 
 
 def _show_unseen(found: Sequence[Unseen]) -> None:
-    """The model on the records that were left out: as good, or what it misses there."""
+    """Show how good the model is on the records that were left out, and what it misses there."""
     out = console()
     if found:
         out.print("[bold]The records that no fit and no choice saw[/]")

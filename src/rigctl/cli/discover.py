@@ -1,4 +1,4 @@
-"""`rigctl discover`: where a model lacks what no effect of the library is, as a curve and as formulas."""
+"""`rigctl discover`: a term that no effect of the library provides: its location, curve and formulas."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def discover(
 
 
 def _write_page(runs: list[Run], page: Path, found: Discovery, *, force: bool) -> None:
-    """The search first, then the diagnosis that it began with."""
+    """The search first, then the diagnosis on which it is based."""
     from rigctl.cli.analysis_page import write_page
     from rigctl.report.analysis import diagnosis_sections, discovery_sections
     from rigctl.report.section import folded
@@ -116,13 +116,15 @@ def _write_page(runs: list[Run], page: Path, found: Discovery, *, force: bool) -
 
 
 def _lead_on(found: Discovery, runs: list[str], model: str, choice: DataOptions, *, saved: bool) -> None:
-    """What to type next: what the gate says, save the formulas, or add the first of them."""
+    """The next command: diagnose, save the formulas, or add the first of them."""
     from rigctl.cli.next_command import show_next
     from rigctl.command_line import analysis, command
 
     accepted = [one for one in found.formulas if one.accepted]
     if found.gate.reason == "library":
-        show_next(analysis("diagnose", runs, model, choice), "says which effect it is, and how sure that is")
+        show_next(
+            analysis("diagnose", runs, model, choice), "shows which effect it is, and how certain that is"
+        )
     elif accepted and accepted[0].file is not None:
         words = ["model", "add", model, accepted[0].file.as_posix(), *runs, "--fit-shapes"]
         show_next(command(words, choice), "adds the first of them as the model's next version")
@@ -130,5 +132,5 @@ def _lead_on(found: Discovery, runs: list[str], model: str, choice: DataOptions,
         again = analysis("discover", runs, model, choice)
         show_next(f"{again} -o effects", "writes them as effect files, for 'model add' and 'compare'")
     else:
-        draws = "draws where the model fails"
+        draws = "plots where the model fails"
         show_next(f"{analysis('compare', runs, model, choice)} -o page.html", draws)

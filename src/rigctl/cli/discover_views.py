@@ -26,7 +26,7 @@ _FORMULAS = 3
 
 
 def show_discovery(found: Discovery, *, verbose: bool = False) -> None:
-    """The statement, where, how large, and each formula in a line; the evidence when asked."""
+    """Show the statement, the location, the size, and each formula in a line; with `verbose` the evidence."""
     tone: Tone = "good" if found.gate.reason == "adequate" else "warn"
     title = "Discovery" if found.gate.open else "No formula"
     left = [*counted(len(found.located[:_PLACES]), "place"), *counted(len(found.curves[:1]), "curve")]
@@ -41,7 +41,7 @@ def show_discovery(found: Discovery, *, verbose: bool = False) -> None:
 
 
 def _facts(found: Discovery) -> Iterator[tuple[str, str]]:
-    """How much of the misfit a term at the best place takes away, and each formula with its check."""
+    """The share of the misfit that a term at the best location explains, and each formula with its check."""
     if found.located:
         best = found.located[0]
         yield "misfit", f"{100 * best.share:.0f} % of it, {best.size:.1f} sigma ({chance(best.p_value)})"
@@ -90,7 +90,7 @@ def _places(located: Sequence[Located]) -> Table:
 
 
 def _show_curve(curve: Curve) -> None:
-    """The term over its variable, with the ends of its band at some points."""
+    """Show the term over its variable, with its band at some points."""
     out = console()
     low, high = float(curve.value.min()), float(curve.value.max())
     unit = curve.slot.unit

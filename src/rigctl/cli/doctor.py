@@ -25,18 +25,18 @@ _EXTRAS = (
     ("nptdms", "tdms", "reads and writes LabVIEW's TDMS files"),
     ("asammdf", "mdf", "reads and writes MDF4 files"),
     ("openpyxl", "xlsx", "reads and writes spreadsheets"),
-    ("pyvisa", "visa", "speaks to instruments behind VISA: network, USB, GPIB"),
+    ("pyvisa", "visa", "communicates with instruments through VISA: network, USB, GPIB"),
     ("asyncua", "opcua", "reads and writes the nodes of OPC UA servers"),
     ("fsspec", "storage", 'keeps runs in object storage: runs = "s3://bucket/runs"'),
     ("fmpy", "fmu", "runs FMUs beside a model"),
-    ("distributed", "cluster", "hands independent pieces of work to a Dask cluster: --cluster"),
-    ("pymodbus", "modbus", "speaks to devices with Modbus registers"),
+    ("distributed", "cluster", "sends independent tasks to a Dask cluster: --cluster"),
+    ("pymodbus", "modbus", "communicates with devices that have Modbus registers"),
     ("starlette", "web", "shows the project in a browser: rigctl serve"),
 )
 
 
 def examine(ports: Sequence[PortInfo] = ()) -> Iterator[Finding]:
-    """Look at everything rigctl stands on, cheapest first. Nothing is opened, nothing moves."""
+    """Check everything that rigctl depends on, cheapest first. Nothing is opened, nothing moves."""
     from rigctl.cli.doctor_bench import emulator_finding, guard_findings, port_findings, rig_findings
     from rigctl.project import find_project
 
@@ -163,7 +163,7 @@ def doctor(
 
 
 def _show(findings: list[Finding]) -> None:
-    """A line for each finding, and below it what to do where that is not nothing: whole, to be copied."""
+    """Show a line for each finding, and below it the remedy, unwrapped so that it can be copied."""
     from rich.markup import escape
 
     from rigctl.cli.tables import console

@@ -1,4 +1,4 @@
-"""What `rigctl doctor` looks at for the bench: ports, who answers on them, the emulator, the rig files."""
+"""The checks of `rigctl doctor` on the bench: ports, devices that answer, the emulator, the rig files."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def port_findings(ports: Sequence[PortInfo]) -> Iterator[Finding]:
     from rigctl.backends.transport.serial_ports import missing_port_fix
 
     if not any(port.vendor is not None for port in ports):
-        detail = "no USB port is there: no board is plugged in, or the system does not see it"
+        detail = "there is no USB port: no board is plugged in, or the system does not see it"
         yield Finding("serial ports", "optional", detail, missing_port_fix())
     for port in ports:
         parts = (port.guess or port.description, port.usb, port.serial_number or "")
@@ -51,12 +51,12 @@ def guard_findings() -> Iterator[Finding]:
 
 
 def ports_document(ports: Sequence[PortInfo]) -> list[dict[str, Any]]:
-    """The ports for programs; field names are contract."""
+    """The ports for programs; field names are part of the interface."""
     return [{**asdict(port), "usb": port.usb} for port in ports]
 
 
 def ask_port(url: str, baud: int) -> tuple[Finding, dict[str, Any]]:
-    """Open a port, ask who is there, and measure the line."""
+    """Open a port, identify the device, and measure the quality of the line."""
     from rigctl.backends.lines.probe import probe
     from rigctl.backends.transport.port import PortLost
     from rigctl.backends.transport.pyserial_port import PyserialPort
@@ -75,7 +75,8 @@ def ask_port(url: str, baud: int) -> tuple[Finding, dict[str, Any]]:
 
 
 def ask_rig(path: Path, url: str | None) -> tuple[list[Finding], dict[str, Any]]:
-    """Reach the device of a rig file, read every channel once, say what cannot be true; set nothing."""
+    """Connect to the device of a rig file, read every channel once and report impossible values; set
+    nothing."""
     from rigctl.backends.lines.reading import read_once
     from rigctl.backends.registry import address_of
     from rigctl.backends.transport.port import PortLost
@@ -122,7 +123,7 @@ def _shown(rig: Rig, name: str, value: float) -> str:
 
 
 def _other_order(rig: Rig, impossible: Sequence[str], url: str) -> str:
-    """Which order of bytes and words would make sense of what cannot be; empty where none does."""
+    """The order of bytes and words that would give possible values; empty if none does."""
     from rigctl.backends.lines.reading import read_once
     from rigctl.backends.registry import address_of, other_readings
     from rigctl.backends.transport.port import PortLost

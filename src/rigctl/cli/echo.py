@@ -1,4 +1,4 @@
-"""What commands print: lines for people, documents for programs."""
+"""Output of commands: lines for people, documents for programs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from rigctl.printable import printable
 
 
 def echo(text: str = "", *, err: bool = False) -> None:
-    """Print a line on stdout, or on stderr, without anything in it that controls a terminal."""
+    """Print a line on stdout or stderr, without terminal control characters."""
     typer.echo(printable(text, keep="\n\t"), err=err)  # noqa: TID251
 
 

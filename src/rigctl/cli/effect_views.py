@@ -23,9 +23,9 @@ from rigctl.report.effect_figure import shown_unit
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit, show
 
-#: a part of a reading below which its change is rounding of the integration
+#: share of a reading below which a change is rounding of the integration
 _ROUNDING = 1e-8
-#: so many effects that look alike are named
+#: number of similar effects that are named
 _FEW = 3
 
 
@@ -57,7 +57,7 @@ def offer_documents(family: ModelFamily) -> list[dict[str, Any]]:
 
 
 def show_offers(documents: Sequence[Mapping[str, Any]]) -> None:
-    """Where generic effects act, and why others do not."""
+    """Show where generic effects act, and why others do not."""
     for family in dict.fromkeys(document["family"] for document in documents):
         shown = table("slot", "unit", "generic effects there", "others not, because")
         for document in documents:
@@ -68,7 +68,7 @@ def show_offers(documents: Sequence[Mapping[str, Any]]) -> None:
 
 
 def show_slots(documents: Sequence[Mapping[str, Any]]) -> None:
-    """Where effects can act, and what their terms may name."""
+    """Show where effects can act, and which names their terms may use."""
     out = console()
     for family in documents:
         out.print(f"[bold]{family['family']}[/]")
@@ -84,7 +84,7 @@ def show_slots(documents: Sequence[Mapping[str, Any]]) -> None:
 
 
 def show_effect(effect: Effect) -> None:
-    """What is declared of an effect."""
+    """Show the declaration of an effect."""
     out, family = console(), effect.model_family
     out.print(f"[bold]{effect.name}[/] ({effect.family}, {effect.kind}): {escape(effect.summary)}")
     out.print(f"  {escape(effect.equation)}\n")
@@ -171,7 +171,7 @@ def show_signature(seen: Signature, rig: Rig | None) -> None:
         for label, line in zip(labels, lines, strict=True):
             out.print(f"  {label:>9} │{line}")
     if seen.silent:
-        out.print("  It has no influence on any reading by itself; try it --with another effect.")
+        out.print("  Alone it has no influence on any reading; try it --with another effect.")
 
 
 def _changes(seen: Signature, index: int) -> bool:

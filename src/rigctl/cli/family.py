@@ -1,4 +1,4 @@
-"""`--family`: a user's own family of models for the time of one command."""
+"""`--family`: a user's own family of models for the duration of one command."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def family_given(written: str) -> Iterator[None]:
-    """Let a family be known by its name and its file; a Python file is run, because its user names it here.
+    """Register a family by its name and file; a Python file is executed, since the user names it explicitly.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def family_given(written: str) -> Iterator[None]:
 
 
 def use_family(context: typer.Context, written: str | None) -> str | None:
-    """What `--family` does before the command begins, and until it ends."""
+    """Apply `--family` for the duration of the command."""
     if written is not None and not context.resilient_parsing:
         context.with_resource(family_given(written))
     return written

@@ -153,7 +153,7 @@ def _write(root: Path, files: Mapping[str, str]) -> list[Path]:
 
 
 def _check(root: Path, proposal: Proposal) -> None:
-    """Read all files as any command does; what is wrong with them is our mistake and is not left behind."""
+    """Read all files as any command does; an error in them is a fault of rigctl, and they are removed."""
     from rigctl.model import load_model
     from rigctl.model.rig_family import family_of
     from rigctl.physics.user import load_family
@@ -168,14 +168,14 @@ def _check(root: Path, proposal: Proposal) -> None:
 
 
 def import_arguments(table: Table) -> list[str]:
-    """What `rigctl import --columns` has to be told of the file."""
+    """The option `--columns` of `rigctl import` for the file."""
     left = {column.theirs for column in table.columns if column.role == "left out"}
     kept = [text for text in table.renamed if text.partition("=")[0] not in left]
     return [*kept, *(f"{theirs}=-" for theirs in sorted(left))]
 
 
 def _commands(proposal: Proposal, arguments: Sequence[str]) -> list[str]:
-    """What to type next."""
+    """Show the next commands."""
     commands = []
     if proposal.table.path is not None:
         columns = "".join(f' --columns "{text}"' for text in arguments)

@@ -1,4 +1,4 @@
-"""What `rigctl doctor` finds."""
+"""A finding of `rigctl doctor`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at: `fix` says what to do when it is not well."""
+    """The result of one check: `fix` is the remedy if something is wrong."""
 
     subject: str
     state: Literal["ok", "optional", "broken"]

@@ -1,4 +1,4 @@
-"""A draft of a model fitted once to the file that it was drafted from, and both drawn."""
+"""A draft model fitted once to the file from which it was drafted, and a plot of both."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FirstFit:
-    """What the draft makes of the data.
+    """The result of the first fit.
 
     Attributes
     ----------
     rmse: of each output, in its unit; `span` is the output's range.
-    problem: why there is no fit; "" where there is one.
+    problem: why there is no fit; "" if there is one.
     """
 
     plot: Path | None
@@ -56,7 +56,7 @@ class FirstFit:
 
 
 def first_fit(proposal: Proposal, root: Path, columns: Sequence[str], *, fit: bool) -> FirstFit:
-    """Bring the file in beside the project's runs, fit the model, and draw; the run is not kept."""
+    """Import the file outside the project's runs, fit the model, and plot; the run is not kept."""
     found, problem = None, "" if fit else "not asked for"
     if fit:
         try:
@@ -126,7 +126,7 @@ def _draw(proposal: Proposal, root: Path, found: FitResult | None) -> Path | Non
 
 
 def _axis(table: Table) -> tuple[np.ndarray, str]:
-    """Time, records one after the other; of a table its first input."""
+    """Time, records one after another; for a table its first input."""
     if table.times is None:
         column = next((c for c in table.columns if c.role == "input"), table.columns[0])
         return column.shown, f"{column.name} [{column.unit}]"

@@ -18,12 +18,12 @@ from rigctl.report.numbers import number, symbol
 
 #: versions that the answer names, the last ones
 _NAMED = 6
-#: of the noise: less than that beyond it is not told
+#: share of the noise: a smaller excess over it is not stated
 _SLIGHT = 0.05
 
 
 def show_history(versions: Sequence[Version], current: Version, *, verbose: bool = False) -> None:
-    """What was done, and how the error fell; with `verbose` a table of the versions, and bars."""
+    """Show the changes, and how the error fell; with `verbose` also a table of the versions, and bars."""
     found = version_errors(versions)
     bars = sum(len(each.error.rmse) for each in found)
     more = [*counted(len(versions), "version with when it was made", "versions with when they were made")]
@@ -38,7 +38,7 @@ def show_history(versions: Sequence[Version], current: Version, *, verbose: bool
 
 
 def history_answer(versions: Sequence[Version], current: Version) -> Answer:
-    """Which version the file is and what made it, what was done before, and what that did to the error."""
+    """The version of the file and its origin, the earlier changes, and the change of the error."""
     kept = "" if current.kept or current.parent is None else ", not kept yet"
     found = version_errors(versions)
     facts = [("note", current.done.note), ("done", _done(versions)), *_fall(found)]
@@ -62,7 +62,7 @@ def _done(versions: Sequence[Version]) -> str:
 
 
 def _basis(each: VersionError) -> tuple[object, ...]:
-    """What an error was found on; two are compared where it is the same."""
+    """The data of an error; two errors are compared only on the same data."""
     return each.runs, each.hold_out, each.only, each.assume
 
 
@@ -83,7 +83,7 @@ def _fall(found: Sequence[VersionError]) -> list[tuple[str, str]]:
 
 
 def _beyond(error: ModelError, channel: str) -> str:
-    """What is left of a channel's error without the noise; the error itself where that is not known."""
+    """A channel's error without the noise; the whole error if the noise is not known."""
     rmse, noise = error.rmse[channel], error.noise.get(channel, 0.0)
     left = math.sqrt(max(rmse**2 - noise**2, 0.0))
     if noise and left < _SLIGHT * noise:
@@ -98,10 +98,10 @@ def _errors(error: ModelError) -> str:
 
 
 def error_change(before: ModelError, after: ModelError) -> str:
-    """Of the channels that both have, the ones that changed, and the reduced chi-squared.
+    """The common channels that changed, and the reduced chi-squared.
 
-    What is small beside the noise of one reading is not seen in a root mean square, and all readings together
-    may show it all the same: the chi-squared says more there.
+    A change that is small relative to the noise of one reading is not visible in a root mean square, but may
+    be significant over all readings: the chi-squared shows it.
     """
     both = {
         channel: (_beyond(before, channel), _beyond(after, channel))

@@ -1,4 +1,4 @@
-"""The device under test and who is in charge, as options of a command; asked for where they are missing."""
+"""The device under test and the person in charge, as options of a command; asked for if missing."""
 
 from __future__ import annotations
 
@@ -26,14 +26,15 @@ _TRIES: Final = 5
 
 
 def identified(plan: Plan, given: Mapping[str, str | None], *, demanded: bool = True) -> Identity:
-    """What was given and what the procedure knows; a person at the terminal is asked for what it demands.
+    """The given values and the procedure's defaults; a person at the terminal is asked for what is required.
 
-    With `demanded` false, as on a simulated bench, nothing has to be given; what is has to fit all the same.
+    With `demanded` false, as on a simulated bench, nothing has to be given, but given values must still
+    match.
 
     Raises
     ------
     RigctlError
-        something does not fit the procedure's pattern, or is missing and nobody is there to be asked.
+        a value does not match the procedure's pattern, or is missing and nobody can be asked.
     """
     from dataclasses import replace
 

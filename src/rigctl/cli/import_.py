@@ -1,4 +1,4 @@
-"""`rigctl import`: data that was measured elsewhere becomes a run."""
+"""`rigctl import`: data measured elsewhere becomes a run."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rigctl.dataset.importing.options import Options
     from rigctl.rig import Rig
 
-#: so many bad rows are told one by one
+#: most bad rows that are reported one by one
 _TOLD = 20
 #: the rig and the family that a rig or model file names
 _RIG = re.compile(r"^rig:\s*['\"]?([^'\"\s#]+)", re.MULTILINE)
@@ -184,7 +184,7 @@ def import_(
 def _show(
     paths: list[Path], rig: Rig | None, options: Options, output: Path | None, *, as_json: bool
 ) -> None:
-    """What would be read; what is wrong with it goes to stderr."""
+    """Show what would be read; errors in it go to stderr."""
     from rigctl.cli.import_preview import show_preview, write_preview
     from rigctl.dataset.importing.preview import preview_files
     from rigctl.files.write import to_json
@@ -213,7 +213,7 @@ def _options(
     choices: Mapping[str, str | None],
     mapping: Path | None,
 ) -> Options:
-    """What the command line and a saved mapping say of a file; the command line goes first."""
+    """The options of a file from the command line and a saved mapping; the command line has precedence."""
     from rigctl.dataset.assumptions import read_assumptions
     from rigctl.dataset.importing.columns import read_mapping
     from rigctl.dataset.importing.mapping import load_mapping
@@ -230,7 +230,7 @@ def _options(
 
 
 def _lead_on(rig: Path | None) -> None:
-    """What to type next, on stderr: compare it with a model of this bench, else look at it."""
+    """Show the next command on stderr: compare with a model of this bench, else show the run."""
     from rigctl.command_line import analysis
 
     model = _model_of(rig)
@@ -255,13 +255,13 @@ def _model_of(rig: Path | None) -> str | None:
 
 
 def _named(field: re.Pattern[str], path: Path) -> str | None:
-    """What a file of ours names in a field at its top."""
+    """The value of a field at the top of a file."""
     found = field.search(path.read_text(encoding="utf-8", errors="replace"))
     return found.group(1) if found else None
 
 
 def _tell(done: Imported, file: Path) -> None:
-    """What is worth knowing, on stderr: bad rows, notes, how much there is."""
+    """Show bad rows, notes and the amount of data on stderr."""
     for fault in done.faults[:_TOLD]:
         echo(f"left out: {fault.error(file)}", err=True)
     if done.left_out > _TOLD:

@@ -1,4 +1,4 @@
-"""What an import would read, as a table and a picture in the terminal, or as a figure in a file."""
+"""A preview of an import, as a table and plots in the terminal, or as a figure in a file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LISTED: Final = 20
 
 
 def show_preview(preview: Preview) -> None:
-    """Print the columns, their courses and the records."""
+    """Print the columns, their plots and the records."""
     out = console()
     made = table("in the file", "read as", "values", "missing", "from", "to")
     for column in preview.columns:

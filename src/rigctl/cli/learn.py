@@ -1,4 +1,4 @@
-"""`rigctl learn`: measure, compare, add what is sure, design the next records, and measure again."""
+"""`rigctl learn`: measure, compare, add what is significant, design the next records, and measure again."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rigctl.plan import Plan
     from rigctl.runner.launch import Launch
 
-#: rounds when nobody says how many, the first included
+#: default number of rounds, including the first
 _ROUNDS = 5
 
 
@@ -162,7 +162,7 @@ def learn(
             _bench(kept.task, person),
             find_project().runs,
             ask,
-            working=lambda: telling("what was measured and added stays; 'rigctl learn --resume' goes on"),
+            working=lambda: telling("measurements and additions are kept; 'rigctl learn --resume' continues"),
             on_round=lambda one: None if as_json else show_round(one),
         ).learn()
         page = _write_page(kept, learned)
@@ -223,7 +223,7 @@ def _begun(
     hold_out: str,
     precision: float | None,
 ) -> Kept:
-    """A new learning; everything that can be wrong is found before a folder is made."""
+    """Start a new learning; all errors are found before a folder is made."""
     from rigctl.cli.plans import open_plan, read_assignments
     from rigctl.dataset import find_run
     from rigctl.learning.keep import Kept, Task
@@ -272,7 +272,7 @@ def _bench(task: Task, person: str) -> LaunchedBench:
 
 
 def _require_bench(plan: Plan, bench: Mapping[str, Any]) -> None:
-    """Refuse what the bench cannot be, hidden effects included, before anything is made."""
+    """Refuse wrong settings of the bench, including hidden effects, before anything is made."""
     from rigctl.backends.registry import create_backend
     from rigctl.runner.access import UNREAL
 
@@ -282,7 +282,7 @@ def _require_bench(plan: Plan, bench: Mapping[str, Any]) -> None:
 
 
 def _launch(plan: Plan, number: int, bench: Mapping[str, Any], person: str) -> Launch:
-    """How round `number` reaches its bench."""
+    """The access of round `number` to its bench."""
     from rigctl.project import find_project
     from rigctl.runner.access import bench_options, clock_for
     from rigctl.runner.launch import Launch
@@ -326,7 +326,7 @@ def _person(given: str | None) -> str:
 
 
 def _confirmed() -> bool:
-    """Whether the person at the terminal says yes; where there is none, no."""
+    """Whether the person at the terminal agrees; False if there is none."""
     from rigctl.cli.running import typing_possible
 
     if not typing_possible():
@@ -340,7 +340,7 @@ def _confirmed() -> bool:
 
 
 def _write_page(kept: Kept, learned: Learned) -> Path:
-    """The story, into the learning's folder; written anew each time it goes on."""
+    """Write the page into the learning's folder; replaced after every session."""
     from rigctl.cli.analysis_page import told_of_versions
     from rigctl.dataset import find_run, open_run
     from rigctl.project import find_project

@@ -1,4 +1,4 @@
-"""How learning is printed: each proposal before it is carried out, each round, and the whole story."""
+"""How learning is printed: each proposal before it is carried out, each round, and the summary."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from rigctl.planning.outline import clock_time
 
 
 def show_proposal(one: Round, design: DesignResult, *, quiet: bool = False, verbose: bool = False) -> None:
-    """What would be measured and why; with `quiet` on stderr, with `verbose` the promises for each pair."""
+    """Show the proposed records; with `quiet` on stderr, with `verbose` also the predictions for each
+    pair."""
     out = console(stderr=True)
     out.print(f"\n[bold]Round {one.number}[/] would be {escape(one.procedure)}", soft_wrap=True)
     if quiet:
@@ -25,7 +26,7 @@ def show_proposal(one: Round, design: DesignResult, *, quiet: bool = False, verb
 
 
 def show_round(one: Round) -> None:
-    """A round that was judged."""
+    """Show a judged round."""
     out = console()
     text = round_text(one).partition(": ")[2]
     out.print(f"[bold]Round {one.number}[/]: {escape(text)}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""The entry point: commands are loaded when they are called, and mistakes end in one clear message."""
+"""The entry point: commands are loaded when they are called, and errors end in one clear message."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class LazyGroup(TyperGroup):
         formatter.write(overview())
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Load the command that is really called."""
+        """Load the command that is called."""
         name = args[0]
         if name not in BY_NAME:
             raise unknown_name("command", name, BY_NAME)
@@ -59,7 +59,7 @@ def load_command(name: str) -> Any:
     return command
 
 
-#: containers made between two looks for cycles in a command that no bench waits for
+#: containers made between two garbage collections in a command that no bench waits for
 _SELDOM = 50_000
 
 app = typer.Typer(
@@ -93,7 +93,7 @@ def rigctl(
 
 
 def main() -> None:
-    """Run the command line; a user's mistake is one message on stderr, never a traceback."""
+    """Run the command line; a user's mistake gives one message on stderr, never a traceback."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             # a terminal that has no '±' shows a '?' instead of a traceback
@@ -124,7 +124,7 @@ def _carry_out() -> None:
     except SystemExit as end:
         if end.code == ExitCode.INTERRUPTED and _by_keyboard(end):
             _refuse(RigctlError("Stopped", exit_code=ExitCode.INTERRUPTED), as_json=wanted)
-        # the call itself was wrong, and stderr has said how
+        # the call itself was wrong, as reported on stderr
         say = getattr(end.__context__, "format_message", None)
         if wanted and end.code == ExitCode.USAGE and say is not None:
             _print_refusal(RigctlError(say()))

@@ -1,4 +1,4 @@
-"""`rigctl off`, `jog` and `monitor`: the bench by hand."""
+"""`rigctl off`, `jog` and `monitor`: manual operation of the bench."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def off(
 
 @contextmanager
 def _impatient() -> Iterator[None]:
-    """Say what to do by hand while nothing has answered; a board that starts anew needs some seconds."""
+    """Print what to do by hand while nothing has answered; a board that restarts needs some seconds."""
 
     def say() -> None:
         text = "no answer yet; do not wait for it: switch the bench off by hand, at its supply"
@@ -157,7 +157,8 @@ def monitor(
 
 @contextmanager
 def _shown(rig: Rig, *, as_json: bool) -> Iterator[Callable[[Reading], None]]:
-    """Where readings go: a table that redraws itself on a terminal, elsewhere one line for each."""
+    """The display of readings: a table that redraws itself on a terminal, otherwise one line for each
+    sample."""
     from rigctl.live import MonitorDisplay, redrawable
 
     if not as_json and redrawable(sys.stdout):
@@ -169,7 +170,7 @@ def _shown(rig: Rig, *, as_json: bool) -> Iterator[Callable[[Reading], None]]:
 
 
 def say_guards() -> None:
-    """Say on stderr, in red, which guards are still trying to make a device safe."""
+    """Report on stderr, in red, which supervisors are still trying to make a device safe."""
     from rigctl.backends.transport.pursuit import pursuits
 
     for notice in pursuits():
@@ -203,12 +204,12 @@ def open_rig(path: Path | None) -> Rig:
 
 
 def open_rig_at(port: str) -> Rig:
-    """The rig that is meant where only a port is named: the project's, or one for who answers there.
+    """The rig if only a port is given: the project's, or one for the device that answers there.
 
     Raises
     ------
     RigctlError
-        nobody answers, or somebody who is not known.
+        nothing answers, or an unknown device.
     """
     from rigctl.backends.lines.probe import probe
     from rigctl.backends.transport.port import PortLost
@@ -241,7 +242,7 @@ def open_rig_at(port: str) -> Rig:
 def access_of(
     rig: Rig, backend: str | None, port: str | None, speed: str, *, clear_trips: bool = False
 ) -> Access:
-    """What a bench that is worked by hand needs besides its rig file."""
+    """The settings for operating a bench by hand, besides its rig file."""
     from rigctl.project import find_project
     from rigctl.runner.access import Access, bench_options, clock_for
 
@@ -287,7 +288,7 @@ def _as_json(rig: Rig, reading: Reading) -> str:
 
 
 def _print_event(rig: Rig, time: float, kind: str, fields: Mapping[str, Any]) -> None:
-    """What happens while somebody moves the bench by hand."""
+    """Show events while the bench is moved by hand."""
     if kind == "command":
         text = f"{fields['actuator']} {rig.actuators[fields['actuator']].show(fields['value'])}"
     elif kind in ("alarm", "fault", "note"):

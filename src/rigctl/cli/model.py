@@ -1,4 +1,4 @@
-"""`rigctl model`: what a model says, how it came to be, and how to change it."""
+"""`rigctl model`: show a model and its history, and change it."""
 
 from __future__ import annotations
 

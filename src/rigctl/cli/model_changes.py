@@ -1,4 +1,4 @@
-"""Change a model file from a command, and say what that did to the error."""
+"""Change a model file from a command, and report the change of the error."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ _NAMED = 4
 def carry_out(
     path: Path, wanted: Wanted, runs: Sequence[str], *, as_json: bool, verbose: bool = False
 ) -> None:
-    """Change the model file `path`, and show what that did to the error.
+    """Change the model file `path`, and show the change of the error.
 
     Raises
     ------
     RigctlError
-        the records or the model are not fit for it.
+        the records or the model do not allow it.
     """
     with telling("nothing was saved") as on_progress:
         opened = open_runs(runs, load_model(path), wanted.assume) if runs else []
@@ -91,7 +91,7 @@ def _show(changed: Changed, *, verbose: bool) -> None:
     if done.runs:
         choice = DataOptions(done.only, done.hold_out, done.assume)
         command = analysis("compare", done.runs, str(head), choice)
-        show_next(f"{command} --no-fit", "says whether it agrees with them now")
+        show_next(f"{command} --no-fit", "shows whether it agrees with them now")
 
 
 def _show_values(made: Model) -> None:

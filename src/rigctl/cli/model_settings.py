@@ -1,4 +1,4 @@
-"""What `rigctl model set` was asked for."""
+"""The changes requested from `rigctl model set`."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from rigctl.model.history.change import ModelError
 from rigctl.report.bars import draw_bar
 from rigctl.units import known_digits, with_uncertainty
 
-#: who says a value that the model file does not explain itself
+#: the source of a value that the model file does not explain
 _SAID_BY = {
     "model": "model file",
     "rig": "rig file",
@@ -74,7 +74,7 @@ def _parameters(values: Sequence[StatedValue]) -> Table:
 
 
 def _whether_fitted(stated: StatedValue) -> str:
-    """Whether a fit may change it, and what it weighs beside the data."""
+    """Whether a fit may change it, and its prior."""
     if not stated.fit:
         return "fixed"
     if stated.prior_values is None:
@@ -84,7 +84,7 @@ def _whether_fitted(stated: StatedValue) -> str:
 
 
 def value_texts(stated: StatedValue) -> tuple[str, str]:
-    """A value and its standard deviation, with its unit where that is another one, in the digits known."""
+    """A value and its standard deviation in the significant digits, with its unit if that differs."""
     if not stated.std_value:
         return f"{stated.value:.6g}", ""
     unit = "" if stated.std_unit == stated.unit else f" {stated.std_unit}"
@@ -148,7 +148,7 @@ def show_difference(found: ModelDifference) -> None:
     out = console()
     out.print(f"[bold]{escape(str(found.before.path))}[/] to [bold]{escape(str(found.after.path))}[/]")
     if found.same:
-        out.print("  They say the same.")
+        out.print("  They do not differ.")
         return
     for name in found.added:
         out.print(f"  [green]+[/] {name}: {escape(found.after.effect(name).equation)}")
@@ -177,7 +177,7 @@ def _row(found: ValueDifference) -> tuple[str, ...]:
 
 
 def _side(stated: StatedValue | None) -> str:
-    """A value as one of two columns; what is fitted says so."""
+    """A value in one of two columns, marked if it is fitted."""
     if stated is None:
         return ""
     parts = (*value_texts(stated), "fitted" if stated.fit else "")
@@ -206,9 +206,9 @@ def difference_document(found: ModelDifference) -> dict[str, Any]:
 
 
 def show_errors(steps: Sequence[tuple[str, ModelError]]) -> None:
-    """The error of each channel after each step; the bars are what is left of it without the noise.
+    """Show the error of each channel after each step; the bars are the error without the noise.
 
-    Where the noise is not known they are the error as it is.
+    If the noise is not known they are the whole error.
     """
     out = console()
     width = max(len(label) for label, _ in steps)

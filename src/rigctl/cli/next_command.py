@@ -1,4 +1,4 @@
-"""What to type next: the last line of an answer that leads on."""
+"""The next command: the last line of an answer."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from rigctl.command_line import DataOptions, analysis
 
 
 def show_next(command: str, why: str) -> None:
-    """The command, and below it what it does."""
+    """Show the command, and below it what it does."""
     console().print(f"\nNext: [bold]{escape(command)}[/]\n  {escape(why)}", soft_wrap=True)
 
 
 def page_of(verb: str, runs: Sequence[str], model: str, choice: DataOptions | None = None) -> str:
-    """The command that makes the page of what `verb` said of these records: `report` looks at all of them."""
+    """The command that makes the page of `verb` for the selected records; `report` would use all records."""
     if choice is not None and (choice.only or choice.hold_out):
         return f"{analysis(verb, runs, model, choice)} -o page.html"
     return analysis("report", runs, model, choice) + " --diagnose" * (verb == "diagnose")

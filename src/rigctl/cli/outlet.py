@@ -1,4 +1,4 @@
-"""Output that nobody has to wait for: a terminal that is not read holds up neither a run nor its end."""
+"""Non-blocking output: a terminal that is not read delays neither a run nor its end."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Any, TextIO
 
-#: commands that carry something out on a bench, and whose output may be left out where nobody reads it
+#: commands that operate a bench, and whose output may be dropped if nobody reads it
 ON_A_BENCH = ("run", "simulate", "resume", "jog", "off")
-_LAST_WORDS = 3.0  # s that the end waits for somebody to read what was said
-_WAITING = 1 << 20  # characters that may wait; of more, the oldest are dropped
+_LAST_WORDS = 3.0  # s that the end waits for the output to be read
+_WAITING = 1 << 20  # most waiting characters; beyond that, the oldest are dropped
 
 
 class Outlet(io.TextIOBase):
-    """A text stream whose `write` never waits; a thread hands on what was written.
+    """A text stream whose `write` never blocks; a thread passes on what was written.
 
     Parameters
     ----------
-    stream: where it goes.
+    stream: the destination.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -36,7 +36,7 @@ class Outlet(io.TextIOBase):
         self._thread.start()
 
     def write(self, text: str) -> int:
-        """Take text in; what could not be handed on before is raised here, once."""
+        """Accept text; an earlier failure to pass text on is raised here, once."""
         if not isinstance(text, str):  # how click finds out what kind of stream it is
             raise TypeError(f"text is needed, not {type(text).__name__}")
         with self._changed:
@@ -51,12 +51,12 @@ class Outlet(io.TextIOBase):
         return len(text)
 
     def drain(self, patience: float) -> bool:
-        """Wait until all is handed on, `patience` s at most; False when it is not.
+        """Wait until all text is passed on, at most `patience` s; False if it is not.
 
         Raises
         ------
         OSError
-            it could not be handed on: the other end is closed, or the disk is full.
+            it could not be passed on: the other end is closed, or the disk is full.
         """
         with self._changed:
             done = self._changed.wait_for(
@@ -109,9 +109,9 @@ class Outlet(io.TextIOBase):
 
 
 def carry_out(work: Callable[[], None]) -> None:
-    """Do something whose output nobody has to wait for, and end the process with its exit code.
+    """Run a command with non-blocking output, and end the process with its exit code.
 
-    Where nobody reads the last words, the process ends without them: whatever was done is in the run's files.
+    If nobody reads the last lines, the process ends without them: the results are in the run's files.
     """
     usual = sys.stdout, sys.stderr
     if None in usual:
@@ -133,7 +133,7 @@ def carry_out(work: Callable[[], None]) -> None:
 
 
 def _say_last_words(outlets: tuple[Outlet, Outlet]) -> tuple[bool, bool]:
-    """Whether all was handed on, and whether some of it is lost: a closed pipe, a full disk."""
+    """Whether all text was passed on, and whether some is lost: a closed pipe, a full disk."""
     give_up = monotonic() + _LAST_WORDS
     said, lost = True, False
     for outlet in outlets:

@@ -1,4 +1,4 @@
-"""From what is typed on a command line to a plan: the procedure, the rig that is meant, the arguments."""
+"""From the command line to a plan: the procedure, the rig and the arguments."""
 
 from __future__ import annotations
 

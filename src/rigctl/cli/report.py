@@ -105,7 +105,7 @@ def report(
 
 
 def _require_model(model: list[Path] | None, *, diagnose: bool, assume: list[str] | None) -> None:
-    """Refuse what only means something beside a model."""
+    """Refuse options that need a model."""
     if model:
         return
     named = "Name one, e.g. --model models/hl32-textbook.yaml"
@@ -116,7 +116,7 @@ def _require_model(model: list[Path] | None, *, diagnose: bool, assume: list[str
 
 
 def _analysis(runs: list[Run], models: list[Model], *, diagnose: bool) -> list[Section]:
-    """What the first model lacks, what the models say of the runs, and how their error fell."""
+    """What the first model lacks, how the models agree with the runs, and how their error fell."""
     from rigctl.analysis.diagnosis import diagnose_comparison
     from rigctl.cli.analysis_page import compare_with_versions
     from rigctl.cli.telling import telling

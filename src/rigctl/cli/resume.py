@@ -1,4 +1,4 @@
-"""`rigctl resume`: go on with a run that was cut off."""
+"""`rigctl resume`: resume an interrupted run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`--no-cache` and `--verbose` of the commands that fit: whether earlier results are, and were, reused."""
+"""`--no-cache` and `--verbose` of the commands that fit: control and report the reuse of earlier results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `run`, `simulate` and `resume` share: who answers, who looks on, and how the end is told."""
+"""What `run`, `simulate` and `resume` share: operator, display, and the report of the end."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def attended(
 ) -> Iterator[Launch]:
     """The launch with its operator, the keys of the terminal, and a display on stderr.
 
-    With `remote`, questions are answered at another place: on the served page.
+    With `remote`, questions are answered on the web page.
     """
     if remote and not answers:
         with _remote(how, plan) as ready:
@@ -73,7 +73,7 @@ def _remote(how: Launch, plan: Plan) -> Iterator[Launch]:
 
 
 def person_in_charge(given: str | None) -> str:
-    """Who is in charge: as given, or the user of this account."""
+    """The person in charge: as given, or the user of this account."""
     if given:
         return given
     try:
@@ -83,7 +83,7 @@ def person_in_charge(given: str | None) -> str:
 
 
 def tell(result: RunResult, *, as_json: bool) -> NoReturn:
-    """Say how a run ended, and end with its exit code."""
+    """Report how a run ended, and end with its exit code."""
     from rigctl.files.write import to_json
 
     test = result.test
@@ -116,7 +116,7 @@ def tell(result: RunResult, *, as_json: bool) -> NoReturn:
 
 
 def _tell_test(test: Judgement) -> None:
-    """Whether the device has passed, and every limit that it missed."""
+    """Report whether the device has passed, and every limit that it missed."""
     count, missed = len(test.measures), test.missed
     measures = "measure" if count == 1 else "measures"
     if not missed:
@@ -132,7 +132,7 @@ def _tell_test(test: Judgement) -> None:
 
 
 def say_warnings(warnings: Sequence[str]) -> None:
-    """What is not wrong but worth reading before a run."""
+    """Show warnings before a run."""
     for warning in warnings:
         echo(f"warning: {warning}", err=True)
 

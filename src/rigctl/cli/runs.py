@@ -1,4 +1,4 @@
-"""`rigctl runs`: the catalogue of what was measured."""
+"""`rigctl runs`: the catalogue of runs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Where = Annotated[
         show_default=False,
     ),
 ]
-#: so many are listed where nothing else is said
+#: default number of listed runs
 SHOWN = 100
 Ref = Annotated[str, typer.Argument(metavar="RUN", help="Id, start of an id, path, or 'latest'.")]
 
@@ -299,7 +299,7 @@ def _records_cell(run: RunSummary) -> str:
 
 
 def _facts_table(info: Mapping[str, Any]) -> Table:
-    """What a person wants to know of a run, top to bottom."""
+    """The summary of a run for people."""
     backend = ", ".join(f"{key} {value}" for key, value in info["backend"].items())
     reason = f": {info['reason']}" if info.get("reason") else ""
     facts = {

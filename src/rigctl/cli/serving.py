@@ -26,7 +26,7 @@ ServeOption = Annotated[
 def shown(*, wanted: bool) -> Iterator[None]:
     """Serve the project while a command works; at a terminal also afterwards, until Ctrl-C.
 
-    Where it cannot be served, since it is already or the packages are missing, that is said and the command
+    If it cannot be served, because it already is or packages are missing, that is reported and the command
     works all the same.
     """
     server = _begin() if wanted else None

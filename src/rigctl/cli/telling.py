@@ -29,7 +29,7 @@ def _thinned(tell: Callable[[str], None], now: Callable[[], float] = monotonic) 
 
 @contextmanager
 def telling(stopped: str = "") -> Iterator[Callable[[str], None]]:
-    """Give a function that is told what is being done.
+    """Give a function that is called with a description of the current step.
 
     On a terminal it is one line that changes and goes when the work is done; else a line each, but of what
     is counted one at most in a while, so that a log of hours of work can be read.
