@@ -224,8 +224,8 @@ def test_heat_leaks_to_the_room_and_a_mean_of_two_states_lags_like_any_reading()
     assert "lag_of_air" in known
     assert "lag_of_mean" in known
     why = {offer.role.slot.name: offer.why_not for offer in offers(oven)}
-    assert why["air_rate"] == "no friction: it is no speed"
-    assert why["room_temperature_input"] == "an offset alone: it is not commanded"
+    assert why["air_rate"] == "no friction: it is not a speed"
+    assert why["room_temperature_input"] == "only an offset: it is not commanded"
     assert why["mean_reading"] == ""
 
 

@@ -237,6 +237,6 @@ def test_the_list_says_what_applies_where(tmp_path: Path, monkeypatch: pytest.Mo
     write(MOTOR, tmp_path, nothing, seed=6)
     slots = {one["slot"]: one for one in answer("effects", "list", "--family", "family.yaml")["generic"]}
     assert "coulomb_on_speed" in slots["speed_rate"]["effects"]
-    assert slots["current_rate"]["why_not"] == "no friction: it is no speed"
+    assert slots["current_rate"]["why_not"] == "no friction: it is not a speed"
     assert slots["voltage_delay"]["effects"] == ["dead_time_of_voltage"]
     assert "w = −F·sign(speed)" in told("effects", "show", "coulomb_on_speed", "--family", "family.yaml")

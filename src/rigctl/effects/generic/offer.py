@@ -105,9 +105,9 @@ def _why_not(role: Role) -> str:
         case Nowhere():
             return role.why
         case Balance(moves=True):
-            return "no leak, power law, threshold or second store: it is a speed, which nothing stores"
+            return "no leak, power law, threshold or second store: it is a speed, not a stored quantity"
         case Balance():
-            return "no friction: it is no speed"
+            return "no friction: it is not a speed"
         case Reading() if not role.slopes and not role.inputs:
             return "no gain, lag, saturation or hysteresis: it reads no state"
         case Given():
@@ -118,5 +118,5 @@ def _why_not(role: Role) -> str:
 
 def _why_not_of_input(role: Given) -> str:
     if role.surroundings:
-        return "an offset alone: it is not commanded"
-    return "no saturation or dead band: 0 K is no rest" if is_point_on_scale(role.input) else ""
+        return "only an offset: it is not commanded"
+    return "no saturation or dead band: 0 K is not a neutral value" if is_point_on_scale(role.input) else ""

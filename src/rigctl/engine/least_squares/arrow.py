@@ -2,10 +2,10 @@
 
     minimise  sum over records k of |L_k·l_k + G_k·g + r_k|²  +  damping and priors
 
-The records' own steps l_k are eliminated record by record, by orthogonal transformations; what is left is
-small and dense in the shared step g. Work and memory grow linearly with the records. Orthogonal rather than
-normal equations: the condition number is not squared. Å. Björck, Numerical Methods for Least Squares
-Problems (1996), section 6.3.
+The steps l_k of the record-level parameters are eliminated record by record, by orthogonal transformations;
+the remaining problem is small and dense in the shared step g. Work and memory grow linearly with the number
+of records. Unlike normal equations, orthogonal transformations do not square the condition number. Å. Björck,
+Numerical Methods for Least Squares Problems (1996), section 6.3.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from rigctl.engine.least_squares.loss import Loss, weights
 Floats = NDArray[np.float64]
 
 
-_PIECE = 4096  # numbers that are reduced at once
+_PIECE = 4096  # number of values reduced at once
 
 
 @dataclass(frozen=True)
 class Vector:
-    """A value for every parameter: the shared ones, and each record's own."""
+    """A value for every parameter: the shared ones, and those of each record."""
 
     shared: Floats
     local: tuple[Floats, ...]
 
     def flat(self) -> Floats:
-        """All of them in one array, the shared ones first."""
+        """All values in one array, the shared ones first."""
         return np.concatenate([self.shared, *self.local])
 
     def like(self, flat: Floats) -> Vector:
-        """`flat` divided as this one is."""
+        """The array `flat`, divided like this vector."""
         end, local = self.shared.size, []
         for record_local in self.local:
             begin, end = end, end + record_local.size
@@ -69,7 +69,7 @@ class Arrow:
         return Arrow(triangles, self.local, self.shared)
 
     def norms(self) -> Vector:
-        """The length of each parameter's column: how strongly it acts on the residuals."""
+        """The length of each parameter's column: its effect on the residuals."""
         record_local = tuple(
             np.linalg.norm(triangle[:, :m], axis=0)
             for triangle, m in zip(self.triangles, self.local, strict=True)
@@ -91,7 +91,7 @@ class Arrow:
         return Vector(shared, record_local)
 
     def change(self, step: Vector) -> float:
-        """The change of half the sum of squares that the linear model expects from `step`."""
+        """The change of half the sum of squares by `step` in the linear model."""
         total = 0.0
         for triangle, m, record_local in zip(self.triangles, self.local, step.local, strict=True):
             moved = triangle[:, :m] @ record_local + triangle[:, m:-1] @ step.shared
@@ -100,7 +100,7 @@ class Arrow:
 
 
 def reduce_blocks(blocks: Sequence[Block], loss: Loss, shared: int, local: Sequence[int]) -> Arrow:
-    """Reduce the records' blocks to triangles; records without parameters of their own become one."""
+    """Reduce the records' blocks to triangles; those of records without own parameters are combined."""
     triangles, sizes, common = [], [], np.empty((0, shared + 1))
     for block, m in zip(blocks, local, strict=True):
         parts = [block.local] if block.local is not None and m else []
@@ -149,7 +149,7 @@ class Factors:
     count: int
 
     def solve(self) -> Vector:
-        """The step; where the data say nothing, the shortest one."""
+        """The step; of minimum norm if the data do not determine it."""
         shared = _least(self.matrix, self.rhs)
         record_local = [np.empty(0)] * self.count
         for group in self.groups:
@@ -160,13 +160,13 @@ class Factors:
 
 
 def eliminate(arrow: Arrow, weight: Vector, target: Vector, free: Vector, fixed: Vector) -> Factors:
-    """Eliminate the records' own parameters, with one more equation ``weight·step = target`` for each.
+    """Eliminate the record-level parameters, with an additional equation ``weight·step = target`` for each.
 
-    Records with the same parameters free are triangulated in one call: each is small.
+    Records with the same free parameters are triangulated in one call, as each is small.
 
     Parameters
     ----------
-    weight, target: those equations: damping, priors.
+    weight, target: of those equations: damping, priors.
     free: 1 for a parameter that is solved for, 0 for one whose step is given.
     fixed: the given steps.
     """
@@ -204,10 +204,10 @@ def eliminate(arrow: Arrow, weight: Vector, target: Vector, free: Vector, fixed:
 
 
 def _triangle(matrix: Floats) -> Floats:
-    """The triangle with the same normal equations; a matrix that is short already stays as it is.
+    """The triangle with the same normal equations; a matrix with few rows is returned unchanged.
 
-    Reduced in pieces, then together: pieces this small stay below the size from which a linear algebra
-    library starts threads, which cost far more than the work when the cores are busy.
+    Reduced in pieces, then together: pieces of this size stay below that from which a linear algebra library
+    starts threads, which cost far more than the work when the cores are busy.
     """
     rows, columns = matrix.shape
     piece = max(2 * columns, _PIECE // max(columns, 1))
@@ -227,7 +227,7 @@ def _least(matrix: Floats, rhs: Floats) -> Floats:
     return np.asarray(np.linalg.lstsq(matrix, rhs, rcond=None)[0])
 
 
-#: of the largest entry on a triangle's diagonal, the smallest that it is solved with by substitution
+#: least ratio of the smallest to the largest diagonal entry at which a triangle is solved by substitution
 _REGULAR = 1e-8
 
 

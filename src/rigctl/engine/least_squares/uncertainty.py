@@ -1,4 +1,4 @@
-"""From the linearisation at the minimum to the covariance, and to what the data do not determine."""
+"""The covariance at the minimum, and the combinations of parameters that the data do not determine."""
 
 from __future__ import annotations
 

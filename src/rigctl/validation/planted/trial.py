@@ -15,7 +15,7 @@ from rigctl.validation.scenario import NoiseVariant, Scenario
 #: λ of the planted term
 SIZES = (50.0, 150.0)
 _NOTHING = 10
-#: noises with which the terms are planted, and conditions of the campaign
+#: the noise variants with which terms are planted, and the conditions of the campaign
 _NOISES: tuple[NoiseVariant, ...] = ("white", "coloured", "ten_bits")
 _TEMPERATURES, _PRESSURES = (20.0, 40.0, 60.0, 80.0), (20.0, 35.0, 50.0)
 _REPEATED = 4
@@ -41,19 +41,19 @@ class PlantedTrial:
 
     @property
     def name(self) -> str:
-        """All of it in one line, unique."""
+        """A unique description in one line."""
         what = f"{self.term}{'+' if self.sign > 0 else '-'}{self.size:g}" if self.term else "nothing"
         chambers = "chambers " if self.chamber_pressures else ""
         return f"{what} {self.noise} {chambers}seed {self.seed}"
 
     @property
     def truth(self) -> tuple[str, ...]:
-        """Name of what is planted."""
+        """Name of the planted term."""
         return (self.term,) if self.term else ()
 
     @cached_property
     def scenario(self) -> Scenario:
-        """The campaign without it."""
+        """The campaign without the term."""
         return Scenario(
             kind="nothing",
             noise=self.noise,
@@ -70,12 +70,12 @@ class PlantedTrial:
 
     @classmethod
     def read(cls, document: Mapping[str, Any]) -> PlantedTrial:
-        """The trial that `document` made."""
+        """The inverse of `document`."""
         return cls(**document)
 
 
 def planted_trials() -> tuple[PlantedTrial, ...]:
-    """Every term at every size, and nothing; in an order in which a part is a fair sample of all."""
+    """Every term at every size, and no term; in an order in which any first part is a fair sample."""
     found = [*_planted(), *_nothing()]
     order = np.random.default_rng(0).permutation(len(found))
     return tuple(found[int(i)] for i in order)

@@ -1,4 +1,4 @@
-"""One trial from the separate bench to the formulas."""
+"""One trial, from the separate bench to the formulas."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ from rigctl.validation.work import diagnose_campaign, plain_of, reference_of
 Floats = NDArray[np.float64]
 PlantedOutcome: TypeAlias = TrialOutcome[PlantedTrial]
 
-#: places of which the right one is to be one
+#: the right place must be among this many first ones
 _FIRST = 2
 
 
 @one_thread()
 @switched_off()
 def carry_out_planted(trial: PlantedTrial) -> PlantedOutcome:
-    """Plant a term, or none, diagnose the textbook model, look for a formula, and say what came of it.
+    """Plant a term, or none, diagnose the textbook model, search for a formula, and return the outcome.
 
     Raises
     ------
     RigctlError
         the tool cannot diagnose the campaign.
     BenchFailure
-        the bench cannot be simulated with what is planted in it.
+        the bench cannot be simulated with the planted term.
     """
     began = time.process_time()
     scenario = trial.scenario
@@ -86,7 +86,7 @@ def _searched(trial: PlantedTrial, amplitude: Amplitude | None, found: Discovery
 
 
 def _places(located: Sequence[Located]) -> list[str]:
-    """The first places, each with those at which a term does the same."""
+    """The first places, each with those at which a term has the same effect."""
     names: list[str] = []
     slots: list[str] = []
     for one in located:
@@ -98,7 +98,7 @@ def _places(located: Sequence[Located]) -> list[str]:
 
 
 def _in_set(trial: PlantedTrial, amplitude: Amplitude, formulas: Sequence[FoundFormula]) -> bool:
-    """Whether the set holds the form that was planted, or one that does the same to the readings."""
+    """Whether the set has the planted form, or one with the same effect on the readings."""
     term = find_planted(trial.term)
     keys = {f"{slot}: {form}" for slot in term.slots for form in term.forms}
     tried = [one.fitted.formula for one in formulas]
@@ -117,7 +117,7 @@ def _in_set(trial: PlantedTrial, amplitude: Amplitude, formulas: Sequence[FoundF
 
 
 def _does(one: FoundFormula) -> list[Floats]:
-    """(n, outputs) of each record: what the formula changes at its fit."""
+    """(n, outputs) for each record: the change of the outputs by the formula at its fit."""
     fit = one.fitted.trial.fit
     names = [unknown.name for unknown in fit.problem.shared]
     without = np.array(fit.values)
