@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import socket
+import threading
 import time
+from contextlib import suppress
 from typing import Any
 
 import pytest
@@ -40,6 +43,34 @@ def test_a_late_answer_is_that_of_no_later_question() -> None:
             for _ in range(10):
                 client.answer("*IDN?")
         client.close()
+
+
+def _talkative(listening: socket.socket) -> None:
+    """An instrument that greets, and reports an error of its own after its second answer."""
+    with suppress(OSError):
+        line, _ = listening.accept()
+        with line, line.makefile("rb") as asked:
+            line.sendall(b"READY\n")
+            for count, question in enumerate(asked, start=1):
+                line.sendall(b"answer to " + question)
+                if count == 2:
+                    line.sendall(b'-113,"Undefined header"\n')
+
+
+def test_what_nobody_asked_for_is_no_answer() -> None:
+    """One line too many made every later reading that of another channel."""
+    with ScpiServer(RIG) as server:
+        known = settings(server)
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        thread = threading.Thread(target=_talkative, args=(listening,))
+        thread.start()
+        client = VisaClient(f"TCPIP::127.0.0.1::{listening.getsockname()[1]}::SOCKET", known)
+        time.sleep(0.1)  # until what it sends by itself is there
+        for name in "ABCD":
+            assert client.answer(f"{name}?") == f"answer to {name}?"
+            time.sleep(0.05)
+        client.close()
+        thread.join()
 
 
 def test_nobody_there_is_said() -> None:

@@ -12,6 +12,10 @@ from rigctl.backends.transport.client_port import ClientPort
 from rigctl.backends.transport.port import PortLost
 from rigctl.clock import Clock
 
+#: ms, the shortest time-out; and lines that nobody asked for, after which an instrument is given up
+_AT_ONCE = 1
+_UNASKED = 100
+
 
 def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
     """The port of an `Address`: a VISA resource name.
@@ -49,6 +53,7 @@ class VisaClient:
     def answer(self, line: str) -> str | None:
         """The instrument's answer to a message; None when it gives none in time, or none was asked for."""
         try:
+            self._discard()
             self._instrument.write(line)
             return str(self._instrument.read()).strip() if "?" in line else None
         except self._errors as error:
@@ -64,6 +69,32 @@ class VisaClient:
         """Let it go."""
         self._instrument.close()
         self._manager.close()
+
+    def _discard(self) -> None:
+        """Throw away what nobody asked for.
+
+        On a socket it would be taken for the answer to the next question, and each answer from then on for
+        that to the one after it.
+
+        Raises
+        ------
+        PortLost
+            it does not stop sending.
+        """
+        if not self._name.upper().endswith("::SOCKET"):
+            return  # other buses discard it themselves, or have been flushed by `_forget`
+        patience = self._instrument.timeout
+        self._instrument.timeout = _AT_ONCE
+        try:
+            for _ in range(_UNASKED):
+                self._instrument.read()
+        except self._io_error as error:
+            if error.error_code != self._time_out:
+                raise
+            return
+        finally:
+            self._instrument.timeout = patience
+        raise PortLost(f"{self._name}: it sends without being asked")
 
     def _opened(self) -> Any:
         from pyvisa.constants import Parity, StopBits
