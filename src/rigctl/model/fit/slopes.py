@@ -36,9 +36,9 @@ _TOGETHER = 2
 _FEWEST = 4
 #: tolerance of finer steps, half as many again, under which correct derivatives stay unchanged
 _FINER = Tolerance(relative=0.3 * DEFAULT.relative, absolute=0.3 * DEFAULT.absolute)
-#: largest relative change of such a column: correct ones have changed by at most 0.3, inaccurate ones by at
-#: least 4
-_STAYS = 0.7
+#: largest relative change of a column that counts as correct: its error is proportional to the tolerance, so
+#: that the column of the finer steps is then off by less than a quarter
+_STAYS = 0.5
 
 
 def simulate_soundly(
