@@ -96,3 +96,17 @@ def test_python_dash_m_is_the_same_program() -> None:
         [sys.executable, "-m", "rigctl", "--version"], capture_output=True, text=True, check=True
     )
     assert done.stdout.startswith("rigctl ")
+
+
+def test_what_scipy_loads_and_nobody_uses_is_loaded_when_it_is_asked_for() -> None:
+    program = (
+        "import sys\n"
+        "from rigctl.cli.late_modules import load_late\n"
+        "load_late()\n"
+        "import numpy, scipy.special\n"
+        "assert 'numpy.testing._private' not in sys.modules\n"
+        "assert 'numpy.f2py.crackfortran' not in sys.modules\n"
+        "numpy.testing.assert_array_equal(scipy.special.ndtr([0.0]), [0.5])\n"
+        "assert callable(numpy.f2py.run_main)\n"
+    )
+    subprocess.run([sys.executable, "-W", "error", "-c", program], check=True)

@@ -19,8 +19,8 @@ from rigctl.cli.answer_view import counted, show_answer
 from rigctl.cli.compare_views import routine, show_departures, show_notes, show_unusual
 from rigctl.cli.model_views import show_errors
 from rigctl.cli.tables import console, table
-from rigctl.report.answer import diagnosis_answer, improvement_answer
 from rigctl.report.bars import draw_bar
+from rigctl.report.diagnosis_answer import diagnosis_answer, improvement_answer
 from rigctl.units import known_digits, parse_unit
 
 _COLOURS = {

@@ -15,7 +15,9 @@ def main() -> None:
 
         sys.stdout.write(overview())
         return
+    from rigctl.cli.late_modules import load_late
     from rigctl.cli.main import main as carry_out
 
+    load_late()
     atexit.register(gc.freeze)  # a last search for cycles takes 0.1 to 0.2 s of a command
     carry_out()

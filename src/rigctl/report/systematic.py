@@ -11,16 +11,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.levels import ALPHA
-from rigctl.model.fit.errors import ChannelError
-from rigctl.model.fit.fit import FitResult
 from rigctl.report.numbers import number, symbol
 from rigctl.units import parse_unit
+
+if TYPE_CHECKING:
+    from rigctl.analysis.comparison_result import ModelComparison
+    from rigctl.analysis.diagnosis_result import Diagnosis
+    from rigctl.model.fit.errors import ChannelError
+    from rigctl.model.fit.fit import FitResult
 
 #: standard deviations of a sum of squares under chance up to which it is not distinguished from noise
 _CHANCE = 1.96

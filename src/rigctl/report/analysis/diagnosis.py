@@ -16,7 +16,8 @@ from rigctl.report.analysis.answer import Told, answer_section
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.laws import law_plots
 from rigctl.report.analysis.overlay import typical_records
-from rigctl.report.answer import Answer, diagnosis_answer, plain_statement
+from rigctl.report.answer import Answer, plain_statement
+from rigctl.report.diagnosis_answer import diagnosis_answer
 from rigctl.report.model_title import model_title
 from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace

@@ -15,7 +15,7 @@ from rigctl.report.analysis.comparison import comparison_sections
 from rigctl.report.analysis.diagnosis import diagnosis_sections
 from rigctl.report.analysis.history import history_sections
 from rigctl.report.analysis.unseen import unseen_sections
-from rigctl.report.answer import improvement_answer
+from rigctl.report.diagnosis_answer import improvement_answer
 from rigctl.report.section import Section, render
 from rigctl.report.signals import plain_name
 from rigctl.report.systematic import left_of

@@ -15,7 +15,7 @@ from rigctl.planning.outline import clock_time
 from rigctl.report.analysis.answer import Told, answer_section
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.history import history_sections
-from rigctl.report.answer import learning_answer
+from rigctl.report.learning_answer import learning_answer
 from rigctl.report.numbers import words
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render

@@ -1,0 +1,42 @@
+"""The result of letting a bench learn, for a reader who has a minute."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from rigctl.learning import result as learning
+from rigctl.model.fit.fit import FitResult
+from rigctl.planning.outline import clock_time
+from rigctl.report.answer import Answer, error_text, held_out_text, said
+from rigctl.report.diagnosis_answer import sizes_in
+from rigctl.report.numbers import plural
+from rigctl.report.systematic import falls
+
+
+def learning_answer(
+    found: learning.Learned, fits: Sequence[FitResult] = (), left: Mapping[str, float] | None = None
+) -> Answer:
+    """How a learning ended, what it added, how the error changed, and whether predictions came true.
+
+    Parameters
+    ----------
+    fits: of the original and the current model, on all measurements; without them the error is not stated.
+    left: of the last of them, as of `systematic.falls`.
+    """
+    good = found.ended is learning.Ended.ADEQUATE
+    promises = [f"round {one.number}: {one.came_out.statement}" for one in found.rounds if one.came_out]
+    facts = [
+        ("added", ", ".join(f"{name} (version {v})" for one in found.rounds for name, v in one.added)),
+        ("size", sizes_in(fits[-1].problem, found.added) if fits else ""),
+        ("error", error_text(falls(fits, left or {})) if fits else ""),
+        ("held out", held_out_text(fits) if fits else ""),
+        ("predicted", "; ".join(promises[-1:])),
+        (
+            "took",
+            f"{plural(len([one for one in found.rounds if one.judged]), 'round')}, "
+            f"{clock_time(found.spent)} of bench time",
+        ),
+    ]
+    if found.sensor:
+        facts.append(("sensor", f"of {' and '.join(found.sensor)} would distinguish what is left"))
+    return Answer("good" if good else "warn", found.ended.heading, found.statement.rstrip("."), said(facts))
