@@ -1,4 +1,4 @@
-"""What the commands do and no single room offers as a function: fit, run a bench, find runs."""
+"""The functions of commands that belong to no single package: fit, run a bench, find runs."""
 
 from __future__ import annotations
 
@@ -29,21 +29,22 @@ def fit(
     only: str | None = None,
     on_progress: Callable[[str], None] = lambda _: None,
 ) -> FitResult:
-    """Fit a model's free parameters to the usable records of `runs`; the model's file stays as it is.
+    """Fit a model's free parameters to the usable records of `runs`; the model's file is not changed.
 
-    ``min Σ ((f(θ) − y)/σ)²`` over the parameters θ that the model file marks to be fitted, with what
-    is known of them beforehand, and over what each record has of its own.
+    ``min Σ ((f(θ) − y)/σ)²`` over the parameters θ that the model file marks as free, with their priors, and
+    over the record-level parameters.
 
     Parameters
     ----------
-    hold_out: a condition that chooses the records the fit does not see, e.g. ``oil == 60 degC``.
-    only: a condition that chooses the records to look at; the noise is learned from all.
-    on_progress: called with a line about what is being done.
+    hold_out: a condition that selects the records to be held out of the fit, e.g. ``oil == 60 degC``.
+    only: a condition that selects the records to be used; the noise is learned from all records.
+    on_progress: called with a description of the current step.
 
     Raises
     ------
     RigctlError
-        the runs are not of the model's bench, too few values for the parameters, or nothing to fit.
+        the runs do not belong to the model's bench, there are fewer values than parameters, or no free
+        parameters.
     """
     if not runs:
         raise RigctlError("a fit needs a run")
@@ -73,26 +74,26 @@ def run(
 
     Parameters
     ----------
-    procedure, rig: files; the rig that the procedure names unless another one is given.
+    procedure, rig: files; by default the rig named in the procedure.
     arguments: of the procedure, written with units: ``{"supply": "30 bar"}``.
     backend: ``serial``, ``modbus``, ``visa``, ``opcua``, ``emulated``, ``simulated``, ``replay``; the rig
         file names the default.
     port: a serial port or pyserial URL.
-    operator: who answers when the procedure asks.
+    operator: answers the procedure's questions.
     answers: instead of `operator`: values by name; confirmations are given at once.
-    person: who is in charge; kept with the run.
+    person: the person in charge; kept with the run.
     device: of the device under test: ``serial_number``, ``part``, ``notes``; kept with the run.
-    seed: of what is random on a simulated bench.
-    speed: ``1x``; on a bench that is no real one also ``10x`` or ``max``.
+    seed: for everything random on a simulated bench.
+    speed: ``1x``; on a bench that is not real also ``10x`` or ``max``.
     dry: arm and read, but move nothing.
     runs: the folder for the run; the project's by default.
-    observer: told about ten times a second what the run is doing.
+    observer: called about ten times a second with the state of the run.
 
     Raises
     ------
     RigctlError
-        a file, an argument or an option is wrong, nobody answers on a real bench, or it cannot be opened. How
-        a run that has begun ended is in the result.
+        a file, an argument or an option is wrong, there is no operator for a real bench, or it cannot be
+        opened. The outcome of a run that has started is in the result.
     """
     read = load_procedure(Path(procedure))
     plan = expand(read, load_rig(Path(rig) if rig is not None else read.rig_path), dict(arguments or {}))
@@ -135,12 +136,12 @@ def find_runs(
     where: str | None = None,
     runs: str | Path | None = None,
 ) -> list[RunSummary]:
-    """The runs of a folder, oldest first; one small file of each is read, of many only those that changed.
+    """The runs of a folder, oldest first; one small file of each is read, for many runs only changed ones.
 
     Parameters
     ----------
     procedure, rig: only those of this name.
-    status: only those that ended so: ``finished``, ``failed``, ``aborted``, ``interrupted``.
+    status: only those with this status: ``finished``, ``failed``, ``aborted``, ``interrupted``.
     where: only those that meet this condition, as `rigctl runs list --where`.
     runs: the folder, or the address in storage; the project's by default.
 

@@ -1,7 +1,7 @@
 """Quantities with units: read at the edge, SI inside.
 
 `30 bar` becomes 3e6, `40 degC` becomes 313.15, and a tolerance of `0.5 degC` becomes 0.5 because a
-difference of temperatures has no offset. pint knows the units; it is imported only when one is read.
+difference of temperatures has no offset. pint provides the units; it is imported only when one is read.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Dimension:
 
 DIMENSIONLESS = Dimension((Fraction(0),) * len(BASE))
 
-#: what the house calls a dimension in messages, and the unit it shows it in
+#: the name of a dimension in messages, with an example
 _NAMED = {
     "1": "a plain number",
     "s": "a time, e.g. '2 s'",
@@ -76,7 +76,7 @@ _NAMED = {
     "N*m": "a torque or an energy, e.g. '0.5 N*m' or '2 kJ'",
 }
 
-#: units by what they are of, as the documentation lists them; multiples (mV, kN) and products work as well
+#: units by quantity, as listed in the documentation; multiples (mV, kN) and products work as well
 UNITS_OF: Mapping[str, tuple[str, ...]] = {
     "plain number": ("1", "%", "count"),
     "time": ("s", "ms", "min", "h", "day"),
@@ -118,7 +118,7 @@ UNITS_OF: Mapping[str, tuple[str, ...]] = {
     "motor constant": ("N*m/A", "V*s/rad"),
 }
 
-#: other spellings of single names, and what they are read as
+#: other spellings of single names, and their standard names
 SPELLINGS: Mapping[str, str] = {
     "Ohm": "ohm",
     "Ohms": "ohm",
@@ -150,11 +150,11 @@ SPELLINGS: Mapping[str, str] = {
     "mL": "ml",
 }
 
-#: signs and what they are read as
+#: signs and their replacements
 _SIGNS = str.maketrans({"·": "*", "⋅": "*", "×": "*", "µ": "u", "μ": "u", "−": "-", "Ω": "Ω"})
 _RAISED = re.compile("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
-#: names of angles, and of angles per time; none has a dimension of its own
+#: names of angles, and of angles per time; they are dimensionless
 _ANGLES = frozenset(("rad", "mrad", "deg", "radian", "degree", "turn", "revolution", "rpm", "rps"))
 #: units of whole texts: turns a minute, as German data sheets write them
 _WHOLE = {"U/min": "rpm", "u/min": "rpm", "rev/min": "rpm", "r/min": "rpm"}
@@ -179,7 +179,7 @@ class Unit:
 
     @property
     def absolute_temperature(self) -> bool:
-        """True for a scale with an offset of its own: degC, degF."""
+        """True for a scale with an offset: degC, degF."""
         return self.offset != 0.0
 
     def to_si(self, value: float, *, difference: bool = False) -> float:
@@ -193,7 +193,7 @@ class Unit:
 
 @lru_cache(maxsize=1)
 def registry() -> pint.UnitRegistry[Any]:
-    """The one registry of units, made when the first unit is read."""
+    """The registry of units, made when the first unit is read."""
     import pint
 
     units: pint.UnitRegistry[Any] = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
@@ -202,7 +202,7 @@ def registry() -> pint.UnitRegistry[Any]:
     return units
 
 
-# units whose SI form never changes: they spare a process that reads only these the import of pint
+# units with a fixed SI form: a process that reads only these need not import pint
 _COMMON: Mapping[str, tuple[tuple[int, ...], float, float]] = {
     "": ((0, 0, 0, 0, 0, 0, 0), 1.0, 0.0),
     "1": ((0, 0, 0, 0, 0, 0, 0), 1.0, 0.0),
@@ -249,7 +249,7 @@ _ELECTRICAL: Mapping[str, tuple[tuple[int, ...], float, float]] = {
 
 @lru_cache(maxsize=512)
 def parse_unit(text: str) -> Unit:
-    """The unit that `text` names: names, integer powers, ``*``, ``/`` and parentheses.
+    """The unit given by `text`: names, integer powers, ``*``, ``/`` and parentheses.
 
     Only single names are handed to pint; the grammar around them is read here, so that a unit in a file
     can never be anything but a unit.
@@ -257,7 +257,7 @@ def parse_unit(text: str) -> Unit:
     Raises
     ------
     RigctlError
-        the text is no unit; names the nearest one.
+        the text is not a unit; the nearest one is named.
     """
     spelt = _plain_spelling(text) if len(text) <= _LONGEST else text
     tokens = _TOKEN.findall(spelt)
@@ -340,7 +340,7 @@ def _name_to_unit(name: str) -> Unit:
 
 
 def is_speed_of_rotation(text: str) -> bool:
-    """Whether a unit counts an angle per time: rad/s, rpm or deg/s; a 1/s may be anything's.
+    """Whether a unit is an angle per time: rad/s, rpm or deg/s; 1/s is ambiguous.
 
     Raises
     ------
@@ -374,7 +374,7 @@ def _dimension(powers: Mapping[str, Any]) -> Dimension:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number as a user wrote it, with its unit."""
+    """A number as written by a user, with its unit."""
 
     value: float
     unit: Unit
@@ -406,14 +406,14 @@ def parse_quantity(text: str | float) -> Quantity:
 
 
 def read_si(text: str | float | Quantity, unit: str, *, difference: bool = False) -> float:
-    """Read a quantity, or take one, that must have the dimension of `unit` and return it in SI.
+    """The SI value of a quantity, or of its text, which must have the dimension of `unit`.
 
     With `difference`, a temperature is an interval: ``0.5 degC`` and ``0.5 K`` are both 0.5.
 
     Raises
     ------
     RigctlError
-        the text is no quantity, its unit is missing, or its dimension is another one.
+        the text is not a quantity, its unit is missing, or it has another dimension.
     """
     quantity = text if isinstance(text, Quantity) else parse_quantity(text)
     wanted = parse_unit(unit)
@@ -428,7 +428,7 @@ def read_si(text: str | float | Quantity, unit: str, *, difference: bool = False
 
 
 def onto_bound(value: float, low: float, high: float) -> float:
-    """`value`, moved onto the bound that it misses by no more than the rounding of a conversion.
+    """`value`, moved to the bound if it exceeds it only by the rounding of a conversion.
 
     ``0.06 l/min`` is 1e-6 m^3/s, but not in the last bit.
     """
@@ -439,7 +439,7 @@ def onto_bound(value: float, low: float, high: float) -> float:
 
 
 def describe(unit: str, *, difference: bool = False) -> str:
-    """What a quantity of the dimension of `unit` is called in a message."""
+    """The name of a quantity of the dimension of `unit` in a message."""
     dimension = parse_unit(unit).dimension
     return describe_dimension(dimension, difference=difference, otherwise=f"a quantity in {unit}")
 
@@ -447,7 +447,7 @@ def describe(unit: str, *, difference: bool = False) -> str:
 def describe_dimension(
     dimension: Dimension, *, difference: bool = False, otherwise: str | None = None
 ) -> str:
-    """What a quantity of this dimension is called in a message; a base unit's product if it has no name."""
+    """The name of a quantity of this dimension in a message; a product of base units if it has none."""
     if difference and str(dimension) == "K":
         return "a temperature difference, e.g. '0.5 K'"
     for unit, words in _NAMED.items():
@@ -465,7 +465,7 @@ def convert(value: float, from_unit: str, to_unit: str, *, difference: bool = Fa
 
 
 def show(si: float, unit: str, *, difference: bool = False, digits: int = 4) -> str:
-    """An SI value as a user reads it, e.g. ``show(3e6, 'bar')`` is ``30 bar``.
+    """An SI value as text in a unit, e.g. ``show(3e6, 'bar')`` is ``30 bar``.
 
     An interval on a scale with an offset is shown in kelvin: ``0.5 degC`` would read as a point on it.
     """
@@ -480,11 +480,11 @@ _SMALL, _LARGE = -4, 6
 
 
 def known_digits(value: float, std: float) -> tuple[str, str]:
-    """A value and its standard deviation with the digits that this allows: ``("0.00463", "0.00017")``.
+    """A value and its standard deviation in significant digits: ``("0.00463", "0.00017")``.
 
-    The standard deviation has two digits, and the value ends at the same one. Very small and large ones have
-    a power of ten, the same for both: ``("1.032e-14", "0.014e-14")``. A value without a finite standard
-    deviation above 0 has four digits, and "" beside it.
+    The standard deviation has two digits, and the value ends at the same decimal place. Very small and large
+    ones have a common power of ten: ``("1.032e-14", "0.014e-14")``. A value without a finite standard
+    deviation above 0 has four digits, and "" as its standard deviation.
 
     Source: JCGM 100 (GUM), 7.2.6.
     """

@@ -1,4 +1,5 @@
-"""Dimensions of an expression: what fits, and what a temperature in degC means where it stands.
+"""Dimensions of an expression: which are compatible, and whether a temperature in degC is a point or a
+difference.
 
 Temperatures are points on a scale or differences. A point minus a point is a difference, a point plus a
 difference is a point, and two points cannot be added. A literal in kelvin may be either. A literal in degC
@@ -82,7 +83,7 @@ def infer(node: Node, types: Mapping[str, ValueType]) -> Typed:  # noqa: PLR0911
 
 
 def fit(typed: Typed, expected: ValueType) -> Typed:
-    """The tree read as `expected`, which decides what a lone ``0.5 degC`` means.
+    """The tree read as `expected`, which decides what a single ``0.5 degC`` means.
 
     Raises
     ------
@@ -261,7 +262,7 @@ def _sum(operator: str, verb: str, left: Typed, right: Typed) -> Typed:
 
 
 def _addends(left: Typed, right: Typed) -> tuple[Typed, Typed]:
-    """Of two temperatures that are added, at most one is a point; a literal gives way."""
+    """In a sum of two temperatures at most one is a point; a literal becomes a difference."""
     if left.type.temperature == right.type.temperature == "point":
         if right.written:
             return left, _as_difference(right)
@@ -297,7 +298,7 @@ _DIFFERENCES: Mapping[tuple[Kind, Kind], Kind] = {
 
 
 def _no_scale(typed: Typed) -> None:
-    """Refuse a literal in degC where it is multiplied: nobody can tell what is meant."""
+    """Refuse a literal in degC in a product: its meaning is ambiguous."""
     if typed.written is not None:
         raise RigctlError(
             "a temperature in degC cannot be multiplied", value=str(typed.written), expected="one in K"

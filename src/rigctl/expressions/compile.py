@@ -63,7 +63,7 @@ def compile_tree(node: Node, row: Sequence[str]) -> Callable[[Row], float | bool
 def compile_number(node: Node, index: Mapping[str, int]) -> Number:
     """A function from a row to the value of a checked, numeric tree.
 
-    `index` says where each name, and each variable with its dollar, stands in the row.
+    `index` is the index in the row of each name, and of each variable with its dollar.
     """
     match node:
         case Constant(value):
@@ -100,7 +100,7 @@ def compile_condition(node: Node, index: Mapping[str, int]) -> Condition:
 
 
 def place_of(node: Name | Variable, index: Mapping[str, int]) -> int:
-    """Where a name or a variable stands in the row."""
+    """The index of a name or a variable in the row."""
     name = node.name if isinstance(node, Name) else f"${node.name}"
     if name not in index:
         raise unknown_name("name", name, index)
@@ -129,7 +129,7 @@ def _comparison(left: Node, order: str, right: Node, index: Mapping[str, int]) -
     if isinstance(left, Name | Variable) and isinstance(right, Constant):
         return _threshold(order, place_of(left, index), right.value)
     first, second = compile_number(left, index), compile_number(right, index)
-    # a missing value is neither more nor less nor other than anything
+    # every comparison with a missing value is false
     if order == "!=":
         return lambda row: _differ(first(row), second(row))
     return lambda row: compare(first(row), second(row))

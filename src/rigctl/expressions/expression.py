@@ -21,7 +21,7 @@ from rigctl.units import Quantity
 class Expression:
     """A condition or a formula of a user's file: parsed, and never executed as a program.
 
-    Two expressions are equal when they are written alike.
+    Two expressions are equal if their texts are.
     """
 
     text: str
@@ -51,7 +51,7 @@ class Expression:
         Parameters
         ----------
         types: the type of each name; a variable is written with its dollar, ``$oil``.
-        expected: the type that is wanted, which also decides what a lone ``0.5 degC`` means.
+        expected: the required type, which also decides what a single ``0.5 degC`` means.
 
         Raises
         ------
@@ -61,7 +61,7 @@ class Expression:
         return self._typed(types, expected).type
 
     def checked(self, types: Mapping[str, ValueType], *, expected: ValueType | None = None) -> Expression:
-        """The same expression, which now knows what its numbers mean in SI, so that it can be evaluated.
+        """The same expression with its numbers in SI, so that it can be evaluated.
 
         Raises
         ------
@@ -73,7 +73,7 @@ class Expression:
     def evaluate(self, values: Mapping[str, float]) -> float | bool:
         """Its value for SI values by name; variables are written with their dollar.
 
-        What has no value (a division by zero, the logarithm of a negative number) is NaN, and a comparison
+        An undefined value (a division by zero, the logarithm of a negative number) is NaN, and a comparison
         with NaN is false.
 
         Raises
@@ -81,7 +81,7 @@ class Expression:
         RigctlError
             a name has no value.
         ValueError
-            a literal in degC stands beside a name and the expression was not `checked`: whether it is a
+            the expression has a literal in degC beside a name and was not `checked`: whether the literal is a
             point or a difference is unknown.
         """
         return compile_tree(self._in_si(), tuple(values))(tuple(values.values()))
@@ -100,9 +100,9 @@ class Expression:
         return compile_tree(self._typed(known, None).node, row)
 
     def substitute(self, values: Mapping[str, Quantity]) -> Expression:
-        """The same expression with some variables replaced by quantities; the others stay.
+        """The same expression with some variables replaced by quantities; the others are unchanged.
 
-        `values` is keyed by name, without the dollar. What was `checked` must be checked again.
+        `values` is keyed by name, without the dollar. It must be `checked` again.
         """
         text, root = substitute_text(self.text, values), substitute(self.root, values)
         return replace(self, text=text, root=root, resolved=None)
@@ -139,7 +139,7 @@ def parse(
     Raises
     ------
     RigctlError
-        the text is no expression of the grammar (see `rigctl.expressions.parser`).
+        the text is not an expression of the grammar (see `rigctl.expressions.parser`).
     """
     place = where or Location()
     return Expression(text, parse_tree(text, place, functions), place)

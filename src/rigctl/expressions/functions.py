@@ -1,4 +1,4 @@
-"""The functions of the grammar, and arithmetic that never raises: what has no value is NaN."""
+"""The functions of the grammar, and arithmetic that never raises: undefined values are NaN."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from types import MappingProxyType
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A function by its name in the grammar; it takes `count` values, or with None two or more."""
+    """A function of the grammar by its name; it takes `count` values, or with None two or more."""
 
     compute: Callable[..., float]
     count: int | None = 1
@@ -96,12 +96,12 @@ def positive_part(x: float, width: float) -> float:
 
 
 def minimum(a: float, b: float, width: float) -> float:
-    """The smooth smaller of two."""
+    """Smooth minimum of two values."""
     return 0.5 * (a + b - math.hypot(a - b, width))
 
 
 def maximum(a: float, b: float, width: float) -> float:
-    """The smooth larger of two."""
+    """Smooth maximum of two values."""
     return 0.5 * (a + b + math.hypot(a - b, width))
 
 
@@ -116,7 +116,7 @@ def signed_power(x: float, exponent: float, width: float) -> float:
 
 
 def looked_up(_x: float, _table: float) -> float:
-    """A table has its values in a family of models alone."""
+    """NaN: a table has values only in a family of models."""
     return math.nan
 
 
@@ -136,7 +136,8 @@ FUNCTIONS: Mapping[str, Function] = MappingProxyType(
     }
 )
 
-#: what a formula of a model has besides: smooth where those above have corners, each with a width last
+#: additional functions for formulas of models: smooth versions of those above, each with a width as last
+#: argument
 SMOOTH_FUNCTIONS: Mapping[str, Function] = MappingProxyType(
     {
         "tanh": Function(math.tanh),

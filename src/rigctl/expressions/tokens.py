@@ -1,4 +1,4 @@
-"""Text to tokens; a number takes the unit that stands behind it."""
+"""Text to tokens; a number includes the unit that follows it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _UNIT_NAME = r"(?:[^\W\d]\w*|°[CF]|%)"
 _UNIT = re.compile(rf"\s*({_UNIT_NAME}(?:\^-?\d)?(?:[*/]{_UNIT_NAME}(?:\^-?\d)?)*)")
 _LAST_FACTOR = re.compile(rf"(?:\^-?\d|[*/]{_UNIT_NAME})$")
 
-#: what people write from other languages
+#: operators of other languages
 _INSTEAD = {
     "=": "==",
     "&&": "and",
@@ -119,7 +119,7 @@ def _number(text: str, match: re.Match[str], where: Location) -> tuple[Token, in
 
 
 def _longest_unit(text: str, end: int, where: Location) -> tuple[Unit, int]:
-    """The longest beginning of `text` that is a unit, so that ``2 bar/position`` divides by a channel."""
+    """The longest prefix of `text` that is a unit, so that ``2 bar/position`` divides by a channel."""
     shorter = text
     while True:
         try:

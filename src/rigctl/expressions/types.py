@@ -1,4 +1,5 @@
-"""What kind of value an expression has: a dimension, and what sort of temperature a temperature is."""
+"""The type of an expression's value: a dimension, and for temperatures whether it is a point or a
+difference."""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ from rigctl.units import DIMENSIONLESS, Dimension, describe_dimension, parse_uni
 class ValueType:
     """A dimension; for one of temperature also whether it is a point on the scale or a difference.
 
-    A temperature of which neither is said (``300 K`` as written) may be used as both.
+    A temperature that does not specify either (``300 K`` as written) may be used as both.
     """
 
     dimension: Dimension
@@ -24,7 +25,7 @@ class ValueType:
 
     @property
     def wanted(self) -> str:
-        """What it is called where it is expected: with an example."""
+        """Its name with an example, for messages."""
         if self.boolean:
             return "a condition, e.g. 'position < 1 mm'"
         return describe_dimension(self.dimension, difference=self.temperature == "difference")
@@ -37,7 +38,7 @@ class ValueType:
 
 @dataclass(frozen=True)
 class TableType(ValueType):
-    """A look-up table: the type of its values, and what it is looked up by."""
+    """A look-up table: the type of its values, and that of its argument."""
 
     over: ValueType | None = None
 

@@ -1,7 +1,7 @@
-"""An SI value that still knows the unit it was written in.
+"""An SI value that remembers the unit in which it was written.
 
 For fields whose dimension depends on another part of the file: the limit of a channel, a constant of the
-model. It is a float wherever one is wanted; whoever knows the dimension checks it with `Amount.check`.
+model. It can be used as a float; code that knows the dimension checks it with `Amount.check`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Amount(float):
         return amount
 
     def __getnewargs__(self) -> tuple[float, Unit, str]:  # type: ignore[override]
-        """What a copy or an unpickled one is made from."""
+        """The arguments for copying and unpickling."""
         return float(self), self.unit, self.text
 
     def check(self, unit: str, *, difference: bool = False) -> None:
@@ -64,7 +64,7 @@ class AmountField:
         Raises
         ------
         RigctlError
-            no quantity, or an unknown unit.
+            not a quantity, or an unknown unit.
         """
         if isinstance(written, Amount):
             return written

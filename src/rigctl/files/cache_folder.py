@@ -1,16 +1,16 @@
-"""Where what can be made again is kept between commands."""
+"""The folder for reproducible results that are kept between commands."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
-#: names another place than the user's own
+#: environment variable for another folder
 CACHE_VARIABLE = "RIGCTL_CACHE_DIR"
 
 
 def cache_folder() -> Path:
-    """The folder for it: what the variable says, else the system's for this user."""
+    """The folder: from the variable, or else the system's cache folder for this user."""
     from platformdirs import user_cache_path
 
     chosen = os.environ.get(CACHE_VARIABLE)

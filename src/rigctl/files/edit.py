@@ -1,4 +1,4 @@
-"""Change the entries of one mapping in a YAML file, and refuse where that would change more than is meant."""
+"""Change the entries of one mapping in a YAML file, and refuse if that would change anything else."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigctl.files.layout import Text
 
 
 def set_entries(text: str, keys: Sequence[str], entries: Mapping[str, str]) -> str:
-    """The text with `entries` in the mapping under `keys`, which is made where it is missing.
+    """The text with `entries` in the mapping under `keys`, which is added if it is missing.
 
     Parameters
     ----------
@@ -21,8 +21,8 @@ def set_entries(text: str, keys: Sequence[str], entries: Mapping[str, str]) -> s
     Raises
     ------
     RigctlError
-        a part of the way is missing, is no mapping, or stands elsewhere in the file (an alias); a comment
-        stands inside a value that would be replaced.
+        a part of the path is missing, is not a mapping, or is an alias of another part of the file; or there
+        is a comment inside a value that would be replaced.
     """
     _check_way(text, keys, entries)
     changed = Text(text)
@@ -35,7 +35,7 @@ def set_entries(text: str, keys: Sequence[str], entries: Mapping[str, str]) -> s
 
 
 def _check_way(text: str, keys: Sequence[str], entries: Mapping[str, str]) -> None:
-    """Every step of the way is a mapping in its own place, and so are the values that are there."""
+    """Check that every part of the path is a mapping written in place, and so are existing values."""
     from ruamel.yaml import YAML
 
     node = YAML(typ="safe", pure=True).compose(text)
@@ -70,7 +70,7 @@ def _entry(node: Any, name: str) -> tuple[Any, Any] | None:
 
 
 def _check_place(key: Any, value: Any) -> None:
-    """Refuse a value that is written elsewhere: changing it would change more than what is meant."""
+    """Refuse a value that is written elsewhere: changing it would change other parts of the file."""
     if value.start_mark.index < key.end_mark.index:
         raise RigctlError(
             f"'{key.value}' is an alias of another part of the file",

@@ -1,4 +1,4 @@
-"""Which fields a model has at a place of a document: for the nearest valid name of a misspelt one."""
+"""The fields of a model at a location in a document, to find the nearest valid name of a misspelt one."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def field_names(models: Iterable[Any]) -> set[str]:
 
 
 def types_at(model: Any, keys: Sequence[Key]) -> list[Any]:
-    """The types that a value under `keys` may have, unions and containers opened.
+    """The types that a value under `keys` may have, with unions and containers expanded.
 
-    A key that fits none of them is a union's branch, named as pydantic names it: it narrows the choice.
+    A key that fits none of them is pydantic's name for a branch of a union, and narrows the choice.
     """
     current = _branches(model)
     for key in keys:

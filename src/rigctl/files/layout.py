@@ -1,7 +1,7 @@
-"""Change single entries of a YAML text; every other character of it stays where it is.
+"""Change single entries of a YAML text; every other character is unchanged.
 
-A path of keys leads through mappings, in block or in flow style. What is added takes the style, and where it
-can the indentation, of what is there already; a comment at the end of a changed line keeps its column.
+A path of keys leads through mappings, in block or flow style. Additions take the style, and if possible the
+indentation, of the existing text; a comment at the end of a changed line keeps its column.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Text:
         return value.value if value is not None and value.id == "scalar" else None
 
     def is_mapping(self, *keys: str) -> bool:
-        """Whether a mapping stands under these keys."""
+        """Whether there is a mapping under these keys."""
         value = self._value(keys)
         return value is not None and value.id == "mapping"
 
@@ -85,7 +85,7 @@ class Text:
             self._insert_line(self._end(entries[-1]), " " * column + added)
 
     def remove(self, keys: Sequence[str]) -> None:
-        """Take the entry under `keys` away; the only one of a mapping leaves ``{}``."""
+        """Remove the entry under `keys`; the only one of a mapping leaves ``{}``."""
         above = keys[:-1]
         mapping = self._value(above)
         entries = _entries(mapping)
@@ -145,7 +145,7 @@ class Text:
         return not self._value(keys[:-1]).flow_style
 
     def _open_block(self, keys: Sequence[str], added: str) -> None:
-        """Make the empty ``{}`` under `keys` a block with one entry."""
+        """Replace the empty ``{}`` under `keys` by a block with one entry."""
         entry = self._known(keys)
         start, end = entry.value.start_mark.index, entry.value.end_mark.index
         column = entry.key.start_mark.column + self._step()
@@ -158,7 +158,7 @@ class Text:
         self._insert_line(colon, " " * column + added)
 
     def _step(self) -> int:
-        """How far the file indents."""
+        """The indentation width of the file."""
         for entry in _entries(self._root()):
             below = _entries(entry.value)
             if below and not entry.value.flow_style:
@@ -196,11 +196,13 @@ class Text:
         self.text = self.text[:first] + self.text[following.end() if following else last :]
 
     def _splice(self, start: int, end: int, new: str) -> None:
-        """Put `new` between two indices, and keep a comment behind it where it is."""
+        """Put `new` between two indices, and keep the column of a comment behind it."""
         tail = self.text[end:]
         comment = _COMMENT_AFTER.match(tail)
         if comment is not None:
-            room = len(comment[2])  # two blanks are left of it where a long value has pushed the comment away
+            room = len(
+                comment[2]
+            )  # at least two blanks before a comment that a long value has pushed to the right
             pad = " " * (max(room - len(new) + (end - start), 2) if room > 2 else 2)
             tail = comment[1] + pad + tail[comment.start(3) :]
         self.text = self.text[:start] + new + tail
@@ -213,13 +215,13 @@ def _entries(node: Any) -> list[Entry]:
 
 
 def _is_empty(node: Any) -> bool:
-    """A value that is not written at all."""
+    """Whether the value is not written at all."""
     return bool(node.id == "scalar" and node.start_mark.index == node.end_mark.index)
 
 
 @lru_cache(maxsize=1)
 def _composed(text: str) -> Any:
-    """The nodes of a text, with their positions; a change asks several times where things are."""
+    """The nodes of a text, with their positions; cached, since a change needs them several times."""
     from ruamel.yaml import YAML
 
     return YAML(typ="safe", pure=True).compose(text)

@@ -14,7 +14,7 @@ NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]{0,63}$"
 
 
 def read_name(written: object) -> str:
-    """The name that stands in the file.
+    """The name in the file, checked.
 
     Raises
     ------
@@ -37,5 +37,5 @@ def _validate(written: object) -> str:
         raise refusal(error) from error
 
 
-#: what an expression can name
+#: a name that expressions can use
 Name = Annotated[str, BeforeValidator(_validate), Field(pattern=NAME_PATTERN)]

@@ -1,4 +1,4 @@
-"""A YAML document as nodes that remember where they stand in the file."""
+"""A YAML document as nodes with their positions in the file."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ Key = str | int
 class Node:
     """One value of a document; aliases share the node of their anchor.
 
-    `line` and `column` count from 1. `size` and `height` count what the value becomes once every alias
-    in it is written out, so that a file which explodes is refused before it does.
+    `line` and `column` count from 1. `size` and `height` are those of the value with every alias written out,
+    so that a file that would explode is refused before it does.
     """
 
     line: int
@@ -24,7 +24,7 @@ class Node:
     height: int = 1
 
     def child(self, key: Key) -> Node | None:
-        """The value under `key`, or None when there is none."""
+        """The value under `key`, or None."""
         return None
 
     def plain(self) -> object:
@@ -94,12 +94,12 @@ class ListNode(Node):
 def descend(root: Node, keys: Sequence[Key]) -> tuple[Node, Node]:
     """Follow `keys` as far as the document knows them.
 
-    A key that the document does not hold is passed over: validators put names of their own (the branch of
-    a union, a field that is missing) among the keys of the file.
+    A key that the document does not contain is skipped: validators insert other names (the branch of a union,
+    a missing field) among the keys of the file.
 
     Returns
     -------
-    The last value reached, and the place its key stands (the value itself in a list and at the top).
+    The last value reached, and the location of its key (of the value itself in a list and at the top).
     """
     value = place = root
     for key in known_keys(root, keys):
@@ -110,7 +110,7 @@ def descend(root: Node, keys: Sequence[Key]) -> tuple[Node, Node]:
 
 
 def known_keys(root: Node, keys: Sequence[Key]) -> list[Key]:
-    """Those of `keys` that lead on in the document."""
+    """Those of `keys` that exist in the document."""
     value, known = root, []
     for key in keys:
         found = value.child(key)

@@ -39,9 +39,9 @@ class Q:
 
     Parameters
     ----------
-    unit: any unit of the wanted dimension; "1" for a plain number.
-    difference: an interval of temperatures (a tolerance, a noise), not a point on the scale.
-    low, high: bounds that the value may touch, written with their units.
+    unit: any unit of the required dimension; "1" for a plain number.
+    difference: whether it is a temperature interval (a tolerance, a noise), not a point on the scale.
+    low, high: inclusive bounds, written with their units.
     positive: the value must be greater than zero.
     """
 
@@ -89,9 +89,9 @@ class Q:
 
 @dataclass(frozen=True)
 class AnyQ:
-    """Marks a field as a quantity of a dimension that is not known from the schema alone.
+    """Marks a field as a quantity whose dimension is not known from the schema alone.
 
-    The field holds the `Quantity` as written; whoever knows the dimension checks it and takes the SI value.
+    The field holds the `Quantity` as written; code that knows the dimension checks it and takes the SI value.
     """
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -135,7 +135,7 @@ def in_dimension(quantity: Quantity, unit: str, *, difference: bool = False) -> 
 
 
 def quantity_text(written: object, expected: str) -> str:
-    """What a file holds where a quantity is expected, as text; refuses true/false, lists and mappings."""
+    """The text of a quantity in a file; refuses true/false, lists and mappings."""
     if isinstance(written, bool) or not isinstance(written, str | int | float):
         kind = "nothing" if written is None else _kind(written)
         raise RigctlError(f"{kind} where a quantity belongs", expected=expected)
@@ -150,7 +150,7 @@ def _kind(written: object) -> str:
 def reader_schema(
     read: Callable[[Any], Any], serialization: core_schema.SerSchema | None = None
 ) -> CoreSchema:
-    """A pydantic schema that reads a value with `read` and turns its refusal into a field's error."""
+    """A pydantic schema that reads a value with `read` and turns a RigctlError into an error of the field."""
 
     def validate(written: Any) -> Any:
         try:
@@ -162,7 +162,7 @@ def reader_schema(
 
 
 def quantity_schema(description: str, examples: tuple[str, ...], *, plain: bool) -> JsonSchemaValue:
-    """The JSON Schema of a quantity; with `plain` a number without a unit will do too."""
+    """The JSON Schema of a quantity; with `plain` a number without a unit is valid too."""
     text: JsonSchemaValue = {
         "type": "string",
         "pattern": rf"^\s*{_NUMBER}\s*{'.*' if plain else '[^0-9].*'}$",

@@ -1,4 +1,4 @@
-"""Read the parts of a document one by one, and keep every mistake with its place."""
+"""Read the parts of a document one by one, and collect all errors with their locations."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ T = TypeVar("T")
 
 
 class Reader:
-    """Collects the mistakes of one document, so that its user can mend them together."""
+    """Collects the errors of one document, so that they can be corrected together."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
         self.errors: list[RigctlError] = []
 
     def read(self, keys: Sequence[Key], read: Callable[[], T], *, of_key: bool = False) -> T | None:
-        """What `read` returns, or None when it refuses what stands under `keys`."""
+        """The result of `read`, or None if it refuses the value under `keys`."""
         try:
             return read()
         except RigctlError as error:
@@ -28,16 +28,16 @@ class Reader:
             return None
 
     def refuse(self, keys: Sequence[Key], error: RigctlError, *, of_key: bool = False) -> None:
-        """Keep a mistake in what stands under `keys`, or in the key itself."""
+        """Keep an error in the value under `keys`, or in the key itself."""
         self.errors.append(error.at(self.document.locate(tuple(keys), of_key=of_key)))
 
     def stop_at_errors(self) -> None:
-        """Go on only when there is no mistake so far.
+        """Raise the errors so far, if any.
 
         Raises
         ------
         RigctlError
-            the mistake; `SeveralErrors` when there is more than one.
+            the error; `SeveralErrors` if there is more than one.
         """
         if self.errors:
             raise self.errors[0] if len(self.errors) == 1 else SeveralErrors(self.errors)

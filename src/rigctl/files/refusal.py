@@ -1,4 +1,4 @@
-"""Carry an error of ours through pydantic, so that it comes out at the right place of the file."""
+"""Carry a RigctlError through pydantic, so that it is reported at the right location in the file."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ TYPE = "rigctl"
 
 
 def refusal(error: RigctlError, keys: Sequence[str | int] = ()) -> PydanticCustomError:
-    """What a validator raises to refuse a value with `error`.
+    """The exception with which a validator refuses a value because of `error`.
 
     Parameters
     ----------
-    error: what the user reads; its place is filled in by `rigctl.files.validate`.
+    error: the message; `rigctl.files.validate` fills in its location.
     keys: from the value being validated to the part that is wrong.
     """
     return PydanticCustomError(

@@ -19,7 +19,7 @@ _NOT_A_NUMBER = frozenset((".nan", ".NaN", ".NAN"))
 
 
 def read_plain(text: str) -> Scalar:
-    """The value of an unquoted scalar; what is no number, truth value or null is text.
+    """The value of an unquoted scalar; anything but a number, boolean or null is text.
 
     ``yes``, ``on`` and ``12:30`` are text, as YAML 1.2 has it.
     """

@@ -1,4 +1,4 @@
-"""Where the files that come with rigctl are: ready procedures, rigs and models, and measured data."""
+"""The location of the files that come with rigctl: procedures, rigs, models and measured data."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import rigctl.errors as ground
 def shipped(*parts: str) -> Path:
     """The path of a shipped file or folder, e.g. ``shipped("rigs", "hl32-bench.yaml")``.
 
-    In an installed package they lie in ``rigctl/shipped``, in a checkout in the repository itself.
+    In an installed package they are in ``rigctl/shipped``, in a checkout in the repository itself.
     """
     package = Path(ground.__file__).parent
     installed = package / "shipped"

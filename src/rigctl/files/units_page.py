@@ -1,4 +1,4 @@
-"""The reference page of units, made from what the reader of quantities knows."""
+"""The reference page of units, generated from the tables of the reader of quantities."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check a document against a pydantic model and say what is wrong in the user's words and place."""
+"""Check a document against a pydantic model, with error messages for users and locations in the file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rigctl.files.yaml import Document
 
 M = TypeVar("M", bound=BaseModel)
 
-#: what is expected, by the kind of pydantic's complaint
+#: the expected value, by the kind of pydantic's error
 _EXPECTED = {
     "string_type": "text",
     "bool_type": "true or false",
@@ -42,10 +42,10 @@ _EXPECTED = {
     "none_required": "nothing",
 }
 
-#: up to so many valid values are listed beside the nearest one
+#: most valid values that are listed beside the nearest one
 _FEW = 6
 
-#: complaints about a bound: the words around it
+#: errors about a bound: the text around it
 _BOUNDS = {
     "greater_than": ("too small", "more than {gt}"),
     "greater_than_equal": ("too small", "at least {ge}"),
@@ -82,7 +82,7 @@ def validate(document: Document, model: type[M], *, keys: Sequence[Key] = ()) ->
 def _translate(
     problem: ValidationError, document: Document, model: type[BaseModel], keys: tuple[Key, ...]
 ) -> Iterable[RigctlError]:
-    """Every complaint once, in the order of the file; a misspelt field hides the one it left missing."""
+    """Every error once, in the order of the file; a misspelt field hides the missing one."""
     details: list[dict[str, Any]] = [{**detail} for detail in problem.errors(include_url=False)]
     misspelt = _misspelt_fields(details)
     found: dict[str, RigctlError] = {}
@@ -100,7 +100,7 @@ def _translate(
 
 
 def _misspelt_fields(details: list[dict[str, Any]]) -> set[tuple[Key, ...]]:
-    """The missing fields for which an unknown field of nearly the same name stands beside them."""
+    """The missing fields that have an unknown field of nearly the same name beside them."""
     unknown = [tuple(detail["loc"]) for detail in details if detail["type"] == "extra_forbidden"]
     return {
         tuple(detail["loc"])
@@ -113,7 +113,7 @@ def _misspelt_fields(details: list[dict[str, Any]]) -> set[tuple[Key, ...]]:
 
 
 def _merge(first: RigctlError, second: RigctlError) -> RigctlError:
-    """Two complaints about one place (the branches of a union): what either branch would have taken."""
+    """Two errors at one location (the branches of a union): the values that either branch expects."""
     expected = " or ".join(dict.fromkeys(part for part in (first.expected, second.expected) if part))
     first.expected = expected or None
     first.nearest = first.nearest or second.nearest
@@ -172,7 +172,7 @@ def _from_kind(  # noqa: PLR0911 - one for each kind of complaint
 
 
 def _named(error: RigctlError, loc: tuple[Key, ...], document: Document) -> RigctlError:
-    """Name the field in front of what is wrong with it."""
+    """Put the name of the field in front of the error."""
     names = [key for key in known_keys(document.root, loc) if isinstance(key, str)]
     if names and f"'{names[-1]}'" not in error.what:
         error.what = f"{names[-1]}: {error.what}"

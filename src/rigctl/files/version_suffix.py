@@ -1,4 +1,4 @@
-"""How an earlier version of a file is named: ``m.yaml@3`` is version 3 of ``m.yaml``."""
+"""Names of earlier versions of a file: ``m.yaml@3`` is version 3 of ``m.yaml``."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ _VERSION = re.compile(r"(.*[^@])@([0-9]{1,6})", re.DOTALL)
 
 
 def split_version(path: Path) -> tuple[Path, int | None]:
-    """The file, and the number of the version that is meant; None for the file as it is.
+    """The file, and the number of the version; None for the current file.
 
-    A file that really has such a name is itself.
+    An existing file with such a name takes precedence.
     """
     match = _VERSION.fullmatch(path.name)
     if match is None or _is_there(path):
@@ -20,7 +20,7 @@ def split_version(path: Path) -> tuple[Path, int | None]:
 
 
 def with_version(head: Path, number: int) -> Path:
-    """What `split_version` takes apart."""
+    """The inverse of `split_version`."""
     return head.with_name(f"{head.name}@{number}")
 
 

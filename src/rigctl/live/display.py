@@ -1,4 +1,4 @@
-"""Which display suits the stream it writes to."""
+"""The choice of a display for a stream."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from rigctl.runner.view import View
 
 
 class Display(Protocol):
-    """An observer of a run: called with every view, in a ``with`` block that lasts as long as the run."""
+    """An observer of a run: called with every view, in a ``with`` block for the duration of the run."""
 
-    interactive: bool  #: True when it shows questions and answers by itself
+    interactive: bool  #: whether it shows questions and answers itself
 
     def __enter__(self) -> Self:
         """Begin to show."""
@@ -23,7 +23,7 @@ class Display(Protocol):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Show the last view and give the terminal back."""
+        """Show the last view and restore the terminal."""
         ...
 
     def __call__(self, view: View) -> None:
@@ -36,8 +36,8 @@ def view(plan: Plan, stream: TextIO | None = None, *, hint: str = "") -> Display
 
     Parameters
     ----------
-    stream: where it is shown; stderr, so that stdout is left to results.
-    hint: which keys do what, shown below.
+    stream: the destination; stderr, so that stdout is left for results.
+    hint: the keys and their meaning, shown below.
     """
     target = sys.stderr if stream is None else stream
     if redrawable(target):

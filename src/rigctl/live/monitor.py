@@ -20,7 +20,7 @@ _RATE = 4.0  # redrawings per second of wall time
 
 
 class MonitorDisplay:
-    """Every channel with its course and limits, and the alarms that are raised."""
+    """Every channel with its trend and limits, and the active alarms."""
 
     def __init__(self, rig: Rig, stream: TextIO) -> None:
         from rich.console import Console

@@ -57,7 +57,7 @@ class PlainDisplay:
         self._write(view.time, f"record {number}:{name}" + (f" at {sweep}" if sweep else ""))
 
     def _tell_happenings(self, view: View) -> None:
-        """Changes of state, alarms, faults, notes, each once."""
+        """Write changes of state, alarms, faults and notes, each once."""
         for happening in view.happenings:
             if any(happening is told for told in self._told):
                 continue
@@ -74,7 +74,7 @@ class PlainDisplay:
 
 
 def _reason(view: View, state: str) -> str:
-    """Why the run came into a state that it should not have come into."""
+    """The reason for an abnormal state of the run."""
     return f": {view.message}" if view.message and state in ("failed", "aborted") else ""
 
 
@@ -85,7 +85,7 @@ def stamp(seconds: float) -> str:
 
 
 def bindings(places: PlanPlaces, path: str) -> dict[str, str]:
-    """The sweep values and arguments in force at a step, as a person reads them."""
+    """The sweep values and arguments at a step, as text."""
     found: dict[str, str] = {}
     for node in places.chain(path):
         found.update(getattr(node, "bindings", {}))

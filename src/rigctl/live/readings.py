@@ -1,4 +1,4 @@
-"""What the channels read: value, how it went lately, and the limits around it."""
+"""The readings of the channels: value, recent trend, and limits."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 BLOCKS, PLAIN_BLOCKS = "▁▂▃▄▅▆▇█", "_.-=+*#@"
 _LENGTH = 24  # values in a sparkline
-#: share of a channel's limits that a sparkline spans at least, so that noise does not look like a storm
+#: smallest span of a sparkline, as a share of the channel's limits, so that noise is not exaggerated
 _LEAST_SPAN = 0.02
 
 
 class Readings:
-    """The newest values of a rig's channels, and those before them."""
+    """The newest values of a rig's channels, and their history."""
 
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
@@ -36,7 +36,7 @@ class Readings:
     ) -> None:
         """Take the next values, SI; `alarms` says of a channel whether one will ``warn`` or ``stop``.
 
-        What was there before is replaced, never changed: another thread may be drawing it.
+        The old data are replaced, never modified: another thread may be drawing them.
         """
         self.values, self.commands, self.alarms = values, commands, alarms or {}
         self._past = {
@@ -83,7 +83,7 @@ def readings_table(readings: Readings, *, unicode: bool = True) -> Table:
 
 
 def shown(value: float, channel: Channel) -> str:
-    """A value in the channel's unit, with the decimals that its noise leaves meaningful."""
+    """A value in the channel's unit, with the decimals that are significant for its noise."""
     if not math.isfinite(value):
         return "no value"
     unit = parse_unit(channel.unit)
@@ -102,7 +102,7 @@ def places(channel: Channel) -> int:
 
 
 def limits_of(name: str, channel: Channel, rig: Rig) -> str:
-    """The tightest limits that stop a run, e.g. ``-3 … 245 mm``; nothing when there are none."""
+    """The tightest limits that stop a run, e.g. ``-3 … 245 mm``; empty if there are none."""
     mine = [limit for limit in rig.limits.values() if limit.channel == name and limit.action == "stop"]
     low, high = _tightest(mine)
     unit = channel.unit
@@ -130,7 +130,7 @@ def least_span(channel: Channel, rig: Rig) -> float:
 
 
 def sparkline(values: Sequence[float], span: float, *, unicode: bool = True) -> str:
-    """Values as a line of blocks, lowest to highest; a gap for one that is missing.
+    """Values as a sparkline of block characters, with a gap for a missing value.
 
     Parameters
     ----------

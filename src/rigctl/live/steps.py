@@ -1,4 +1,4 @@
-"""Where a run is in its plan: the step in progress, what surrounds it, and which record it belongs to."""
+"""The position of a run in its plan: the step in progress, its surroundings, and its record."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _ROUND = re.compile(r"#(\d+)")
 class Stage(Enum):
     """Whether a step has been carried out."""
 
-    DONE = "done"  #: it lies before the step in progress
+    DONE = "done"  #: it is before the step in progress
     CURRENT = "current"  #: it, or something in it, is in progress
-    AHEAD = "ahead"  #: its turn comes later
+    AHEAD = "ahead"  #: it is after the step in progress
 
 
 @dataclass(frozen=True)
 class StepLine:
-    """One line of the tree: what a person reads, how deep it is indented, and whether it is done."""
+    """One line of the tree: its text, its indentation, and whether it is done."""
 
     depth: int
     label: str
@@ -78,8 +78,8 @@ class PlanPlaces:
 def outline(places: PlanPlaces, path: str, most: int) -> list[StepLine]:
     """The tree around the step in progress, in about `most` lines.
 
-    Sweeps show the point in progress and its number; of the steps beside the current one those that fit are
-    shown, nearest first.
+    Sweeps show the point in progress and its number; as many steps beside the current one as fit are shown,
+    nearest first.
     """
     chain = places.chain(path)
     if not chain:
@@ -102,8 +102,7 @@ def outline(places: PlanPlaces, path: str, most: int) -> list[StepLine]:
 def _levels(chain: Sequence[Node]) -> Iterator[tuple[list[Node], Node]]:
     """From the root down: the steps at one level, and which of them leads to the current one.
 
-    A block that only holds together what is in it has no line of its own, nor has a point of a sweep beside
-    the others.
+    A block that only groups its steps has no line, and neither have the other points of a sweep.
     """
     for above, node in pairwise(chain):
         if isinstance(node, Group) and node.kind is GroupKind.DO and isinstance(above, RecordNode | Loop):
@@ -116,7 +115,7 @@ def _levels(chain: Sequence[Node]) -> Iterator[tuple[list[Node], Node]]:
 
 
 def _note(node: Node, chain: Sequence[Node], rounds: dict[str, int]) -> str:
-    """How far a sweep or a loop is."""
+    """The progress of a sweep or a loop."""
     if isinstance(node, Loop):
         number = rounds.get(node.path)
         of = f" of {node.count}" if node.count is not None else ""
@@ -134,7 +133,7 @@ def _rounds(path: str) -> dict[str, int]:
 
 
 def _share(wanted: Sequence[int], room: int) -> list[int]:
-    """Give the lines there are to the levels, the innermost first."""
+    """Distribute the available lines to the levels, the innermost first."""
     given = []
     for count in reversed(wanted):
         given.append(min(count, room))

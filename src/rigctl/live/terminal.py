@@ -1,4 +1,4 @@
-"""A run on a terminal, redrawn by a thread of its own, so that a slow terminal never slows the run."""
+"""A run on a terminal, redrawn by a separate thread, so that a slow terminal never slows the run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
     from rich.text import Text
 
-#: redrawings per second of wall time; drawing takes some 10 ms, which the run shares
+#: redraws per second of wall time; drawing takes about 10 ms, which the run shares
 _RATE = 4.0
 _HAPPENINGS = 5
 _STATES = {
@@ -34,7 +34,7 @@ _MARKS = {Stage.DONE: ("✓", "+", "dim"), Stage.CURRENT: ("▶", ">", "bold"), 
 
 
 class TerminalDisplay:
-    """State and progress, steps, channels, what happened last, and the open question."""
+    """State and progress, steps, channels, the latest events, and the open question."""
 
     interactive = True
 
@@ -136,7 +136,7 @@ class TerminalDisplay:
         return text
 
     def _below(self, view: View) -> list[Text]:
-        """What happened last, and the keys."""
+        """The latest events, and the keys."""
         from rich.text import Text
 
         lines = [Text("")]

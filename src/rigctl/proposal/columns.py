@@ -19,13 +19,13 @@ from rigctl.units import Unit, is_speed_of_rotation, parse_unit
 Floats = NDArray[np.float64]
 Role = Literal["input", "output", "left out"]
 
-#: rows that are looked at: enough to see what a column is
+#: rows that are examined: enough to classify a column
 _MOST_ROWS: Final = 200_000
 _TIMES: Final = ("time", "t", "zeit", "timestamp", "time_s", "t_s", "elapsed", "elapsed_time", "seconds")
 _RECORDS: Final = ("record", "run", "experiment", "trial", "segment")
-#: words in the name of what turns
+#: words in the name of a rotating quantity
 _TURNING: Final = ("drehzahl", "umdrehung", "rpm", "rotation", "revolution", "spindle", "shaft", "rotor")
-#: a unit that a name ends in: speed_rpm, pressure (bar)
+#: a unit at the end of a name: speed_rpm, pressure (bar)
 _IN_NAME: Final = re.compile(r"^(?P<name>.*?)[ _]*(?:\((?P<bracket>[^()]+)\)|_(?P<tail>[A-Za-z%]+))$")
 #: endings that are units, and nothing else that a name may end in
 _ENDINGS: Final = frozenset(
@@ -39,12 +39,12 @@ class Column:
 
     Attributes
     ----------
-    name: what it is called on the bench; `theirs` is its heading without the unit.
-    unit: it is shown in.
+    name: on the bench; `theirs` is its heading without the unit.
+    unit: for display.
     values: (n) SI, NaN where one is missing; empty without a file.
-    stated: the heading has its unit in brackets, as an import reads it.
-    role, reason: what it is to the bench, and why.
-    stepped: it is constant but for single steps, as a command is.
+    stated: whether the heading has the unit in brackets, as an import reads it.
+    role, reason: its role for the bench, and the reason for that.
+    stepped: whether it is constant except for single steps, like a command.
     """
 
     name: str
@@ -80,7 +80,7 @@ class Table:
     ----------
     times: (n) seconds; None for a table without time.
     record: (n) which record each row belongs to.
-    renamed: what an import has to be told, ``theirs=ours [unit]``.
+    renamed: the option for an import, ``theirs=ours [unit]``.
     """
 
     path: Path | None
@@ -90,7 +90,7 @@ class Table:
     renamed: tuple[str, ...] = ()
 
     def column(self, name: str) -> Column:
-        """The column called `name`, by our name or by theirs.
+        """The column with this name, on the bench or in the file.
 
         Raises
         ------
@@ -109,7 +109,7 @@ class Table:
 
 
 def read_columns(path: Path, units: Mapping[str, str]) -> Table:
-    """The columns of a file of measurements that hold numbers, as a bench would call them.
+    """The numeric columns of a file of measurements, with names for a bench.
 
     Parameters
     ----------

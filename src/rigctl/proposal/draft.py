@@ -1,4 +1,4 @@
-"""A family and its model as they are drafted, before they are text."""
+"""A drafted family and its model, before they are written as text."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigctl.units import parse_unit
 
 @dataclass(frozen=True)
 class State:
-    """A state of the draft; everything as it is written."""
+    """A state of the draft; everything as written in the file."""
 
     start: str
     scale: str
@@ -41,7 +41,7 @@ class Formula:
 
 @dataclass(frozen=True)
 class Draft:
-    """What a template makes of the columns.
+    """The draft that a template makes from the columns.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Draft:
 
 
 def amount(value: float, unit: str, *, difference: bool = False) -> str:
-    """An SI value as a file writes it: four digits and the unit."""
+    """An SI value as written in a file: four digits and the unit."""
     shown = parse_unit(unit).from_si(value, difference=difference)
     text = f"{shown:.4g}" if abs(shown) > 1e-300 else "0"
     return f"{text} {unit}" if unit not in ("", "1") else text

@@ -1,7 +1,7 @@
-"""First values of a template's parameters from the data, without simulating anything.
+"""Initial values of a template's parameters from the data, without simulation.
 
 The equations are integrated over time, so that noise is averaged rather than differentiated, and are then
-linear in what is wanted: ``y(t) − y(0) = Σ c_k·∫x_k dt``. It is a start for a fit, no result.
+linear in the coefficients: ``y(t) − y(0) = Σ c_k·∫x_k dt``. The values are a starting point for a fit.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def rates(
 
     Returns
     -------
-    the coefficients, and the share of y's variance that is left.
+    the coefficients, and the unexplained share of y's variance.
     """
     blocks, wanted = [], []
     count = len(by) + 1

@@ -1,4 +1,4 @@
-"""From a table, or from nothing but a template's name, to the text of four files."""
+"""From a table, or only the name of a template, to the text of four files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rigctl.proposal.write import family_text, model_text, procedure_text, rig_t
 
 @dataclass(frozen=True)
 class Proposal:
-    """What is proposed.
+    """A proposal.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ def empty_table(template: str) -> Table:
 
 
 def propose(name: str, table: Table, template: str | None) -> Proposal:
-    """The files for a table; without a template a first-order lag, or a straight line where there is no time.
+    """The files for a table; without a template a first-order lag, or a straight line if there is no time.
 
     Raises
     ------

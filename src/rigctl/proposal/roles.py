@@ -1,4 +1,5 @@
-"""Which columns are inputs and which are outputs: by what is asked for, by their steps, and by who leads."""
+"""Which columns are inputs and which are outputs: by the user's options, by their steps, and by which
+leads."""
 
 from __future__ import annotations
 
@@ -12,11 +13,11 @@ from rigctl.proposal.columns import Column, Floats, Role, Table
 
 #: a command stays the same over at least this share of its samples
 _HELD: Final = 0.9
-#: at most so many levels for its length
+#: most levels of a command, relative to its length
 _LEVELS: Final = 0.1
-#: words in the name of what is given from outside although it is measured
+#: words in the name of a measured quantity that is imposed from outside
 _OUTSIDE: Final = ("ambient", "room", "outside", "setpoint", "command", "supply", "disturbance", "load")
-#: and what it begins with in German logs: in the middle of a word they mean something else (Brennraum)
+#: prefixes in German logs: in the middle of a word they mean something else (Brennraum)
 _OUTSIDE_AT_FIRST: Final = ("umgebung", "raumtemp", "aussen", "soll")
 #: a lead must explain this much more than the next best
 _CLEAR: Final = 1.5
@@ -26,10 +27,10 @@ _MOST_LAG: Final = 200
 def with_roles(
     table: Table, inputs: Collection[str], outputs: Collection[str], left: Collection[str]
 ) -> Table:
-    """The table with a role for every column; what the user says counts first.
+    """The table with a role for every column; the user's options have precedence.
 
-    A column is an input when it is constant but for steps, as commands are, when its name says that it comes
-    from outside, or, where there is none such, when its changes come before those of all others.
+    A column is an input if it is constant except for steps, like a command, if its name says that it is
+    imposed from outside, or, if there is no such column, if its changes precede those of all others.
 
     Raises
     ------

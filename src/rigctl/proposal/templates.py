@@ -1,6 +1,6 @@
-"""Equations to begin with: each template is a draft of a family for the columns that it finds.
+"""Initial equations: each template is a draft of a family for the columns that it finds.
 
-Every template takes the columns with their roles; where there are data its first values come from them.
+Every template takes the columns with their roles; with data, the initial values come from them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rigctl.units import parse_unit
 
 @dataclass(frozen=True)
 class Template:
-    """A kind of bench to begin with.
+    """A kind of bench as a starting point.
 
     Attributes
     ----------
@@ -79,12 +79,12 @@ def held(columns: Sequence[Column]) -> list[tuple[Floats, bool]]:
 
 
 def given(columns: Sequence[Column]) -> dict[str, tuple[str, str]]:
-    """The family's inputs: each with the value that it has when nobody says."""
+    """The family's inputs, each with its default value."""
     return {c.name: (amount(_usual(c), c.unit), c.reason or "given from outside") for c in columns}
 
 
 def _usual(column: Column) -> float:
-    """What an input is at rest: zero if the data reach there, else its median."""
+    """The value of an input at rest: zero if it is within the data's range, else the median."""
     present = column.values[np.isfinite(column.values)]
     if not present.size:
         return column.display.offset

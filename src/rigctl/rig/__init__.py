@@ -1,4 +1,4 @@
-"""What there is: channels, actuators, calibration, limits and the safe state of a bench."""
+"""The description of a bench: channels, actuators, calibration, limits and the safe state."""
 
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.calibration import Calibration, Raw

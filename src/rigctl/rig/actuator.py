@@ -1,4 +1,4 @@
-"""Something that the bench, or its operator, switches or sets."""
+"""Actuators: outputs that the bench, or its operator, switches or sets."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Actuator(Part):
         return self.unit or "1"
 
     def read(self, written: object) -> float:
-        """The SI value that a file or a person asks for: a position's word, or a level with its unit.
+        """The SI value of a command as text: the name of a position, or a level with its unit.
 
         Raises
         ------
@@ -77,7 +77,7 @@ class Actuator(Part):
         Raises
         ------
         RigctlError
-            no position of it, or a level out of range.
+            not one of its positions, or a level out of range.
         """
         positions = POSITIONS.get(self.kind)
         if positions is None:
@@ -93,7 +93,7 @@ class Actuator(Part):
             raise RigctlError("out of range", value=show(value, self.display_unit), expected=shown)
 
     def show(self, value: float) -> str:
-        """An SI value as a person reads it: the position's word, or the level with its unit."""
+        """An SI value as text: the name of the position, or the level with its unit."""
         for word, number in POSITIONS.get(self.kind, {}).items():
             if number == value:
                 return word

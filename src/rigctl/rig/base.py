@@ -1,4 +1,4 @@
-"""What all parts of a rig file share."""
+"""The base class of all parts of a rig file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rigctl.files.refusal import refusal
 
 
 class Part(BaseModel):
-    """A part of a rig file: frozen, and refusing fields that it does not know."""
+    """A part of a rig file: frozen; unknown fields are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", defer_build=True, validate_default=False)
 

@@ -1,4 +1,4 @@
-"""From what the converter gives to what the channel means, and back."""
+"""Conversion between raw values of the converter and values of the channel."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Calibration(Part):
     )
 
     def expires(self) -> dt.date | None:
-        """The first day on which it is out of date; None when it never is, or has no date."""
+        """The first day on which it is out of date; None if it does not expire, or has no date."""
         if self.date is None or self.valid_for is None:
             return None
         try:
@@ -75,7 +75,7 @@ def polynomial(coefficients: Sequence[float], x: float) -> float:
 
 
 def monotonic(coefficients: Sequence[float], low: float, high: float, *, points: int = 257) -> bool:
-    """True when the polynomial only rises or only falls from `low` to `high`, so that it can be inverted."""
+    """True if the polynomial is monotonic from `low` to `high`, so that it can be inverted."""
     grid = [low + (high - low) * i / (points - 1) for i in range(points)]
     values = [polynomial(coefficients, x) for x in grid]
     steps = [b - a for a, b in pairwise(values)]
@@ -85,8 +85,8 @@ def monotonic(coefficients: Sequence[float], low: float, high: float, *, points:
 def inverse_polynomial(coefficients: Sequence[float], y: float, low: float, high: float) -> float:
     """The x with ``polynomial(coefficients, x) = y`` for a polynomial that is monotonic from `low` to `high`.
 
-    Exact for a straight line; by bisection otherwise. Outside the range the line through its nearer end
-    goes on, so that a sensor driven out of range clips in the converter and not here.
+    Exact for a straight line; by bisection otherwise. Outside the range it is extrapolated linearly from the
+    nearer end, so that a sensor driven out of range clips in the converter and not here.
     """
     if not any(coefficients[2:]):
         return (y - coefficients[0]) / coefficients[1]

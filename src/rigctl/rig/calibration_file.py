@@ -1,4 +1,5 @@
-"""Write a calibration into a rig file: its text otherwise as it was, the former file kept beside it."""
+"""Write a calibration into a rig file: the rest of the text is unchanged, the previous file is kept beside
+it."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ from rigctl.rig.channel import Channel
 from rigctl.rig.load import parse_rig
 from rigctl.rig.rig import Rig
 
-#: where former rig files, points and figures of calibrations are kept, beside the rig file
+#: folder of previous rig files, points and figures of calibrations, beside the rig file
 FOLDER = "calibrations"
 _BOM = b"\xef\xbb\xbf"
 _DIGITS = 10  # of a coefficient
@@ -40,7 +41,8 @@ def calibration_entries(
     reference: str | None = None,
     valid_for: str | None = None,
 ) -> dict[str, str]:
-    """The fields of a calibration as YAML in one line each; what is not given stays as it is in the file."""
+    """The fields of a calibration as YAML in one line each; fields that are not given are unchanged in the
+    file."""
     entries = {
         "coefficients": f"[{', '.join(_number(value) for value in fit.coefficients)}]",
         "date": day.isoformat(),
@@ -54,12 +56,12 @@ def calibration_entries(
 
 
 def with_calibration(rig: Rig, channel: str, entries: Mapping[str, str]) -> str:
-    """The rig file's text with another calibration of one channel.
+    """The rig file's text with a new calibration of one channel.
 
     Raises
     ------
     RigctlError
-        the text cannot be changed in this place alone, or would not be a rig file any more.
+        the text cannot be changed at this location alone, or would no longer be a valid rig file.
     """
     try:
         text = set_entries(rig.text, ("channels", channel, "calibration"), entries)
@@ -76,12 +78,12 @@ def with_calibration(rig: Rig, channel: str, entries: Mapping[str, str]) -> str:
 
 
 def write_calibration(rig: Rig, text: str, now: datetime) -> Written:
-    """Replace the rig file by `text`, and keep the former one in a folder beside it.
+    """Replace the rig file by `text`, and keep the previous one in a folder beside it.
 
     Raises
     ------
     RigctlError
-        the file was changed since it was read, or cannot be written; it is untouched then.
+        the file has changed since it was read, or cannot be written; it is then untouched.
     """
     path = rig.path
     if path is None:
@@ -110,7 +112,7 @@ def write_calibration(rig: Rig, text: str, now: datetime) -> Written:
 
 
 def _free(path: Path) -> Path:
-    """The path, or the first one like it that is not taken."""
+    """The path, or the first similar one that is free."""
     candidate, number = path, 1
     while candidate.exists():
         number += 1
@@ -119,7 +121,7 @@ def _free(path: Path) -> Path:
 
 
 def _alone(before: str, after: str, channel: str) -> bool:
-    """Whether two texts differ in nothing but the calibration of one channel."""
+    """Whether two texts differ only in the calibration of one channel."""
     try:
         documents: list[Any] = [parse_document(text).data for text in (before, after)]
     except RigctlError:  # an anchor that others refer to is gone
@@ -130,7 +132,7 @@ def _alone(before: str, after: str, channel: str) -> bool:
 
 
 def _number(value: float) -> str:
-    """A number that reads as one in YAML, whatever its size."""
+    """A number as text that YAML reads as a number, whatever its size."""
     text = format(value, f".{_DIGITS}g")
     return text if any(mark in text for mark in ".en") else f"{text}.0"
 

@@ -21,7 +21,7 @@ from rigctl.rig.channel import Channel
 from rigctl.units import parse_unit
 
 COVERAGE = 0.95
-_CURVED = 0.01  # significance from which another power is worth a word
+_CURVED = 0.01  # significance from which another power is mentioned
 Array = NDArray[np.float64]
 
 
@@ -45,17 +45,17 @@ class Point:
 
 @dataclass(frozen=True)
 class CalibrationFit:
-    """What the points say. Values are in the channel's display unit.
+    """The result of a calibration fit. Values are in the channel's display unit.
 
     Parameters
     ----------
-    points: what it was fitted to.
+    points: those to which it was fitted.
     coefficients: of the polynomial, lowest power first.
-    std: their standard deviations; NaN where nothing tells them.
+    std: their standard deviations; NaN if they cannot be estimated.
     residuals: reference minus polynomial, for each point.
     residual_std: with ``n - p`` degrees of freedom; None with as many points as coefficients.
-    uncertainty: of a calibrated value within the points, 95 %.
-    curvature_p_value: how likely such a bend is by chance alone; None where it cannot be told.
+    uncertainty: of a calibrated value within the range of the points, 95 %.
+    curvature_p_value: probability of such a curvature by chance alone; None if it cannot be tested.
     """
 
     points: tuple[Point, ...]
@@ -73,7 +73,7 @@ class CalibrationFit:
 
     @property
     def bent(self) -> bool:
-        """Whether one power more would fit better than chance explains."""
+        """Whether one more power would fit significantly better."""
         return self.curvature_p_value is not None and self.curvature_p_value < _CURVED
 
     def largest_change(self, before: Sequence[float]) -> float:
@@ -86,10 +86,11 @@ class CalibrationFit:
 def fit_calibration(
     channel: Channel, points: Sequence[Point], degree: int = 1, *, reference_uncertainty: float = 0.0
 ) -> CalibrationFit:
-    """Fit a polynomial to the points, and say how far a calibrated value may be off.
+    """Fit a polynomial to the points, and determine the uncertainty of a calibrated value.
 
     The uncertainty is the quadratic sum of three: of a new reading on the fitted curve, ``t·s·sqrt(1 + h)``
-    with the largest leverage h within the points; of the reference; of the converter's step, evenly spread.
+    with the largest leverage h within the points; of the reference; of the converter's step, uniformly
+    distributed.
 
     Parameters
     ----------
@@ -170,7 +171,7 @@ def _powers(centre: float, width: float, count: int) -> Array:
 
 
 def _without_rounding(coefficients: Array, x: Array, y: Array) -> tuple[float, ...]:
-    """The coefficients, with zero for those that give less than the rounding of the references."""
+    """The coefficients, with zero for those that contribute less than the rounding of the references."""
     least = 1e-12 * float(np.abs(y).max())
     sizes = np.abs(coefficients) * float(np.abs(x).max()) ** np.arange(len(coefficients))
     return tuple(float(c) if size > least else 0.0 for c, size in zip(coefficients, sizes, strict=True))
@@ -179,9 +180,10 @@ def _without_rounding(coefficients: Array, x: Array, y: Array) -> tuple[float, .
 def _spread(
     points: Sequence[Point], residuals: Array, coefficients: Sequence[float], count: int
 ) -> tuple[float, int, bool]:
-    """Standard deviation of a point, its degrees of freedom, and whether the residuals tell it.
+    """Standard deviation of a point, its degrees of freedom, and whether it comes from the residuals.
 
-    With as many points as coefficients there are no residuals; the scatter of repeated readings stands in.
+    With as many points as coefficients there are no residuals; the scatter of repeated readings is used
+    instead.
     """
     dof = len(points) - count
     if dof > 0:
@@ -209,7 +211,7 @@ def _t(dof: int) -> float:
 
 
 def _curvature(z: Array, y: Array, count: int, before: float) -> float | None:
-    """The p-value of the F test for one power more; None with too few points."""
+    """The p-value of the F test for one more power; None with too few points."""
     from scipy.stats import f
 
     dof = len(z) - count - 1

@@ -1,4 +1,4 @@
-"""Points of a calibration as a small table: a reference value and a raw reading in each row."""
+"""The points of a calibration as a small table: a reference value and a raw reading in each row."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MOST = 100_000  # rows
 def read_points(path: Path, channel: Channel) -> list[Point]:
     """The points of a CSV file with the columns ``reference [unit]`` and ``raw``.
 
-    Rows that follow each other with the same reference are readings of one point. The unit may be left out.
+    Consecutive rows with the same reference are readings of one point. The unit may be left out.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def read_points(path: Path, channel: Channel) -> list[Point]:
 
 
 def write_points(points: Sequence[Point], channel: Channel) -> str:
-    """The same table as text, every reading in a row of its own."""
+    """The same table as text, with one row for each reading."""
     lines = [f"reference [{channel.unit}],raw [{channel.raw_unit}]"]
     lines += [f"{point.reference!r},{reading!r}" for point in points for reading in point.raw]
     return "\n".join(lines) + "\n"

@@ -100,7 +100,7 @@ class Channel(Part):
 
     @property
     def interval_unit(self) -> str:
-        """The unit that differences of its values are shown in: kelvin where it is a temperature."""
+        """The display unit of differences of its values: kelvin for a temperature."""
         return "K" if self.display.dimension == parse_unit("K").dimension else self.unit
 
     @cached_property
@@ -114,7 +114,7 @@ class Channel(Part):
 
     @property
     def converter(self) -> Raw:
-        """Its converter, for a device that has one in any case.
+        """Its converter, for a device that always has one.
 
         Raises
         ------
@@ -130,7 +130,7 @@ class Channel(Part):
 
     @property
     def raw_unit(self) -> str:
-        """What raw values are counted in; without a converter a device reports the channel's unit."""
+        """The unit of raw values; without a converter a device reports the channel's unit."""
         return self.unit if self.raw is None else self.raw.unit
 
     def value_from_raw(self, raw: float) -> float:
@@ -153,7 +153,7 @@ class Channel(Part):
         return abs(self.value_from_raw(middle + half) - self.value_from_raw(middle - half))
 
     def possible(self, value: float) -> bool:
-        """True when an SI value lies in the physically possible range; never for NaN."""
+        """True if an SI value is in the physically possible range; never for NaN."""
         if self.range is None:
             return value == value  # noqa: PLR0124 - NaN is the only value that differs from itself
         return self.range[0] <= value <= self.range[1]

@@ -1,4 +1,4 @@
-"""What no single field of a rig file can know: names exist, dimensions fit, the safe state is complete."""
+"""Checks across the fields of a rig file: names exist, dimensions fit, the safe state is complete."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from rigctl.rig.problem import Problem
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit
 
-#: names that mean something else in an expression or a table
+#: reserved names in expressions and tables
 RESERVED = frozenset(
     f"{TIME} {RECORD} and or not true false abs min max sqrt exp log first last mean std duration".split()
 )
 
 
 def problems(rig: Rig) -> Iterator[Problem]:
-    """Everything wrong that only the whole file shows."""
+    """All errors that only the whole file shows."""
     yield from _names(rig)
     for name, channel in rig.channels.items():
         yield from _channel(("channels", name), channel)
@@ -265,7 +265,7 @@ def _simulation(rig: Rig) -> Iterator[Problem]:
 
 
 def warnings(rig: Rig, today: date) -> Iterator[str]:
-    """What is not wrong but worth saying before a run."""
+    """Warnings before a run."""
     for _, doubt in doubtful_calibrations(rig, today):
         yield doubt
     if not any(limit.action == "stop" for limit in rig.limits.values()):

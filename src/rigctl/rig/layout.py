@@ -33,7 +33,7 @@ class Layout:
 
     @cached_property
     def signals(self) -> tuple[str, ...]:
-        """What a condition can name, in the order of ``Sample.values + Sample.commands``."""
+        """The names for conditions, in the order of ``Sample.values + Sample.commands``."""
         return (*self.channels, *self.commands)
 
     def unit(self, column: str) -> str:
@@ -41,7 +41,7 @@ class Layout:
         return self.units[self.columns.index(column)]
 
     def types(self) -> Mapping[str, ValueType]:
-        """What kind of value each channel and command is, for checking expressions."""
+        """The type of each channel and command, for checking expressions."""
         from rigctl.expressions import type_of_unit
 
         return {

@@ -1,4 +1,4 @@
-"""Sensors that a bench does not have and could have: what they would read, how well, and what they cost."""
+"""Sensors that a bench could have: what they would read, their noise, and their price."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class PossibleChannel(Part):
 
     @property
     def channel(self) -> Channel:
-        """As the channel that it would be."""
+        """The channel that it would be."""
         return Channel(
             unit=self.unit,
             quantity=self.quantity,

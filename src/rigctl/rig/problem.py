@@ -1,4 +1,4 @@
-"""A mistake of a rig file that only the whole file shows."""
+"""An error in a rig file that only the whole file shows."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rigctl.errors import RigctlError
 
 @dataclass(frozen=True)
 class Problem:
-    """Something wrong in the file: where, as keys from the top, and what."""
+    """An error in the file: its location, as keys from the top, and the message."""
 
     keys: tuple[str | int, ...]
     error: RigctlError

@@ -29,7 +29,7 @@ from rigctl.rig.roles import Roles
 from rigctl.rig.setting import Setting
 from rigctl.rig.simulation import Simulation
 
-#: what a rig works out once, of its fields and its text
+#: properties that are computed once from the fields and the text of a rig
 _WORKED_OUT = ("layout", "sha256")
 
 
@@ -97,7 +97,7 @@ class Rig(Part):
     _text: str = PrivateAttr(default="")
 
     def __repr__(self) -> str:
-        """What it is called and has, on one line."""
+        """Its name and the numbers of channels and actuators, on one line."""
         return one_line(self, f"{self.name}: {len(self.channels)} channels, {len(self.actuators)} actuators")
 
     __str__ = __repr__
@@ -115,12 +115,12 @@ class Rig(Part):
         return self._path
 
     def backend_named(self) -> str:
-        """The kind of backend that the file names: what a command means that is given none.
+        """The kind of backend named in the file, the default of commands.
 
         Raises
         ------
         RigctlError
-            it names none; nothing is simulated, or moved, that nobody asked for.
+            it names none; nothing is simulated or moved without a request.
         """
         if "kind" not in self.backend.model_fields_set:
             raise RigctlError(
@@ -170,14 +170,14 @@ class Rig(Part):
         return backend.lines
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Rig:
-        """A copy with some fields changed; what was worked out from the old ones is forgotten."""
+        """A copy with some fields changed; computed properties are discarded."""
         copy = super().model_copy(update=update, deep=deep)
         for name in _WORKED_OUT:
             copy.__dict__.pop(name, None)
         return copy
 
     def warnings(self, today: date) -> list[str]:
-        """What is not wrong but worth saying before a run, e.g. a calibration that is out of date."""
+        """Warnings before a run, e.g. a calibration that is out of date."""
         from rigctl.rig.checks import warnings
 
         return list(warnings(self, today))

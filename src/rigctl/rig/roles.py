@@ -1,4 +1,4 @@
-"""Which actuator and which channel the steps of a procedure mean."""
+"""The actuators and channels of the steps of a procedure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the simulated bench behaves where the real one is what it is."""
+"""Settings of the simulated bench that a real bench does not need."""
 
 from __future__ import annotations
 
