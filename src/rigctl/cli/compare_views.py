@@ -84,12 +84,12 @@ _ROUTINE = ("Noise: ", "Noise of ", "assumed of ", "Commands were written down",
 
 
 def routine(notes: Sequence[str]) -> list[str]:
-    """Notes that only describe how the data were taken, which every answer would repeat."""
+    """The notes that only describe how the data were taken, which every answer would repeat."""
     return [note for note in notes if any(part in note for part in _ROUTINE)]
 
 
 def show_notes(notes: Sequence[str]) -> None:
-    """All notes without repetition: the note on the noise and the table of channels include the spikes."""
+    """Show the notes except those on spikes, which the note on the noise and the table of channels state."""
     for note in notes:
         if not re.search(_SPIKES, note):
             console().print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
