@@ -129,7 +129,7 @@ def test_diff_tells_effects_and_values() -> None:
     assert (leak["name"], leak["before"], leak["deviations"]) == ("piston_leakage.conductance", None, None)
     assert answer("diff", MODEL, f"{MODEL}@1")["effects"]["removed"] == ["piston_leakage"]
     assert answer("diff", MODEL, f"{MODEL}@2")["same"]
-    assert "say the same" in said("diff", MODEL, MODEL)
+    assert "do not differ" in said("diff", MODEL, MODEL)
     text = said("diff", f"{MODEL}@1", MODEL)
     assert "+ piston_leakage" in text
     assert "-18.3 %" in text
