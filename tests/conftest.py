@@ -53,6 +53,14 @@ LONGEST = (
     "firmware/test_emulated_bench.py",
     "dataset/importing/test_hostile_files.py",
     "model/test_signature.py",
+    "benches/test_round_trips.py",
+    "design/test_journey.py",
+    "discovery/test_worn_guide.py",
+    "journeys/test_bad_data.py",
+    "cli/test_off.py",
+    "journeys/test_learn.py",
+    "learning/test_learn.py",
+    "faults/test_board_faults.py",
 )
 
 
