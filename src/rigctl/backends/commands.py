@@ -1,4 +1,4 @@
-"""What an actuator can be told; one check for every backend."""
+"""The check of commands to actuators, shared by all backends."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def check_command(rig: Rig, actuator: str, value: float, duration: float | None 
     Raises
     ------
     RigctlError
-        no such actuator, the SI value is none that it can take, or the duration is not positive.
+        there is no such actuator, it cannot take the SI value, or the duration is not positive.
     """
     if actuator not in rig.actuators:
         raise unknown_name("actuator", actuator, rig.actuators)

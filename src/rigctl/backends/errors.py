@@ -1,4 +1,4 @@
-"""What goes wrong between the host and a bench."""
+"""Errors between the host and a bench."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ class BackendLost(RigctlError):
 
 
 class OutOfReach(BackendLost):
-    """Contact is lost for the moment and is being looked for; what was asked for will not be made up for.
+    """Contact is temporarily lost and being restored; the request will not be repeated.
 
-    The caller decides what becomes of it once the bench is back, which leaves it in its safe state.
+    The caller decides how to continue once the bench is back, which is then in its safe state.
     """
 
 
 class BenchTripped(RigctlError):
-    """The bench has tripped and waits for somebody to clear that on purpose; its outputs are safe."""
+    """The bench has tripped and waits until the trip is cleared deliberately; its outputs are safe."""
 
     def __init__(self, causes: str) -> None:
         self.causes = causes

@@ -20,7 +20,7 @@ def refuse_unknown(kind: str, options: Mapping[str, object], known: Iterable[str
 
 
 def read_port(rig: Rig, options: Mapping[str, object], question: str, expected: str, begins: str = "") -> str:
-    """The port of the command line, else of the rig file.
+    """The port from the command line, or else from the rig file.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Whether a process that left its number behind is still there."""
+"""Whether the process with a given id still exists."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 
 
 def process_exists(pid: int) -> bool:
-    """False when there is no such process; on Windows, where asking would end it, always True."""
+    """False if there is no such process; on Windows, where the query would end it, always True."""
     if os.name != "posix":
         return True
     if pid <= 0:  # that would ask for a whole group of processes

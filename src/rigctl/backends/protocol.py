@@ -1,4 +1,4 @@
-"""What every bench can do, real or not; the runner knows nothing else of it.
+"""The interface of every bench, real or not; the runner uses nothing else.
 
 A bench has channels that are sampled on a regular grid and actuators that are switched at exact times.
 All values are SI, all times are seconds on the clock the backend was given.
@@ -34,7 +34,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class CommandReceipt:
-    """When an actuator was really switched.
+    """The time at which an actuator actually switched.
 
     Parameters
     ----------
@@ -51,20 +51,20 @@ class CommandReceipt:
 
 
 class PendingCommand:
-    """A command that was sent, and what has become of it.
+    """A command that was sent, and its outcome.
 
-    The bench answers when it can. Whoever has sent the command goes on looking at samples and interlocks, and
-    does not take the output for switched until `receipt` says so.
+    The bench answers when it can. The sender continues to handle samples and interlocks, and does not assume
+    the output to be switched before `receipt` confirms it.
 
     Parameters
     ----------
-    actuator, value: what was commanded, SI.
+    actuator, value: of the command, SI.
     pump: lets bench time pass until something has arrived; None for one that was answered at once.
 
     Attributes
     ----------
-    receipt: when it was carried out; None while that is not known.
-    trouble: why it was not, or why nobody will ever know: `OutOfReach` for the latter.
+    receipt: when it was carried out; None while unknown.
+    trouble: why it was not carried out, or why that will never be known: `OutOfReach` for the latter.
     """
 
     def __init__(self, actuator: str, value: float, pump: Callable[[], object] | None = None) -> None:
@@ -76,18 +76,18 @@ class PendingCommand:
 
     @classmethod
     def answered(cls, receipt: CommandReceipt) -> PendingCommand:
-        """One that the bench has carried out at once."""
+        """A command that the bench has carried out at once."""
         pending = cls(receipt.actuator, receipt.value)
         pending.receipt = receipt
         return pending
 
     @property
     def settled(self) -> bool:
-        """Whether nothing more will come."""
+        """Whether its outcome is final."""
         return self.receipt is not None or self.trouble is not None
 
     def wait(self) -> CommandReceipt:
-        """Let time pass until the bench has answered, for whoever has nothing else to look at; samples wait.
+        """Let time pass until the bench has answered, for callers with nothing else to do; samples wait.
 
         Raises
         ------
@@ -103,11 +103,11 @@ class PendingCommand:
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """Something the bench noticed by itself and that belongs into the run's events.
+    """A notice of the bench for the run's events.
 
     `kind` is one of the dataset's event kinds: ``gap`` (samples were lost), ``fault``, ``alarm`` (the
     board tripped), ``note`` (reconnected, resynchronised). The field ``switched_off`` of a gap names the
-    actuators that went to their safe value in it without being told to.
+    actuators that went to their safe value in it without a command.
     """
 
     time: float
@@ -125,7 +125,8 @@ class Backend(Protocol):
 
     @property
     def identity(self) -> Mapping[str, str]:
-        """What the bench says it is: kind, name, firmware, serial number, seed…; complete once open."""
+        """The identity reported by the bench: kind, name, firmware, serial number, seed…; complete once
+        open."""
         ...
 
     @property
@@ -135,22 +136,22 @@ class Backend(Protocol):
 
     @property
     def timed(self) -> bool:
-        """True when the bench itself times pulses, so that delays of the host do not matter."""
+        """True if the bench itself times pulses, so that delays of the host do not matter."""
         ...
 
     @property
     def without_host(self) -> str:
-        """What becomes of the outputs when nobody can reach the bench, one sentence for whoever is there."""
+        """What happens to the outputs when the bench cannot be reached, one sentence for people on site."""
         ...
 
     @property
     def outputs_read(self) -> frozenset[str]:
-        """Driven actuators whose state in the newest sample was read from the bench, not remembered here."""
+        """Driven actuators whose state in the newest sample was read back from the bench."""
         ...
 
     @property
     def outputs_answered(self) -> frozenset[str]:
-        """Driven actuators whose commands the bench answers, so that `safe` raises when one got no answer."""
+        """Driven actuators whose commands the bench acknowledges, so that `safe` raises if one is not."""
         ...
 
     def open(self) -> None:
@@ -161,26 +162,26 @@ class Backend(Protocol):
         BackendLost
             the bench does not answer.
         RigctlError
-            it is another bench than the rig file says, or somebody else holds it.
+            it is not the bench of the rig file, or another program uses it.
         """
         ...
 
     def close(self) -> None:
-        """Let the bench go; outputs are left safe where it can still be reached. Never raises, idempotent."""
+        """Close the bench, with outputs safe if it can still be reached. Never raises, idempotent."""
         ...
 
     def start(self, rate: float) -> None:
         """Sample at `rate` Hz from now on, the first sample at once; replaces an earlier rate.
 
-        A bench that is out of reach does so when it is back. The first sample of the new rate may bear the
-        same time as the last one of the old.
+        A bench that cannot be reached does so when it is back. The first sample at the new rate may have the
+        same time as the last one at the old rate.
         """
         ...
 
     def next_sample(self, timeout: float) -> Sample | None:
         """Wait on the clock for the next sample; None when none came within `timeout` s of bench time.
 
-        None as well as soon as a command has been answered: whoever waits for that need not wait longer.
+        Also None as soon as a command has been answered, so that a caller waiting for that can continue.
         Samples come in order of time, none is skipped because the caller was late.
 
         Raises
@@ -191,28 +192,28 @@ class Backend(Protocol):
         ...
 
     def command(self, actuator: str, value: float, *, duration: float | None = None) -> PendingCommand:
-        """Send a command that switches an actuator to an SI value, and wait for nothing.
+        """Send a command that switches an actuator to an SI value, without waiting.
 
         The answer arrives while `next_sample` is called. Until then the output may be as before or as
         commanded; if no answer comes in time, contact counts as lost, or the command is sent again where it
         does no harm twice.
 
-        With `duration` the bench returns it to its safe value that many seconds later, by itself; the
+        With `duration` the bench returns it to its safe value automatically after this time, s; the
         receipt of this return comes from `take_receipts`. A new command to the same actuator replaces a
         pulse that has not ended, and one that has not been answered. `safe` drops what has not been answered.
-        A command is never sent again after a loss of contact: the run has to be judged first.
+        A command is never sent again after a loss of contact: the runner has to decide first.
 
-        An actuator that is worked by hand (``by: operator``) is commanded as well: a real bench only
-        notes what the operator was asked for, a simulated one has its operator turn it.
+        An actuator that is operated by hand (``by: operator``) is commanded as well: a real bench only
+        records the request to the operator, on a simulated one the simulated operator turns it.
 
         Raises
         ------
         RigctlError
-            no such actuator, or the value is none that it can take; nothing has moved.
+            there is no such actuator, or it cannot take the value; nothing has moved.
         OutOfReach
             contact is lost for the moment.
         BackendLost
-            the bench is gone for good, or does nothing any more.
+            the bench is gone for good, or no longer responds.
         """
         ...
 
@@ -221,11 +222,11 @@ class Backend(Protocol):
         ...
 
     def take_notices(self) -> list[Notice]:
-        """What the bench noticed since the last call: gaps, reconnections, trips, injected faults."""
+        """Notices of the bench since the last call: gaps, reconnections, trips, injected faults."""
         ...
 
     def safe(self) -> None:
-        """Bring every output to the rig's safe state, now; forget pulses and later commands.
+        """Bring every output to the rig's safe state now; discard pulses and waiting commands.
 
         May be called at any time, repeatedly; blocks for at most one second of wall time.
 
@@ -239,18 +240,18 @@ class Backend(Protocol):
 
 @runtime_checkable
 class Regulator(Protocol):
-    """A bench that can carry out a closed loop by itself, one at a time, beside what every `Backend` does.
+    """A `Backend` that can also carry out a closed loop on its own, one at a time.
 
     Each sample has the output that was in force when it was taken. `Backend.safe`, a trip, any command to its
     actuator, and a loss of contact end the loop.
     """
 
     def cannot_regulate(self, loop: LoopSettings) -> str:
-        """Why this bench cannot carry out a loop, one sentence; empty where it can. Known once it is open."""
+        """Why this bench cannot carry out a loop, one sentence; empty if it can. Known once it is open."""
         ...
 
     def regulate(self, loop: LoopSettings) -> PendingCommand:
-        """Tell the bench to begin a loop, and wait for nothing; the receipt says that it has.
+        """Tell the bench to start a loop, without waiting; the receipt confirms it.
 
         Raises
         ------
@@ -262,9 +263,11 @@ class Regulator(Protocol):
         ...
 
     def loop_state(self, ahead: float | None = None) -> LoopState:
-        """What is known of the newest loop; `ahead`, sent when it can be, its feed-forward from now on."""
+        """The state of the newest loop; `ahead`, sent as soon as possible, is its feed-forward from now
+        on."""
         ...
 
     def stop_regulating(self, actuator: str) -> PendingCommand:
-        """End a loop, its output as it is; the receipt says what that is. Raises as `regulate` does."""
+        """End a loop, leaving its output unchanged; the receipt gives its value. Raises as `regulate`
+        does."""
         ...

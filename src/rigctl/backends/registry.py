@@ -1,4 +1,4 @@
-"""Backends by name; each is imported when it is chosen, and not before."""
+"""Backends by name; each is imported only when it is selected."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ def create_backend(
     rig: the bench's description.
     choice: one of `backend_names`.
     clock: the clock that the backend waits on.
-    options: what the command line says; each backend's ``create`` lists those it knows. The rig file's own
-        options hold where the command line is silent, for the kind of backend that they were written for.
+    options: from the command line; each backend's ``create`` lists those it knows. They have precedence over
+        those of the rig file, which apply only to the kind of backend for which they were written.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def create_backend(
 
 
 def address_of(rig: Rig, port: str | None) -> Address:
-    """Where the device of a rig file is, on the port that the file or `port` names; nothing is opened.
+    """The address of a rig file's device, on the port that the file or `port` names; nothing is opened.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def address_of(rig: Rig, port: str | None) -> Address:
 
 
 def other_readings(rig: Rig) -> Iterator[tuple[str, Rig]]:
-    """What else its file could say of how numbers are written, each with the rig that would say it."""
+    """The alternative number formats that its file could state, each with the corresponding rig."""
     module = import_module(_MODULES[rig.backend_named()])
     if hasattr(module, "other_orders"):
         yield from module.other_orders(rig)

@@ -1,4 +1,4 @@
-"""Make a bench on a serial port from a rig file and the options of a command."""
+"""Makes a bench on a serial port from a rig file and the options of a command."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
 
     Parameters
     ----------
-    rig: its ``backend`` part names port and baud where the options do not.
+    rig: its ``backend`` part gives the defaults of port and baud.
     clock: real.
     options: any of
         ``port`` (a device or a pyserial URL), ``baud``;
@@ -53,7 +53,7 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
 
 
 def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
-    """Which port, and how fast.
+    """The port and the baud rate.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""A device that is spoken to in lines, as its rig file describes it."""
+"""A device with a line-based text protocol, described by its rig file."""

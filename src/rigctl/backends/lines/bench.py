@@ -1,4 +1,4 @@
-"""A bench whose device is spoken to in lines, as the runner sees it: asked for each sample."""
+"""The backend of a device with a line-based text protocol, which is queried for each sample."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _SAFE_ANSWER = 0.2  # s for the answer to each command that makes safe: one seco
 
 @dataclass(slots=True)
 class _Order:
-    """A command that the device has not answered yet.
+    """A command that the device has not yet answered.
 
     Parameters
     ----------
@@ -44,21 +44,20 @@ class _Order:
 class LineBench(PortBench[Talk]):
     """A `Backend` for a device that is described by the rig file's ``backend.lines``, on any `Port`.
 
-    A sample is what the device answers when it is asked, stamped with the middle of the time that the
-    questions took. A device has no memory of what it was not asked: a sample that could not be taken in its
-    time is a gap. The line carries one question at a time: a command that comes while a sample is being asked
-    for waits for it, and only what makes safe does not.
+    A sample consists of the device's answers, with the middle of the time of the queries as its time stamp. A
+    device does not buffer: a sample that could not be taken in time is a gap. The line carries one query at a
+    time: a command waits for a sample in progress; only commands that make outputs safe do not.
 
     Parameters
     ----------
-    rig, lines: what there is, and how it is spoken to.
-    clock: what waits are counted on.
+    rig, lines: the bench, and the protocol of its device.
+    clock: for waiting.
     connect: opens the port; called again when it was lost.
     kind: ``serial`` or ``emulated``, for the identity.
     reconnect: s for a lost device to come back.
-    by_hand: told when the operator turns something, where the operator is emulated too.
-    duty: where what is known of the outputs is kept for the guard.
-    without_host: what becomes of the outputs when nobody can reach the device.
+    by_hand: called when the operator turns something, if the operator is emulated too.
+    duty: keeps the known state of the outputs for the supervisor.
+    without_host: what happens to the outputs when the device cannot be reached.
     """
 
     timed = False
@@ -114,7 +113,7 @@ class LineBench(PortBench[Talk]):
         return Meeting(port, talk.take, self._begin(talk))
 
     def _begin(self, talk: Talk) -> Conversation[Talk]:
-        """Take a device that answers: the one that was there before, set up, safe."""
+        """Accept a device that answers: check that it is the same, set it up, make it safe."""
         found = yield from handshake(talk, self.clock, self._lines)
         known = {name: text for name, text in self.identity.items() if name in found}
         if known and known != found:
@@ -135,7 +134,7 @@ class LineBench(PortBench[Talk]):
     # --- making safe --------------------------------------------------------------------------------------
 
     def safe(self) -> None:
-        """Bring every output to the rig's safe state, now; a sample that is being asked for is asked anew."""
+        """Bring every output to the rig's safe state now; a sample in progress is queried again."""
         self._interrupted = self._job is not None
         if self._interrupted and self._order is None:
             self._index -= 1
@@ -157,9 +156,9 @@ class LineBench(PortBench[Talk]):
             raise trouble
 
     def _making_safe(self, talk: Talk) -> Conversation[PortLost | Refused | None]:
-        """Send all that makes safe, whatever becomes of each.
+        """Send all commands that make outputs safe, even if some of them fail.
 
-        Once a device is silent its answers are not waited for any more: all of it takes a second at most.
+        Once a device is silent its answers are no longer waited for: this takes one second at most.
         """
         first: PortLost | Refused | None = None
         silent = False
@@ -187,7 +186,7 @@ class LineBench(PortBench[Talk]):
     # --- commands -----------------------------------------------------------------------------------------
 
     def _put(self, actuator: str, value: float, duration: float | None, *, asked_for: bool) -> PendingCommand:
-        """Send a command, or let it wait for the answer to what the device is being asked."""
+        """Send a command, or let it wait for the answer to the query in progress."""
         if self._distrust:
             raise BackendLost(self._distrust)
         talk = self._check_reach()
@@ -207,7 +206,8 @@ class LineBench(PortBench[Talk]):
         return pending
 
     def _replace(self, actuator: str) -> None:
-        """A newer command comes: one that was not sent yet is dropped, one that was is not waited for."""
+        """Supersede earlier commands: one not yet sent is dropped, one that was sent is no longer waited
+        for."""
         for order in [order for order in self._orders if order.pending.actuator == actuator]:
             self._orders.remove(order)
             order.pending.trouble = OutOfReach("another command came before it was sent")
@@ -215,7 +215,7 @@ class LineBench(PortBench[Talk]):
             self._order.asked_for = False
 
     def _carry_out(self, talk: Talk, order: _Order) -> Conversation[None]:
-        """Set an actuator, and note what the device says of it."""
+        """Set an actuator, and record the device's answer."""
         pending = order.pending
         try:
             receipt = yield from self._setter.setting(talk, pending.actuator, pending.value)
@@ -233,7 +233,7 @@ class LineBench(PortBench[Talk]):
         self._answered = self._answered or order.asked_for
 
     def _drop_orders(self, why: str) -> None:
-        """Leave what the device is being asked, and what was to come next; no answer is waited for."""
+        """Abandon the query in progress and those that follow; no answer is waited for."""
         if self._job is not None:
             self._job.drop()
         dropped = [*([self._order] if self._order is not None else []), *self._orders]
@@ -246,11 +246,11 @@ class LineBench(PortBench[Talk]):
     # --- time passes --------------------------------------------------------------------------------------
 
     def _advance(self, talk: Talk, until: float) -> None:
-        """Go on with what the device is being asked, or with what is due."""
+        """Continue the query in progress, or start what is due."""
         self._attempt(lambda: self._go_on(talk, until))
 
     def _attempt(self, action: Callable[[], object]) -> None:
-        """Do something on the line; a guard that has acted and a refusal are no losses of it."""
+        """Use the line; an action of the supervisor or a refusal does not count as a loss of contact."""
         try:
             action()
         except GuardActed as acted:
@@ -271,7 +271,7 @@ class LineBench(PortBench[Talk]):
         self._finish_job()
 
     def _begin_next(self, talk: Talk) -> None:
-        """Begin with what comes first: commands, then what keeps the device awake, then the sample."""
+        """Start what is due first: commands, then the keep-alive message, then the sample."""
         now = self.clock.now()
         keep_alive = self._lines.keep_alive
         if self._orders:
@@ -295,7 +295,7 @@ class LineBench(PortBench[Talk]):
         return self._start + self._index / self._rate if self._rate else math.inf
 
     def _keep_alive_due(self, talk: Talk) -> float:
-        """When the device has to be spoken to, s."""
+        """When the next keep-alive message is due, s."""
         return math.inf if self._lines.keep_alive is None else talk.last_sent + self._lines.keep_alive.every
 
     # --- samples ------------------------------------------------------------------------------------------
