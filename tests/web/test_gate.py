@@ -48,6 +48,17 @@ def test_another_origin_is_refused(served: Served, cookie: str, origin: str) -> 
         assert served.ask(method, path, {"token": served.token}, headers=headers, cookie=cookie)[0] == 403
 
 
+@pytest.mark.parametrize(
+    "asked", [b"", b"GET / HTTP/1.1\r\nHost: 127", b"GET / HTTP/1.1\r\nHost: x\r\n\r\nGET / HT"]
+)
+def test_whoever_asks_nothing_is_not_waited_for(served: Served, asked: bytes) -> None:
+    """So many connections are served at once, and these keep everybody else out: from stopping a run, too."""
+    with socket.create_connection(("127.0.0.1", served.port), timeout=60.0) as line:
+        line.sendall(asked)
+        while line.recv(65536):  # until it is closed from there
+            pass
+
+
 def test_what_does_something_needs_an_origin(served: Served, cookie: str) -> None:
     assert served.ask("POST", "/api/session", {"token": served.token}, cookie=cookie)[0] == 403
     assert served.ask("DELETE", "/api/jobs/x", cookie=cookie)[0] == 403

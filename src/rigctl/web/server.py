@@ -103,6 +103,7 @@ def serve(settings: Settings, started: Callable[[str], None], ends: Callable[[],
         from rigctl.web.app import application
         from rigctl.web.gate import Keys
         from rigctl.web.jobs import Jobs
+        from rigctl.web.patience import PatientProtocol
         from rigctl.web.site import Site
 
         port = int(listener.getsockname()[1])
@@ -112,7 +113,7 @@ def serve(settings: Settings, started: Callable[[str], None], ends: Callable[[],
         app = application(site, keys, host_names(settings, port), secure=settings.secure)
         config = uvicorn.Config(
             app,
-            http="h11",
+            http=PatientProtocol,
             ws="websockets-sansio",
             ws_max_size=1 << 16,
             ws_per_message_deflate=False,
