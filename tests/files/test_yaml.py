@@ -140,6 +140,12 @@ def test_a_large_file_is_refused(tmp_path: Path) -> None:
         read_document(path)
 
 
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="POSIX has this device, Windows has not")
+def test_a_device_that_never_ends_is_refused() -> None:
+    with pytest.raises(RigctlError, match="at most 1 MiB"):
+        read_document(Path("/dev/zero"))
+
+
 def test_a_file_that_is_not_utf_8_is_located(tmp_path: Path) -> None:
     path = tmp_path / "latin.yaml"
     path.write_bytes("a: 1\nb: 20 °C\n".encode("latin-1"))

@@ -69,7 +69,8 @@ def read_document(path: Path) -> Document:
             raise RigctlError("this is a folder", expected="a YAML file", where=where)
         if path.stat().st_size > MAX_BYTES:
             raise _too_large(where)
-        content = path.read_bytes()
+        with path.open("rb") as file:  # no further than the limit: a device or a pipe might never end
+            content = file.read(MAX_BYTES + 1)
     except FileNotFoundError as problem:
         raise RigctlError("there is no such file", value=str(path), where=where) from problem
     except (OSError, ValueError) as problem:
