@@ -76,7 +76,7 @@ def test_base_physics_is_shown_by_taking_it_away() -> None:
 
 
 def test_an_effect_that_needs_another_is_shown_beside_it() -> None:
-    assert "no influence on any reading by itself" in said("effects", "show", "barus")
+    assert "Alone it has no influence on any reading" in said("effects", "show", "barus")
     assert "position: largest -" in said("effects", "show", "barus", "--with", "piston_leakage")
 
 
