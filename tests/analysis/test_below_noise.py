@@ -158,4 +158,4 @@ def test_a_noise_three_times_too_large_is_no_agreement() -> None:
     assert "below its noise" in found.doubt
     assert found.document()["doubt"] == found.doubt
     assert not [line for line in found.evidence if "might not be seen" in line]
-    assert "cannot tell" in _statement("m", before.adequacy, (), "")
+    assert "they cannot decide" in _statement("m", before.adequacy, (), "")

@@ -154,7 +154,7 @@ def test_other_runs_and_half_a_call_are_refused(bench: str) -> None:
     assert "no check of a schedule" in refusal("compensate", bench, "--judge")
     assert "--over" in refusal("compensate", bench, "--keep", "stroke = 95 mm")
     assert "from its records" in refusal("compensate", bench, "--judge", "--vary", "supply_pressure")
-    with pytest.raises(RigctlError, match="no kind of file"):
+    with pytest.raises(RigctlError, match="not a file format for a schedule"):
         told("compensate", bench, "--model", MODEL, *WANTED, "-o", "schedule.txt")
 
 

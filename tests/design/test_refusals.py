@@ -95,7 +95,10 @@ def test_where_nothing_can_be_set_the_sensor_that_would_tell_is_named(run: str) 
     told_of = ("--separate", "gain_of_air,gain_of_water")
     said = refusal("design", run, "--model", "models/pond.yaml", *told_of)
     assert "no condition of the rig 'pond' can be set" in said
-    assert "With second_thermometer (about 30 EUR) the records so far, taken again, would name" in said
+    assert (
+        "With second_thermometer (about 30 EUR) the records so far, taken again, would identify the right one"
+        in said
+    )
 
 
 def test_learning_ends_there_with_the_sensor_and_measures_nothing(run: str) -> None:

@@ -47,7 +47,7 @@ def test_what_no_record_tells_apart_is_said_to_be_so_with_the_sensor_that_would(
     of its motion, or of what drives it, says."""
     assert designed["separates"] == [["position_thermal_drift", "flow_area_thermal_drift"]]
     assert designed["probability"] < 0.5
-    assert "not to be told apart" in designed["statement"].lower()
+    assert "not reliably distinguished" in designed["statement"].lower()
     best = designed["sensor"]
     assert best["probability"] > 0.5
     assert set(best["channels"]) <= {"velocity", "pressure_a", "pressure_b"}

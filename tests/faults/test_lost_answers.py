@@ -82,7 +82,7 @@ def test_an_interlock_trips_while_a_command_has_no_answer(
     assert "about to reach its end stop" in done.result.reason
     assert [value for _, name, value in stand.seen if name == "heater"] == [1.0, 0.0], "it was switched on"
     off = max(time for time, name, value in stand.seen if name == "valve" and value == 0.0)
-    assert off < end + LOOK
+    assert off < end + 1.5 * LOOK  # the looks of the two runs need not fall on the same instants
     times = [time for time in samples_of(done) if end - 0.5 < time < end]
     assert max(later - earlier for earlier, later in pairwise(times)) < 1.5 * LOOK
     assert stand.on_after(off) == []

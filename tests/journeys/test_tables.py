@@ -80,7 +80,7 @@ def test_the_published_viscosities_beside_vogels_law(viscosity: str) -> None:
     channel = found["channels"]["kinematic_viscosity"]
     assert channel["unit"] == "cSt"
     assert channel["noise_share"] == pytest.approx(0.0072, abs=1e-4)
-    assert any("dynamic_viscosity" in note and "worked out" in note for note in found["notes"])
+    assert any("dynamic_viscosity" in note and "computed from" in note for note in found["notes"])
     assert any("0.72 % of the value" in note for note in found["notes"])
     rows = found["rows"]
     assert [row["condition"] for row in rows[:2]] == ["20 degC", "25 degC"]

@@ -117,7 +117,7 @@ def test_noise_of_a_bench_that_never_rests_is_learned_from_what_its_model_leaves
     channel = found.model.channels[0]
     assert channel.sigma == pytest.approx(sigma, rel=0.08)
     assert (channel.source, channel.guessed) == ("residuals", False)
-    assert "from what the model leaves" in found.model.statement
+    assert "from the model's residuals" in found.model.statement
     # a model that leaves as much as the noise is no reason to doubt it
     wrong = [one + 2.0 * before.sigma for one in outputs]
     assert with_noise_off_model(noise, measurements, wrong) is None
