@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -91,47 +91,19 @@ def _carried_out(
     tier: TierName, out: Path, first: int | None, workers: Workers, *, resume: bool
 ) -> tuple[Figures, Path]:
     """The figures of the tier's trials, and the file that keeps every one of them."""
+    from rigctl.files.write import write_text
+    from rigctl.validation.tier_definition import tier_definition
+
     path = out / f"{tier.value}.jsonl"
-    if tier is TierName.ANYONE:
-        from rigctl.validation.anyone.rates import bench_figures
-        from rigctl.validation.anyone.tier import bench_trials
-        from rigctl.validation.anyone.trial import BenchTrial
-        from rigctl.validation.anyone.work import carry_out_trial
-
-        trials = bench_trials()[:first]
-        outcomes = _outcomes(trials, carry_out_trial, path, BenchTrial.read, workers, resume=resume)
-        return bench_figures(outcomes), path
-    if tier is TierName.DISCOVERY:
-        from rigctl.validation.planted.rates import planted_figures
-        from rigctl.validation.planted.trial import PlantedTrial, planted_trials
-        from rigctl.validation.planted.work import carry_out_planted
-
-        planted = planted_trials()[:first]
-        found = _outcomes(planted, carry_out_planted, path, PlantedTrial.read, workers, resume=resume)
-        return planted_figures(found), path
+    definition = tier_definition(tier.value)
+    trials = definition.trials[:first]
+    outcomes = _outcomes(trials, definition.carry_out, path, definition.read, workers, resume=resume)
     if tier is TierName.DESIGN:
-        from rigctl.files.write import write_text
         from rigctl.validation.designed.picture import calibration_svg
-        from rigctl.validation.designed.rates import design_figures, promises
-        from rigctl.validation.designed.trial import DesignTrial, design_trials
-        from rigctl.validation.designed.work import carry_out_design
+        from rigctl.validation.designed.rates import promises
 
-        designed = design_trials()[:first]
-        learnt = _outcomes(designed, carry_out_design, path, DesignTrial.read, workers, resume=resume)
-        write_text(out / "promises.svg", calibration_svg(tuple(promises(learnt))))
-        return design_figures(learnt), path
-    from rigctl.validation.rates import figures
-    from rigctl.validation.scenario import Scenario
-    from rigctl.validation.tiers import Tier, scenarios
-    from rigctl.validation.work import carry_out
-
-    chosen = scenarios(cast("Tier", tier.value))[:first]
-    judged = _outcomes(chosen, carry_out, path, Scenario.read, workers, resume=resume)
-    if tier is TierName.SHAPE:
-        from rigctl.validation.shape_rates import shape_figures
-
-        return shape_figures(judged), path
-    return figures(judged), path
+        write_text(out / "promises.svg", calibration_svg(tuple(promises(outcomes))))
+    return definition.figures(outcomes), path
 
 
 def _outcomes(

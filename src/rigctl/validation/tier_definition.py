@@ -1,0 +1,63 @@
+"""What a tier of the benchmark consists of: its trials, how one is carried out, and what is counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias
+
+from rigctl.validation.outcome import AnyTrial, TrialOutcome
+
+if TYPE_CHECKING:
+    from rigctl.validation.figures import Figures
+
+TierName: TypeAlias = Literal["quick", "full", "anyone", "shape", "discovery", "design"]
+
+
+@dataclass(frozen=True)
+class TierDefinition(Generic[AnyTrial]):
+    """One tier.
+
+    Attributes
+    ----------
+    trials: in an order in which the first N are a representative sample of all.
+    carry_out: makes the campaign of a trial, and returns what the tool answered.
+    read: makes a trial from plain data.
+    figures: the rates of some outcomes, with their targets.
+    """
+
+    trials: tuple[AnyTrial, ...]
+    carry_out: Callable[[AnyTrial], TrialOutcome[AnyTrial]]
+    read: Callable[[Mapping[str, Any]], AnyTrial]
+    figures: Callable[[Sequence[TrialOutcome[AnyTrial]]], Figures]
+
+
+def tier_definition(name: TierName) -> TierDefinition[Any]:
+    """The tier of a name; only what it needs is imported."""
+    if name == "anyone":
+        from rigctl.validation.anyone.rates import bench_figures
+        from rigctl.validation.anyone.tier import bench_trials
+        from rigctl.validation.anyone.trial import BenchTrial
+        from rigctl.validation.anyone.work import carry_out_trial
+
+        return TierDefinition(bench_trials(), carry_out_trial, BenchTrial.read, bench_figures)
+    if name == "discovery":
+        from rigctl.validation.planted.rates import planted_figures
+        from rigctl.validation.planted.trial import PlantedTrial, planted_trials
+        from rigctl.validation.planted.work import carry_out_planted
+
+        return TierDefinition(planted_trials(), carry_out_planted, PlantedTrial.read, planted_figures)
+    if name == "design":
+        from rigctl.validation.designed.rates import design_figures
+        from rigctl.validation.designed.trial import DesignTrial, design_trials
+        from rigctl.validation.designed.work import carry_out_design
+
+        return TierDefinition(design_trials(), carry_out_design, DesignTrial.read, design_figures)
+    from rigctl.validation.rates import figures
+    from rigctl.validation.scenario import Scenario
+    from rigctl.validation.shape_rates import shape_figures
+    from rigctl.validation.tiers import scenarios
+    from rigctl.validation.work import carry_out
+
+    counted = shape_figures if name == "shape" else figures
+    return TierDefinition(scenarios(name), carry_out, Scenario.read, counted)
