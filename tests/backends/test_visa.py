@@ -73,6 +73,39 @@ def test_what_nobody_asked_for_is_no_answer() -> None:
         thread.join()
 
 
+def _answering(listening: socket.socket, answers: list[list[bytes]]) -> None:
+    """An instrument that gives each question the next answer, in pieces; the last one without end."""
+    while answers:
+        line, _ = listening.accept()
+        with suppress(OSError), line, line.makefile("rb") as asked:
+            for _ in asked:
+                *pieces, last = answers.pop(0)
+                for piece in pieces:
+                    line.sendall(piece)
+                    time.sleep(0.4)  # longer than the time-out
+                line.sendall(last)
+                while not answers:
+                    line.sendall(last)
+
+
+def test_an_answer_counts_when_its_end_has_come() -> None:
+    """Half an answer was taken for a whole number, and one without end filled the memory."""
+    with ScpiServer(RIG) as server:
+        known = settings(server, timeout=0.2)
+    answers = [[b"1\n"], [b"1", b"2.5\n"], [b"3\n"], [b"+1.234E+01,"]]
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        thread = threading.Thread(target=_answering, args=(listening, answers))
+        thread.start()
+        client = VisaClient(f"TCPIP::127.0.0.1::{listening.getsockname()[1]}::SOCKET", known)
+        assert client.answer("A?") == "1"
+        assert client.answer("A?") is None
+        assert client.answer("A?") == "3"
+        with pytest.raises(PortLost, match=r"does not end within 4096 bytes, with '\\n'"):
+            client.answer("A?")
+        client.close()
+        thread.join()
+
+
 def test_nobody_there_is_said() -> None:
     with ScpiServer(RIG) as server:
         port, known = server.port, settings(server)

@@ -15,6 +15,9 @@ from rigctl.clock import Clock
 #: ms, the shortest time-out; and lines that nobody asked for, after which an instrument is given up
 _AT_ONCE = 1
 _UNASKED = 100
+#: bytes of an answer, beyond which its end is not waited for; and read at a time where only a character ends it
+_LONGEST = 4096
+_PIECE = 256
 
 
 def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
@@ -55,7 +58,11 @@ class VisaClient:
         try:
             self._discard()
             self._instrument.write(line)
-            return str(self._instrument.read()).strip() if "?" in line else None
+            if "?" not in line:
+                return None
+            answer = self._message()
+            if answer is not None:
+                return answer.strip()
         except self._errors as error:
             if not (isinstance(error, self._io_error) and error.error_code == self._time_out):
                 raise PortLost(f"{self._name}: {error}") from None
@@ -69,6 +76,33 @@ class VisaClient:
         """Let it go."""
         self._instrument.close()
         self._manager.close()
+
+    def _message(self) -> str | None:
+        """What the instrument sends, up to its end; None for the beginning of a message that went silent.
+
+        A socket or a serial line has nothing but a character for the end of a message: PyVISA would wait for it
+        in any amount of data, and take the beginning "1" of "12.5" for the whole.
+
+        Raises
+        ------
+        PortLost
+            the message does not end.
+        """
+        ends = self._settings["reply_ends"] if self._of_bytes else ""
+        data = self._instrument.read_bytes(
+            _LONGEST, chunk_size=_PIECE if self._of_bytes else None, break_on_termchar=True
+        )
+        text = data.decode("ascii", "replace")
+        if ends and text.endswith(ends):
+            return str(text.removesuffix(ends))
+        if len(data) >= _LONGEST:
+            raise PortLost(f"{self._name}: its answer does not end within {_LONGEST} bytes, with {ends!r}")
+        return None if ends else text
+
+    @property
+    def _of_bytes(self) -> bool:
+        name = self._name.upper()
+        return name.endswith("::SOCKET") or name.startswith("ASRL")
 
     def _discard(self) -> None:
         """Throw away what nobody asked for.
@@ -87,7 +121,7 @@ class VisaClient:
         self._instrument.timeout = _AT_ONCE
         try:
             for _ in range(_UNASKED):
-                self._instrument.read()
+                self._message()
         except self._io_error as error:
             if error.error_code != self._time_out:
                 raise
