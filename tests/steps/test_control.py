@@ -153,6 +153,26 @@ def test_feed_forward_from_a_model_takes_away_what_a_gain_alone_leaves(tmp_path:
     assert abs(left[1]) < 0.2
 
 
+def test_a_feed_forward_without_a_value_is_not_zero(press: Callable[..., RunLog]) -> None:
+    """It counted as 0; one that is undefined for a while keeps its newest value."""
+    formula = "setpoint*sqrt(-1 - setpoint/(1 bar))"
+    never = press(f"to: 20 bar, gain: 0, feed_forward: {formula}, for: 20 s", rate=10)
+    assert never.result.status == "failed"
+    assert f"has no value: '{formula}' is undefined" in str(never.result.reason)
+    assert 1.0 <= never.result.duration < 3.0
+    assert not any(value for _, value in never.commands("relief_valve"))
+    # on the ramp from 0 to 20 bar it is defined below 12 bar only
+    partly = press(
+        "to: 20 bar, ramp: 10 bar/s, gain: 0, for: 3 s, "
+        "feed_forward: setpoint + 0 bar*sqrt(12 - setpoint/(1 bar))",
+        rate=10,
+    )
+    assert partly.result.status == "finished"
+    assert max(value for _, value in partly.commands("relief_valve")) == pytest.approx(12 * BAR, abs=1e5)
+    notes = [one for one in partly.messages("note") if "was undefined at" in one]
+    assert len(notes) == 1
+
+
 def test_it_settles_or_says_what_it_saw(tmp_path: Path) -> None:
     pi = "gain: 10 %/K, integral: 0.1 %/(K*s)"
     done = heat(tmp_path, f"to: 35 degC, {pi}, within: 0.5 K, settle: 30 s, timeout: 15 min")

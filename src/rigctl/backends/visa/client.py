@@ -15,7 +15,7 @@ from rigctl.clock import Clock
 #: ms, the shortest time-out; and lines that nobody asked for, after which an instrument is given up
 _AT_ONCE = 1
 _UNASKED = 100
-#: bytes of an answer, beyond which its end is not waited for; and read at a time where only a character ends it
+#: longest answer, bytes; and bytes read at a time where only a character ends it
 _LONGEST = 4096
 _PIECE = 256
 
@@ -80,8 +80,8 @@ class VisaClient:
     def _message(self) -> str | None:
         """What the instrument sends, up to its end; None for the beginning of a message that went silent.
 
-        A socket or a serial line has nothing but a character for the end of a message: PyVISA would wait for it
-        in any amount of data, and take the beginning "1" of "12.5" for the whole.
+        On a socket or a serial line only a character ends a message: PyVISA would wait for it in any amount
+        of data, and take the beginning "1" of "12.5" for the whole.
 
         Raises
         ------

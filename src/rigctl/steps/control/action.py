@@ -22,6 +22,8 @@ from rigctl.steps.settling import Settling
 
 #: share of the loop's period by which an update may be early, for rounding of times on the sampling grid
 EARLY = 0.01
+#: s, or if longer so many periods, for which a loop may wait for the first value of its feed-forward
+_UNDEFINED, _UNDEFINED_PERIODS = 1.0, 10.0
 #: the values that are kept about a loop, and their units
 KEPT = {"jitter_p50": "ms", "jitter_p99": "ms", "jitter_max": "ms", "latency_p99": "ms", "saturated": "%"}
 
@@ -69,7 +71,7 @@ class Control(Action):
         Raises
         ------
         StepFailed
-            the reading has not settled in time, or the loop oscillates.
+            the reading has not settled in time, the loop oscillates, or its feed-forward has no value.
         """
         slower = bench.rate if not bench.recording else None
         if slower is not None:
@@ -77,12 +79,14 @@ class Control(Action):
             bench.start(bench.needed_rate)
         bench.regulated.add(self.actuator)
         timing = Timing(self.period)
+        watch = Watch(self, bench)
         try:
-            yield from self._loop(bench, timing)
+            yield from self._loop(bench, watch, timing)
         finally:
             bench.regulated.discard(self.actuator)
             bench.needed_rate = 0.0
             self.keep(bench, timing.values())
+            watch.tell_of_undefined()
             if timing.missed:
                 bench.event("note", f"{timing.missed} readings of {self.channel} could not be used")
             if slower is not None and bench.reachable:
@@ -91,11 +95,11 @@ class Control(Action):
             bench.release(self.actuator)
         return Outcome.COMPLETE
 
-    def _loop(self, bench: Bench, timing: Timing) -> Generator[Until, Row | None, None]:
+    def _loop(self, bench: Bench, watch: Watch, timing: Timing) -> Generator[Until, Row | None, None]:
         column = bench.columns[self.channel]
         possible = bench.rig.channels[self.channel].possible
         first = bench.commanded.get(self.actuator, bench.safe_value(self.actuator))
-        loop = _Loop(self, bench, first)
+        loop = _Loop(self, bench, watch, first)
         begin = bench.now
         end = begin + self.longest
         due = -math.inf
@@ -110,7 +114,7 @@ class Control(Action):
                     timing.missed += 1
             row = yield Until(end, every_sample)
             if row is None and bench.now >= end:
-                loop.watch.give_up()
+                watch.give_up()
                 return
 
     def keep(self, bench: Bench, values: Iterable[tuple[str, float, str]]) -> None:
@@ -135,7 +139,9 @@ class Watch:
     def __init__(self, action: Control, bench: Bench) -> None:
         self._action, self._bench = action, bench
         self._feed_forward = action.feed_forward.on(bench) if action.feed_forward is not None else None
-        self._ahead = 0.0  # the newest defined value of the formula
+        self._ahead: float | None = 0.0 if action.feed_forward is None else None  # its newest defined value
+        self._undefined = 0  # updates without one
+        self._waiting = math.inf  # since when for the first one, s
         self._detector = OscillationDetector(action.oscillation)
         self._start: tuple[float, float] | None = None
         self._settling: Settling | None = None
@@ -153,12 +159,41 @@ class Watch:
         way = ramp * (time - began)
         return min(first + way, target) if target >= first else max(first - way, target)
 
-    def ahead(self, row: Row, setpoint: float) -> float:
-        """The feed-forward; where the formula is undefined, its newest defined value."""
-        if self._feed_forward is not None:
-            ahead = self._feed_forward(row, setpoint)
-            self._ahead = ahead if math.isfinite(ahead) else self._ahead
+    def ahead(self, row: Row, setpoint: float) -> float | None:
+        """The feed-forward; where the formula is undefined, its newest value, or None before the first.
+
+        Raises
+        ------
+        StepFailed
+            it has had no value since the start of the loop.
+        """
+        if self._feed_forward is None:
+            return self._ahead
+        ahead = self._feed_forward(row, setpoint)
+        if math.isfinite(ahead):
+            self._ahead = ahead
+            return ahead
+        self._undefined += 1
+        if self._ahead is None:
+            self._waiting = min(self._waiting, row[0])
+            if row[0] - self._waiting >= max(_UNDEFINED, _UNDEFINED_PERIODS * self._action.period):
+                raise StepFailed(
+                    f"the feed-forward of the loop has no value: '{self._formula}' is undefined with these "
+                    "readings and constants"
+                )
         return self._ahead
+
+    def tell_of_undefined(self) -> None:
+        """Log how often the feed-forward had no value."""
+        if self._undefined and self._ahead is not None:
+            self._bench.event(
+                "note",
+                f"'{self._formula}' was undefined at {self._undefined} updates, which used its newest value",
+            )
+
+    @property
+    def _formula(self) -> str:
+        return self._action.feed_forward.expression.text if self._action.feed_forward is not None else ""
 
     def settled(self, time: float, setpoint: float, value: float) -> bool:
         """Whether the reading has settled.
@@ -195,10 +230,9 @@ class Watch:
 class _Loop:
     """The state of a loop on the host between updates."""
 
-    def __init__(self, action: Control, bench: Bench, output: float) -> None:
-        self._action, self._bench = action, bench
+    def __init__(self, action: Control, bench: Bench, watch: Watch, output: float) -> None:
+        self._action, self._bench, self._watch = action, bench, watch
         self._pid = Pid(action.gains, action.bounds, output, bumpless=action.bumpless)
-        self.watch = Watch(action, bench)
 
     def update(self, row: Row, value: float, timing: Timing) -> bool:
         """One update of the output; True when the reading has settled.
@@ -206,13 +240,17 @@ class _Loop:
         Raises
         ------
         StepFailed
-            the loop oscillates.
+            the loop oscillates, or its feed-forward has no value.
         """
         time = row[0]
-        setpoint = self.watch.setpoint(time, value)
-        output = self._pid.update(time, value, setpoint, self.watch.ahead(row, setpoint))
+        setpoint = self._watch.setpoint(time, value)
+        ahead = self._watch.ahead(row, setpoint)
+        if ahead is None:  # the output stays as it was before the loop
+            timing.missed += 1
+            return False
+        output = self._pid.update(time, value, setpoint, ahead)
         name = self._action.actuator
         if not self._bench.is_at(name, output):
             self._bench.try_switch(name, output)
         timing.add(time, self._bench.now, saturated=self._pid.saturated)
-        return self.watch.settled(time, setpoint, value)
+        return self._watch.settled(time, setpoint, value)

@@ -96,25 +96,26 @@ class ControlOnBoard(Control):
             bench.start(bench.needed_rate)
         bench.regulated.add(self.actuator)
         state = LoopState(False, None)
+        watch = Watch(self, bench)
         try:
-            yield from self._look_on(bench)
+            yield from self._look_on(bench, watch)
             yield from bench.stop_regulating(self.actuator)
         finally:  # whatever else ends it has made the outputs safe, and so ended the loop
             state = bench.loop_state()
             bench.regulated.discard(self.actuator)
             bench.needed_rate = 0.0
             self._keep_figures(bench, state)
+            watch.tell_of_undefined()
             if slower is not None and bench.reachable:
                 bench.start(slower)
         if not self.stay:
             bench.release(self.actuator)
         return Outcome.COMPLETE
 
-    def _look_on(self, bench: Bench) -> Generator[Until, Row | None, None]:
+    def _look_on(self, bench: Bench, watch: Watch) -> Generator[Until, Row | None, None]:
         """Start the loop, and monitor its samples until its time is over."""
         column = bench.columns[self.channel]
         possible = bench.rig.channels[self.channel].possible
-        watch = Watch(self, bench)
         end = bench.now + self.longest
         row: Row | None = yield from bench.fresh()
         begun = False
@@ -123,7 +124,9 @@ class ControlOnBoard(Control):
                 value = row[column]
                 setpoint = watch.setpoint(row[0], value)
                 ahead = watch.ahead(row, setpoint)
-                if not bench.loop_state(ahead).running:  # not started yet, or contact was lost
+                if ahead is None:
+                    pass  # the loop is started with the first value of its feed-forward
+                elif not bench.loop_state(ahead).running:  # not started yet, or contact was lost
                     yield from bench.regulate(self.settings(ahead))
                     if bench.loop_state().running:
                         end = end if begun else bench.now + self.longest
