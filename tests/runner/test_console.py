@@ -112,6 +112,14 @@ def test_bare_numbers_are_in_the_questions_unit() -> None:
         read_answer(question, "warm")
 
 
+@pytest.mark.parametrize("typed", ["nan", "NaN", "inf", "-inf", "1e400", "1e400 s"])
+def test_an_answer_is_a_finite_number(typed: str) -> None:
+    """NaN is neither below nor above any bound."""
+    for low, high in ((1.0, 600.0), (None, None)):
+        with pytest.raises(RigctlError):
+            read_answer(Question("Time?", name="time", unit="s", low=low, high=high), typed)
+
+
 def test_a_simulated_operator_needs_to_know_what_to_answer() -> None:
     operator = AutomaticOperator()
     answer = operator.ask(TIME)

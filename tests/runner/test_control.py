@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from rigctl.errors import RigctlError
-from rigctl.runner.control import CONTROL_NAME, ControlFile, send
+from rigctl.runner.control import CONTROL_NAME, ControlFile, send, write_line
 from rigctl.runner.requests import Request
 from rigctl.runner.view import View
 
@@ -73,6 +73,30 @@ def test_lines_that_are_no_requests_are_passed_over(tmp_path: Path) -> None:
         file.write(': "continue"}\n')
     control._next_poll = 0.0
     assert [order.request for order in control.poll()] == [Request.CONTINUE]
+
+
+@pytest.mark.parametrize(
+    "before",
+    ["[" * 4000 + "\n", "x" * 10_000 + "\n", "x" * 300_000 + "\n", "x" * 262_144 + "\n"],
+    ids=["nested", "long", "very long", "as long as is read at once"],
+)
+def test_no_line_hides_the_request_after_it(tmp_path: Path, before: str) -> None:
+    control = ControlFile(tmp_path)
+    for part in (before[:-1], "\n" + '{"request": "abort"}\n'):
+        with (tmp_path / CONTROL_NAME).open("a", encoding="utf-8", newline="\n") as file:
+            file.write(part)
+        orders = []
+        for _ in range(3):
+            control._next_poll = 0.0
+            orders += control.poll()
+    assert [order.request for order in orders] == [Request.ABORT]
+
+
+def test_a_line_that_no_run_would_read_is_not_written(control: ControlFile, tmp_path: Path) -> None:
+    write_line(tmp_path, {"text": "ä" * 2000}, "answer")
+    with pytest.raises(RigctlError, match="the answer is too long"):
+        write_line(tmp_path, {"text": "ä" * 2100}, "answer")
+    assert len((tmp_path / CONTROL_NAME).read_bytes().splitlines()) == 1
 
 
 def test_the_heartbeat_says_what_the_run_is_doing(control: ControlFile, tmp_path: Path) -> None:

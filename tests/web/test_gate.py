@@ -86,6 +86,15 @@ def test_without_the_cookie_only_the_empty_page_is_had(served: Served, given: st
     assert served.project.name not in page
 
 
+@pytest.mark.parametrize("others", ['set={"a": 1}', "a[b]=1", "no value", "é=ü", "=", 'open="', "rigctl_1=x"])
+def test_cookies_of_other_servers_of_this_computer_do_not_matter(
+    served: Served, cookie: str, others: str
+) -> None:
+    """A browser sends a host's cookies to all of its ports, and they may have any form."""
+    for sent in (f"{others}; {cookie}", f"{cookie}; {others}"):
+        assert served.ask("GET", "/api/status", cookie=sent)[0] == 200
+
+
 @pytest.mark.parametrize("token", ["", "x", "é" * 43, None, 7, ["a"], "A" * 5000], ids=range(7))
 def test_a_wrong_token_gets_no_cookie(served: Served, token: object) -> None:
     headers = {"Origin": served.base}

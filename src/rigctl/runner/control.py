@@ -20,6 +20,7 @@ from uuid import uuid4
 from rigctl.dataset.writer_lock import STATE_NAME, read_state
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.write import to_json
+from rigctl.runner.appended_lines import LONGEST_LINE, AppendedLines
 from rigctl.runner.requests import Order, Request
 
 if TYPE_CHECKING:
@@ -30,17 +31,14 @@ CONTROL_NAME = "control.jsonl"
 _POLL = 0.2
 #: s of wall time between two heartbeats
 _BEAT = 1.0
-#: longest line that is accepted
-LONGEST_LINE = 4096
 
 
 class ControlFile:
     """The run's side: reads requests, writes the heartbeat. A failure of either never disturbs the run."""
 
     def __init__(self, folder: Path) -> None:
-        self._control = folder / CONTROL_NAME
+        self._lines = AppendedLines(folder / CONTROL_NAME)  # requests to an earlier session are past
         self._state = folder / STATE_NAME
-        self._offset = self._size()  # requests to an earlier session are past
         self._next_poll = self._next_beat = 0.0
         self._acknowledged: deque[dict[str, str]] = deque(maxlen=20)
         self._view: View | None = None
@@ -51,15 +49,9 @@ class ControlFile:
         if now < self._next_poll:
             return ()
         self._next_poll = now + _POLL
-        if self._size() <= self._offset:
-            return ()
-        with suppress(OSError), self._control.open("rb") as file:
-            file.seek(self._offset)
-            content = file.read(64 * LONGEST_LINE)
-            whole = content.rfind(b"\n") + 1
-            self._offset += whole
-            orders = (_read_order(line) for line in content[:whole].splitlines())
-            return [order for order in orders if order is not None]
+        with suppress(OSError):
+            orders = map(_read_order, self._lines.read())
+            return tuple(order for order in orders if order is not None)
         return ()
 
     def acknowledge(self, order: Order, message: str) -> None:
@@ -79,12 +71,6 @@ class ControlFile:
     def close(self) -> None:
         """A last heartbeat, with the final state."""
         self._beat()
-
-    def _size(self) -> int:
-        try:
-            return self._control.stat().st_size
-        except OSError:
-            return 0
 
     def _beat(self) -> None:
         self._next_beat = time.monotonic() + _BEAT
@@ -157,11 +143,16 @@ def write_line(folder: Path, line: Mapping[str, str], called: str) -> None:
     Raises
     ------
     RigctlError
-        the file cannot be written.
+        the line is longer than a run reads, or the file cannot be written.
     """
+    written = json.dumps(line, ensure_ascii=False).encode("utf-8", "replace") + b"\n"
+    if len(written) > LONGEST_LINE:
+        raise RigctlError(
+            f"the {called} is too long", value=f"{len(written)} bytes", expected=f"at most {LONGEST_LINE}"
+        )
     try:
-        with (folder / CONTROL_NAME).open("a", encoding="utf-8", newline="\n") as file:
-            file.write(json.dumps(line) + "\n")
+        with (folder / CONTROL_NAME).open("ab") as file:
+            file.write(written)
     except OSError as problem:
         raise RigctlError(
             f"cannot write the {called}: {problem.strerror}",
@@ -189,13 +180,13 @@ def _await_answer(folder: Path, order_id: str, timeout: float) -> str:
 def _read_order(line: bytes) -> Order | None:
     """A request, or None for any other line: everybody with write access to the folder can add lines."""
     try:
-        fields = json.loads(line[:LONGEST_LINE])
+        fields = json.loads(line)
         return Order(
             Request(fields["request"]),
             source=str(fields.get("source", "another terminal"))[:200],
             id=str(fields.get("id", ""))[:64],
         )
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
 
 

@@ -3,6 +3,7 @@ script."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Protocol
 
@@ -32,7 +33,7 @@ def read_answer(question: Question, text: str) -> Answer:
     Raises
     ------
     RigctlError
-        not a quantity of the right dimension, or outside the bounds.
+        not a finite quantity of the right dimension, or outside the bounds.
     """
     if not question.wants_value:
         return Answer(text)
@@ -44,6 +45,8 @@ def read_answer(question: Question, text: str) -> Answer:
         value = read_si(written, unit)
     else:
         value = parse_unit(unit).to_si(float(written))
+    if not math.isfinite(value):  # NaN would lie within any bounds
+        raise RigctlError("not a finite number", value=written, expected=describe(unit))
     if (question.low is not None and value < question.low) or (
         question.high is not None and value > question.high
     ):

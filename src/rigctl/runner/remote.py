@@ -17,7 +17,8 @@ from uuid import uuid4
 from rigctl.dataset.writer_lock import read_state
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.plan.behaviour import Answer, Question
-from rigctl.runner.control import CONTROL_NAME, LONGEST_LINE, sender, write_line
+from rigctl.runner.appended_lines import AppendedLines
+from rigctl.runner.control import CONTROL_NAME, sender, write_line
 from rigctl.runner.operator import read_answer
 from rigctl.runner.requests import Order
 from rigctl.runner.view import View
@@ -72,19 +73,11 @@ class _Answers:
     def __init__(self, runs: Path, given: deque[tuple[str, str]]) -> None:
         self._runs = runs
         self._given = given
-        self._path: Path | None = None
-        self._offset = 0
+        self._lines: AppendedLines | None = None
 
     def poll(self) -> Sequence[Order]:
         """Take the answers since the last call."""
-        if self._path is None or not self._path.is_file():
-            return ()
-        with self._path.open("rb") as file:
-            file.seek(self._offset)
-            content = file.read(64 * LONGEST_LINE)
-        whole = content.rfind(b"\n") + 1
-        self._offset += whole
-        for line in content[:whole].splitlines():
+        for line in self._lines.read() if self._lines is not None else ():
             answer = _read_answer(line)
             if answer is not None:
                 self._given.append(answer)
@@ -95,12 +88,10 @@ class _Answers:
 
     def publish(self, view: View) -> None:
         """Take the run's folder."""
-        if self._path is None and view.run:
+        if self._lines is None and view.run:
             from rigctl.dataset import find_run
 
-            path = find_run(view.run, self._runs) / CONTROL_NAME
-            self._offset = path.stat().st_size if path.is_file() else 0
-            self._path = path
+            self._lines = AppendedLines(find_run(view.run, self._runs) / CONTROL_NAME)
 
     def close(self) -> None:
         """Nothing is open."""
@@ -144,9 +135,9 @@ def send_answer(folder: Path, question: str, text: str) -> None:
 
 def _read_answer(line: bytes) -> tuple[str, str] | None:
     try:
-        fields = json.loads(line[:LONGEST_LINE])
+        fields = json.loads(line)
         if fields["request"] != _ANSWER:
             return None
         return str(fields["question"]), str(fields["text"])
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         return None

@@ -12,7 +12,6 @@ from __future__ import annotations
 import hmac
 import secrets
 from collections.abc import Awaitable, Callable, Collection, Iterable, Mapping, MutableMapping
-from http.cookies import CookieError, SimpleCookie
 from typing import Any, Final
 
 Scope = MutableMapping[str, Any]
@@ -123,16 +122,9 @@ class Gate:
 
     def _session(self, scope: Scope, headers: Iterable[tuple[bytes, bytes]]) -> str:
         """Check the cookie; not needed for open paths."""
-        jar = SimpleCookie()
-        for cookies in _all(headers, b"cookie"):
-            try:
-                jar.load(cookies)
-            except CookieError:
-                continue
-        found = jar.get(cookie_name(scope))
-        session = found.value if found is not None else ""
-        if self._keys.know(session):
-            return session
+        for session in _cookies(headers, cookie_name(scope)):
+            if self._keys.know(session):
+                return session
         path = scope["path"]
         if scope["type"] == "http" and (path in self._open or path.startswith("/assets/")):
             return ""
@@ -181,6 +173,12 @@ def set_cookie(scope: Mapping[str, Any], session: str) -> str:
 
 def _all(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> list[str]:
     return [value.decode("latin-1") for key, value in headers if key.lower() == name]
+
+
+def _cookies(headers: Iterable[tuple[bytes, bytes]], name: str) -> list[str]:
+    """The values of a cookie. Its neighbours are those of every server of this computer, in any form."""
+    pairs = (pair.partition("=") for cookies in _all(headers, b"cookie") for pair in cookies.split(";"))
+    return [value.strip() for key, _, value in pairs if key.strip() == name]
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, refused: Refused) -> None:
