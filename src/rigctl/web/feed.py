@@ -21,6 +21,7 @@ from rigctl.dataset import journal, log
 from rigctl.dataset.writer_lock import read_state
 from rigctl.errors import RigctlError
 from rigctl.web.decimation import Thinning, envelope
+from rigctl.web.kept_rows import KeptRows
 from rigctl.web.set_points import SetPoints
 
 if TYPE_CHECKING:
@@ -179,8 +180,7 @@ class Feed:
         self._columns = Columns.of(header.layout)
         self._journal = journal.JournalReader(folder / journal.NAME)
         self._log = log.LogReader(folder / log.NAME)
-        self._rows: deque[NDArray[np.float64]] = deque()
-        self._count = 0
+        self._rows = KeptRows(len(header.layout.columns) - 1, KEPT, _MOST_ROWS)
         self._events: deque[Mapping[str, Any]] = deque(maxlen=_MOST_EVENTS)
         self._state: dict[str, Any] = {}
         self._places: PlanPlaces | None = None
@@ -198,7 +198,7 @@ class Feed:
     def join(self, watcher: Watcher, window: float, width: int) -> None:
         """Start to serve a window; called again to change its time span."""
         with self._lock:
-            rows = self.rows(window)
+            rows = self._rows.last(window)
             if watcher not in self._watchers:
                 self._watchers.append(watcher)
                 watcher.happened(list(self._events))
@@ -214,24 +214,13 @@ class Feed:
             self._watchers.remove(watcher)
         self._asked = monotonic()
 
-    def rows(self, window: float) -> NDArray[np.float64]:
-        """The last `window` s, shape (n, 1 + channels + commands)."""
-        import numpy as np
-
-        chosen: list[NDArray[np.float64]] = []
-        for block in reversed(list(self._rows)):
-            chosen.append(block)
-            if block[0, 0] < self._rows[-1][-1, 0] - window:
-                break
-        width = len(self.header.layout.columns) - 1
-        return np.concatenate(chosen[::-1]) if chosen else np.empty((0, width))
-
     def snapshot(self, after: float, window: float, width: int) -> dict[str, Any]:
         """The data after a time, for a browser without sockets, which polls once a second."""
         self._asked = monotonic()
-        rows = self.rows(window)
+        with self._lock:
+            rows = self._rows.last(window)
+            told = {"state": self._state, "events": list(self._events), "set_points": self._lines}
         rows = envelope(rows[rows[:, 0] > after], window / max(width, 1))
-        told = {"state": self._state, "events": list(self._events), "set_points": self._lines}
         return {**told, "rows": rows}
 
     # --- inside -------------------------------------------------------------------------------------------
@@ -255,8 +244,6 @@ class Feed:
             threading.Event().wait(max(LOOK - (monotonic() - began), 0.005))
 
     def _read_samples(self) -> None:
-        import numpy as np
-
         payloads = self._journal.poll()
         if not payloads:
             return
@@ -264,13 +251,6 @@ class Feed:
         rows = self._columns.shown(b"".join(payloads), offset)
         with self._lock:
             self._rows.append(rows)
-            self._count += len(rows)
-            if len(self._rows) > 2000:  # many small blocks take more room than what is in them
-                joined = np.concatenate(list(self._rows))
-                self._rows = deque([joined])
-            newest = rows[-1, 0]
-            while len(self._rows) > 1 and (self._rows[0][-1, 0] < newest - KEPT or self._count > _MOST_ROWS):
-                self._count -= len(self._rows.popleft())
             watchers = list(self._watchers)
             for watcher in watchers:
                 watcher.take(rows)
@@ -307,9 +287,9 @@ class Feed:
                     watcher.tell("state", state)
 
     def _tell_set_points(self) -> None:
-        if not self._rows:
+        if math.isnan(newest := self._rows.newest):
             return
-        lines = self._set_points.shown(self._first_reading, float(self._rows[-1][-1, 0]) - KEPT)
+        lines = self._set_points.shown(self._first_reading, newest - KEPT)
         if lines != self._lines:
             with self._lock:
                 self._lines = lines
@@ -319,14 +299,9 @@ class Feed:
     def _first_reading(self, channel: str, time: float) -> float | None:
         """From that time on; None where it has not come yet, is no number, or is no longer kept."""
         column = 1 + self.header.layout.channels.index(channel)
-        blocks = list(self._rows)
-        if not blocks or blocks[0][0, 0] > time + _FRESH:
+        if not self._rows.oldest <= time + _FRESH:
             return None
-        for block in blocks:
-            later = block[(block[:, 0] >= time) & (block[:, column] == block[:, column])]
-            if len(later):
-                return float(later[0, column])
-        return None
+        return self._rows.first_value(column, time)
 
     def _outline(self, path: str) -> list[dict[str, Any]]:
         from rigctl.live.steps import outline
