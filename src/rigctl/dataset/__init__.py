@@ -1,4 +1,4 @@
-"""What was measured: a run's folder while it is written, and afterwards.
+"""The dataset: a run's folder while it is written, and afterwards.
 
 `RunWriter` records, `open_run` reads; the catalogue is `find_run`, `list_runs`, `verify`,
 `annotate`, `exclude` and `query`.
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from rigctl.dataset.verification import verify as verify
     from rigctl.dataset.writer import RunWriter as RunWriter
 
-#: which module has what: each is loaded with its first use, since the half of them reads no rig file
+#: module of each name; loaded on first use, since half of them do not need the rig file reader
 _WHERE = {
     "catalogue": (
         "RunSummary",
@@ -96,10 +96,10 @@ __all__ = [
 ]
 
 
-if not TYPE_CHECKING:  # so that a type checker finds a name that is not there
+if not TYPE_CHECKING:  # lets a type checker report an unknown name
 
     def __getattr__(name: str) -> Any:
-        """The name, loaded with its first use."""
+        """Load a public name on its first use."""
         if name not in _MODULES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         value = globals()[name] = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)

@@ -1,7 +1,7 @@
-"""What a person says about a run afterwards: notes, and records left out of analysis with a reason.
+"""Notes on a run, and records excluded from analysis with a reason, added by a person afterwards.
 
-``annotations.jsonl`` is only ever appended to. A record that was excluded can be included again; both
-statements stay.
+``annotations.jsonl`` is only ever appended to. A record that was excluded can be included again; both entries
+are kept.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ NAME: Final = "annotations.jsonl"
 
 @dataclass(frozen=True)
 class Annotation:
-    """One statement; `record` is None when it is about the whole run."""
+    """One note or exclusion; `record` is None if it concerns the whole run."""
 
     when: str
     by: str
@@ -31,7 +31,7 @@ class Annotation:
 
 
 def read_annotations(folder: Path) -> list[Annotation]:
-    """All statements about a run, oldest first.
+    """Read all annotations of a run, oldest first.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def read_annotations(folder: Path) -> list[Annotation]:
 
 
 def excluded_records(annotations: Iterable[Annotation]) -> dict[int, str]:
-    """Reason by index of every record that is left out of analysis."""
+    """Return the reason by index of every excluded record."""
     reasons: dict[int, str] = {}
     for said in annotations:
         if said.record is None:
@@ -66,7 +66,7 @@ def excluded_records(annotations: Iterable[Annotation]) -> dict[int, str]:
 
 
 def append_annotations(folder: Path, annotations: Iterable[Annotation]) -> None:
-    """Add statements to a run's file; it is not yet seen in its tables, see `rigctl.dataset.curate`."""
+    """Append annotations to a run's file; the tables follow with `rigctl.dataset.curate`."""
     path = folder / NAME
     try:
         writer = LogWriter(path)
@@ -86,7 +86,7 @@ def append_annotations(folder: Path, annotations: Iterable[Annotation]) -> None:
 
 
 def say(kind: Literal["note", "exclude", "include"], text: str, record: int | None = None) -> Annotation:
-    """A statement by the person at the keyboard, now."""
+    """Make an annotation by the current user, now."""
     try:
         by = getuser()
     except (OSError, KeyError, ImportError):
@@ -95,5 +95,5 @@ def say(kind: Literal["note", "exclude", "include"], text: str, record: int | No
 
 
 def as_data(annotations: Iterable[Annotation]) -> list[dict[str, Any]]:
-    """The statements as plain data, for ``run.json``."""
+    """Return the annotations as plain data, for ``run.json``."""
     return [asdict(said) for said in annotations]

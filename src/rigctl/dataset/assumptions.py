@@ -1,6 +1,6 @@
-"""What a user says of an input that was not recorded: ``heater=0``, ``ambient=21 degC``.
+"""Values that a user states for inputs that were not recorded: ``heater=0``, ``ambient=21 degC``.
 
-One reading for an import and for an analysis: the unit is always written, unless the input has none.
+Imports and analyses share this parser: a unit is required unless the quantity is dimensionless.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def read_assumptions(texts: Iterable[str]) -> dict[str, str]:
     Raises
     ------
     RigctlError
-        there is no name or no value, or a name comes twice.
+        a name or value is missing, or a name is repeated.
     """
     found: dict[str, str] = {}
     for text in texts:
@@ -39,19 +39,20 @@ def read_assumptions(texts: Iterable[str]) -> dict[str, str]:
 def assumed_value(
     name: str, text: str, rig: Rig | None, unit: str | None = None, *, difference: bool = False
 ) -> float:
-    """The SI value that `text` says of `name`.
+    """Return the SI value of `name` given by `text`.
 
-    A number without a unit is taken for a position or for a plain number, never for SI: ``21`` of a
+    A number without a unit is a position or a dimensionless number, never an SI value: ``21`` for a
     temperature would be 21 K.
 
     Parameters
     ----------
-    unit, difference: of an input that the rig does not know; None where nobody says its dimension.
+    unit, difference: of an input that the rig does not have; None if its dimension is unknown.
 
     Raises
     ------
     RigctlError
-        it is no value, its unit is missing or has another dimension, or it is out of the actuator's range.
+        `text` is not a value, its unit is missing or has the wrong dimension, or it is outside the actuator's
+        range.
     """
     try:
         if rig is not None and name in rig.actuators and rig.actuators[name].kind != "level":
@@ -67,7 +68,7 @@ def assumed_value(
 
 
 def _unit_on(rig: Rig | None, name: str) -> tuple[str, bool] | None:
-    """The unit that the rig shows it in, and whether that is of a difference."""
+    """Return the display unit of the rig, and whether it is the unit of a difference."""
     if rig is None:
         return None
     if name in rig.actuators:
@@ -78,7 +79,7 @@ def _unit_on(rig: Rig | None, name: str) -> tuple[str, bool] | None:
 
 
 def _require_unit(text: str, unit: str | None, *, difference: bool) -> None:
-    """Refuse a bare number of what has a dimension, or may have one."""
+    """Refuse a number without a unit for a quantity that has, or may have, a dimension."""
     try:
         float(text)
     except ValueError:

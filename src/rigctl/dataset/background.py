@@ -1,8 +1,8 @@
-"""Keeps a disk that is slow, full or gone from holding up whoever measures.
+"""Writes to disk in a separate thread, so that a slow, full or missing disk never blocks a measurement.
 
-Rows and events are handed to a thread that alone touches the disk. They wait in memory while it does not
-answer: `SLOW` s later that is said once, after `STALLED` s or `_MOST` entries the run has to end. What could
-not be written to the run's folder then goes to another one, see `rescue_roots`.
+Only this thread accesses the disk. Rows and events are queued in memory while the disk does not respond:
+after `SLOW` s there is one warning, and after `STALLED` s or `_MOST` entries the run must end. What could not
+be written to the run's folder is then written to another one, see `rescue_roots`.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from rigctl.dataset.writer import RunWriter
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.plan.measured import MeasuredValue
 
-SLOW: Final = 2.0  #: s without an answer of the disk, after which that is said
-STALLED: Final = 30.0  #: s, after which the run has to end
-_MOST: Final = 200_000  # rows and events that may wait in memory; about 100 MB of ten channels
-_LOOK: Final = 0.05  # s of the thread's sleep when nothing is to be done
-_IN_PLACE: Final = 0.5  # s between two looks whether the folder is still there
-_CLOSES_WITHIN: Final = 600.0  # s for the tables of a long run
+SLOW: Final = 2.0  #: s without a response of the disk before a warning
+STALLED: Final = 30.0  #: s without a response before the run must end
+_MOST: Final = 200_000  # queued rows and events at most; about 100 MB for ten channels
+_LOOK: Final = 0.05  # s that the thread sleeps when idle
+_IN_PLACE: Final = 0.5  # s between two checks that the folder still exists
+_CLOSES_WITHIN: Final = 600.0  # s allowed for making the tables of a long run
 
 _Task = Callable[[RunWriter], object]
 
@@ -32,11 +32,11 @@ _Task = Callable[[RunWriter], object]
 class BackgroundWriter:
     """A recorder with the methods of a `RunWriter`; each returns at once.
 
-    The call after the disk has failed, or has stalled, raises, once; what comes later is kept all the same.
+    The first call after the disk has failed or stalled raises; later data are kept all the same.
 
     Parameters
     ----------
-    writer: what writes; nobody else may use it any more.
+    writer: the writer, which must not be used by anything else from now on.
     """
 
     def __init__(self, writer: RunWriter) -> None:
@@ -49,10 +49,10 @@ class BackgroundWriter:
         self._told = False
         self._warnings: deque[str] = deque()
         self._slow = False
-        self._began: float | None = None  # when the task in progress was begun
-        self._in_progress: _Task | None = None  # the one at the queue's head once it was begun
+        self._began: float | None = None  # start of the task in progress
+        self._in_progress: _Task | None = None  # the head of the queue once it has been started
         self._stuck: RunWriter | None = None
-        self._abandoned = False  # the thread hangs, and somebody else writes
+        self._abandoned = False  # the thread hangs, and its work was done elsewhere
         self._ended = False
         self._closing: tuple[str, str | None, str | None] = ("failed", None, None)
         self._wake = threading.Event()
@@ -85,7 +85,7 @@ class BackgroundWriter:
     def open_record(
         self, time: float, name: str, sweep: Mapping[str, tuple[float, str]], path: str, rate: float
     ) -> int:
-        """Begin a record; its index in the run."""
+        """Begin a record; return its index in the run."""
         if self._record >= 0:
             raise ValueError(f"record {self._record} is still open")
         self._record = self._next_record
@@ -94,7 +94,7 @@ class BackgroundWriter:
         return self._record
 
     def measure(self, value: MeasuredValue) -> None:
-        """Keep a value with the open record, or with the run."""
+        """Store a value with the open record, or with the run."""
         self._put(lambda writer: writer.measure(value))
 
     def close_record(self, time: float, outcome: str) -> None:
@@ -105,7 +105,7 @@ class BackgroundWriter:
         self._put(lambda writer: writer.close_record(time, outcome))
 
     def warnings(self) -> list[str]:
-        """What is to be said of the disk since the last call."""
+        """Return the warnings about the disk since the last call."""
         age = self._age()
         if age > SLOW and not self._slow:
             self._slow = True
@@ -122,12 +122,12 @@ class BackgroundWriter:
         return found
 
     def close(self, status: str, reason: str | None = None, unconfirmed: str | None = None) -> Path:
-        """End the session and make the run's tables. Waits while the disk gets on; idempotent.
+        """End the session and make the run's tables. Waits as long as the disk makes progress; idempotent.
 
         Raises
         ------
         RigctlError
-            not all could be written to the run's folder; names where it is.
+            something could not be written to the run's folder; names the folder that has it.
         """
         if self._ended:
             return self.folder
@@ -165,12 +165,12 @@ class BackgroundWriter:
             raise self._failure
 
     def _age(self) -> float:
-        """For how long the task in progress has been going on, s."""
+        """Return the duration of the task in progress so far, s."""
         began = self._began
         return 0.0 if began is None else monotonic() - began
 
     def _work(self) -> None:
-        """The thread: one task after the other."""
+        """Run the tasks of the queue one after the other (the thread's target)."""
         looked = monotonic()
         while True:
             now = monotonic()
@@ -200,7 +200,7 @@ class BackgroundWriter:
             task(self._writer)
         except RigctlError as error:
             self._failure = self._failure or error
-        except Exception as error:  # noqa: BLE001 - whatever it is, the run has to learn of it
+        except Exception as error:  # noqa: BLE001 - any error must reach the run
             self._failure = self._failure or RigctlError(
                 f"the samples cannot be kept: {error!r}",
                 where=Location(self._writer.folder),
@@ -210,7 +210,7 @@ class BackgroundWriter:
             self._began = None
 
     def _require_place(self, writer: RunWriter) -> None:
-        """Go on elsewhere as soon as the run's folder is gone: what is written there reaches nobody."""
+        """Continue in another folder once the run's folder is gone: data written there are lost."""
         if not self._ended and not writer.in_place():
             self._rescue(writer, "the run's folder is gone")
 
@@ -233,14 +233,14 @@ class BackgroundWriter:
         writer.close(status, reason, unconfirmed)
 
     def _rescue(self, writer: RunWriter, why: str) -> None:
-        """Go on in another folder, with everything that can be read back."""
+        """Continue in another folder, with everything that can be read back."""
         self._writer = _elsewhere(writer, read_back=True)
         writer.release()
         self._failure = _kept_elsewhere(why, writer.folder, self._writer.folder)
         self._told = False
 
     def _left_behind(self, successor: RunWriter) -> bool:
-        """Whether somebody else has done the thread's work while it hung; what it held is let go then."""
+        """Return whether the work was done elsewhere while the thread hung; its files are then released."""
         if not self._abandoned:
             return False
         if self._stuck is not None and self._stuck is not successor:
@@ -248,7 +248,7 @@ class BackgroundWriter:
         return True
 
     def _leave_behind(self) -> None:
-        """The disk hangs for good: what it has not taken goes to another folder, from this thread."""
+        """Write what a hanging disk has not accepted to another folder, from the calling thread."""
         begun, stuck, tasks = self._in_progress, self._writer, list(self._tasks)
         self._stuck, self._abandoned = stuck, True
         if stuck.closed:
@@ -270,10 +270,10 @@ class BackgroundWriter:
             return
         self._failure = _kept_elsewhere("the disk does not answer", stuck.folder, writer.folder)
         for task in tasks:
-            # what the one in progress had to write waits in the writer's own memory
+            # the data of the task in progress are still in the writer's buffer
             if task is begun or task == self._finish:
                 continue
-            with suppress(Exception):  # one that fails must not take those after it along
+            with suppress(Exception):  # one failure must not prevent the following tasks
                 task(writer)
         try:
             self._close(writer)
@@ -282,7 +282,7 @@ class BackgroundWriter:
 
 
 def _elsewhere(writer: RunWriter, *, read_back: bool) -> RunWriter:
-    """A successor in the first fallback folder that can be written to."""
+    """Make a successor in the first fallback folder that is writable."""
     problem: Exception | None = None
     for root in rescue_roots():
         try:
@@ -293,7 +293,7 @@ def _elsewhere(writer: RunWriter, *, read_back: bool) -> RunWriter:
 
 
 def rescue_roots() -> list[Path]:
-    """Where samples go that their run's folder cannot take: the user's data folder, or a temporary one."""
+    """Return the fallback folders for samples: the user's data folder, then a temporary one."""
     from tempfile import gettempdir
 
     from platformdirs import user_data_path

@@ -23,13 +23,13 @@ from rigctl.project import find_project, is_address
 
 __all__ = ["LATEST", "RunSummary", "find_run", "list_runs", "run_folders", "runs_folder", "status_of"]
 
-#: of many runs, among so many of the newest the nearest name is looked for
+#: newest runs among which the nearest name is searched
 _NEAREST: Final = 1000
 
 
 @dataclass(frozen=True)
 class RunSummary:
-    """One line of the catalogue, from ``run.json`` alone.
+    """One row of the catalogue, from ``run.json`` alone.
 
     `status` is ``running`` for a run in progress and ``unclosed`` for one that its program left behind
     (``rigctl runs verify`` recovers it); ``damaged`` when ``run.json`` cannot be read. `test` is ``pass``,
@@ -56,7 +56,7 @@ class RunSummary:
 
 
 def runs_folder(runs: Path | None = None) -> Path:
-    """The folder that holds the runs: the project's, unless one is given."""
+    """Return the runs folder: the project's unless one is given."""
     return find_project().runs if runs is None else runs
 
 
@@ -67,16 +67,16 @@ def list_runs(
     last: int | None = None,
     stored: bool = True,
 ) -> list[RunSummary]:
-    """Runs, oldest first. One small file of each is read, of many only where it has changed since.
+    """List the runs, oldest first. One small file per run is read; with an index only changed ones.
 
     Parameters
     ----------
-    runs: the folder, or the address in storage; the project's when left out, with its storage.
-    where: only those that meet this condition: an expression in SQLite's SQL over the columns of `runs sql`,
-        ``notes`` and ``excluded``. What their channels range over is in ``channels``: ``id IN (SELECT run
+    runs: the folder, or the address in storage; by default those of the project.
+    where: a condition: an expression in SQLite's SQL over the columns of `runs sql`, ``notes`` and
+        ``excluded``. The ranges of the channels are in ``channels``: ``id IN (SELECT run
         FROM channels WHERE name = 'oil_temperature' AND high > 60)``, in the unit they were recorded in.
-    last: only the newest so many.
-    stored: False leaves out what the project has in storage alone.
+    last: number of newest runs to return.
+    stored: False omits runs that are only in the project's storage.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def _list_local(folder: Path, where: str | None, last: int | None) -> list[RunSu
 
 
 def newest_folders(runs: Path | None = None, count: int = 50) -> list[Path]:
-    """The folders of the newest runs of this computer, oldest first."""
+    """Return the folders of the newest local runs, oldest first."""
     folder = runs_folder(runs)
     if not is_indexed(folder):
         return run_folders(folder)[-count:]
@@ -114,7 +114,7 @@ def newest_folders(runs: Path | None = None, count: int = 50) -> list[Path]:
 
 @dataclass(frozen=True)
 class CataloguePage:
-    """Some of the runs of this computer; `found` meet the condition, of `all` there are."""
+    """A page of the local runs; `found` of `all` runs meet the condition."""
 
     runs: list[RunSummary]
     found: int
@@ -122,13 +122,13 @@ class CataloguePage:
 
 
 def page_of_runs(runs: Path | None = None, *, where: str | None = None, **how: Any) -> CataloguePage:
-    """A page of the catalogue, newest first; what is in storage alone is not in it.
+    """Return a page of the catalogue, newest first, without runs that are only in storage.
 
     Parameters
     ----------
-    runs: the folder; the project's when left out.
+    runs: the folder; by default the project's.
     where: as in `list_runs`.
-    how: as `rigctl.dataset.index.select.select_page` has it.
+    how: options of `rigctl.dataset.index.select.select_page`.
 
     Raises
     ------
@@ -143,11 +143,11 @@ def page_of_runs(runs: Path | None = None, *, where: str | None = None, **how: A
 def list_stored(
     store: Store, where: str | None = None, last: int | None = None, *, but: Collection[str] = ()
 ) -> list[RunSummary]:
-    """The runs of a storage, oldest first, by an index of it that is brought up to date.
+    """List the runs of a storage, oldest first, from an index that is updated first.
 
     Parameters
     ----------
-    but: ids of runs that are not wanted.
+    but: ids of runs to omit.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def list_stored(
 
 
 def _summary_of(runs: Path, row: Mapping[str, Any]) -> RunSummary:
-    """The line of one run as the index has it."""
+    """Return the summary of one run from its row of the index."""
     return _summary_in(place_of(runs, row), row)
 
 
@@ -180,7 +180,7 @@ def _summary_in(folder: Path | StoredFolder, row: Mapping[str, Any]) -> RunSumma
 
 
 def place_of(runs: Path, row: Mapping[str, Any]) -> Path:
-    """The folder of a run that the index names."""
+    """Return the folder of a run in the index."""
     return runs / str(row["shard"]) / str(row["id"])
 
 
@@ -196,12 +196,12 @@ def _summaries(folders: list[Path]) -> Iterator[RunSummary]:
 
 
 def locate_run(ref: str | Path, runs: str | Path | None = None) -> Path | StoredFolder:
-    """As `find_run`, also of runs that lie in storage: at an address, or in that of the project.
+    """Find a run as `find_run` does, also in storage: at an address, or in the project's.
 
     Raises
     ------
     RigctlError
-        there is no such run, or several ids begin like this.
+        there is no such run, or the start of the id is ambiguous.
     """
     if is_address(ref):
         address, _, name = str(ref).rstrip("/").removesuffix(f"/{RUN_JSON}").rpartition("/")
@@ -224,12 +224,12 @@ def locate_run(ref: str | Path, runs: str | Path | None = None) -> Path | Stored
 
 
 def find_run(ref: str | Path, runs: Path | None = None) -> Path:
-    """The folder of the run that `ref` names: an id, an unambiguous start of one, a path, or ``latest``.
+    """Return the folder of a run, given its id, an unambiguous start of it, a path, or ``latest``.
 
     Raises
     ------
     RigctlError
-        there is no such run (names the nearest), or several ids begin like this; it lies in storage.
+        there is no such run (names the nearest), the start of the id is ambiguous, or the run is in storage.
     """
     text = str(ref)
     if is_address(text):
@@ -251,7 +251,7 @@ def find_run(ref: str | Path, runs: Path | None = None) -> Path:
 
 
 def _known_folders(runs: Path, text: str) -> list[Path]:
-    """The folders in which to look for a start of an id, oldest first; of many runs those that begin so."""
+    """Return the candidate folders for the start of an id, oldest first."""
     if not is_indexed(runs):
         return run_folders(runs)
     begins = f"substr(id, 1, {len(text)}) = '{text.replace(chr(39), chr(39) * 2)}'"

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-#: temperatures this close to one another are one condition, K
+#: temperatures that differ by at most this are one condition, K
 SAME_TEMPERATURE: Final = 1.0
 
 
 def cluster(values: Sequence[float], width: float = SAME_TEMPERATURE) -> list[float]:
     """Replace each value by the median of its cluster; a cluster spans at most `width`.
 
-    Clusters are made from the lowest value upwards; NaN stays NaN.
+    Clusters are formed from the lowest value upwards; NaN stays NaN.
     """
     order = sorted((index for index, value in enumerate(values) if value == value), key=lambda i: values[i])  # noqa: PLR0124
     centres = list(values)

@@ -1,4 +1,4 @@
-"""Runs that hold the same measurements: counted twice, everything would seem surer than it is."""
+"""Detection of runs with the same measurements: counted twice, they would make every result too certain."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from rigctl.dataset.run import Run
 
 
 def without_copies(runs: Sequence[Run]) -> tuple[list[Run], list[tuple[Run, Run]]]:
-    """The runs, each measurement once; and the copies, each with the run that is kept for it.
+    """Return the runs with each measurement once, and the copies with the run kept for each.
 
-    Of copies the last is kept: who imports a file again has seen a reason. Copies are imports of the same
-    file with the same samples, and runs otherwise with the same samples, times to the last bit.
+    The last copy is kept, as there was a reason to import the file again. Copies are imports of the same file
+    with the same samples, and other runs whose samples, including the times, are identical to the last bit.
     """
     last: dict[Hashable, Run] = {}
     for run in runs:
@@ -22,18 +22,18 @@ def without_copies(runs: Sequence[Run]) -> tuple[list[Run], list[tuple[Run, Run]
 
 
 def _content(run: Run) -> Hashable:
-    """What two runs with the same measurements have in common."""
+    """Return a key that is the same for two runs with the same measurements."""
     info = run.info
     imported = info.get("source") == "import"
     file = info.get("backend", {}).get("sha256") if imported else ""
     digest = info.get("files", {}).get("samples.parquet", {}).get("sha256") if info.get("rows") else ""
     if not (digest or file):
-        return run.id  # nothing says that it is a copy
+        return run.id  # cannot be recognised as a copy
     return digest, file, str(info.get("layout")), info.get("records"), "" if digest else _values(run)
 
 
 def _values(run: Run) -> str:
-    """A digest of the numbers of a table's rows: another sheet of one file has others."""
+    """Return a digest of a table's numbers, which differ between two sheets of one file."""
     import pyarrow.types as kinds
 
     table, found = run.table("records"), hashlib.sha256()

@@ -1,4 +1,4 @@
-"""Notes on a run, and records left out of analysis: appended, then seen in the run's tables."""
+"""Notes on a run and exclusion of records: appended, then shown in the run's tables."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def annotate(folder: Path, text: str, *, record: int | None = None) -> None:
 
 
 def exclude(folder: Path, records: Iterable[int], reason: str) -> None:
-    """Leave records out of analysis; they stay in the run.
+    """Exclude records from analysis; they stay in the run.
 
     Raises
     ------
@@ -35,12 +35,12 @@ def exclude(folder: Path, records: Iterable[int], reason: str) -> None:
 
 
 def include(folder: Path, records: Iterable[int], reason: str) -> None:
-    """Take excluded records back into analysis."""
+    """Include excluded records in the analysis again."""
     _state(folder, [say("include", reason, record) for record in records])
 
 
 def _state(folder: Path, said: Sequence[Annotation]) -> None:
-    """Append, and make the tables again; a run in progress makes them itself when it ends."""
+    """Append annotations and rebuild the tables; a run in progress makes them when it ends."""
     count = len(read_history(folder).records)
     for statement in said:
         if statement.record is not None and not 0 <= statement.record < count:

@@ -1,4 +1,4 @@
-"""From the two append-only files of a run to its tables."""
+"""Makes a run's tables from its two append-only files."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from rigctl.dataset.parquet import write_table
 from rigctl.dataset.samples_file import SampleFacts, sample_facts, set_aside_journal, write_samples
 from rigctl.dataset.writer_lock import lock_folder
 
-#: version of what is in a run's folder
+#: version of the format of a run's folder
 FORMAT: Final = 2
-#: the files whose checksums run.json keeps; annotations.jsonl only once there is one
+#: files with a checksum in run.json; annotations.jsonl only if it exists
 CHECKED: Final = (samples_file.NAME, records_file.RECORDS, records_file.EVENTS, log.NAME, ANNOTATIONS)
 
 
 def finalise(folder: Path) -> dict[str, Any]:
     """Make the run's tables and ``run.json`` from its journal, log and annotations; return ``run.json``.
 
-    A pure function of those files, up to the bytes: it may be repeated, and interrupted anywhere. The
-    journal is removed at the end, when ``samples.parquet`` has been read back and found complete; a damaged
-    one is kept under another name. The caller holds the folder's lock.
+    A pure function of those files, byte for byte: it may be repeated, and interrupted anywhere. The journal
+    is removed last, after ``samples.parquet`` has been read back and found complete; a damaged one is kept
+    under another name. The caller must hold the folder's lock.
 
-    A record of which samples are missing ends as `DAMAGED`, whatever the log says.
+    The outcome of a record with missing samples is `DAMAGED`, whatever the log says.
 
     Raises
     ------
     RigctlError
-        a file is damaged or the disk is full; nothing that was measured is lost.
+        a file is damaged or the disk is full; no measured data are lost.
     """
     history = read_history(folder)
     last = history.sessions[-1] if history.sessions else None
@@ -64,7 +64,7 @@ def finalise(folder: Path) -> dict[str, Any]:
 
 
 def recovered_history(folder: Path) -> History:
-    """What a run's log says, with the records that miss samples marked; a run never closed is closed first.
+    """Return the history from a run's log, with incomplete records marked; an unclosed run is closed first.
 
     Raises
     ------
@@ -80,17 +80,17 @@ def recovered_history(folder: Path) -> History:
 
 
 def _end_interrupted(history: History, facts: SampleFacts) -> None:
-    """A record that nobody closed ends with its last sample."""
+    """End a record that was never closed with its last sample."""
     for entry in history.records:
         if entry.end is None:
             entry.end = max(entry.start, facts.last_of_record.get(entry.index, entry.start))
 
 
 def _mark_damaged(history: History, facts: SampleFacts) -> int:
-    """Count the samples that the log knows of and that are not there; records that miss some are damaged."""
+    """Count the missing samples according to the log; records that miss some become damaged."""
     missing = 0
     for entry in history.records:
-        # logs of earlier versions count no samples; a record without any is not complete all the same
+        # logs of earlier versions have no sample counts; a record without samples is incomplete all the same
         due = entry.rows if entry.rows is not None else int(_measured(history, entry))
         short = due - facts.rows_of_record[entry.index]
         if short > 0:
@@ -100,13 +100,13 @@ def _mark_damaged(history: History, facts: SampleFacts) -> int:
 
 
 def _measured(history: History, entry: RecordEntry) -> bool:
-    """Whether a record of a bench took long enough for two samples at least."""
+    """Return whether a record of a bench lasted long enough for at least two samples."""
     took = (entry.end or entry.start) - entry.start
     return history.header.source == "bench" and took * entry.rate >= 2.0
 
 
 def _summary(history: History, facts: SampleFacts, missing: int) -> Mapping[str, Any]:
-    """Everything in ``run.json`` but annotations and checksums."""
+    """Return the content of ``run.json`` without annotations and checksums."""
     duration = max(history.last_time, facts.last_time)
     return {
         "format": FORMAT,

@@ -1,4 +1,4 @@
-"""Steps of time inside a record that are much longer than the others."""
+"""Gaps: time steps inside a record that are much longer than the others."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-#: a step of time this much longer than usual is a gap
+#: a time step longer than the usual one by this factor is a gap
 GAP: Final = 2.5
 
 
 @dataclass(frozen=True)
 class Gap:
-    """The longest of `count` steps of time that are longer than usual: its length and where it begins, s."""
+    """The longest of `count` gaps: its length and its start, s."""
 
     count: int
     length: float
@@ -24,7 +24,7 @@ class Gap:
 
 
 def find_gap(times: NDArray[np.float64]) -> Gap | None:
-    """The longest gap in the rising times of a record, s; None where there is none."""
+    """Return the longest gap in the increasing times of a record, s; None if there is none."""
     steps = np.diff(times)
     if not len(steps):
         return None

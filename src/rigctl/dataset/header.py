@@ -1,4 +1,4 @@
-"""What is known of a run when it begins."""
+"""The header of a run: what is known when it begins."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Source:
-    """A file that a run was made from, kept with it word for word.
+    """A file that a run was made from, stored with it verbatim.
 
     Parameters
     ----------
-    name: what the file calls itself, e.g. ``stroke campaign``.
+    name: the name given in the file, e.g. ``stroke campaign``.
     text: its content.
-    sha256: of the content, hexadecimal; computed when left out.
-    path: where it lay.
+    sha256: of the content, hexadecimal; computed if omitted.
+    path: the original path.
     """
 
     name: str
@@ -37,25 +37,25 @@ class Source:
 
 @dataclass(frozen=True)
 class RunHeader:
-    """What is known of a run when it begins; the first line of its log.
+    """The header of a run, which is the first line of its log.
 
     Parameters
     ----------
-    id: the wanted name of the run's folder, see `new_run_id`.
+    id: the intended name of the run's folder, see `new_run_id`.
     procedure, rig: the files the run was made from.
-    layout: the columns of a sample and the units they are shown in.
-    backend: the bench's own account of itself: kind, name, firmware, serial number.
+    layout: the columns of a sample and their display units.
+    backend: as reported by the bench: kind, name, firmware, serial number.
     operator: who is in charge.
     clock: name of the clock: ``real``, ``10x``, ``virtual``.
-    seed: of everything random, on a simulated bench.
-    versions: of rigctl and what it stands on, see `current_versions`.
+    seed: of all random numbers, on a simulated bench.
+    versions: of rigctl and its dependencies, see `current_versions`.
     started: calendar time (with its zone) at which the run's time is zero.
-    plan_digest: hash of the expanded plan, compared before a run is resumed.
-    arguments: what the procedure was called with.
+    plan_digest: hash of the expanded plan, which is compared before a run is resumed.
+    arguments: arguments of the procedure.
     calibrations: by channel, as in the rig file.
-    source: ``bench`` for a run that was carried out, ``import`` for data that was brought in.
-    device: what is known of the device under test: ``serial_number``, ``part``, ``notes``.
-    assumed: SI values of inputs that were not recorded and are known to have stayed there, by name.
+    source: ``bench`` for a run that was carried out, ``import`` for imported data.
+    device: the device under test: ``serial_number``, ``part``, ``notes``.
+    assumed: SI values, by name, of inputs that were not recorded and are known to have been constant.
     """
 
     id: str
@@ -81,7 +81,7 @@ class RunHeader:
             raise ValueError("the start of a run needs a time zone")
 
     def to_json(self) -> dict[str, Any]:
-        """The header as plain data, for the log and for run.json."""
+        """Return the header as plain data, for the log and for run.json."""
         return {
             "id": self.id,
             "source": self.source,
@@ -109,7 +109,7 @@ class RunHeader:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> RunHeader:
-        """Read back what `to_json` wrote."""
+        """Read a header written by `to_json`."""
         from rigctl.rig.layout import Layout
 
         fields = dict(data)
@@ -129,7 +129,7 @@ class RunHeader:
 
 
 def current_versions() -> dict[str, str]:
-    """Versions of rigctl, of Python, of the system, and of the packages whose results a run depends on."""
+    """Return the versions of rigctl, Python, the system and the packages that affect the results."""
     from importlib.metadata import PackageNotFoundError, version
 
     found = {"python": platform.python_version(), "system": f"{platform.system()} {platform.machine()}"}
@@ -142,12 +142,12 @@ def current_versions() -> dict[str, str]:
 
 
 def source_of_rig(rig: Rig) -> Source:
-    """The rig file as it is kept with a run."""
+    """Return the rig file as it is stored with a run."""
     return Source(rig.name, rig.text, rig.sha256, str(rig.path or ""))
 
 
 def calibrations_of(rig: Rig) -> dict[str, dict[str, Any]]:
-    """What is known of every channel's sensor, as plain data: quantity, converter, calibration, noise."""
+    """Return the sensor data of every channel as plain data: quantity, converter, calibration, noise."""
     return {
         name: channel.model_dump(mode="json", include={"quantity", "raw", "calibration", "noise"})
         for name, channel in rig.channels.items()

@@ -1,4 +1,4 @@
-"""What a run's log says: its sessions, records and measures, and how it ended. A pure reading."""
+"""The content of a run's log: its sessions, records and measures, and how it ended. Reads only."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from rigctl.dataset.header import RunHeader
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.plan.measured import MeasuredValue
 
-#: status of a run, and outcome of a record, that nobody could end: killed, or the computer stopped
+#: status of a run, and outcome of a record, that was not ended: killed, or the computer stopped
 INTERRUPTED: Final = "interrupted"
 #: outcome of a record that was measured as planned
 COMPLETE: Final = "complete"
-#: outcome of a record some of whose samples, or of what was logged in it, are lost by damage to its files
+#: outcome of a record that lost samples or log entries through damaged files
 DAMAGED: Final = "damaged"
 _KILLED: Final = "the program that carried it out ended without closing the run"
 
 
 @dataclass
 class RecordEntry:
-    """One record as the log tells it; times in s of the run, `end` None when the log does not say.
+    """One record according to the log; times in s of the run, `end` None if it is not in the log.
 
-    `rows` is how many samples were handed over for it, None where the log does not say.
+    `rows` is its number of samples, None if it is not in the log.
     """
 
     index: int
@@ -44,7 +44,7 @@ class RecordEntry:
 
 @dataclass(frozen=True)
 class EventEntry:
-    """One line of the log, its time in s of the run; `data` holds what has no column of its own."""
+    """One line of the log, its time in s of the run; `data` has the fields without a column."""
 
     time: float
     kind: str
@@ -56,7 +56,7 @@ class EventEntry:
 
 @dataclass(frozen=True)
 class TakenMeasure:
-    """A value and when it was taken, in s of the run; `record` is the one that was open, −1 for none."""
+    """A measured value and its time, in s of the run; `record` is the open record, −1 for none."""
 
     time: float
     record: int
@@ -65,7 +65,7 @@ class TakenMeasure:
 
 @dataclass
 class Session:
-    """One program carrying out a part of a run; `offset` is the run's time at its start."""
+    """One session of a run, carried out by one process; `offset` is the run's time at its start."""
 
     number: int
     offset: float
@@ -78,7 +78,7 @@ class Session:
 
 @dataclass
 class History:
-    """A run's log, read."""
+    """The parsed log of a run."""
 
     header: RunHeader
     sessions: list[Session] = field(default_factory=list)
@@ -87,16 +87,16 @@ class History:
     taken: list[TakenMeasure] = field(default_factory=list)  #: every one, in the order of time
     events: list[EventEntry] = field(default_factory=list)
     last_time: float = 0.0
-    damaged_lines: tuple[int, ...] = ()  #: of the log, from 1; what they said is lost
+    damaged_lines: tuple[int, ...] = ()  #: line numbers in the log, from 1; their content is lost
 
     @property
     def status(self) -> str:
-        """How the last session ended: ``finished``, ``failed``, ``aborted`` or ``interrupted``."""
+        """End status of the last session: ``finished``, ``failed``, ``aborted`` or ``interrupted``."""
         return self.sessions[-1].status if self.sessions else INTERRUPTED
 
     @property
     def reason(self) -> str | None:
-        """Why it did not finish."""
+        """The reason why it did not finish."""
         return self.sessions[-1].reason if self.sessions else _KILLED
 
     @property
@@ -108,12 +108,12 @@ class History:
 def read_history(folder: Path) -> History:
     """Read the log of a run.
 
-    A damaged line is left out and counted: a record that was open then is `DAMAGED`.
+    A damaged line is skipped and counted; a record that was open at that line is `DAMAGED`.
 
     Raises
     ------
     RigctlError
-        there is no log, its first line is damaged, or the lines that are left do not belong together.
+        there is no log, its first line is damaged, or the remaining lines are inconsistent.
     """
     path = folder / log.NAME
     lines = log.read_lines(path)
@@ -147,7 +147,7 @@ def _interpret(lines: Sequence[Mapping[str, Any] | None]) -> History:
 
 
 class _Reader:
-    """Goes through the lines and remembers which record is open."""
+    """Reads the lines and keeps track of the open record."""
 
     def __init__(self, history: History) -> None:
         self._history = history
@@ -155,7 +155,7 @@ class _Reader:
         self._offset = 0.0
 
     def skip(self) -> None:
-        """A line is damaged: what it said of the open record is lost."""
+        """Skip a damaged line: its content about the open record is lost."""
         if self._open is not None:
             self._open.outcome = DAMAGED
 
@@ -195,7 +195,7 @@ class _Reader:
         self._history.records.append(self._open)
 
     def _add_unlogged(self, before: int, time: float) -> None:
-        """Add the records whose opening stood in a damaged line, so that their samples have a record."""
+        """Add the records whose opening line was damaged, so that their samples have a record."""
         records, session = self._history.records, self._history.sessions[-1].number
         while self._history.damaged_lines and len(records) < before:
             unlogged = RecordEntry(len(records), "", "", 0.0, {}, session, start=time, outcome=DAMAGED)
@@ -227,7 +227,7 @@ class _Reader:
 
 
 def _number(value: float | None) -> float:
-    """JSON has no NaN: it was written as null."""
+    """Return a number; JSON has no NaN, which was written as null."""
     return float("nan") if value is None else float(value)
 
 
@@ -236,7 +236,7 @@ def _text(value: object) -> str | None:
 
 
 def ended_at(history: History, seconds: float) -> datetime:
-    """The calendar time at `seconds` of the run's time, by the clock of its last session."""
+    """Return the calendar time at `seconds` of the run's time, by the clock of its last session."""
     from datetime import timedelta
 
     if not history.sessions:

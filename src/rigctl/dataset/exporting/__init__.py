@@ -1,4 +1,4 @@
-"""A run's data, handed out as a file that other programs read."""
+"""Export of a run's data to files that other programs read."""
 
 from rigctl.dataset.exporting.export import FORMATS, TABLES, default_table, export_junit, export_run
 from rigctl.dataset.exporting.ro_crate import export_ro_crate

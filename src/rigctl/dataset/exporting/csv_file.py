@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def write(path: Path, table: pa.Table, names: Sequence[str], title: str) -> None:
-    """Numbers in the shortest form that reads back the same; nothing in a cell without a value."""
+    """Write numbers in the shortest form that reads back the same; a missing value is an empty cell."""
     import csv
 
     from pyarrow import csv as arrow_csv
@@ -28,7 +28,7 @@ def write(path: Path, table: pa.Table, names: Sequence[str], title: str) -> None
 
 
 def _parts(table: pa.Table, rows: int = 1 << 17) -> Iterator[pa.Table]:
-    """Some rows at a time, NaN replaced by nothing."""
+    """Yield some rows at a time, NaN replaced by null."""
     import pyarrow as pa
     import pyarrow.compute as pc
 

@@ -1,4 +1,4 @@
-"""A run's tables, handed out as files that other programs read, and that can be brought in again."""
+"""Export of a run's tables to files that other programs read and that can be imported again."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from rigctl.dataset.run import Run
 
-#: modules that write each kind of file, by the end of its name
+#: writer modules by file extension
 FORMATS: Final[Mapping[str, str]] = {
     ".csv": "csv_file",
     ".parquet": "parquet_file",
@@ -27,12 +27,12 @@ FORMATS: Final[Mapping[str, str]] = {
     ".mat": "mat_file",
     ".xlsx": "xlsx_file",
 }
-#: the tables of a run that can be handed out
+#: the tables of a run that can be exported
 TABLES: Final = ("samples", "observations", "records", "events")
 
 
 class Exported(NamedTuple):
-    """How many rows were written, and how many of their cells were disarmed."""
+    """Numbers of rows written and of cells disarmed."""
 
     rows: int
     disarmed: int
@@ -58,19 +58,20 @@ def export_run(
 
     Parameters
     ----------
-    path: its ending says the format: ``.csv``, ``.parquet``, ``.tdms``, ``.mf4``, ``.mat`` or ``.xlsx``.
+    path: its extension selects the format: ``.csv``, ``.parquet``, ``.tdms``, ``.mf4``, ``.mat`` or
+        ``.xlsx``.
     table: ``samples``; ``observations``, the condition and the measures of every record; ``records`` or
-        ``events``. When left out the samples, or the observations of a run that has no samples.
+        ``events``. By default the samples, or the observations of a run without samples.
     records: only the samples of these records.
-    overwrite: replace a file that is there.
-    disarm: of CSV, put an apostrophe before every text that begins with one of ``= + - @``, so that no
-        spreadsheet takes it for a formula. Numbers stay as they are.
+    overwrite: replace an existing file.
+    disarm: for CSV, put an apostrophe before every text that begins with one of ``= + - @``, so that no
+        spreadsheet interprets it as a formula. Numbers are unchanged.
 
     Raises
     ------
     RigctlError
-        the file is there already or cannot be written, or there is no such table, format or record, or what
-        writes it is not installed.
+        the file exists or cannot be written, there is no such table, format or record, or the package for the
+        format is not installed.
     """
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
@@ -92,12 +93,12 @@ def export_run(
 
 
 def export_junit(run: Run, path: Path, *, overwrite: bool = False) -> int:
-    """Write the measures of a run as test cases in JUnit's XML, and return how many there are.
+    """Write the measures of a run as test cases in JUnit XML, and return their number.
 
     Raises
     ------
     RigctlError
-        the file is there already or cannot be written, or a file of the run is missing or damaged.
+        the file exists or cannot be written, or a file of the run is missing or damaged.
     """
     from rigctl.dataset.exporting import junit
 
@@ -107,7 +108,7 @@ def export_junit(run: Run, path: Path, *, overwrite: bool = False) -> int:
 
 
 def default_table(run: Run) -> str:
-    """The samples of a run, or the observations of one that has no samples."""
+    """Return ``samples``, or ``observations`` for a run without samples."""
     return "samples" if run.info["rows"] or not run.info["records"] else "observations"
 
 

@@ -1,8 +1,8 @@
-"""The measures of a run as test cases in JUnit's XML, as build servers and test managers read it.
+"""The measures of a run as test cases in JUnit XML, for build servers and test management.
 
-There is no one standard of this format: what is written keeps to what the schemas of Ant and Jenkins have in
-common. One suite is one run; each measure with limits is a case, and that the run came to its end is one
-too, so that a run which was aborted can never look as if all had passed.
+The format has no single standard: only what the schemas of Ant and Jenkins have in common is used. A suite is
+one run; each measure with limits is a case, and so is the completion of the run, so that an aborted run can
+never look as if everything had passed.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from rigctl.units import show
 if TYPE_CHECKING:
     from rigctl.dataset.run import Run
 
-#: signs that XML 1.0 cannot have, escaped or not
+#: characters that XML 1.0 does not allow, escaped or not
 _NOT_XML: Final = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def write(run: Run, path: Path) -> int:
-    """Write a run's measures as one suite, and return how many cases it has.
+    """Write a run's measures as one suite, and return its number of cases.
 
     Raises
     ------
     RigctlError
-        a file of the run is missing or damaged, or this one cannot be written.
+        a file of the run is missing or damaged, or the output cannot be written.
     """
     suites = ET.Element("testsuites")
     cases = _suite(suites, run)
@@ -59,7 +59,7 @@ def _suite(suites: ET.Element, run: Run) -> int:
         name=name,
         package=slug(str(run.info["rig"]["name"])),
         id=0,
-        hostname="localhost",  # as the schema says where it is not known
+        hostname="localhost",  # the schema's value for an unknown host
         timestamp=utc(run.info["started"]),
         time=f"{run.info['duration']:.3f}",
         **counts,
@@ -78,7 +78,7 @@ def _suite(suites: ET.Element, run: Run) -> int:
 
 
 def _case(suite: ET.Element, procedure: str, measure: Judged) -> None:
-    """One measure; its step's place in the plan tells two of one name apart."""
+    """Make the case of one measure; the path of its step distinguishes measures of the same name."""
     value = measure.taken.value
     group = f"{procedure}.{slug(measure.record)}" if measure.record is not None else procedure
     index = f" (record {measure.taken.record})" if measure.record is not None else ""
@@ -90,7 +90,7 @@ def _case(suite: ET.Element, procedure: str, measure: Judged) -> None:
 
 
 def _facts(info: Any) -> dict[str, str]:
-    """What a reader of the report may look for: the device, who, on what, and with which version."""
+    """Return the properties of the report: the device, the operator, the bench and the version."""
     facts = {
         "run": info["id"],
         "status": info["status"],
@@ -105,7 +105,7 @@ def _facts(info: Any) -> dict[str, str]:
 
 
 def _all_values(measures: Sequence[TakenMeasure]) -> str:
-    """Every value that was taken, one a line, those without limits too."""
+    """Return every measured value, one per line, including those without limits."""
     lines = []
     for taken in measures:
         value = taken.value
@@ -115,15 +115,15 @@ def _all_values(measures: Sequence[TakenMeasure]) -> str:
 
 
 def element(parent: ET.Element, tag: str, **attributes: object) -> ET.Element:
-    """A part of the document; what XML cannot have is replaced."""
+    """Make an XML element; characters that XML does not allow are replaced."""
     return ET.SubElement(parent, tag, {name: plain(str(value)) for name, value in attributes.items()})
 
 
 def plain(text: str) -> str:
-    """A text without the signs that no XML can have."""
+    """Return a text without characters that XML does not allow."""
     return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
 def utc(written: str) -> str:
-    """A calendar time as the schema takes it: in UTC, to the second, without its zone."""
+    """Format a calendar time as in the schema: UTC, to the second, without the zone."""
     return f"{datetime.fromisoformat(written).astimezone(UTC):%Y-%m-%dT%H:%M:%S}"

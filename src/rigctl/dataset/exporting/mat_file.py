@@ -37,6 +37,6 @@ def write(path: Path, table: pa.Table, names: Sequence[str], title: str) -> None
 
 
 def _field(name: str) -> str:
-    """A name as MATLAB takes it for a field."""
+    """Return a name that is valid as a MATLAB field."""
     plain = re.sub(r"\W", "_", name, flags=re.ASCII)[:63]
     return plain if plain[:1].isalpha() else f"x{plain}"[:63]

@@ -34,7 +34,7 @@ def write(path: Path, table: pa.Table, names: Sequence[str], title: str) -> None
 
     started = (table.schema.metadata or {}).get(b"started")
     with path.open("wb") as file, MDF(version="4.10") as made:
-        if started is not None:  # else the file would say that it was measured when it was written
+        if started is not None:  # the default is the time of writing
             made.header.start_time = datetime.fromisoformat(started.decode("utf-8"))
         for piece in pieces(table, names, title):
             times = {column.name: column.values for column in piece.columns}["time"]

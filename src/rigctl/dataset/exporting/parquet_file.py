@@ -1,4 +1,4 @@
-"""Parquet with ``name [unit]`` for the names of the columns."""
+"""Parquet with columns named ``name [unit]``."""
 
 from __future__ import annotations
 

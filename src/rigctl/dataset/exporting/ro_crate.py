@@ -1,8 +1,8 @@
-"""Runs as a Research Object Crate: their files as they are, and what a stranger needs to know of them.
+"""Runs as a Research Object Crate: their files unchanged, and the metadata needed to use them.
 
 RO-Crate 1.2 (https://w3id.org/ro/crate/1.2): a folder, or a ZIP file, with ``ro-crate-metadata.json`` beside
-the data. Each run is a dataset that was made by one action: by a person, with a bench and a version of
-rigctl, of a procedure and a rig file, on a device under test.
+the data. Each run is a dataset created by one action: by a person, with a bench and a version of rigctl, from
+a procedure and a rig file, on a device under test.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ METADATA: Final = "ro-crate-metadata.json"
 _PROFILE: Final = "https://w3id.org/ro/crate/1.2"
 _RIGCTL: Final = "#rigctl"
 _NO_LICENCE: Final = "#no-licence"
-#: what kind of file each is, by the end of its name
+#: media type by file extension
 _FORMATS: Final = {
     ".json": "application/json",
     ".jsonl": "application/jsonl",
     ".parquet": "application/vnd.apache.parquet",
     ".yaml": "application/yaml",
 }
-#: what is in each file of a run
+#: content of each file of a run
 _FILES: Final = {
     "run.json": "Everything about the run but its numbers, with the checksums of the other files",
     "samples.parquet": "One row for each sample: time, record, channels and commands",
@@ -48,7 +48,7 @@ _FILES: Final = {
     "log.jsonl": "The run's log as it was written",
     "annotations.jsonl": "What people said of the run afterwards",
 }
-#: UN/CEFACT common codes of units (Recommendation 20), which schema.org calls unitCode
+#: UN/CEFACT common codes of units (Recommendation 20), the unitCode of schema.org
 _UNIT_CODES: Final = {
     "s": "SEC",
     "ms": "C26",
@@ -93,18 +93,19 @@ _UNIT_CODES: Final = {
 def export_ro_crate(
     runs: Sequence[Run], path: Path, *, licence: str | None = None, title: str | None = None
 ) -> int:
-    """Write runs with all their files as one crate, and return how many files it has.
+    """Write runs with all their files as one crate, and return its number of files.
 
     Parameters
     ----------
-    path: a folder that is not there yet, or a ``.zip`` file.
-    licence: the address of a licence, or its SPDX identifier; without one the crate says that there is none.
-    title: of the crate; the procedures' names without.
+    path: a new folder, or a ``.zip`` file.
+    licence: the address of a licence, or its SPDX identifier; if omitted, the crate states that no licence
+        was given.
+    title: of the crate; by default the names of the procedures.
 
     Raises
     ------
     RigctlError
-        there is something at the path, a file of a run is missing or was changed, or the disk is full.
+        the path exists, a file of a run is missing or was changed, or the disk is full.
     """
     if path.exists():
         raise RigctlError("there is something already", value=str(path), expected="a new folder or .zip file")
@@ -156,7 +157,7 @@ def _fill(folder: Path, runs: Sequence[Run], licence: str | None, title: str | N
 
 
 def _description(runs: Sequence[Run]) -> str:
-    """What is in the crate, in a sentence."""
+    """Describe the crate in one sentence."""
     benches = ", ".join(dict.fromkeys(str(run.info["rig"]["name"]) for run in runs))
     records = sum(int(run.info["records"]) for run in runs)
     return (
@@ -166,7 +167,7 @@ def _description(runs: Sequence[Run]) -> str:
 
 
 def _run_entities(folder: Path, run: Run) -> Iterable[Entity]:
-    """One run: its files, its dataset, and the action that made it with everything that it names."""
+    """Return the entities of one run: its files, its dataset, and the action that created it."""
     info, base = run.info, f"{run.id}/"
     (folder / run.id).mkdir()
     files = [*_copied(folder, run), *_sources(folder, run)]
@@ -205,7 +206,7 @@ def _run_entities(folder: Path, run: Run) -> Iterable[Entity]:
 
 
 def _copied(folder: Path, run: Run) -> Iterable[Entity]:
-    """The files of a run, copied and compared with the checksums that the run has of them."""
+    """Copy the files of a run and compare them with the run's checksums."""
     for name in ("run.json", *run.info["files"]):
         target = folder / run.id / name
         _fetch(run, name, target)
@@ -222,7 +223,7 @@ def _copied(folder: Path, run: Run) -> Iterable[Entity]:
 
 
 def _fetch(run: Run, name: str, target: Path) -> None:
-    """One file of a run, from its folder or from storage."""
+    """Copy one file of a run from its folder or from storage."""
     if not isinstance(run.folder, Path):
         with (run.folder / name).open() as source, target.open("wb") as copy:
             shutil.copyfileobj(source, copy)
@@ -236,7 +237,7 @@ def _fetch(run: Run, name: str, target: Path) -> None:
 
 
 def _sources(folder: Path, run: Run) -> Iterable[Entity]:
-    """The procedure and the rig file, word for word as they were."""
+    """Write the procedure and the rig file, verbatim."""
     for name, about in (("procedure", "What was carried out"), ("rig", "The bench and its calibrations")):
         source = run.info[name]
         if not source["text"]:
@@ -260,7 +261,7 @@ def _file(at: str, about: str, facts: Mapping[str, Any]) -> Entity:
 
 
 def _variables(run: Run) -> Iterable[Entity]:
-    """Every column of the samples with its unit, and of a channel what its sensor is."""
+    """Return every column of the samples with its unit, and the sensor of a channel."""
     layout, calibrations = run.layout, run.info.get("calibrations", {})
     for name, unit in zip(layout.columns, layout.units, strict=True):
         sensor = calibrations.get(name, {})
@@ -281,7 +282,7 @@ def _variables(run: Run) -> Iterable[Entity]:
 
 
 def _instruments(info: Mapping[str, Any]) -> Iterable[Entity]:
-    """The bench, and the program that recorded."""
+    """Return the bench and the recording program."""
     rig, backend = info["rig"], info.get("backend", {})
     yield {
         "@id": f"#bench-{slug(str(rig['name']))}-{rig['sha256'][:12]}",
@@ -300,7 +301,7 @@ def _instruments(info: Mapping[str, Any]) -> Iterable[Entity]:
 
 
 def _device(info: Mapping[str, Any]) -> Entity | None:
-    """The device under test; None where nobody said which."""
+    """Return the device under test; None if it is unknown."""
     device = info.get("device") or {}
     if not device:
         return None
@@ -326,12 +327,12 @@ def _person(info: Mapping[str, Any]) -> Entity | None:
 
 
 def _licence(given: str | None) -> Entity:
-    """The terms of use: an address, an SPDX identifier, or that nobody has said any.
+    """Return the licence: an address, an SPDX identifier, or the statement that none was given.
 
     Raises
     ------
     RigctlError
-        neither an address nor an identifier.
+        the licence is neither an address nor an identifier.
     """
     if given is None:
         return {
@@ -350,7 +351,7 @@ def _licence(given: str | None) -> Entity:
 
 
 def _add(graph: dict[str, Entity], entities: Iterable[Entity]) -> None:
-    """Add entities; a person, a bench or a program that several runs name is one."""
+    """Add entities; a person, bench or program shared by several runs is added once."""
     for entity in entities:
         graph.setdefault(entity["@id"], entity)
 
@@ -360,7 +361,7 @@ def _refer(to: str) -> Entity:
 
 
 def _pack(folder: Path, path: Path) -> None:
-    """The folder as a ZIP file, its metadata first."""
+    """Write the folder as a ZIP file, the metadata first."""
     with zipfile.ZipFile(path, "x", zipfile.ZIP_DEFLATED) as archive:
         for file in sorted(folder.rglob("*"), key=lambda one: (one.name != METADATA, str(one))):
             if file.is_file():

@@ -1,4 +1,4 @@
-"""A run's tables as they are handed out: what only rigctl's own files need is taken away."""
+"""A run's tables for export, without what only rigctl's own files need."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ class Column:
 
 @dataclass(frozen=True)
 class Piece:
-    """Rows that belong together: a record, what lies between two, or a whole table."""
+    """Rows that belong together: a record, the samples between two records, or a whole table."""
 
     name: str
     columns: tuple[Column, ...]
 
 
 def observations(run: Run) -> pa.Table:
-    """One row per record: its condition and its measures; its name too, where they differ."""
+    """Return one row per record: its condition and measures, and its name if the names differ."""
     table = run.table("records")
     fields = [
         table.schema.field(index)
@@ -48,13 +48,13 @@ def observations(run: Run) -> pa.Table:
 
 
 def unit_of(field: pa.Field) -> str:
-    """The unit of a column, "" for none and for the number of a record."""
+    """Return the unit of a column, "" for none and for the record number."""
     unit: str = (field.metadata or {}).get(b"unit", b"").decode("utf-8")
     return "" if unit == "1" and field.name == "record" else unit
 
 
 def headed(table: pa.Table) -> pa.Table:
-    """The table with ``name [unit]`` for names, and without metadata."""
+    """Return the table with columns named ``name [unit]``, without metadata."""
     import pyarrow as pa
 
     fields = []
@@ -65,10 +65,10 @@ def headed(table: pa.Table) -> pa.Table:
 
 
 def pieces(table: pa.Table, names: Sequence[str], title: str) -> Iterator[Piece]:
-    """Samples record by record, in the order of the run; any other table whole.
+    """Return the samples record by record, in the order of the run; any other table whole.
 
-    A record is called by its name where no two have the same, else by name and index. What lies between
-    records has a column ``record`` of −1, by which it is known again.
+    A record has its name if that is unique, otherwise name and index. Samples between records have −1 in the
+    column ``record``, by which an import recognises them.
     """
     columns = [_column(table, index) for index in range(table.num_columns)]
     if title != "samples":
@@ -87,7 +87,7 @@ def pieces(table: pa.Table, names: Sequence[str], title: str) -> Iterator[Piece]
 
 
 def _equal(numbers: NDArray[np.int32]) -> list[tuple[int, int]]:
-    """Where equal numbers begin and end."""
+    """Yield the start and end of each stretch of equal numbers."""
     import numpy as np
 
     edges = (np.flatnonzero(np.diff(numbers)) + 1).tolist()
@@ -111,10 +111,9 @@ def _column(table: pa.Table, index: int) -> Column:
 
 
 def disarmed_texts(table: pa.Table) -> tuple[pa.Table, int]:
-    """The table with an apostrophe before each text that a spreadsheet would take for a formula; how many.
+    """Put an apostrophe before each text that a spreadsheet would interpret as a formula; count them.
 
-    What a spreadsheet takes for one begins with ``= + - @``, a tab or a carriage return (OWASP, CSV
-    injection).
+    Such texts begin with ``= + - @``, a tab or a carriage return (OWASP, CSV injection).
     """
     import pyarrow as pa
     import pyarrow.compute as pc

@@ -15,22 +15,22 @@ from rigctl.errors import RigctlError
 if TYPE_CHECKING:
     import pyarrow as pa
 
-#: signs that no text of a spreadsheet can have
+#: characters that are not allowed in a cell
 _CONTROL: Final = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f]")
-#: rows of a sheet, which the format bounds
+#: rows per sheet, limited by the format
 _MOST_ROWS: Final = 1_048_576
-#: signs that the name of a sheet cannot have, and its length
+#: characters that are not allowed in the name of a sheet, and its maximum length
 _FORBIDDEN: Final = re.compile(r"[\[\]:*?/\\]")
 _LONGEST: Final = 31
 
 
 def write(path: Path, table: pa.Table, names: Sequence[str], title: str) -> None:
-    """Write the table; nothing in a cell without a value, and no cell is a formula.
+    """Write the table; a missing value is an empty cell, and no cell is a formula.
 
     Raises
     ------
     RigctlError
-        openpyxl is not installed, or a record has more rows than a sheet.
+        openpyxl is not installed, or a record has more rows than fit in a sheet.
     """
     try:
         from openpyxl import Workbook
@@ -41,7 +41,7 @@ def write(path: Path, table: pa.Table, names: Sequence[str], title: str) -> None
     def cell(sheet: Any, value: Any) -> Any:
         if isinstance(value, str):
             made = WriteOnlyCell(sheet, _CONTROL.sub("\N{REPLACEMENT CHARACTER}", value))
-            made.data_type = "s"  # a text that begins with '=' stays one
+            made.data_type = "s"  # a text that begins with '=' must not become a formula
             return made
         return None if isinstance(value, float) and math.isnan(value) else value
 
@@ -65,7 +65,7 @@ def write(path: Path, table: pa.Table, names: Sequence[str], title: str) -> None
 
 
 def _sheet_name(name: str, taken: set[str]) -> str:
-    """A name as a sheet can have it, unlike all others."""
+    """Return a valid, unique name for a sheet."""
     plain = (_FORBIDDEN.sub("_", name).strip("'") or "sheet")[:_LONGEST]
     made, number = plain, 2
     while made.casefold() in taken:
