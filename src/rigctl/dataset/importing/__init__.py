@@ -1,4 +1,4 @@
-"""Data that was measured elsewhere, brought in as a run."""
+"""Import of data measured elsewhere, as a run."""
 
 from rigctl.dataset.importing.bring_in import Imported, import_file, import_files
 from rigctl.dataset.importing.options import Options

@@ -1,4 +1,4 @@
-"""Inputs that a file lacks and that are known to have stayed at one value."""
+"""Inputs that a file lacks and that are known to have been constant."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
 
 
 def assumed_values(assume: Mapping[str, str], rig: Rig | None, recorded: Collection[str]) -> dict[str, float]:
-    """The SI values of what is assumed, by the rig's names.
+    """Return the assumed SI values, by the rig's names.
 
     Parameters
     ----------
-    recorded: what the file has; it need not be assumed.
+    recorded: names in the file, which must not be assumed.
 
     Raises
     ------
     RigctlError
-        a name is misspelt or recorded, or a value is none, lacks its unit or has another dimension.
+        a name is misspelt or recorded, or a value is invalid, lacks its unit or has the wrong dimension.
     """
     found: dict[str, float] = {}
     for name, value in assume.items():
@@ -43,7 +43,7 @@ def assumed_values(assume: Mapping[str, str], rig: Rig | None, recorded: Collect
 
 
 def _require_known(name: str, rig: Rig) -> None:
-    """An input of a model of one's own need not be on the rig; a misspelt name must not pass for one."""
+    """Refuse a misspelt name; an input of a user's own model need not be on the rig."""
     names = [*rig.actuators, *rig.channels, *rig.constants]
     near = nearest_name(name, names) if name not in names else None
     if near is not None:

@@ -1,4 +1,4 @@
-"""A file of measurements becomes a run: all of it or nothing."""
+"""Import of measurement files as a run: completely or not at all."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Imported:
-    """The run that a file became.
+    """An imported run.
 
     Parameters
     ----------
-    left_out: how many bad rows were not taken in; `faults` says what is wrong with the first of them.
-    notes: what is worth knowing of the data, one sentence each.
+    left_out: number of bad rows that were left out; `faults` describes the first of them.
+    notes: remarks on the data, one sentence each.
     """
 
     run: str
@@ -61,16 +61,17 @@ def import_file(
     name: str | None = None,
     operator: str = "",
 ) -> Imported:
-    """Bring in a file of samples, or of observations (a table without ``time``), as a new run.
+    """Import a file of samples, or of observations (a table without ``time``), as a new run.
 
     Parameters
     ----------
-    rig: the bench it was measured on: its channels, actuators and calibrations. Observations need none.
+    rig: the bench of the measurement: its channels, actuators and calibrations. Not needed for observations.
     runs: the folder that holds the runs.
-    columns: ``theirs=ours`` for columns that are called otherwise in the file.
-    options: how the file is to be read where it does not say so itself; `columns` go before its own.
-    keep_good: leave bad rows out instead of refusing the file.
-    name: of the records; when left out, what the file calls them, else the file's name.
+    columns: ``theirs=ours`` for columns with other names in the file.
+    options: how to read the file where that is ambiguous; `columns` take precedence over those of the
+        options.
+    keep_good: omit bad rows instead of refusing the file.
+    name: of the records; by default their names in the file, or else the file's name.
 
     Raises
     ------
@@ -92,7 +93,7 @@ def import_files(
     name: str | None = None,
     operator: str = "",
 ) -> Imported:
-    """Bring in files as one new run, as `import_file` does one; each is a record unless it has several.
+    """Import files as one new run, see `import_file`; each is one record unless it contains several.
 
     Raises
     ------
@@ -126,7 +127,7 @@ def import_files(
 
 
 def remarks_of(taken: Samples | Observations, rig: Rig | None, options: Options) -> tuple[str, ...]:
-    """What is worth knowing of the data, one sentence each."""
+    """Return remarks on the data, one sentence each."""
     said = taken.source.remarks
     if isinstance(taken, Samples) and rig is not None:
         assumed = assumed_values(options.assume, rig, taken.layout.columns)
@@ -142,7 +143,7 @@ def _check_unchanged(paths: Sequence[Path], before: Sequence[object], cause: Exc
 
 
 def _state(path: Path) -> tuple[int, int] | None:
-    """What changes when somebody writes to the file; None for a file that is not there."""
+    """Return what changes when the file is written to; None if it does not exist."""
     try:
         facts = path.stat()
     except OSError:
@@ -153,13 +154,13 @@ def _state(path: Path) -> tuple[int, int] | None:
 def _changed(path: Path) -> RigctlError:
     return RigctlError(
         "the file changed while it was read",
-        hint="Wait until what writes it has ended, or import a copy",
+        hint="Wait until the program that writes it has ended, or import a copy",
         where=Location(path),
     )
 
 
 def _say(writer: RunWriter, notes: Iterable[str], found: Survey, path: Path) -> None:
-    """Keep with the run what is worth knowing of it, and which rows it does not have."""
+    """Store the remarks and the omitted rows with the run."""
     for sentence in notes:
         writer.event(0.0, "note", message=sentence)
     for fault in found.faults:
@@ -172,7 +173,7 @@ def _say(writer: RunWriter, notes: Iterable[str], found: Survey, path: Path) -> 
 def take(
     paths: Sequence[Path], rig: Rig | None, options: Options, *, keep_good: bool
 ) -> Samples | Observations:
-    """Go through the files once: what their columns are, and what is in them.
+    """Read the files once, assigning their columns and checking their content.
 
     Raises
     ------

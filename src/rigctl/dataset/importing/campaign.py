@@ -1,4 +1,4 @@
-"""Several files as one campaign: each is a record, unless it says that it holds several."""
+"""Several files as one campaign: each is one record, unless it distinguishes several."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from rigctl.errors import Location, RigctlError
 
 @dataclass(frozen=True)
 class Campaign:
-    """Files that are read one after the other; a column that one of them lacks is missing there.
+    """Files that are read one after the other; the values of a column that a file lacks are missing.
 
     Parameters
     ----------
-    sources: in the order in which they were named.
+    sources: in the order given by the user.
     names: of their records.
     origin: of the earliest; see `Source`.
     """
@@ -36,7 +36,7 @@ class Campaign:
         return self.sources[0].path
 
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
-        """The rows of file after file."""
+        """Yield the rows of one file after the other."""
         for source, name in zip(self.sources, self.names, strict=True):
             there = {self._ours(heading): index for index, heading in enumerate(source.headings)}
             indices = {index: there.get(self._ours(self.headings[index])) for index in wanted}
@@ -48,16 +48,16 @@ class Campaign:
 
     @property
     def merged(self) -> frozenset[str]:
-        """Names of columns that another file calls otherwise."""
+        """Return the columns that have another name in another file."""
         names = {heading.name for source in self.sources for heading in source.headings}
         return frozenset(names - {heading.name for heading in self.headings})
 
     def _ours(self, heading: Heading) -> str:
-        """What files that call one thing by different names have in common."""
+        """Return the name to which a column is mapped."""
         return self.options.ours(heading.name)
 
     def _shift(self, source: Source) -> float:
-        """Seconds from the campaign's time zero to the file's."""
+        """Return the seconds from the campaign's time zero to the file's."""
         if self.origin is None or source.origin is None:
             return 0.0
         return (source.origin - self.origin) / 1e9
@@ -85,7 +85,7 @@ def open_files(paths: Sequence[Path], options: Options) -> Source:
     Raises
     ------
     RigctlError
-        one cannot be read, is there twice, or has a column in another unit than the others.
+        a file cannot be read or is given twice, or a column does not have the same unit in every file.
     """
     if len(paths) == 1:
         return open_source(paths[0], options)
@@ -103,7 +103,7 @@ def open_files(paths: Sequence[Path], options: Options) -> Source:
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """Names of files without their endings, made unlike one another."""
+    """Return unique names of the files, without their extensions."""
     stems = [stem_of(path) for path in paths]
     return [
         f"{path.parent.name}/{stem}" if stems.count(stem) > 1 else stem
@@ -131,7 +131,7 @@ def _headings(sources: Sequence[Source], options: Options) -> tuple[Heading, ...
 
 
 def _labels(part: Part, name: str) -> Labels:
-    """The file is the record; records that it tells apart are called by its name and theirs."""
+    """Label a file's rows by the file; records that it distinguishes also have their own name."""
     import numpy as np
 
     if part.labels is None:

@@ -1,4 +1,4 @@
-"""What must hold for imported samples, row by row, however many parts they come in."""
+"""Row-by-row checks of imported samples, independent of the division into parts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from rigctl.rig.layout import Layout
 
-#: no time of a measurement is further from zero, s: three centuries, also where zero is the year 1904
+#: largest plausible time, s: three centuries, even if time zero is the year 1904
 LATEST: Final = 1e10
 
 
@@ -26,8 +26,8 @@ LATEST: Final = 1e10
 class Stretch:
     """Consecutive rows ``start`` to ``stop`` (exclusive) of one record, or between records.
 
-    `record` counts the records of the file from 0, −1 for none; `begins` is false where the stretch goes on
-    from the part before.
+    `record` counts the records of the file from 0, −1 for none; `begins` is false if the stretch continues
+    from the previous part.
     """
 
     record: int
@@ -38,9 +38,9 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Checked:
-    """The rows of a part that can be taken in, SI, shape (n, ``layout.columns``), and why others cannot.
+    """The valid rows of a part, SI, shape (n, ``layout.columns``), and the faults of the others.
 
-    `faults` are the first of the `bad_rows`.
+    `faults` describes the first of the `bad_rows`.
     """
 
     block: NDArray[np.float64]
@@ -50,13 +50,13 @@ class Checked:
 
 
 class Checker:
-    """Goes through a file part by part and remembers which record is open.
+    """Checks a file part by part and keeps track of the open record.
 
     Parameters
     ----------
-    assigned: what the columns of the file are.
+    assigned: the assigned columns of the file.
     layout: the columns of the run.
-    missing: numbers that mean that there is no value, as the file has them.
+    missing: numbers that mark missing values, as written in the file.
     """
 
     def __init__(self, assigned: Sequence[Assigned], layout: Layout, missing: Sequence[float] = ()) -> None:
@@ -64,11 +64,11 @@ class Checker:
         self._columns = [column for column in assigned if column.kind not in ("record", "clock")]
         self._layout = layout
         self.book = LabelBook()
-        self.record_ids: list[int] = []  #: of the records, in the order of the file
+        self.record_ids: list[int] = []  #: names of the records, in the order of the file
         self._open: int | None = None
         self._ended: set[int] = set()
         self._latest = -np.inf
-        self._taken: int | None = None  # the label of the last row that was taken in
+        self._taken: int | None = None  # the label of the last valid row
 
     def take(self, part: Part) -> Checked:
         """Check the next rows of the file."""
@@ -89,7 +89,7 @@ class Checker:
         return Checked(block, stretches, faults, len(part.faults) + part.more_faults + bad.count)
 
     def _values(self, column: Assigned, part: Part) -> NDArray[np.float64]:
-        """A column in SI, without the numbers by which a program says that it has none."""
+        """Return a column in SI, with marks of missing values as NaN."""
         written = part.columns[column.index]
         if column.kind != "time" and len(written):
             extreme = np.nanmax(np.abs(written), initial=0.0)
@@ -100,7 +100,7 @@ class Checker:
         return to_si(column, written)
 
     def _stretch(self, label: int, start: int, stop: int) -> Stretch:
-        """Rows that are taken in, and the record that they begin or go on with."""
+        """Return a stretch of valid rows, and the record that they begin or continue."""
         begins = label != self._taken
         if begins and label != BETWEEN:
             self.record_ids.append(label)
@@ -123,7 +123,7 @@ class Checker:
                 bad.add(wrong, f"{column.name}: no such position", said, repeat(expected))
 
     def _ids(self, part: Part, bad: _Bad) -> NDArray[np.int64]:
-        """The record of each row; one for all where the file does not say."""
+        """Return the record of each row; one for all rows if the file has none."""
         labels = part.labels
         if labels is None:
             self.book.id_of("0")
@@ -139,9 +139,9 @@ class Checker:
     def _in_order(
         self, time: NDArray[np.float64], ids: NDArray[np.int64], bad: _Bad
     ) -> list[tuple[int, int, int]]:
-        """Time goes on inside a record, does not go back between records, and no record comes back.
+        """Check that time increases in a record and never falls between records, and no record reappears.
 
-        Returns label, first row and row after the last of every stretch of equal labels.
+        Returns the label, the first row and the row after the last of every stretch of equal labels.
         """
         found = []
         rows = np.flatnonzero((np.abs(time) <= LATEST) & (ids != IMPOSSIBLE))
@@ -156,7 +156,7 @@ class Checker:
             if begins:
                 self._begin(label)
             times = np.maximum.accumulate(np.concatenate([[self._latest], time[here]]))
-            # between records a sample may come twice, where the rate changes
+            # between records, where the rate changes, two samples may have the same time
             stands = (time[here] == times[:-1]) & (label != BETWEEN)
             back = np.flatnonzero((time[here] < times[:-1]) | stands)
             bad.add(
@@ -176,13 +176,13 @@ class Checker:
 
 
 class _Bad:
-    """The rows that cannot be taken in, with the first thing that is wrong with each."""
+    """The invalid rows, with the first fault of each."""
 
     def __init__(self, part: Part) -> None:
         self._part = part
         self._found: dict[int, Fault] = {}
-        self.count = 0  #: of rows with something wrong
-        self.others = np.ones(len(part.lines), dtype=bool)  #: rows that nothing is wrong with
+        self.count = 0  #: number of rows with a fault
+        self.others = np.ones(len(part.lines), dtype=bool)  #: rows without a fault
 
     def add(
         self,
@@ -191,7 +191,7 @@ class _Bad:
         values: Iterable[str | None] = repeat(None),
         expected: Iterable[str | None] = repeat(None),
     ) -> None:
-        """Say what is wrong with some rows, each of them once; what stands there and what was expected."""
+        """Add a fault for some rows, unless they have one: the text found and what was expected."""
         self.count += int(self.others[rows].sum())
         for row, value, wanted in zip(rows.tolist(), values, expected, strict=False):
             if len(self._found) >= KEPT_FAULTS:
@@ -204,12 +204,12 @@ class _Bad:
         self.others[rows] = False
 
     def faults(self) -> Iterator[Fault]:
-        """One for each bad row."""
+        """Return one fault for each bad row."""
         yield from self._found.values()
 
 
 def _equal(ids: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Where equal ids begin and end, in order."""
+    """Yield the start and end of each stretch of equal ids, in order."""
     if not len(ids):
         return []
     edges = np.flatnonzero(ids[1:] != ids[:-1]) + 1
@@ -217,7 +217,7 @@ def _equal(ids: NDArray[np.int64]) -> list[tuple[int, int]]:
 
 
 def to_si(column: Assigned, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A column's values in SI."""
+    """Return a column's values in SI."""
     if column.unit is None:
         return values
     offset = 0.0 if column.difference else column.unit.offset

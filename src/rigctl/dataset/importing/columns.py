@@ -1,4 +1,4 @@
-"""What a file's columns are on the bench: time, record, channels and commands."""
+"""Assigns a file's columns to the bench: time, record, channels and commands."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Kind = Literal["time", "record", "clock", "channel", "command", "other"]
 
-#: names that mean the same on every bench, and the unit of their dimension; used where the rig has none
+#: names with the same meaning on every bench, and a unit of their dimension; used if the rig has none
 _COMMON: Final[Mapping[str, tuple[Kind, str]]] = {
     "valve": ("command", "1"),
     "heater": ("command", "1"),
@@ -32,27 +32,27 @@ _COMMON: Final[Mapping[str, tuple[Kind, str]]] = {
     "position": ("channel", "m"),
 }
 _UNKNOWN: Final = "unknown column"
-#: what times are called by other programs; only ever suggested
+#: names of time in other programs; only used for suggestions
 _TIMES: Final = frozenset(
     ("t", "timestamp", "time_stamp", "datetime", "date_time", "zeit", "uhrzeit", "zeitstempel", "datum_zeit")
 )
-#: how the times of a channel with a clock of its own are called: ``time of temperature_2 [s]``
+#: name of the times of a channel with its own clock: ``time of temperature_2 [s]``
 _CLOCK: Final = "time of "
-#: as the name of ours: the column is left out
+#: as our name: omit the column
 LEAVE_OUT: Final = "-"
 
 
 @dataclass(frozen=True)
 class Assigned:
-    """One column of the file and what it is on the bench.
+    """One column of the file and its meaning on the bench.
 
     Parameters
     ----------
     index: of the column in the file, from 0.
-    unit: the unit it is written in; None for the number of a record.
-    shown: the unit it is kept in.
-    positions: the only values that it may have, for a switch or a valve.
-    difference: it is an interval of temperatures.
+    unit: the unit in the file; None for a record number.
+    shown: the unit in which it is stored.
+    positions: the allowed values of a switch or a valve.
+    difference: it is a temperature difference.
     """
 
     name: str
@@ -66,12 +66,12 @@ class Assigned:
 
 
 def read_mapping(texts: Iterable[str]) -> dict[str, str]:
-    """Read ``theirs=ours`` pairs, several in one text divided by commas.
+    """Read ``theirs=ours`` pairs, several in one text separated by commas.
 
     Raises
     ------
     RigctlError
-        there is no equals sign, or one of theirs is named twice.
+        there is no equals sign, or a column of the file is mapped twice.
     """
     mapping: dict[str, str] = {}
     for pair in (pair for text in texts for pair in _pairs(text)):
@@ -82,7 +82,7 @@ def read_mapping(texts: Iterable[str]) -> dict[str, str]:
                 value=pair,
                 expected="theirs=ours, e.g. 'Druck=supply_pressure [bar]'",
             )
-        name = split_heading(theirs)[0] or theirs  # 'Druck (bar)', as the file has it
+        name = split_heading(theirs)[0] or theirs  # 'Druck (bar)', as in the file
         if name in mapping:
             raise RigctlError("--columns: the column is named twice", value=theirs)
         mapping[name] = ours
@@ -90,7 +90,7 @@ def read_mapping(texts: Iterable[str]) -> dict[str, str]:
 
 
 def _pairs(text: str) -> Iterator[str]:
-    """The pairs of a text; a comma may be part of a column's name."""
+    """Split a text into pairs; a comma may be part of a column's name."""
     waiting: list[str] = []
     for piece in text.split(","):
         waiting.append(piece)
@@ -102,20 +102,20 @@ def _pairs(text: str) -> Iterator[str]:
 
 
 def assign(headings: Sequence[Heading], rig: Rig | None, options: Options) -> list[Assigned]:
-    """Say what each column is; one that is mapped to ``-`` is left out.
+    """Assign each column; one that is mapped to ``-`` is omitted.
 
-    Without a rig, only the names that mean the same on every bench are known. A table with ``time`` holds
-    samples, and every name must be known. One without holds observations, and names of its own are welcome.
+    Without a rig, only the names common to all benches are known. A table with ``time`` has samples, and
+    every name must be known. A table without it has observations, which may have any names.
 
     Raises
     ------
     RigctlError
-        a name is unknown or used twice, or a unit is missing or has another dimension.
+        a name is unknown or used twice, or a unit is missing or has the wrong dimension.
     """
     renamed = [_rename(heading, rig, options) for heading in headings]
     for theirs in options.columns:
         if theirs in options.may_lack or options.ours(theirs) in ("channel", "value"):
-            continue  # the mapping of many files, or a file with one value in each row
+            continue  # a mapping for many files, or a file with one value per row
         if theirs not in {heading.name for heading in headings}:
             raise unknown_name("column", theirs, (heading.name for heading in headings if heading.name))
     samples = any(heading.name == "time" for heading in renamed)
@@ -140,16 +140,15 @@ def assign(headings: Sequence[Heading], rig: Rig | None, options: Options) -> li
 
 
 class UnknownColumn(RigctlError):
-    """The name of a column says nothing, or not enough."""
+    """A column's name is unknown or insufficient."""
 
-    unit: str | None = None  #: that the file gives it
+    unit: str | None = None  #: in the file
 
 
 def _suggest(errors: Sequence[UnknownColumn], rig: Rig | None, found: Mapping[str, Assigned]) -> None:
-    """Name for each unknown column the one that it most likely is; none where that would be a guess.
+    """Suggest the most likely name for each unknown column, or none if that would be a guess.
 
-    Likely is a name that is spelt alike, or the only one of the bench that the file does not have yet and
-    that has the column's dimension.
+    A likely name is spelt similarly, or is the bench's only remaining name with the column's dimension.
     """
     free = [name for name in _names(rig) if name not in found]
     for error in errors:
@@ -164,7 +163,7 @@ def _suggest(errors: Sequence[UnknownColumn], rig: Rig | None, found: Mapping[st
         if near in free:
             free.remove(near)
         error.nearest = near
-        if error.what != _UNKNOWN:  # a table of observations, whose columns need no name of the bench
+        if error.what != _UNKNOWN:  # a table of observations, whose columns may have any name
             continue
         error.expected = None if near or not free else f"one of {', '.join(sorted(free))}"
         means = (
@@ -176,7 +175,7 @@ def _suggest(errors: Sequence[UnknownColumn], rig: Rig | None, found: Mapping[st
 
 
 def _with_unit(name: str, unit: str | None, rig: Rig | None) -> str:
-    """A name as it has to be given to a column whose file says no unit."""
+    """Return a name as it must be given to a column without a unit."""
     usual = {"time": "s"}.get(name)
     if rig is not None and name in (*rig.channels, *rig.actuators):
         usual = rig.channels[name].unit if name in rig.channels else rig.actuators[name].display_unit
@@ -184,7 +183,7 @@ def _with_unit(name: str, unit: str | None, rig: Rig | None) -> str:
 
 
 def _fits(name: str, unit: str, rig: Rig | None) -> bool:
-    """Whether a column of a unit can be what is called like this on the bench."""
+    """Return whether a column with this unit can have this name on the bench."""
     if rig is not None and name in rig.channels:
         return _alike(rig.channels[name].unit, unit)
     if rig is not None and name in rig.actuators:
@@ -203,7 +202,7 @@ def _alike(one: str, other: str) -> bool:
 
 
 def _several_unknown(errors: Sequence[UnknownColumn], rig: Rig | None, *, samples: bool) -> RigctlError:
-    """A file of another program: what its columns are called, and how to say what they are."""
+    """Make the error for several unknown columns: their names, and how to map them."""
     said = [f"{one.value} ({one.nearest}?)" if one.nearest else f"{one.value}" for one in errors]
     near = [_with_unit(one.nearest, one.unit, rig) if one.nearest else LEAVE_OUT for one in errors[:4]]
     if not samples and not any(name.startswith("time") for name in near):
@@ -219,21 +218,21 @@ def _several_unknown(errors: Sequence[UnknownColumn], rig: Rig | None, *, sample
 
 
 def _rename(heading: Heading, rig: Rig | None, options: Options) -> Heading:
-    """The heading under our name, with our unit where one is given."""
+    """Return the heading with our name, and with our unit if one is given."""
     if not heading.name:
         return heading
     given = None if heading.seconds else options.unit_of(heading.name)
     name = options.ours(heading.name)
     if heading.name not in options.columns:
-        name = heading.name if name == "date" else name  # it is one only beside a time of day
+        name = heading.name if name == "date" else name  # a date is one only beside a time of day
         name = next((known for known in _names(rig) if folded(known) == folded(name)), name)
         if options.split == f"column:{heading.name}" and name not in _names(rig):
-            name = LEAVE_OUT  # it says which record, and nothing else
+            name = LEAVE_OUT  # a record number and nothing else
     return replace(heading, name=name, unit=given or heading.unit)
 
 
 def places_of(assigned: Sequence[Assigned]) -> tuple[list[int], int | None]:
-    """The indices of the columns that hold numbers, and of the one that holds the records."""
+    """Return the indices of the columns with numbers, and of the one with the records."""
     record = next((column.index for column in assigned if column.kind == "record"), None)
     return [column.index for column in assigned if column.kind != "record"], record
 
@@ -274,7 +273,7 @@ def _assign(index: int, heading: Heading, rig: Rig | None, *, samples: bool) -> 
 
 
 def _clock(index: int, heading: Heading, rig: Rig | None) -> Assigned:
-    """The times of all, or of one channel that has a clock of its own; called like that channel."""
+    """Assign the times of all channels, or of one with its own clock, named after that channel."""
     if heading.name == "time":
         return Assigned("time", "time", index, heading, _unit(heading, "s"), "s")
     name = heading.name.removeprefix(_CLOCK).strip()
@@ -286,7 +285,7 @@ def _clock(index: int, heading: Heading, rig: Rig | None) -> Assigned:
 
 
 def on_rig(name: str, rig: Rig) -> str:
-    """The rig's own name for what a name means on every bench."""
+    """Return the rig's name for a name common to all benches."""
     if name in rig.channels or name in rig.actuators:
         return name
     roles = rig.roles
@@ -301,7 +300,7 @@ def on_rig(name: str, rig: Rig) -> str:
 
 
 def _unit(heading: Heading, expected: str) -> Unit:
-    """The unit of the heading, which must have the dimension of `expected`; plain numbers need none."""
+    """Return the heading's unit, which must have the dimension of `expected`; plain numbers need none."""
     wanted = parse_unit(expected)
     if heading.unit is None and not wanted.dimension.dimensionless:
         raise _unit_missing(heading, expected)
@@ -321,7 +320,7 @@ def _unit(heading: Heading, expected: str) -> Unit:
 
 
 def _require_same_rotation(heading: Heading, unit: Unit, expected: str) -> None:
-    """Refuse ``1/min`` for ``rpm``: turns a minute are 2π radians a minute, and a count names neither."""
+    """Refuse ``1/min`` for ``rpm``: a count per minute may be revolutions or radians, a factor of 2π."""
     turns, wanted = is_speed_of_rotation(unit.text), is_speed_of_rotation(expected)
     if turns == wanted:
         return
@@ -361,7 +360,7 @@ def _unit_missing(heading: Heading, unit: str) -> RigctlError:
 
 
 def _names(rig: Rig | None) -> list[str]:
-    """What a column can be called: on a bench of another kind nothing of a hydraulic one."""
+    """Return the possible names of a column: those of a hydraulic bench only for a hydraulic bench."""
     if rig is None:
         return ["time", "record", *_COMMON]
     roles = rig.roles
@@ -380,7 +379,7 @@ def _unknown(heading: Heading) -> UnknownColumn:
 
 
 def layout_of(assigned: Sequence[Assigned], rig: Rig) -> Layout:
-    """The columns that the file has, the rig's own in the rig's order."""
+    """Return the layout of the file's columns, those of the rig in the rig's order."""
     order = [*rig.channels, *rig.actuators]
 
     def of(kind: str) -> list[Assigned]:

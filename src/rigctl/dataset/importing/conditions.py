@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Conditions:
-    """Which columns make the condition of a record, and how.
+    """The columns that define the condition of a record, and how.
 
     Parameters
     ----------
-    medians: by their median over the record.
-    levels: commands, by the value that they keep throughout the record.
-    starts: by their value at the record's start.
-    clustered: which of them are temperatures, equal when they are within 1 K.
+    medians: defined by their median over the record.
+    levels: commands, defined by their constant value in the record.
+    starts: defined by their value at the record's start.
+    clustered: those that are temperatures, which are equal within 1 K.
     """
 
     medians: tuple[str, ...] = ()
@@ -36,10 +36,10 @@ class Conditions:
 
 
 def conditions_of(layout: Layout, rig: Rig) -> Conditions:
-    """The temperature that the rig heats and the pressure that it sets, where it does and the file has them.
+    """Return the controlled temperature and pressure of the rig, if the file has them.
 
-    A rig that does neither is known by its commands and by the temperatures at which a record starts: a
-    record that cools down is no repetition of one that cools down from elsewhere.
+    For a rig that controls neither, the conditions are its commands and the temperatures at the start of a
+    record: two records that cool down from different temperatures are not repetitions.
     """
     heat, pressure = rig.roles.heat, rig.roles.set_pressure
     temperature = heat.channel if heat is not None else "oil_temperature"

@@ -1,7 +1,8 @@
 """Comma-separated values with a heading ``name [unit]`` for each column.
 
-Comma, semicolon, tab, bar or spaces between the cells; a decimal point or comma; UTF-8, UTF-16 or an encoding
-of Windows; compressed with gzip if the file's name ends in ``.gz``. Lines before the heading that begin with
+Cells are separated by comma, semicolon, tab, bar or spaces; the decimal sign is a point or a comma; the
+encoding is UTF-8, UTF-16 or one of Windows; files named ``.gz`` are compressed with gzip. Lines before the
+heading that begin with
 ``#`` are comments. An empty cell, ``nan``, ``---`` and the marks of instruments are missing values.
 """
 
@@ -25,18 +26,18 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from numpy.typing import NDArray
 
-#: more lines than this are no beginning of a file
+#: lines at most before the data
 _MOST_LINES: Final = 20_000
 
 
 @dataclass(frozen=True)
 class CsvFile:
-    """A file of comma-separated values whose heading has been read.
+    """A CSV file whose heading has been read.
 
     Parameters
     ----------
-    lines: up to and with the heading.
-    time: how its times are written; None for plain numbers, and where there is no time.
+    lines: number of lines up to and including the heading.
+    time: format of its times; None for plain numbers, or without a time.
     origin: see `Source`.
     """
 
@@ -50,7 +51,7 @@ class CsvFile:
     remarks: tuple[str, ...] = ()
 
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
-        """The rows in order; a row that cannot be read is a fault of its part."""
+        """Yield the rows in order; a row that cannot be read is a fault of its part."""
         clock = None if self.time is None else TimeReader(self.time, self.origin)
         with opened(self.path) as file:
             lines = Lines(self.path, file, self.form)
@@ -61,7 +62,7 @@ class CsvFile:
                 )
 
     def texts(self, index: int) -> Iterator[tuple[Sequence[str], NDArray[np.int64]]]:
-        """The cells of a column as they are written, part after part, with their lines."""
+        """Yield the cells of a column as text, part by part, with their lines."""
         for part in self.parts((), index):
             labels = part.labels
             if labels is not None:
@@ -77,7 +78,7 @@ class CsvFile:
     def _read_fast(
         self, piece: bytes, line: int, wanted: Collection[int], record: int | None, clock: TimeReader | None
     ) -> Part | None:
-        """All rows of a piece at once; None when one of them needs a closer look."""
+        """Read all rows of a piece at once; None if one of them must be read individually."""
         import numpy as np
         import pyarrow as pa
 
@@ -102,7 +103,7 @@ class CsvFile:
         return self._timed(part, table, clock)
 
     def _timed(self, part: Part, table: pa.Table, clock: TimeReader) -> Part | None:
-        """With the times of the rows; None where one needs a closer look."""
+        """Add the times of the rows; None if one must be read individually."""
         import pyarrow.compute as pc
 
         columns = [table[f"time {index}"] for index in self.cells.time]
@@ -141,7 +142,7 @@ class CsvFile:
 
 
 def labels_of_dictionary(column: pa.ChunkedArray) -> Labels:
-    """The records of a column of texts, which Arrow has read as a dictionary."""
+    """Return the labels of a text column that Arrow has read as a dictionary."""
     import numpy as np
     import pyarrow.compute as pc
 
@@ -155,12 +156,12 @@ def labels_of_dictionary(column: pa.ChunkedArray) -> Labels:
 
 
 def open_csv(path: Path, options: Options) -> CsvFile:
-    """Read the heading of a file of comma-separated values, and find out how the rest is written.
+    """Read the heading of a CSV file, and detect the format of the rest.
 
     Raises
     ------
     RigctlError
-        the file cannot be read, has no heading, or its times can be read in two ways.
+        the file cannot be read, has no heading, or its times are ambiguous.
     """
     form = find_form(path, options.encoding)
     head, whole = _head(path, form)
@@ -182,7 +183,7 @@ def open_csv(path: Path, options: Options) -> CsvFile:
 
 
 def _head(path: Path, form: TextForm) -> tuple[str, bool]:
-    """The first lines of the file, and whether they are all."""
+    """Return the first lines of the file, and whether they are all."""
     found: list[bytes] = []
     size = 0
     with opened(path) as file:
@@ -198,7 +199,7 @@ def _head(path: Path, form: TextForm) -> tuple[str, bool]:
 def _find_time(
     path: Path, dialect: Dialect, options: Options
 ) -> tuple[tuple[Heading, ...], tuple[int, ...], TimeFormat | None]:
-    """The headings, the indices of the cells that make the time, and how it is written; None for numbers."""
+    """Return the headings, the indices of the cells that form the time, and its format; None for numbers."""
     headings = dialect.headings
     ours = [options.ours(heading.name) for heading in headings]
     if "time" not in ours:
@@ -225,7 +226,7 @@ def _find_time(
 
 
 def _joined(dialect: Dialect, indices: Sequence[int]) -> pa.Array:
-    """The times of the first rows."""
+    """Return the time texts of the first rows."""
     import pyarrow as pa
 
     columns = [dialect.column(index) for index in indices]

@@ -1,4 +1,4 @@
-"""Rows of a CSV file one by one: slower, and able to say what is wrong with each."""
+"""Reads the rows of a CSV file one by one: slower, but reports the fault of each."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ if TYPE_CHECKING:
     from rigctl.dataset.importing.times import TimeReader
 
 _BARE_RETURN: Final = re.compile(r"\r(?!\n)")
-#: cells of one row: more are no table
+#: cells in one row at most
 _MOST_CELLS: Final = 100_000
 
 
 @dataclass(frozen=True)
 class Cells:
-    """How the cells of a row are divided, and what stands in one.
+    """How to split a row into cells and interpret them.
 
     Parameters
     ----------
     missing: marks of missing values.
-    time: indices of the cells that make the time, joined with a space, where it is no plain number; the last
-        of them is the index of the column of time.
-    stated: the user says what the decimal sign is.
+    time: indices of the cells that form the time, joined with a space, unless it is a plain number; the last
+        of them is the index of the time column.
+    stated: the user has specified the decimal sign.
     """
 
     delimiter: str
@@ -49,7 +49,7 @@ def read_rows(
     record: int | None,
     clock: TimeReader | None,
 ) -> Part:
-    """Read the rows of a text whose first one stands on `line`; what cannot be read becomes a fault."""
+    """Read the rows of a text that begins on `line`; rows that cannot be read become faults."""
     import numpy as np
 
     numbers = [index for index in wanted if clock is None or index not in cells.time]
@@ -82,7 +82,7 @@ def read_rows(
 def with_times(
     part: Part, times: Sequence[str], headings: Sequence[Heading], cells: Cells, clock: TimeReader
 ) -> Part:
-    """A part with the times that are written in its rows; rows whose time is none become faults."""
+    """Return a part with the times of its rows; rows with an invalid time become faults."""
     import numpy as np
     import pyarrow as pa
 
@@ -108,13 +108,13 @@ def with_times(
 
 
 def _rows(text: str, first: int, delimiter: str) -> Iterator[tuple[int, list[str]]]:
-    """Line number and cells of every row that is not blank."""
+    """Yield the line number and cells of every row that is not blank."""
     if delimiter == " ":
         for number, written in enumerate(text.splitlines(), start=first):
             if divided := split_row(written, " "):
                 yield number, divided
         return
-    # a carriage return inside a row is no end of one, and stands in its cell for all to see
+    # a carriage return inside a row does not end it, and remains visible in its cell
     shown = _BARE_RETURN.sub("\N{SYMBOL FOR CARRIAGE RETURN}", text)
     reader = csv.reader(io.StringIO(shown, newline=""), delimiter=delimiter)
     while True:

@@ -1,4 +1,4 @@
-"""The form of a table in a text file: what divides its cells, where its heading is, its decimal sign."""
+"""Detects the form of a table in a text file: delimiter, heading and decimal sign."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Heading
 from rigctl.errors import Location, RigctlError
 
-#: what may divide cells, the least likely to stand in one first
+#: possible delimiters, the least likely to occur in a cell first
 DELIMITERS: Final = ("\t", ";", "|", ",", " ")
-#: rows by which the form is found out
+#: number of rows used for detection
 _ROWS: Final = 400
-#: share of the rows that spaces must divide alike
+#: share of the rows that must have the same number of cells if separated by spaces
 _MOST_ROWS: Final = 0.75
-#: how delimiters are written on the command line
+#: names of delimiters on the command line
 _WORDS: Final = {"tab": "\t", "\\t": "\t", "space": " ", "comma": ",", "semicolon": ";", "pipe": "|"}
 _MOMENT: Final = re.compile(r".*\d[:/.-]\d.*")
 _BARE_RETURN: Final = re.compile(r"\r(?!\n)")
@@ -41,13 +41,13 @@ class Row:
 
 @dataclass(frozen=True)
 class Dialect:
-    """How the rows of a file are divided and its numbers written.
+    """The delimiter, heading and number format of a file.
 
     Parameters
     ----------
     headings: of the columns.
     lines: up to and with the heading.
-    sample: the first rows behind it.
+    sample: the first rows after it.
     """
 
     delimiter: str
@@ -58,7 +58,7 @@ class Dialect:
     remarks: tuple[str, ...]
 
     def location_of(self, path: Path, index: int) -> Location:
-        """Where the first cell of a column stands, or its heading in a file without rows."""
+        """Return the place of a column's first cell, or of its heading in a file without rows."""
         if not self.sample:
             return self.headings[index].where
         first = self.sample[0]
@@ -66,16 +66,16 @@ class Dialect:
         return Location(path, first.line, cell_place(written, self.delimiter, index + 1))
 
     def column(self, index: int) -> list[str]:
-        """The cells of a column in the first rows."""
+        """Return the cells of a column in the first rows."""
         return [row.cells[index].strip() for row in self.sample if len(row.cells) == len(self.headings)]
 
 
 def find_dialect(path: Path, head: str, options: Options, *, whole: bool) -> Dialect:
-    """Find out the form of a table by the first part of its text.
+    """Detect the form of a table from the first part of its text.
 
     Parameters
     ----------
-    whole: `head` is all there is; else its last line may be cut off.
+    whole: `head` is the whole file; otherwise its last line may be incomplete.
 
     Raises
     ------
@@ -114,12 +114,12 @@ def find_dialect(path: Path, head: str, options: Options, *, whole: bool) -> Dia
 
 
 def checked_delimiter(written: str | None) -> str | None:
-    """The sign that a delimiter's name means.
+    """Return the character for a delimiter's name.
 
     Raises
     ------
     RigctlError
-        it is more than one sign.
+        it is more than one character.
     """
     if written is None:
         return None
@@ -132,14 +132,14 @@ def checked_delimiter(written: str | None) -> str | None:
 
 
 def split_row(line: str, delimiter: str) -> list[str]:
-    """The cells of a line; of a table laid out with spaces, what stands between any number of them."""
+    """Split a line into cells; consecutive spaces are one delimiter."""
     if delimiter == " ":
         return re.findall(r"[^\s\[\"]+(?:\s*\[[^\]]*\])?|\"[^\"]*\"|\[[^\]]*\]", line)
     return next(csv.reader([line], delimiter=delimiter), [])
 
 
 def _rows(text: str, delimiter: str, *, whole: bool) -> list[Row]:
-    """Rows that are neither blank nor a comment."""
+    """Yield the rows that are neither blank nor a comment."""
     if delimiter == " ":
         lines = text.splitlines()[: _ROWS + 1]
         found = [
@@ -165,7 +165,7 @@ def _rows(text: str, delimiter: str, *, whole: bool) -> list[Row]:
 
 
 def _divide(text: str, options: Options, *, whole: bool) -> tuple[str, list[Row], int] | None:
-    """The delimiter with which most rows have the same number of cells, the rows, and the first of those."""
+    """Return the delimiter that gives most rows equally many cells, the rows, and the first of those."""
     said = checked_delimiter(options.delimiter)
     best: tuple[float, str, list[Row], int] | None = None
     for delimiter in (said,) if said else DELIMITERS:
@@ -176,7 +176,7 @@ def _divide(text: str, options: Options, *, whole: bool) -> tuple[str, list[Row]
         usual = max(counts, key=lambda size: (counts[size] * (size > 1), size))
         share = counts[usual] / len(rows) if usual > 1 or said else 0.0
         if delimiter == " " and best is not None and (best[0] > 0.0 or share < _MOST_ROWS):
-            break  # spaces divide cells only where nothing else does, and in most rows alike
+            break  # spaces are delimiters only if no other one fits and most rows agree
         if best is None or share > best[0] + 0.25:
             first = next((index for index, row in enumerate(rows) if len(row.cells) == usual), 0)
             best = (share, delimiter, rows, first if share else 0)
@@ -187,7 +187,7 @@ def _divide(text: str, options: Options, *, whole: bool) -> tuple[str, list[Row]
 
 
 def _is_data(row: Row) -> bool:
-    """Whether a row holds numbers, or a time and numbers, and no names."""
+    """Return whether a row has numbers, or a time and numbers, and no names."""
     filled = [cell.strip() for cell in row.cells if cell.strip()]
     return any(looks_numeric(cell) for cell in filled) and all(
         looks_numeric(cell) or _MOMENT.fullmatch(cell) for cell in filled
@@ -195,7 +195,7 @@ def _is_data(row: Row) -> bool:
 
 
 def _heading(text: str, delimiter: str, rows: list[Row], index: int) -> tuple[list[str], int, int]:
-    """The cells of the heading, the index of the first row behind it, and its line; 0 for no heading."""
+    """Return the heading's cells, the index of the first row after it, and its line; 0 without a heading."""
     row = rows[index]
     if not _is_data(row):
         return list(row.cells), index + 1, row.line
@@ -216,7 +216,7 @@ def _before(rows: Sequence[Row], line: int) -> list[Row]:
 
 
 def _unit_row(cells: Sequence[str], sample: list[Row]) -> tuple[list[str | None], list[Row]]:
-    """The units that stand in a row of their own below the heading, and the rows behind it."""
+    """Return the units from a separate row below the heading, and the rows after it."""
     if not sample or len(sample[0].cells) != len(cells) or any("[" in cell for cell in cells):
         return [], sample
     found = [_UNIT_ROW.fullmatch(cell.strip()) for cell in sample[0].cells]
@@ -260,7 +260,7 @@ def _headings(
 
 
 def cell_place(line: str, delimiter: str, number: int) -> int | None:
-    """Where the cell `number` (from 1) of a line begins, from 1; None where quotes or spaces hide it."""
+    """Return the column at which cell `number` of a line begins, both from 1; None with quotes or spaces."""
     if '"' in line or delimiter == " ":
         return None
     return sum(len(cell) + 1 for cell in line.split(delimiter)[: number - 1]) + 1

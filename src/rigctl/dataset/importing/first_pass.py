@@ -1,4 +1,4 @@
-"""What is known of every record of a file before the first of them is written."""
+"""The first pass over a file: facts about every record, before any is written."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     from rigctl.rig.layout import Layout
 
-#: a file with more bad rows than this is none of measurements; the rest of it is not looked at
+#: a file with more bad rows than this is not read further
 MOST_BAD: Final = 100_000
-#: samples from which the value at a record's start is taken: one of them may be a spike
+#: samples for the value at a record's start, since one of them may be a spike
 _FIRST: Final = 5
 
 
@@ -38,14 +38,14 @@ class RecordFacts:
 
 @dataclass
 class Span:
-    """What is known of one channel: how many values there are, and the smallest and the largest, SI."""
+    """The number of values of one channel, and the smallest and the largest, SI."""
 
     values: int = 0
     low: float = np.inf
     high: float = -np.inf
 
     def add(self, values: NDArray[np.float64]) -> None:
-        """Take in some values, NaN where one is missing."""
+        """Add some values, NaN where one is missing."""
         present = values[~np.isnan(values)]
         self.values += len(present)
         if len(present):
@@ -55,13 +55,13 @@ class Span:
 
 @dataclass
 class Survey:
-    """A file of samples, gone through once.
+    """The result of the first pass over a file of samples.
 
     Parameters
     ----------
-    records: in the order of the file; conditions that are alike have the same values.
-    rows: that can be taken in.
-    faults: what is wrong with the first bad rows; `bad_rows` is the number of all.
+    records: in the order of the file; equal conditions have identical values.
+    rows: number of valid rows.
+    faults: of the first bad rows; `bad_rows` is the number of all.
     spans: by channel.
     """
 
@@ -80,7 +80,7 @@ def survey(
     *,
     keep_good: bool = True,
 ) -> Survey:
-    """Go through a file; without `keep_good` only until too many of its rows are bad."""
+    """Read through a file; without `keep_good`, only until too many rows are bad."""
     found = Survey(spans={name: Span() for name in layout.channels})
     open_record: _Gathered | None = None
     for part in parts:
@@ -105,7 +105,7 @@ def survey(
 
 
 class _Gathered:
-    """What is gathered of a record while its rows come in."""
+    """The data collected of a record while its rows are read."""
 
     def __init__(self, record: int, layout: Layout, conditions: Conditions) -> None:
         self._record = record
@@ -140,12 +140,12 @@ class _Gathered:
         return RecordFacts(label, _rate(usual), find_gap(times), values)
 
     def _whole(self, name: str) -> NDArray[np.float64]:
-        """All of a column, which is not kept beside it: a record can be as long as the file."""
+        """Return a whole column and free its parts: a record can be as long as the file."""
         return np.concatenate(self._kept.pop(name))
 
 
 def _alike(records: list[RecordFacts], conditions: Conditions) -> list[RecordFacts]:
-    """The same records, temperatures of conditions that are alike made equal."""
+    """Return the records with equal temperatures for equal conditions."""
     values = [dict(record.values) for record in records]
     for name in conditions.clustered:
         for facts, centre in zip(values, cluster([facts[name] for facts in values]), strict=True):
@@ -157,7 +157,7 @@ def _alike(records: list[RecordFacts], conditions: Conditions) -> list[RecordFac
 
 
 def _rate(step: float) -> float:
-    """Samples a second; times are decimals, and their steps not exact."""
+    """Return the sampling rate; times are decimals, so that their steps are not exact."""
     return float(f"{1.0 / step:.9g}") if step > 0.0 else 0.0
 
 

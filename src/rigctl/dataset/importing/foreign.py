@@ -1,8 +1,8 @@
-"""Readers of formats that are not ours, each in a process of its own.
+"""Readers of foreign formats, each in a separate process.
 
-They are large libraries, partly native, that a damaged file can crash, send round in circles or make ask for
-any amount of memory. Apart, and bounded, they can do that without harm. What they read comes back as Arrow
-files in a temporary folder.
+They are large, partly native libraries, which a damaged file can crash, send into an endless loop or make
+allocate any amount of memory. In a separate process with limits this does no harm. The data are returned as
+Arrow files in a temporary folder.
 """
 
 from __future__ import annotations
@@ -32,24 +32,24 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from numpy.typing import NDArray
 
-#: memory that a reader may have, bytes, and bytes more for each of the file
+#: memory limit of a reader, bytes, and additional bytes per byte of the file
 _MEMORY: Final = 900_000_000
 _MEMORY_PER_BYTE: Final = 16
-#: processor time that it may have, s, and bytes of the file that give it one more
+#: its limit of CPU time, s, and bytes of the file per additional second
 _SECONDS: Final = 8.0
 _BYTES_PER_SECOND: Final = 1_000_000
-#: time by the clock on the wall, as a multiple of that: other programs run too
+#: limit of elapsed time, as a multiple of that, since other programs run too
 _PATIENCE: Final = 4.0
-#: values of all columns together in one piece of what comes back
+#: values of all columns together in one piece of the result
 _PIECE_VALUES: Final = 1 << 20
 _FACTS: Final = "facts.json"
 
-#: what reads a file: its path, and what the caller says of it
+#: a reader of a file, given its path and the caller's options
 Reader = Callable[[Path, Options], GroupedFile]
 
 
 def open_apart(path: Path, options: Options, module: str, function: str) -> GroupedFile:
-    """Read a file with the function of a module, in a process of its own.
+    """Read a file with a function of a module, in a separate process.
 
     Raises
     ------
@@ -87,8 +87,8 @@ def _size(path: Path) -> int:
 
 
 def _start(task: Mapping[str, Any]) -> int:
-    """Carry a task out in a process of its own; its exit status."""
-    # -P: nothing that lies in the working folder is imported
+    """Run a task in a separate process; return its exit status."""
+    # -P: imports nothing from the working folder
     command = [sys.executable, "-P", "-X", "utf8", "-m", "rigctl.dataset.importing.foreign"]
     threads = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_MAX_THREADS")
     return subprocess.run(  # noqa: S603 - this program itself, and nothing from the file
@@ -103,7 +103,7 @@ def _start(task: Mapping[str, Any]) -> int:
 
 
 def _carry_out(task: Mapping[str, Any], path: Path) -> None:
-    """Run the reader; says in plain words how it failed."""
+    """Run the reader, and turn its failures into clear errors."""
     try:
         code = _start(task)
     except subprocess.TimeoutExpired as problem:
@@ -139,12 +139,12 @@ def _too_long(path: Path, seconds: float) -> RigctlError:
 
 
 def main() -> None:
-    """Read the file that the task on standard input names, within its bounds."""
+    """Read the file named by the task on standard input, within its limits."""
     read(json.loads(sys.stdin.buffer.read()))
 
 
 def read(task: Mapping[str, Any]) -> NoReturn:
-    """Carry a task out, and end this process."""
+    """Run a task, and end this process."""
     from importlib import import_module
 
     from rigctl.dataset.importing.limits import limit_process
@@ -161,7 +161,7 @@ def read(task: Mapping[str, Any]) -> NoReturn:
     except MemoryError:
         os._exit(OUT_OF_MEMORY)
     (folder / _FACTS).write_text(json.dumps(facts), encoding="utf-8")
-    # what a library holds of a damaged file is not worth its destructors
+    # skips the destructors of a library that may have read a damaged file
     os._exit(0)
 
 
@@ -172,7 +172,7 @@ def _as_data(problem: RigctlError) -> dict[str, Any]:
 
 
 def _hand_over(found: GroupedFile, folder: Path) -> dict[str, Any]:
-    """Write what was read, group by group, and return what else there is to know."""
+    """Write the data, group by group, and return the other facts."""
     groups = []
     with found.reading() as opened:
         for number, group in enumerate(opened):
@@ -210,7 +210,7 @@ def _write_group(path: Path, group: Group, rows: int) -> None:
 
 
 def _as_arrow(values: NDArray[Any], rows: int) -> pa.Array:
-    """A column as Arrow keeps it; nothing for what is neither numbers, nor texts, nor time stamps."""
+    """Return a column as an Arrow array; nulls if it is neither numbers, nor texts, nor time stamps."""
     import pyarrow as pa
 
     if values.ndim == 1 and is_text(values):
@@ -220,7 +220,7 @@ def _as_arrow(values: NDArray[Any], rows: int) -> pa.Array:
         return pa.nulls(rows)
     if values.dtype.kind == "M":
         return pa.array(values.astype("datetime64[ns]"))
-    # of either byte order, which Arrow does not take
+    # Arrow accepts only the native byte order
     return pa.array(values.astype(values.dtype.newbyteorder("=")))
 
 
@@ -228,7 +228,7 @@ def _as_arrow(values: NDArray[Any], rows: int) -> pa.Array:
 
 
 def _opened(path: Path, folder: Path) -> GroupedFile:
-    """The file as its reader has left it in `folder`, which lives as long as what is returned."""
+    """Return the file from its reader's `folder`, which exists as long as the result does."""
     facts = json.loads((folder / _FACTS).read_text(encoding="utf-8"))
     if "error" in facts:
         said = facts["error"]
@@ -272,7 +272,7 @@ def _group(facts: Mapping[str, Any], pieces: _Pieces) -> Group:
 
 
 class _Pieces:
-    """Reads an Arrow file of pieces of equal length, one of which is kept."""
+    """Reads an Arrow file of pieces of equal length, caching one of them."""
 
     def __init__(self, path: Path, rows: int) -> None:
         self._path = path
@@ -282,7 +282,7 @@ class _Pieces:
         self._held: tuple[int, pa.RecordBatch] | None = None
 
     def read(self, index: int, start: int, stop: int) -> NDArray[Any]:
-        """The values of a column from one row to another."""
+        """Return the values of a column from one row to another."""
         import numpy as np
 
         parts = []
@@ -304,7 +304,7 @@ class _Pieces:
         return self._held[1]
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._held, self._file = None, None
         if self._stream is not None:
             self._stream.close()

@@ -1,4 +1,4 @@
-"""Which files can be read, by the end of their names."""
+"""The readable file formats, by extension."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Source
 from rigctl.errors import RigctlError
 
-#: what opens a file: its path, and what the caller says of it
+#: opens a file, given its path and the caller's options
 Opener = Callable[[Path, Options], Source]
 
 _HERE: Final = "rigctl.dataset.importing"
-#: module and function, imported when a file asks for them
+#: module and function, imported when needed
 OPENERS: Final[Mapping[str, tuple[str, str]]] = {
     ".csv": ("csv_file", "open_csv"),
     ".tsv": ("csv_file", "open_csv"),
@@ -31,9 +31,9 @@ OPENERS: Final[Mapping[str, tuple[str, str]]] = {
     ".mdf": ("mdf_file", "open_mdf"),
     ".mat": ("mat_file", "open_mat"),
 }
-#: formats whose readers can crash, or never end, over a damaged file
+#: formats whose readers can crash or hang on a damaged file
 _APART: Final = ("tdms_file", "mdf_file", "mat_file", "xlsx_file")
-#: whether those are read in a process of their own; a test of a reader itself may do without
+#: whether those are read in a separate process; tests of a reader itself may disable this
 isolated = True
 
 
@@ -43,7 +43,7 @@ def open_source(path: Path, options: Options) -> Source:
     Raises
     ------
     RigctlError
-        the kind of file is unknown, what reads it is not installed, or the file cannot be read.
+        the kind of file is unknown, its reader is not installed, or the file cannot be read.
     """
     source = _open(path, options)
     return open_long(source, options) if is_long(source, options) else source
@@ -58,12 +58,12 @@ def _open(path: Path, options: Options) -> Source:
 
 
 def ending_of(path: Path) -> str:
-    """The end of a file's name that says its kind.
+    """Return the extension of a file that gives its format.
 
     Raises
     ------
     RigctlError
-        it is none that can be read.
+        the format cannot be read.
     """
     name = path.name.lower()
     for ending in sorted(OPENERS, key=len, reverse=True):
@@ -75,5 +75,5 @@ def ending_of(path: Path) -> str:
 
 
 def stem_of(path: Path) -> str:
-    """A file's name without what says its kind."""
+    """Return a file's name without the extension of its format."""
     return path.name[: -len(ending_of(path))]

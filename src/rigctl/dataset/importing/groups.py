@@ -1,7 +1,7 @@
-"""Files that hold groups of columns: each group is a record, unless the file says otherwise.
+"""Files with groups of columns: each group is a record, unless the file says otherwise.
 
-A LabVIEW file has groups of channels, an MDF file channel groups, a MATLAB file structures; here they are
-alike.
+These are the groups of a LabVIEW file, the channel groups of an MDF file, and the structures of a MATLAB
+file.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-#: a file of more bytes than this is read piece by piece, each time anew
+#: a file of more bytes than this is read in pieces, and again on each pass
 LARGE: Final = 1 << 28
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a group: `read` gives the values from one row to another, as the file has them."""
+    """One column of a group: `read` returns the values from one row to another, as in the file."""
 
     name: str
     unit: str | None
@@ -48,9 +48,9 @@ class Column:
 
 @dataclass(frozen=True)
 class Group:
-    """Columns of equal length. `name` is what the file calls them; empty where it has only one group.
+    """Columns of equal length. `name` is the group's name in the file; empty if there is only one group.
 
-    `first` is the line of its first row, as the program shows it that wrote the file.
+    `first` is the line of its first row, as shown by the program that wrote the file.
     """
 
     name: str
@@ -59,12 +59,12 @@ class Group:
     first: int = 1
 
     def column(self, name: str) -> Column | None:
-        """The column of that name."""
+        """Return the column of that name."""
         return next((column for column in self.columns if column.name == name), None)
 
 
 def held(group: Group) -> Group:
-    """The same group, its values in memory."""
+    """Return the group with its values in memory."""
 
     def kept(column: Column) -> Column:
         values = column.read(0, group.rows)
@@ -73,15 +73,15 @@ def held(group: Group) -> Group:
     return Group(group.name, group.rows, tuple(kept(column) for column in group.columns))
 
 
-#: opens the file and gives its groups, as often as it is called
+#: opens the file and returns its groups, as often as it is called
 Reading = Callable[[], AbstractContextManager[Sequence[Group]]]
 
 
 @dataclass(frozen=True)
 class GroupedFile:
-    """A file of groups whose headings are known: those of all groups together, in the order they appear.
+    """A file of groups whose headings are known: those of all groups, in order of appearance.
 
-    `noun` is what the format calls a group; `remarks` say what of the file is not used.
+    `noun` is the format's word for a group; `remarks` describe the parts of the file that are not used.
     """
 
     path: Path
@@ -89,18 +89,18 @@ class GroupedFile:
     reading: Reading
     noun: str = "group"
     remarks: tuple[str, ...] = ()
-    damage: tuple[str, ...] = ()  #: what its library finds wrong with the file, though it can read it
-    clock: ArrayClock | None = None  #: of times that say when it was
-    began: int | None = None  #: time zero, where the file says it apart from its times
-    merged: bool = False  #: its groups are parts of one measurement, with times of their own
+    damage: tuple[str, ...] = ()  #: errors reported by the library, which can read the file nevertheless
+    clock: ArrayClock | None = None  #: clock of absolute times
+    began: int | None = None  #: time zero, if the file stores it separately from its times
+    merged: bool = False  #: its groups are parts of one measurement, with separate times
 
     @property
     def origin(self) -> int | None:
-        """Nanoseconds from 1970 UTC to time zero; None where the times say nothing of the calendar."""
+        """Return the nanoseconds from 1970 UTC to time zero; None if the times are not absolute."""
         return self.began if self.clock is None else self.clock.origin
 
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
-        """The rows of group after group; what a group lacks is missing."""
+        """Yield the rows of one group after the other; values that a group lacks are missing."""
         with self.reading() as groups:
             for group in groups:
                 for start in range(0, group.rows, PART_ROWS):
@@ -109,7 +109,7 @@ class GroupedFile:
             yield self._damage(wanted)
 
     def _damage(self, wanted: Collection[int]) -> Part:
-        """No rows, and why there may be some missing."""
+        """Return a part without rows that reports damage."""
         import numpy as np
 
         faults = tuple(Fault(0, f"the file is damaged: {text}") for text in self.damage)
@@ -141,7 +141,7 @@ class GroupedFile:
         return as_numbers(self.path, heading.name, values)
 
     def _labels(self, group: Group, start: int, stop: int, record: int | None) -> Labels | None:
-        """A column of records goes before the name of the group."""
+        """Return the labels; a record column takes precedence over the name of the group."""
         import numpy as np
 
         column = None if record is None else group.column(self.headings[record].name)
@@ -161,17 +161,17 @@ def open_groups(
     noun: str = "group",
     damage: Collection[str] = (),
 ) -> GroupedFile:
-    """A file of groups, ready to be read.
+    """Return a file of groups, ready to be read.
 
     Parameters
     ----------
-    names: ours by theirs, so that the column of time is known.
-    damage: what is wrong with the file; looked at when the groups have been read.
+    names: ours by theirs, so that the time column is known.
+    damage: errors in the file; evaluated once the groups have been read.
 
     Raises
     ------
     RigctlError
-        there is nothing in the file, a column has two units, or the groups are no records.
+        the file is empty, a column has two units, or the groups are not records.
     """
     with reading() as found:
         groups, remarks = _with_time(found, options, noun)
@@ -189,7 +189,7 @@ def open_groups(
 def _find_clock(
     groups: Sequence[Group], headings: tuple[Heading, ...], options: Options
 ) -> tuple[tuple[Heading, ...], ArrayClock | None]:
-    """How the times are read, where they say when it was; the heading of time is in seconds then."""
+    """Return the headings and the clock of absolute times, whose heading is then in seconds."""
     index = next((at for at, heading in enumerate(headings) if options.ours(heading.name) == "time"), None)
     if index is None:
         return headings, None
@@ -205,7 +205,7 @@ def _find_clock(
 
 
 def _chosen(reading: Reading, chosen: Collection[str]) -> Reading:
-    """Only the groups that are used."""
+    """Return only the groups that are used."""
 
     @contextmanager
     def opened() -> Iterator[Sequence[Group]]:
@@ -216,7 +216,7 @@ def _chosen(reading: Reading, chosen: Collection[str]) -> Reading:
 
 
 def _with_time(groups: Sequence[Group], options: Options, noun: str) -> tuple[list[Group], tuple[str, ...]]:
-    """Groups with rows; where some have time, those without it hold something else than samples."""
+    """Return the groups with rows; if some have a time, those without it are not samples."""
     filled = [group for group in groups if group.rows and group.columns]
     timed = [group for group in filled if any(options.ours(c.name) == "time" for c in group.columns)]
     if not timed:
@@ -226,7 +226,7 @@ def _with_time(groups: Sequence[Group], options: Options, noun: str) -> tuple[li
 
 
 def _check_alike(path: Path, groups: Sequence[Group], options: Options, noun: str) -> bool:
-    """Records have channels in common; groups that have none are parts of one measurement: which it is."""
+    """Return whether the groups are parts of one measurement: they have no channel in common."""
     own = [
         {options.ours(column.name) for column in group.columns} - {"time", "record", "-"} for group in groups
     ]
@@ -260,12 +260,12 @@ def _headings(path: Path, groups: Sequence[Group], noun: str) -> tuple[Heading, 
 
 
 def common_length(path: Path, where: str, lengths: Mapping[str, int], options: Options) -> int:
-    """The number of rows of all columns that are not left out; `where` says of what, e.g. ``group 'A'``.
+    """Return the number of rows that all used columns share; `where` is for messages, e.g. ``group 'A'``.
 
     Raises
     ------
     RigctlError
-        they have not the same number; names two of them.
+        the numbers differ; names two of the columns.
     """
     used = {name: rows for name, rows in lengths.items() if options.ours(name) != "-"}
     first = next((name for name in used if options.ours(name) == "time"), next(iter(used), ""))
@@ -282,19 +282,19 @@ def common_length(path: Path, where: str, lengths: Mapping[str, int], options: O
 
 
 def is_text(values: NDArray[Any]) -> bool:
-    """Whether an array holds texts."""
+    """Return whether an array has texts."""
     return values.dtype.kind in "SU" or (
         values.dtype.kind == "O" and all(isinstance(value, str | bytes) for value in values[:10])
     )
 
 
 def as_numbers(path: Path, name: str, values: NDArray[Any]) -> NDArray[np.float64]:
-    """The values as numbers.
+    """Return the values as numbers.
 
     Raises
     ------
     RigctlError
-        they are something else.
+        they are not numbers.
     """
     import numpy as np
 
@@ -314,7 +314,7 @@ def _as_text(value: object) -> str:
 
 @contextmanager
 def overheard(library: str, said: list[str]) -> Iterator[None]:
-    """What a library logs about a file goes to `said` and not to the terminal."""
+    """Collect a library's log messages about a file in `said` instead of printing them."""
     names = [library, *(name for name in logging.root.manager.loggerDict if name.startswith(f"{library}."))]
     loggers = [logging.getLogger(name) for name in names]
     before = [(logger.handlers, logger.propagate) for logger in loggers]
@@ -329,20 +329,20 @@ def overheard(library: str, said: list[str]) -> Iterator[None]:
 
 
 class _Listener(logging.Handler):
-    """Keeps the text of every warning."""
+    """Stores the text of every warning."""
 
     def __init__(self, said: list[str]) -> None:
         super().__init__(logging.WARNING)
         self._said = said
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Keep one."""
+        """Store a warning."""
         self._said.append(record.getMessage())
 
 
 @contextmanager
 def telling(path: Path, kind: str) -> Iterator[None]:
-    """Whatever a library raises over a file that is damaged, or is none of its kind, in plain words."""
+    """Turn a library's errors about a damaged or wrong file into clear ones."""
     try:
         yield
     except (RigctlError, MemoryError):
@@ -355,9 +355,9 @@ def telling(path: Path, kind: str) -> Iterator[None]:
 
 
 def _let_go(problem: Exception) -> None:
-    """Free what a library holds of a damaged file at once, and quietly.
+    """Free a library's objects of a damaged file at once, without output.
 
-    Destructors of half-made objects raise errors of their own, which Python would print.
+    Destructors of incomplete objects raise errors, which Python would print.
     """
     hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
     try:
@@ -371,7 +371,7 @@ def _let_go(problem: Exception) -> None:
 
 
 def missing_extra(extra: str, package: str, path: Path) -> RigctlError:
-    """The error for a file whose reader is not installed."""
+    """Return the error for a file whose reader is not installed."""
     return RigctlError(
         f"this kind of file needs {package}, which is not installed",
         hint=f"Install it: pip install 'rigctl[{extra}]'",

@@ -1,4 +1,4 @@
-"""Names of columns as files write them: with a unit beside the name, and units spelt in other ways."""
+"""Column names as in files: with a unit beside the name, and with other spellings of units."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from rigctl.errors import RigctlError
 from rigctl.units import parse_unit
 
 _BRACKETS: Final = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
-#: other ways of writing a unit behind a name; taken for one only where it is a unit
+#: other ways to write a unit after a name; accepted only if it is a unit
 _BESIDE: Final = (
     re.compile(r"(?P<name>.+?)\s*\((?P<unit>[^()]+)\)"),
     re.compile(r"(?P<name>.+?)\s*\{(?P<unit>[^{}]+)\}"),
     re.compile(r"(?P<name>.+?)(?:\s+/|\s*[,;])\s*(?P<unit>\S+)"),
-    re.compile(r"(?P<name>.+?)\s+in\s+(?P<unit>\S{2,})"),  # 'pressure in A' is a place
+    re.compile(r"(?P<name>.+?)\s+in\s+(?P<unit>\S{2,})"),  # 'pressure in A' names a place
 )
-#: how other programs write units that have another name here
+#: other programs' names of units
 _UNITS: Final[Mapping[str, str]] = {
     "deg C": "degC",
     "Deg C": "degC",
@@ -41,14 +41,14 @@ _UNITS: Final[Mapping[str, str]] = {
     "none": "1",
     "percent": "%",
 }
-#: names under which a column means the same in every file, whatever the case
+#: names with the same meaning in every file, ignoring case
 SPECIAL: Final = ("time", "record", "date")
 
 
 def split_heading(text: str) -> tuple[str, str | None]:
-    """The name and the unit of ``name [unit]``; no unit where there are no brackets, no name for nonsense.
+    """Split ``name [unit]``; without brackets there is no unit, and an invalid text has no name.
 
-    ``name (unit)``, ``name / unit``, ``name, unit`` and ``name in unit`` are read where that is a unit.
+    ``name (unit)``, ``name / unit``, ``name, unit`` and ``name in unit`` are accepted if that is a unit.
     """
     written = " ".join(text.split())
     match = _BRACKETS.fullmatch(written)
@@ -64,13 +64,13 @@ def split_heading(text: str) -> tuple[str, str | None]:
 
 
 def unit_of(written: object) -> str | None:
-    """The unit that a file gives a column, as it is called here; None where it gives none."""
+    """Return the unit of a column under our name; None if the file has none."""
     text = str(written).strip() if written is not None else ""
     return _UNITS.get(text, text) or None
 
 
 def is_unit(written: str) -> bool:
-    """Whether a text is a unit and cannot be something else: no bare number."""
+    """Return whether a text is a unit and cannot be anything else, such as a plain number."""
     text = unit_of(written)
     if text is None or text.strip().isdigit():
         return written.strip() == "1"
@@ -82,11 +82,11 @@ def is_unit(written: str) -> bool:
 
 
 def plain_name(written: str) -> str:
-    """A name without space around it; ``Time`` is time, whatever the case."""
+    """Return a name without surrounding space; ``Time`` is time in any case."""
     name = written.strip()
     return name.casefold() if name.casefold() in SPECIAL else name
 
 
 def folded(name: str) -> str:
-    """What two spellings of one name have in common: ``Oil Temperature`` and ``oil_temperature``."""
+    """Return a key that spellings of one name share: ``Oil Temperature`` and ``oil_temperature``."""
     return re.sub(r"[\s_-]+", "_", name.strip()).casefold()

@@ -1,4 +1,4 @@
-"""What a row says of the record it belongs to: a number, a name, or that it belongs to none."""
+"""The record label of a row: a number, a name, or none."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Final
 
 from rigctl.dataset.importing.table import MISSING
 
-#: id of a row that belongs to no record, and of one whose label cannot be
+#: id of a row outside all records, and of one with an impossible label
 BETWEEN: Final = -1
 IMPOSSIBLE: Final = -2
 
@@ -16,18 +16,18 @@ Label = float | str
 
 
 class LabelBook:
-    """Gives every record of a file an id, in the order in which they first appear."""
+    """Assigns an id to every record of a file, in order of first appearance."""
 
     def __init__(self) -> None:
         self._ids: dict[Label, int] = {}
         self.labels: list[Label] = []  #: by id
 
     def id_of(self, text: str, *, named: bool = False) -> int:
-        """The id of a label; `BETWEEN` for a missing or negative one, `IMPOSSIBLE` for half a number.
+        """Return the id of a label; `BETWEEN` for a missing or negative one, `IMPOSSIBLE` for a fraction.
 
         Parameters
         ----------
-        named: the text is the name of a group, and a number is a name too.
+        named: the text is the name of a group, so that a number is a name too.
         """
         label = text if named else read_label(text)
         if label is None:
@@ -41,7 +41,7 @@ class LabelBook:
 
 
 def read_label(text: str) -> Label | None:
-    """A number where the text is one, so that ``1``, ``01`` and ``1.0`` are one record; None for none."""
+    """Return a number if the text is one, so that ``1`` and ``01`` are one record; None without a label."""
     written = text.strip()
     if written in MISSING:
         return None
@@ -55,5 +55,5 @@ def read_label(text: str) -> Label | None:
 
 
 def describe_label(label: Label) -> str:
-    """A record as the file calls it: ``record 4``, ``record H1_000_010``."""
+    """Describe a record by its label: ``record 4``, ``record H1_000_010``."""
     return f"record {label:g}" if isinstance(label, float) else f"record {label}"

@@ -1,4 +1,4 @@
-"""Bounds of memory and processor time for this process, on every system."""
+"""Limits of memory and CPU time for this process, on every system."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import threading
 import time
 from typing import Final
 
-#: exit status of a process that has used up its memory, where nothing else says so
+#: exit status of a process that exceeded its memory, if there is no other sign
 OUT_OF_MEMORY: Final = 86
-#: how often the memory is looked at where the system does not bound it, s
+#: interval of memory checks if the system does not limit it, s
 _EVERY: Final = 0.05
 
 
 def limit_process(memory: int, seconds: float) -> None:
-    """Let this process have so many bytes of memory and seconds of a processor, and be ended beyond.
+    """Limit this process to some bytes of memory and seconds of CPU time; it ends if it exceeds them.
 
-    Linux bounds both by itself; so does Windows, by a job; on macOS and others a thread watches the memory.
+    Linux limits both; so does Windows, with a job object; on macOS and others a thread checks the memory.
     """
     if sys.platform == "win32":
         _limit_by_job(memory, seconds)
@@ -27,7 +27,7 @@ def limit_process(memory: int, seconds: float) -> None:
 
 
 def _limit_by_system(memory: int, seconds: float) -> None:
-    """Ask the system for the bounds (Linux, macOS)."""
+    """Set the limits with the operating system (Linux, macOS)."""
     if sys.platform == "win32":
         return
     import resource
@@ -43,12 +43,12 @@ def _limit_by_system(memory: int, seconds: float) -> None:
         if most != resource.RLIM_INFINITY:
             low, high = min(low, most), min(high, most)  # noqa: PLW2901 - never above what is allowed
         resource.setrlimit(kind, (low, high))
-    if darwin:  # it does not bound the memory of a process
+    if darwin:  # this system does not limit memory
         threading.Thread(target=_watch, args=(memory,), daemon=True).start()
 
 
 def _watch(memory: int) -> None:
-    """End the process when it has used more than `memory` bytes."""
+    """End the process if it uses more than `memory` bytes."""
     if sys.platform == "win32":
         return
     import resource
@@ -60,7 +60,7 @@ def _watch(memory: int) -> None:
 
 
 def _limit_by_job(memory: int, seconds: float) -> None:
-    """Put this process into a job of its own with bounds (Windows)."""
+    """Put this process into a job object with limits (Windows)."""
     if sys.platform == "win32":
         import ctypes
         from ctypes import wintypes
@@ -103,7 +103,7 @@ def _limit_by_job(memory: int, seconds: float) -> None:
             wintypes.DWORD,
         )
         kernel.AssignProcessToJobObject.argtypes = (wintypes.HANDLE, wintypes.HANDLE)
-        # the handle stays open as long as the process lives, and the job with it
+        # the open handle keeps the job alive as long as the process
         job = kernel.CreateJobObjectW(None, None)
         done = kernel.SetInformationJobObject(job, extended, ctypes.byref(limits), ctypes.sizeof(limits))
         if not job or not done or not kernel.AssignProcessToJobObject(job, kernel.GetCurrentProcess()):

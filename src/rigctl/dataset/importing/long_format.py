@@ -1,4 +1,4 @@
-"""Files with one value in each row: a time, the name of a channel, and its value."""
+"""Files in long format: a time, the name of a channel, and its value in each row."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LongFile:
-    """A file of single values as a table with a column for each channel; held as a whole.
+    """A file in long format as a table with a column for each channel, held in memory.
 
     Parameters
     ----------
-    times: (n) of the rows, each once, in the order of the file.
+    times: (n) of the rows, without repeats, in the order of the file.
     values: by the name of the channel, (n) each, NaN where it was not sampled.
     """
 
@@ -38,24 +38,24 @@ class LongFile:
     remarks: tuple[str, ...] = field(default=())
 
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
-        """All rows at once."""
+        """Yield all rows at once."""
         columns = {index: self.times if index == 0 else self.values[index - 1] for index in wanted}
         yield Part(columns, self.lines, None, self.faults, more_faults=self.more_faults)
 
 
 def is_long(source: Source, options: Options) -> bool:
-    """Whether the caller says that a column holds names of channels, and another their values."""
+    """Return whether the options map one column to channel names, and another to their values."""
     ours = {options.ours(heading.name) for heading in source.headings}
     return {"channel", "value"} <= ours
 
 
 def open_long(source: Source, options: Options) -> LongFile:
-    """The same file as a table with a column for each channel.
+    """Return the file as a table with a column for each channel.
 
     Raises
     ------
     RigctlError
-        it has no time, or tells records apart.
+        it has no time, or distinguishes records.
     """
     import numpy as np
 

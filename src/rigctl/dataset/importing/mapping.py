@@ -1,4 +1,4 @@
-"""How one logger's files are read, kept in a YAML file so that the next one needs no thought."""
+"""Import options for one logger's files, stored in a YAML file for reuse."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from rigctl.dataset.importing.dialect import checked_delimiter
 from rigctl.dataset.importing.options import DateOrder, Options, TimePolicy
 from rigctl.errors import Location, RigctlError
 
-#: the fields of a mapping that are no mappings or lists themselves
+#: the scalar fields of a mapping
 _PLAIN: Final = ("dates", "zone", "times", "split", "resample", "encoding", "delimiter", "decimal")
 
 
 class ImportMapping(BaseModel):
-    """How files are read that do not say so themselves; what is left out is found out or asked."""
+    """Import options; what is omitted is detected, or the user is asked."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -41,12 +41,12 @@ class ImportMapping(BaseModel):
     decimal: str | None = Field(default=None, description="the decimal sign, '.' or ','")
 
     def options(self) -> Options:
-        """The same as the importer takes it.
+        """Return the mapping as options of the importer.
 
         Raises
         ------
         RigctlError
-            a column or a delimiter is none.
+            a column or a delimiter is invalid.
         """
         checked_delimiter(self.delimiter)
         pairs = [f"{theirs}={ours}" for theirs, ours in self.columns.items()]
@@ -70,7 +70,7 @@ def load_mapping(path: Path) -> Options:
     Raises
     ------
     RigctlError
-        the file cannot be read, or something in it is wrong; with its place.
+        the file cannot be read, or an entry is wrong; names its place.
     """
     from rigctl.files.validate import validate
     from rigctl.files.yaml import read_document
@@ -86,12 +86,12 @@ def load_mapping(path: Path) -> Options:
 
 
 def save_mapping(path: Path, options: Options) -> None:
-    """Write a mapping that `load_mapping` reads; a file that is there already must say the same.
+    """Write a mapping for `load_mapping`; an existing file must have the same content.
 
     Raises
     ------
     RigctlError
-        the file is there already, or cannot be written.
+        a different file exists, or it cannot be written.
     """
     from rigctl.files.write import write_text
 
@@ -120,7 +120,7 @@ def save_mapping(path: Path, options: Options) -> None:
 
 
 def _entries(options: Options) -> dict[str, Any]:
-    """What an option says that is not what goes without saying."""
+    """Return the options that differ from their defaults."""
     usual = Options()
     return {
         name: getattr(options, name)
@@ -130,7 +130,7 @@ def _entries(options: Options) -> dict[str, Any]:
 
 
 def _quoted(text: object) -> str:
-    """A text as YAML takes it for one, whatever stands in it."""
+    """Quote a text so that YAML reads it as text."""
     import json
 
     return json.dumps(str(text), ensure_ascii=False)

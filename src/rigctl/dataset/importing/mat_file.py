@@ -1,7 +1,8 @@
 """MATLAB's MAT files up to version 7: vectors, structures of vectors, and arrays of such structures.
 
 Each structure is a record; units are texts in a structure ``units`` with the same field names, beside the
-vectors or in the structure. Nothing in a file is ever executed: functions and objects are named and left out.
+vectors or in the structure. Nothing in a file is ever executed: functions and objects are reported and left
+out.
 """
 
 from __future__ import annotations
@@ -37,19 +38,19 @@ _NAMES: Final = ("name", "label")
 
 @dataclass
 class _Found:
-    """What has been understood of a file, and what has not."""
+    """The groups found in a file, and the remarks on the rest."""
 
     groups: list[Group] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
 
 def open_mat(path: Path, options: Options) -> GroupedFile:
-    """Read what a MAT file holds.
+    """Read a MAT file.
 
     Raises
     ------
     RigctlError
-        the file cannot be read, is of version 7.3, or holds nothing that is a table.
+        the file cannot be read, is of version 7.3, or contains no table.
     """
     found = _Found()
     variables = _load(path)
@@ -75,7 +76,7 @@ def open_mat(path: Path, options: Options) -> GroupedFile:
 
 
 def _load(path: Path) -> dict[str, Any]:
-    """The variables of a file, one-element and empty dimensions removed."""
+    """Load the variables of a file, one-element and empty dimensions removed."""
     from scipy.io import loadmat
 
     with telling(path, "MAT"):
@@ -91,7 +92,7 @@ def _load(path: Path) -> dict[str, Any]:
 
 
 def _is_structure(value: Any) -> bool:
-    """A structure, or an array of structures."""
+    """Return whether this is a structure or an array of structures."""
     return bool(_structures(value))
 
 
@@ -111,7 +112,7 @@ def _fields(structure: Any) -> dict[str, Any]:
 
 
 def _units(value: Any) -> dict[str, str]:
-    """Texts of a structure ``units``."""
+    """Return the texts of a structure ``units``."""
     structures = _structures(value)
     fields = _fields(structures[0]) if len(structures) == 1 else {}
     return {name: unit for name, unit in fields.items() if isinstance(unit, str)}
@@ -120,7 +121,7 @@ def _units(value: Any) -> dict[str, str]:
 def _take_structures(
     path: Path, name: str, value: Any, units: Mapping[str, str], options: Options, found: _Found
 ) -> None:
-    """Each structure of a variable as a group."""
+    """Add each structure of a variable as a group."""
     several = _structures(value)
     for number, structure in enumerate(several, start=1):
         fields = _fields(structure)
@@ -135,7 +136,7 @@ def _take_structures(
 
 
 def _signals(value: Any) -> dict[str, Any]:
-    """The signals of what Simulink calls a structure with time."""
+    """Return the signals of a Simulink "structure with time"."""
     found: dict[str, Any] = {}
     for number, signal in enumerate(_structures(value), start=1):
         fields = _fields(signal)
@@ -157,7 +158,7 @@ def _group(
     options: Options,
     remarks: list[str],
 ) -> Iterator[Group]:
-    """The vectors among some fields as a group; says of the others why they are left out."""
+    """Return the vectors among some fields as a group, with remarks on the omitted fields."""
     import numpy as np
 
     where = f"structure '{label}'" if label else "the file"
@@ -184,7 +185,7 @@ def _group(
 
 
 def _unusable(array: NDArray[Any] | None, value: Any) -> str | None:
-    """Why a value is no column: in words, empty for one that holds nothing; None for a column."""
+    """Return why a value is not a column: a text, empty if it has no data; None for a column."""
     if array is None:
         return "a structure in a structure"
     kind = type(value).__name__

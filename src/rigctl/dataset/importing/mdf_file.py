@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 
 def open_mdf(path: Path, options: Options) -> GroupedFile:
-    """Read what an MDF file holds.
+    """Read an MDF file.
 
     Raises
     ------
     RigctlError
-        asammdf is not installed, the file cannot be read, or its channel groups are no records.
+        asammdf is not installed, the file cannot be read, or its channel groups are not records.
     """
     try:
         from asammdf import MDF
@@ -45,7 +45,7 @@ def open_mdf(path: Path, options: Options) -> GroupedFile:
 
     @contextmanager
     def reading() -> Iterator[Sequence[Group]]:
-        # opened here: the library takes a name that is not there for a new file, and leaves damaged ones open
+        # opened here, since the library creates a missing file and leaves damaged ones open
         with telling(path, "MDF"), overheard("asammdf", said), path.open("rb") as raw, MDF(raw) as file:
             origins.append(_started(file))
             yield _groups(file)
@@ -78,7 +78,7 @@ def _groups(file: Any) -> list[Group]:
 
 
 def _name(group: Any, index: int, taken: set[str]) -> str:
-    """What the file calls a channel group, made unlike all others."""
+    """Return a unique name of a channel group from the file."""
     channel_group = group.channel_group
     name = str(getattr(channel_group, "acq_name", "") or getattr(channel_group, "comment", "") or "").strip()
     name = name or f"{index + 1}"
@@ -99,14 +99,14 @@ def _reader(file: Any, group: int, channel: int) -> Callable[[int, int], NDArray
             group=group,
             index=channel,
             samples_only=True,
-            ignore_invalidation_bits=True,  # else the library drops those rows, and columns differ in length
+            ignore_invalidation_bits=True,  # otherwise the library drops those rows, so that lengths differ
             record_offset=start,
             record_count=stop - start,
         )
         found = np.asarray(values)
         if (
             invalid is not None and found.dtype.kind in "fiub"
-        ):  # what the file itself calls invalid is missing
+        ):  # values marked as invalid in the file are missing
             return np.where(np.asarray(invalid, dtype=bool), np.nan, found)
         return found
 
@@ -122,7 +122,7 @@ def _master(file: Any, group: int) -> Callable[[int, int], NDArray[Any]]:
 
 
 def _started(file: Any) -> int | None:
-    """Nanoseconds from 1970 UTC to time zero of the file."""
+    """Return the nanoseconds from 1970 UTC to time zero of the file."""
     began = getattr(file.header, "start_time", None)
     if not isinstance(began, datetime):
         return None

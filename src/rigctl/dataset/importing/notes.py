@@ -1,4 +1,4 @@
-"""What is not wrong with a file but worth saying when it is brought in."""
+"""Remarks on a file that is valid but has something noteworthy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rigctl.rig import Rig
     from rigctl.rig.layout import Layout
 
-#: numbers by which loggers say that there is no value, where they are the smallest or the largest
+#: numbers that loggers use for missing values, if they are the smallest or the largest
 _MARKS: Final = (
     -9999.0,
     -99999.0,
@@ -28,12 +28,12 @@ _MARKS: Final = (
     1e30,
     1e37,
 )
-#: so many values that are all the same are no longer chance
+#: this many identical values are not a coincidence
 _MANY: Final = 10
 
 
 def notes(found: Survey, layout: Layout, rig: Rig, assumed: Mapping[str, float]) -> Iterator[str]:
-    """Channels that the file lacks, that never change or miss values, and gaps in time."""
+    """Return remarks on channels that are absent, constant or incomplete, and on gaps in time."""
     yield from _absent(layout, rig, assumed)
     for name, span in found.spans.items():
         yield from _channel_notes(name, span, found.rows, layout)
@@ -66,7 +66,7 @@ def _absent(layout: Layout, rig: Rig, assumed: Mapping[str, float]) -> Iterator[
 
 
 def _unit_on(name: str, rig: Rig) -> str:
-    """The unit that a name has on the bench, "" where it has none there."""
+    """Return the unit of a name on the bench, "" if it has none."""
     if name in rig.actuators:
         return rig.actuators[name].display_unit
     if name in rig.channels:

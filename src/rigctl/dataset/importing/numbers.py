@@ -1,4 +1,4 @@
-"""Numbers and missing values as they stand in a cell."""
+"""Numbers and missing values in a cell."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Final
 from rigctl.dataset.importing.table import NO_VALUE
 
 _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-#: thousands in groups of three and a decimal sign, which leaves no doubt what the groups are
+#: thousands in groups of three with a decimal sign, which is unambiguous
 _GROUPED: Final = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u2009\u202f])\d{3}(\1\d{3})*[.,]\d+")
-#: groups that cannot be a decimal sign
+#: groups whose separator cannot be a decimal sign
 _SPACED: Final = re.compile(r"[+-]?\d{1,3}(['\u00a0\u2009\u202f ]\d{3})+")
 _POINT: Final = re.compile(r"[+-]?(\d{1,3}(,\d{3})+|\d*)\.\d+([eE][+-]?\d+)?")
 _COMMA: Final = re.compile(r"[+-]?(\d{1,3}(\.\d{3})+|\d*),\d+([eE][+-]?\d+)?")
@@ -24,7 +24,7 @@ _THREE: Final = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 
 def find_decimal(cells: Sequence[str]) -> tuple[str, bool]:
-    """The decimal sign of some numbers, and whether they might as well be thousands (``1,234``)."""
+    """Return the decimal sign of some numbers, and whether it may be a thousands separator (``1,234``)."""
     points = sum(_POINT.fullmatch(cell) is not None for cell in cells)
     commas = [cell for cell in cells if _COMMA.fullmatch(cell)]
     if len(commas) <= points:
@@ -35,10 +35,10 @@ def find_decimal(cells: Sequence[str]) -> tuple[str, bool]:
 def read_number(
     cell: str, decimal: str, missing: Collection[str] = NO_VALUE, *, stated: bool = False
 ) -> float | None:
-    """The number in a cell, NaN when it is missing, None when there is something else.
+    """Return the number in a cell, NaN if it is missing, None for anything else.
 
-    A cell that uses the other decimal sign is something else: guessing would be wrong by a factor of 1000.
-    Only where the user has `stated` the decimal sign, the other one may stand between thousands.
+    A cell with the other decimal sign is not accepted, as guessing might be wrong by a factor of 1000. Only
+    if the user has `stated` the decimal sign may the other one separate thousands.
     """
     if cell in missing:
         return math.nan
@@ -60,5 +60,5 @@ def read_number(
 
 
 def looks_numeric(cell: str) -> bool:
-    """Whether a cell holds a number, whatever its decimal sign, or a mark of a missing one."""
+    """Return whether a cell has a number, with any decimal sign, or marks a missing value."""
     return cell in NO_VALUE or any(read_number(cell, decimal) is not None for decimal in ".,")

@@ -1,4 +1,4 @@
-"""A table without time: one row is one observation, at its own condition."""
+"""A table without time: each row is an observation at its own condition."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from rigctl.units import parse_unit
 if TYPE_CHECKING:
     from rigctl.dataset.writer import RunWriter
 
-#: temperatures and pressures say where something was observed
+#: temperatures and pressures are conditions of an observation
 _CONDITIONS: Final = ("K", "Pa")
 
 
 @dataclass(frozen=True)
 class Observations:
-    """Rows that are ready to be written: a record without samples each."""
+    """Rows ready to be written: each is a record without samples."""
 
     source: Source
     assigned: Sequence[Assigned]
@@ -34,7 +34,7 @@ class Observations:
 
     @property
     def layout(self) -> Layout:
-        """Observations have no samples."""
+        """The layout, without samples."""
         return Layout((), (), ("s", "1"))
 
     @property
@@ -43,10 +43,10 @@ class Observations:
         return self.found.rows
 
     def write(self, writer: RunWriter, name: str | None, stem: str) -> int:
-        """Write all of them; returns their number.
+        """Write all observations; return their number.
 
-        Commands, temperatures and pressures are the record's sweep, everything else its measures. A missing
-        value is left out.
+        Commands, temperatures and pressures become the record's sweep, everything else its measures. Missing
+        values are omitted.
         """
         for part in self.parts:
             for row in range(len(part.lines)):

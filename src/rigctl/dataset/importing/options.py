@@ -1,4 +1,4 @@
-"""How a file is to be read where it does not say so itself."""
+"""Import options, for what a file does not specify."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any, Final, Literal, get_args
 from rigctl.dataset.importing.headings import plain_name
 from rigctl.errors import RigctlError, nearest_name
 
-#: which of two numbers in a date is the day; ``iso`` refuses dates that do not begin with their year
+#: which of two numbers in a date is the day; ``iso`` requires dates that begin with the year
 DateOrder = Literal["iso", "day-first", "month-first"]
-#: what becomes of a row whose time does not go on
+#: treatment of a row whose time does not increase
 TimePolicy = Literal["refuse", "drop", "spread", "split"]
 DATE_ORDERS: Final[tuple[str, ...]] = get_args(DateOrder)
 TIME_POLICIES: Final[tuple[str, ...]] = get_args(TimePolicy)
@@ -19,21 +19,21 @@ TIME_POLICIES: Final[tuple[str, ...]] = get_args(TimePolicy)
 
 @dataclass(frozen=True)
 class Options:
-    """What the caller says of a file.
+    """The caller's import options.
 
     Parameters
     ----------
     columns: ours by theirs: ``{"Druck": "supply_pressure [bar]", "comment": "-"}``.
-    may_lack: which of `columns` a file need not have: those of a mapping for many files.
+    may_lack: those of `columns` that a file may lack, such as those of a mapping for many files.
     missing: further marks of missing values, e.g. ``-9999``; one that is a number is compared as a number.
-    dates: which number of a date is the day; when left out, a date that can be read in two ways is refused.
-    zone: IANA name of the time zone of times that name none, e.g. ``Europe/Berlin``; UTC when left out.
-    times: what becomes of rows whose time does not go on: all is refused; they are dropped; equal times are
-        spread evenly up to the next one; a step back begins another record.
+    dates: which number of a date is the day; if omitted, an ambiguous date is refused.
+    zone: IANA name of the time zone of times without one, e.g. ``Europe/Berlin``; UTC if omitted.
+    times: treatment of rows whose time does not increase: refuse the file; drop them; spread equal times
+        evenly up to the next one; begin another record at a step back.
     split: what begins another record: ``command``, ``command:NAME``, ``gap`` or ``column:NAME``.
-    resample: the common times of channels that have their own: a step (``10 ms``) or a column's name.
-    assume: inputs that the file lacks and that stayed at a value: ``{"ambient": "21 degC"}``.
-    encoding, delimiter, decimal: of a text file; found out when left out.
+    resample: the common times of channels with separate times: a step (``10 ms``) or a column's name.
+    assume: constant inputs that the file lacks: ``{"ambient": "21 degC"}``.
+    encoding, delimiter, decimal: of a text file; detected if omitted.
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -50,7 +50,7 @@ class Options:
     decimal: str | None = None
 
     def over(self, other: Options) -> Options:
-        """These where they say something, and `other` where they do not."""
+        """Return these options, with those of `other` where they are not set."""
         usual = Options()
         said = {
             item.name: value
@@ -69,16 +69,16 @@ class Options:
         )
 
     def ours(self, name: str) -> str:
-        """What a column of the file is called here, without its unit."""
+        """Return our name of a column, without its unit."""
         return plain_name(self.columns.get(name, name).partition("[")[0])
 
     def unit_of(self, name: str) -> str | None:
-        """The unit that the caller gives a column of the file."""
+        """Return the unit given by the caller for a column."""
         _, bracket, unit = self.columns.get(name, "").partition("[")
         return unit.partition("]")[0].strip() if bracket else None
 
 
-#: what may be said in words, and the words
+#: options with a fixed set of values
 _CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
     "dates": DATE_ORDERS,
     "times": TIME_POLICIES,
@@ -87,12 +87,12 @@ _CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
 
 
 def checked_choices(choices: Mapping[str, str | None]) -> dict[str, Any]:
-    """Those of some options that are said, each with one of its words.
+    """Return the options that are set, each with a valid value.
 
     Raises
     ------
     RigctlError
-        a word is none of an option's.
+        a value is not allowed for its option.
     """
     said = {name: value for name, value in choices.items() if value is not None}
     for name, value in said.items():

@@ -28,14 +28,14 @@ class ParquetFile:
 
     path: Path
     headings: tuple[Heading, ...]
-    names: tuple[str, ...]  #: of the columns, as they stand in the file
-    clock: ArrayClock | None = None  #: of times that say when it was
-    zone: str | None = None  #: of time stamps that name none
+    names: tuple[str, ...]  #: names of the columns in the file
+    clock: ArrayClock | None = None  #: clock of absolute times
+    zone: str | None = None  #: time zone of time stamps without one
     remarks: tuple[str, ...] = ()
 
     @property
     def origin(self) -> int | None:
-        """Nanoseconds from 1970 UTC to time zero; None where the times say nothing of the calendar."""
+        """Return the nanoseconds from 1970 UTC to time zero; None if the times are not absolute."""
         return None if self.clock is None else self.clock.origin
 
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
@@ -100,7 +100,7 @@ def open_parquet_file(path: Path, options: Options) -> ParquetFile:
 
 
 def _find_clock(path: Path, name: str, heading: Heading, options: Options) -> ArrayClock | None:
-    """How the times are read, by the first of them; None where they are elapsed times."""
+    """Detect the clock from the first times; None for elapsed times."""
     with _reading(path) as file:
         batch = next(file.iter_batches(PART_ROWS, columns=[name]), None)
     unit = options.unit_of(heading.name) or heading.unit
@@ -108,7 +108,7 @@ def _find_clock(path: Path, name: str, heading: Heading, options: Options) -> Ar
 
 
 def _times(column: pa.Array, zone: str | None) -> NDArray[Any]:
-    """Time stamps and numbers as NumPy has them."""
+    """Return time stamps or numbers as a NumPy array."""
     import numpy as np
     import pyarrow as pa
 
@@ -121,7 +121,7 @@ def _times(column: pa.Array, zone: str | None) -> NDArray[Any]:
 
 
 def no_numbers(path: Path, name: str, kind: str) -> RigctlError:
-    """The error for a column of something else than numbers."""
+    """Return the error for a column that does not contain numbers."""
     return RigctlError(
         f"{name}: the column holds no numbers",
         value=kind,
@@ -138,7 +138,7 @@ def _reading(path: Path) -> Iterator[pq.ParquetFile]:
     try:
         with pq.ParquetFile(path) as file:
             yield file
-    except (OSError, pa.ArrowException, ValueError, LookupError) as problem:  # names that are no text, too
+    except (OSError, pa.ArrowException, ValueError, LookupError) as problem:  # also names that are not text
         missing = isinstance(problem, FileNotFoundError)
         what = "there is no such file" if missing else "the file is no Parquet file, or it is damaged"
         raise RigctlError(what, where=Location(path)) from problem

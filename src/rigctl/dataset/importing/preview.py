@@ -1,4 +1,4 @@
-"""What an import would read, without making a run: its columns, its records, and the course of each."""
+"""Preview of an import, without making a run: columns, records, and a plot of each column."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from rigctl.rig import Rig
 
-#: points of a course: enough for a picture
+#: points per curve
 _POINTS: Final = 480
 
 
@@ -36,10 +36,10 @@ class ColumnPreview:
     Parameters
     ----------
     theirs, written: its name and its unit in the file.
-    ours, kind, unit: its name here, what it is (time, channel, command, other), the unit it is kept in.
-    values, missing: numbers of each.
-    low, high: in `unit`; None where there is no value.
-    course: (2, points) smallest and largest value of equal stretches of rows, in `unit`, NaN for none.
+    ours, kind, unit: our name, its kind (time, channel, command, other), the unit in which it is stored.
+    values, missing: their counts.
+    low, high: in `unit`; None without values.
+    course: (2, points) minimum and maximum over equal stretches of rows, in `unit`, NaN without values.
     """
 
     theirs: str
@@ -70,10 +70,10 @@ class Preview:
 
     Parameters
     ----------
-    started: when the data begin; None where they do not say it.
-    faults: what is wrong with the first of the `bad_rows`.
-    times: (points) of the courses: the middle of each stretch, s; numbers of rows where time begins again.
-    elapsed: `times` are times.
+    started: start of the data; None if unknown.
+    faults: of the first of the `bad_rows`.
+    times: (points) of the curves: the middle of each stretch, s; row numbers if time restarts.
+    elapsed: `times` are times, not row numbers.
     """
 
     columns: tuple[ColumnPreview, ...]
@@ -87,7 +87,7 @@ class Preview:
     elapsed: bool = True
 
     def as_data(self) -> dict[str, Any]:
-        """The same as plain data, without the courses."""
+        """Return the preview as plain data, without the curves."""
         names = ("theirs", "written", "ours", "kind", "unit", "values", "missing", "low", "high")
         return {
             "rows": self.rows,
@@ -100,7 +100,7 @@ class Preview:
 
 
 def preview_files(paths: Sequence[Path], rig: Rig | None, options: Options) -> Preview:
-    """Read files as an import would, and make nothing.
+    """Read files as an import would, without making a run.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def preview_files(paths: Sequence[Path], rig: Rig | None, options: Options) -> P
     else:
         columns, times, records = _sampled(taken)
     elapsed = not np.any(np.diff(times) <= 0.0)
-    if not elapsed:  # time begins again with a record
+    if not elapsed:  # time restarts with a record
         times = np.asarray(
             (np.arange(len(times)) + 0.5) * max(found.rows / len(times), 1.0), dtype=np.float64
         )
@@ -146,7 +146,7 @@ def _observed(taken: Observations) -> tuple[ColumnPreview, ...]:
 def _sampled(
     taken: Samples,
 ) -> tuple[tuple[ColumnPreview, ...], NDArray[np.float64], tuple[RecordPreview, ...]]:
-    """The columns, the times of their courses and the records; goes through the file as writing would."""
+    """Return the columns, the times of their curves and the records, reading the file as an import would."""
     width = max(-(-taken.rows // _POINTS), 1)
     points = -(-taken.rows // width)
     order = list(taken.layout.columns)
@@ -188,7 +188,7 @@ def _sampled(
 
 
 def _name(facts: RecordFacts, stem: str) -> str:
-    """What the record would be called."""
+    """Return the name that the record would have."""
     return facts.label if isinstance(facts.label, str) else stem
 
 
@@ -200,7 +200,7 @@ def _shown(si: NDArray[np.float64], unit: str, *, difference: bool) -> NDArray[n
 def _column(
     theirs: str, written: str | None, ours: str, kind: str, unit: str, values: NDArray[np.float64]
 ) -> ColumnPreview:
-    """A column of some values, its course where they have two rows."""
+    """Make a column's preview, with a curve if there are at least two rows."""
     present = values[~np.isnan(values)]
     low, high = (float(present.min()), float(present.max())) if len(present) else (None, None)
     course = values if values.ndim == 2 else np.vstack([values, values])
