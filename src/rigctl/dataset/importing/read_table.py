@@ -1,4 +1,4 @@
-"""A file as a table of numbers, before anything is known of the bench it was measured on."""
+"""A file as a table of numbers, without a rig."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TableColumn:
-    """One column of numbers, as they stand in the file.
+    """One column of numbers, as in the file.
 
     Parameters
     ----------
     name: in the file, without its unit.
-    unit: that the file gives it; None where it gives none. Times that are dates or clocks are in s.
+    unit: in the file; None if it has none. Times that are dates or clocks are in s.
     values: shape (n,), NaN where one is missing.
     """
 
@@ -34,16 +34,16 @@ class TableColumn:
 
 @dataclass(frozen=True)
 class Table:
-    """The columns of a file that hold numbers.
+    """The numeric columns of a file.
 
     Parameters
     ----------
     columns: in the order of the file.
-    time: index among `columns` of the time; None where there is none.
-    origin: nanoseconds from 1970-01-01 UTC to time zero; None where the times do not say when it was.
-    texts: names of the columns that hold no numbers.
-    records: by the row, what a column ``record`` says; None without one.
-    remarks: what is worth knowing of the file, one sentence each.
+    time: index of the time among `columns`; None if there is none.
+    origin: nanoseconds from 1970-01-01 UTC to time zero; None if the times are not absolute.
+    texts: names of the columns without numbers.
+    records: record of each row from a column ``record``; None without one.
+    remarks: remarks on the file, one sentence each.
     """
 
     path: Path
@@ -55,23 +55,23 @@ class Table:
     remarks: tuple[str, ...]
 
     def column(self, name: str) -> TableColumn | None:
-        """The column of that name in the file; None where there is none of numbers."""
+        """Return the numeric column of that name in the file; None if there is none."""
         return next((column for column in self.columns if column.name == name), None)
 
 
 def read_table(path: Path, options: Options | None = None, *, keep_good: bool = False) -> Table:
-    """Read all columns of a file that hold numbers, with their units and the time.
+    """Read all numeric columns of a file, with their units and the time.
 
     Parameters
     ----------
-    options: how the file is to be read where it does not say so itself; ``columns`` may say which one is the
-        time (``{"Uhrzeit": "time"}``) and which are left out.
-    keep_good: pass over rows that cannot be read.
+    options: how to read the file where that is ambiguous; ``columns`` may name the time (``{"Uhrzeit":
+        "time"}``) and the columns to omit.
+    keep_good: skip rows that cannot be read.
 
     Raises
     ------
     RigctlError
-        the file cannot be read, a row is bad, or there is nothing in it.
+        the file cannot be read, a row is bad, or the file is empty.
     """
     said = options or Options()
     return table_of(open_source(path, said), path, said, keep_good=keep_good)
@@ -80,11 +80,11 @@ def read_table(path: Path, options: Options | None = None, *, keep_good: bool = 
 def table_of(
     source: Source, path: Path, options: Options, *, keep_good: bool = False, most: int | None = None
 ) -> Table:
-    """The columns of a file that has been opened with `options`; see `read_table`.
+    """Return the numeric columns of a file opened with `options`; see `read_table`.
 
     Parameters
     ----------
-    most: rows that are enough; the part of the file in which they end is read to its end.
+    most: number of rows that suffice; the part of the file with the last of them is read completely.
     """
     import numpy as np
 
@@ -127,7 +127,7 @@ def table_of(
 
 
 def _holds_numbers(source: Source, index: int) -> bool:
-    """Whether a column is one of numbers, by its first rows."""
+    """Return whether the first rows of a column are numbers."""
     import numpy as np
 
     try:

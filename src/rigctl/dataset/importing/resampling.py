@@ -1,7 +1,7 @@
-"""Channels that were sampled by clocks of their own, brought to common times.
+"""Resampling of channels with separate clocks to common times.
 
-What is measured is interpolated between its samples, a command holds until the next one. Nothing is made up
-before the first sample of a channel, behind its last one, or in a gap of it.
+Measurements are interpolated linearly, commands are held until the next one. There are no values before the
+first sample of a channel, after its last one, or in a gap.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-#: a step of a channel's times this much longer than usual is a gap
+#: a time step longer than the usual one by this factor is a gap
 _GAP: Final = 5.0
-#: more rows than this are a step given in the wrong unit
+#: more rows than this indicate a step in the wrong unit
 _MOST_ROWS: Final = 50_000_000
 
 
 @dataclass(frozen=True)
 class _Series:
-    """The samples of one column: rising times, values, and the lines where they stand."""
+    """The samples of one column: increasing times, values, and their lines in the file."""
 
     times: NDArray[np.float64]
     values: NDArray[np.float64]
@@ -36,23 +36,23 @@ class _Series:
 
     @property
     def step(self) -> float:
-        """The usual step of time."""
+        """The median time step."""
         import numpy as np
 
         return float(np.median(np.diff(self.times))) if len(self.times) > 1 else float("inf")
 
 
 def resample(part: Part, assigned: Sequence[Assigned], to: str) -> tuple[Part, list[str]]:
-    """The rows of a whole file at common times, and what is worth knowing of it.
+    """Return the rows of a whole file at common times, and remarks.
 
     Parameters
     ----------
-    to: a step of time, ``10 ms``, or the name of the column whose times are taken.
+    to: a time step, ``10 ms``, or the name of the column whose times are used.
 
     Raises
     ------
     RigctlError
-        it is neither, or there would be too many rows.
+        `to` is neither, or there would be too many rows.
     """
     import numpy as np
 
@@ -83,7 +83,7 @@ def resample(part: Part, assigned: Sequence[Assigned], to: str) -> tuple[Part, l
         lines.append(_lines_at(grid, series))
         codes.append(np.full(len(grid), len(texts), dtype=np.int64))
         texts.append(text or "0")
-    if not pieces:  # no rows, only what is wrong with the file
+    if not pieces:  # no rows, only faults
         return part, []
     columns = {index: np.concatenate([piece[index] for piece in pieces]) for index in part.columns}
     named = part.labels is not None and part.labels.named
@@ -99,7 +99,7 @@ def resample(part: Part, assigned: Sequence[Assigned], to: str) -> tuple[Part, l
 
 
 def _leading(to: str, known: Sequence[Assigned]) -> Assigned | None:
-    """The column whose times are taken; None where `to` is a step."""
+    """Return the column whose times are used; None if `to` is a step."""
     found = next((column for column in known if to in (column.name, column.heading.name)), None)
     if found is not None:
         return found
@@ -128,7 +128,7 @@ def _series(
 
 
 def _grid(series: Mapping[str, _Series], step: float) -> NDArray[np.float64]:
-    """Multiples of a step, from the first sample of any column to the last."""
+    """Return multiples of a step, from the first sample of any column to the last."""
     import numpy as np
 
     ends = [(one.times[0], one.times[-1]) for one in series.values() if len(one.times)]
@@ -144,7 +144,7 @@ def _grid(series: Mapping[str, _Series], step: float) -> NDArray[np.float64]:
 
 
 def _at(grid: NDArray[np.float64], series: _Series, *, hold: bool) -> NDArray[np.float64]:
-    """The values of a column at other times."""
+    """Return the values of a column at other times."""
     import numpy as np
 
     if not len(series.times):
@@ -162,7 +162,7 @@ def _at(grid: NDArray[np.float64], series: _Series, *, hold: bool) -> NDArray[np
 
 
 def _lines_at(grid: NDArray[np.float64], series: Mapping[str, _Series]) -> NDArray[np.int64]:
-    """The line of the last sample before each time, of the column that has most."""
+    """Return the line of the last sample before each time, in the column with the most samples."""
     import numpy as np
 
     best = max(series.values(), key=lambda one: len(one.times))

@@ -1,4 +1,4 @@
-"""Samples written as a run: told apart into records, with the times at which commands were switched."""
+"""Writes samples as a run, divided into records, with the switch times of commands."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
     from rigctl.dataset.writer import RunWriter
     from rigctl.rig import Rig
 
-#: bytes of samples up to which a file is short: a million rows of a dozen columns
+#: size limit of a short file, bytes of samples: a million rows of a dozen columns
 _SHORT: Final = 100_000_000
 
 
 @dataclass(frozen=True)
 class Samples:
-    """A file of samples that has been gone through once and is ready to be written.
+    """A file of samples after the first pass, ready to be written.
 
-    A long file is gone through again rather than kept in memory, so that its length does not matter; `kept`
-    is the whole of a short one, nothing of a long one.
+    A long file is read again rather than kept in memory, so that its length does not matter; `kept` is the
+    content of a short one, and None for a long one.
     """
 
     source: Source
@@ -47,15 +47,15 @@ class Samples:
 
     @property
     def rows(self) -> int:
-        """Number of samples that can be taken in."""
+        """Number of valid samples."""
         return self.found.rows
 
     def write(self, writer: RunWriter, name: str | None, stem: str) -> int:
-        """Write all of them; returns the number of records.
+        """Write all samples; return the number of records.
 
         Parameters
         ----------
-        name: of every record; when left out, what the file calls it, or `stem` where that is a number.
+        name: of every record; by default its name in the file, or `stem` if that is a number.
         """
         recorder = _Recorder(writer, self.layout, self.found.records, name, stem)
         for part in self.kept or checked(self.source, self.stages, self.checker()):
@@ -65,7 +65,7 @@ class Samples:
         return len(self.found.records)
 
     def checker(self) -> Checker:
-        """What checks the rows, from the first on."""
+        """Return a new checker of the rows."""
         return _checker(self.assigned, self.layout, self.options)
 
 
@@ -77,7 +77,7 @@ def _checker(assigned: Sequence[Assigned], layout: Layout, options: Options) -> 
 def take_samples(
     source: Source, assigned: Sequence[Assigned], rig: Rig, options: Options, *, keep_good: bool
 ) -> Samples:
-    """Go through a file of samples; rows that cannot be taken in are listed as faults.
+    """Make the first pass over a file of samples; invalid rows are listed as faults.
 
     Raises
     ------
@@ -94,13 +94,13 @@ def take_samples(
 
 
 def checked(source: Source, stages: Stages, checker: Checker) -> Iterator[Checked]:
-    """The parts of a file, in SI and without bad rows."""
+    """Yield the parts of a file, in SI and without bad rows."""
     for part in stages.parts(source):
         yield checker.take(part)
 
 
 def _keeping(parts: Iterator[Checked], kept: list[Checked]) -> Iterator[Checked]:
-    """The same parts, all of them in `kept` too if they are not too many."""
+    """Yield the parts, and store all of them in `kept` if the file is short."""
     size = 0
     for part in parts:
         size += part.block.nbytes
@@ -112,7 +112,7 @@ def _keeping(parts: Iterator[Checked], kept: list[Checked]) -> Iterator[Checked]
 
 
 class _Recorder:
-    """Writes stretch after stretch, and remembers the open record and what its commands were."""
+    """Writes one stretch after the other, and keeps track of the open record and its commands."""
 
     def __init__(
         self,
@@ -165,7 +165,7 @@ class _Recorder:
             )
 
     def _log_switches(self, rows: NDArray[np.float64]) -> None:
-        """A command that differs from one sample to the next was switched somewhere between the two."""
+        """Log a switch for each command that differs between two samples, at a time between them."""
         switches = []
         for index, actuator in enumerate(self._layout.commands, start=2 + len(self._layout.channels)):
             known = np.flatnonzero(~np.isnan(rows[:, index]))

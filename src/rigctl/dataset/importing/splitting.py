@@ -1,4 +1,4 @@
-"""Records where a file tells none apart: at commands, at gaps in time, or by a column."""
+"""Splits a file into records: at commands, at gaps in time, or by a column."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-#: a step of time this much longer than usual ends a record
+#: a time step longer than the usual one by this factor ends a record
 GAP: Final = 10.0
-#: samples before a command with which its record begins, so that the state before it is known
+#: samples before a command that belong to its record, so that the initial state is known
 LEAD: Final = 10
 _WAYS: Final = ("command", "gap", "column")
 
 
 @dataclass(frozen=True)
 class Split:
-    """How records are told apart: the way, and the name or the length behind the colon."""
+    """How to split records: the method, and the name or the length after the colon."""
 
     way: str
     what: str | None = None
@@ -37,7 +37,7 @@ def read_split(text: str | None) -> Split | None:
     Raises
     ------
     RigctlError
-        it is none of them.
+        the text is none of them.
     """
     if text is None:
         return None
@@ -54,7 +54,7 @@ def read_split(text: str | None) -> Split | None:
 
 
 def split_rows(part: Part, split: Split, assigned: Sequence[Assigned], headings: Mapping[str, int]) -> Part:
-    """The rows of a whole file with labels that tell its records apart.
+    """Return the rows of a whole file with labels of its records.
 
     Parameters
     ----------
@@ -86,15 +86,15 @@ def split_rows(part: Part, split: Split, assigned: Sequence[Assigned], headings:
 
 
 def split_at_restarts(part: Part, time: int) -> Part:
-    """The rows of a whole file, where time goes back with a label of another record."""
+    """Return the rows of a whole file, with a new record wherever time goes back."""
     times = part.columns[time]
     return begin_records(part, lambda rows: _after_gaps(times[rows], float("inf")))
 
 
 def begin_records(part: Part, find: Callable[[slice], NDArray[np.bool_]]) -> Part:
-    """Divide every record that the file tells apart at the rows that `find` returns.
+    """Divide every record of the file at the rows that `find` returns.
 
-    The second part of record ``A`` is called ``A 2``; those of a file that tells none apart are numbered.
+    The second part of record ``A`` is named ``A 2``; the parts of a file without records are numbered.
     """
     import numpy as np
 
@@ -117,7 +117,7 @@ def begin_records(part: Part, find: Callable[[slice], NDArray[np.bool_]]) -> Par
 
 
 def stretches(part: Part) -> list[tuple[int, int, str | None]]:
-    """First row, row after the last and label of every stretch of rows that the file calls alike."""
+    """Yield the first row, the row after the last and the label of every stretch with one label."""
     import numpy as np
 
     rows = len(part.lines)
@@ -133,7 +133,7 @@ def stretches(part: Part) -> list[tuple[int, int, str | None]]:
 
 
 def _after_gaps(times: NDArray[np.float64], longest: float | None) -> NDArray[np.bool_]:
-    """Rows before which time steps back, or further than `longest`; than `GAP` times the usual step."""
+    """Return rows before which time goes back, or steps by over `longest` or `GAP` times the usual step."""
     import numpy as np
 
     found = np.zeros(len(times), dtype=bool)
@@ -147,10 +147,10 @@ def _after_gaps(times: NDArray[np.float64], longest: float | None) -> NDArray[np
 
 
 def _at_commands(commands: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
-    """Rows a little before a command leaves its rest, but for the first; its first value is its rest.
+    """Return rows shortly before a command leaves its rest value (its first one), except for the first time.
 
-    `LEAD` rows before the command belong to its record, but no more than half of those since the commands
-    last came to rest.
+    `LEAD` rows before the command belong to its record, but at most half of those since the commands last
+    returned to rest.
     """
     import numpy as np
 
@@ -171,7 +171,7 @@ def _at_commands(commands: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
 
 
 def _held(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values with each missing one as the last before it."""
+    """Return values with each missing one replaced by the last one before it."""
     import numpy as np
 
     known = ~np.isnan(values)
@@ -180,7 +180,7 @@ def _held(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _by_column(part: Part, name: str, assigned: Sequence[Assigned], headings: Mapping[str, int]) -> Part:
-    """A record for each stretch of one value of a column, called by it; `part` has texts as its labels."""
+    """Label each stretch of a constant value of a column by that value; the labels of `part` are texts."""
     import numpy as np
 
     known = (item for item in assigned if item.unit is not None and name in (item.name, item.heading.name))

@@ -1,6 +1,6 @@
-"""What is done to the rows of a file between reading and checking, where the caller asks for it.
+"""Optional processing of the rows of a file between reading and checking.
 
-All of it looks at more than one row, so the file is held as a whole; one that is too long is refused.
+It needs more than one row at a time, so that the file is held in memory; one that is too long is refused.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-#: bytes of numbers that are held at once
+#: limit of the numbers in memory, bytes
 _MOST: Final = 2_000_000_000
 
 
 @dataclass
 class Stages:
-    """The stages that some options ask for; `remarks` say what the last pass has done to the file."""
+    """The stages required by the options; `remarks` describe what the last pass changed."""
 
     options: Options
     assigned: Sequence[Assigned]
@@ -36,12 +36,12 @@ class Stages:
 
     @property
     def needed(self) -> bool:
-        """Whether the rows are changed at all."""
+        """Whether any stage is required."""
         said = self.options
         return said.times != "refuse" or said.split is not None or said.resample is not None
 
     def parts(self, source: Source) -> Iterator[Part]:
-        """The rows of a file, as they are to be checked."""
+        """Yield the rows of a file, ready to be checked."""
         split = read_split(self.options.split)
         wanted, record = places_of(self.assigned)
         headings = {heading.name: index for index, heading in enumerate(source.headings)}
@@ -74,7 +74,7 @@ class Stages:
             yield from _slices(done)
 
     def _check_clocks(self, source: Source) -> None:
-        """Channels with clocks of their own can only be brought to common ones."""
+        """Refuse channels with separate clocks unless they are resampled."""
         clock = next((column for column in self.assigned if column.kind == "clock"), None)
         if clock is not None:
             raise RigctlError(
@@ -84,7 +84,7 @@ class Stages:
             )
 
     def _resampled(self, wholes: Iterator[Part]) -> Iterator[Part]:
-        """Files or groups at common times, where the caller asks for it."""
+        """Resample files or groups to common times if requested."""
         to = self.options.resample
         for whole in wholes:
             if to is None:
@@ -95,7 +95,7 @@ class Stages:
             yield made
 
     def _mended(self, part: Part, time: int) -> Part:
-        """Rows whose time does not go on left out, or equal times spread."""
+        """Drop rows whose time does not increase, or spread equal times."""
         import numpy as np
 
         times = part.columns[time].copy()
@@ -120,9 +120,9 @@ class Stages:
 
 
 def spread(times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Equal consecutive times spread evenly up to the next one; the last of them by the step before.
+    """Spread equal consecutive times evenly up to the next one; the last of them by the previous step.
 
-    A logger of 10 Hz that writes whole seconds means this.
+    For loggers that write whole seconds at 10 Hz, for example.
     """
     import numpy as np
 
@@ -142,14 +142,14 @@ def spread(times: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def cut(part: Part, rows: NDArray[np.bool_] | slice) -> Part:
-    """Some of the rows of a part."""
+    """Return some of the rows of a part."""
     labels = part.labels and Labels(part.labels.codes[rows], part.labels.texts, part.labels.named)
     columns = {index: values[rows] for index, values in part.columns.items()}
     return replace(part, columns=columns, lines=part.lines[rows], labels=labels)
 
 
 def _slices(part: Part) -> Iterator[Part]:
-    """A whole file in parts; its faults come with the first."""
+    """Yield a whole file in parts; its faults are in the first."""
     rows = len(part.lines)
     for start in range(0, max(rows, 1), PART_ROWS):
         piece = cut(part, slice(start, start + PART_ROWS))
@@ -157,16 +157,16 @@ def _slices(part: Part) -> Iterator[Part]:
 
 
 def _wholes(source: Source, wanted: Sequence[int], record: int | None, *, merged: bool) -> Iterator[Part]:
-    """All rows of each file, or of each group of a file that has groups, in one part.
+    """Yield all rows of each file, or of each group in a file with groups, as one part.
 
     Parameters
     ----------
-    merged: groups are parts of one measurement, and come as one.
+    merged: groups are parts of one measurement, and form one part.
 
     Raises
     ------
     RigctlError
-        there are too many.
+        there are too many rows.
     """
     parts: list[Part] = []
     size = 0
@@ -189,7 +189,7 @@ def _wholes(source: Source, wanted: Sequence[int], record: int | None, *, merged
 
 
 def joined(parts: Sequence[Part], wanted: Sequence[int]) -> Part:
-    """Consecutive parts as one."""
+    """Join consecutive parts."""
     import numpy as np
 
     columns = {index: np.concatenate([part.columns[index] for part in parts]) for index in wanted}

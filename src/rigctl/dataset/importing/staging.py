@@ -1,7 +1,7 @@
-"""A run that comes in whole or not at all: made out of sight, then given its name in one step.
+"""Atomic creation of an imported run: it is made in a hidden folder, then renamed.
 
-Whatever ends an import, a kill too, leaves nothing that looks like a run; what a killed one has left behind
-is swept up by a later one.
+An import that is interrupted, even by a kill, leaves nothing that looks like a run; a later import removes
+what a killed one has left.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from rigctl.dataset.shards import folder_for
 from rigctl.dataset.writer_lock import in_progress
 from rigctl.errors import Location, RigctlError
 
-#: how folders begin that are no runs yet; a dot hides them from the catalogue
+#: prefix of unfinished folders; a dot hides them from the catalogue
 _PREFIX: Final = ".import-"
-#: a folder that nobody writes to and that is this old was left behind, s
+#: age from which an unlocked folder is considered abandoned, s
 _LEFT_BEHIND: Final = 3600.0
 
 
 @contextmanager
 def staged(runs: Path) -> Iterator[Path]:
-    """A folder in `runs` to make the run in; what is still in it at the end is removed.
+    """Provide a folder in `runs` in which to make the run; what is left in it is removed.
 
     Raises
     ------
@@ -50,12 +50,12 @@ def staged(runs: Path) -> Iterator[Path]:
 
 
 def publish(folder: Path, runs: Path) -> Path:
-    """Give a whole run its place among the others.
+    """Move a complete run to its place among the others.
 
     Raises
     ------
     RigctlError
-        another import took the name in the same second.
+        another import has taken the name in the same second.
     """
     place = folder_for(runs, folder.name) / folder.name
     try:
@@ -72,7 +72,7 @@ def publish(folder: Path, runs: Path) -> Path:
 
 
 def _sweep(runs: Path) -> None:
-    """Remove what killed imports have left behind."""
+    """Remove the remains of killed imports."""
     for folder in runs.glob(f"{_PREFIX}*"):
         with suppress(OSError):
             old = time.time() - folder.stat().st_mtime > _LEFT_BEHIND

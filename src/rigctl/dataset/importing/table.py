@@ -1,4 +1,4 @@
-"""A file's numbers as they stand in it, before anything is known of their meaning."""
+"""A file's numbers as written, before their meaning is known."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-#: so many bad rows are kept one by one
+#: bad rows that are stored individually
 KEPT_FAULTS: Final = 1000
-#: so many bad rows are listed one by one
+#: bad rows that are listed individually
 _LISTED: Final = 20
-#: rows of a part: enough to be fast, few enough that a file of any length fits into memory
+#: rows of a part: many for speed, but few enough for files of any length
 PART_ROWS: Final = 1 << 17
-#: how a cell says that its value is missing, and how a row says that it belongs to no record
+#: texts of a missing value, or of no record
 MISSING: Final = (
     "",
     "nan",
@@ -36,7 +36,7 @@ MISSING: Final = (
     "--",
     "---",
 )
-#: how loggers and instruments say that there is no value: nothing connected, too large, an error
+#: texts by which loggers and instruments mark invalid values: not connected, overload, error
 NO_VALUE: Final = (
     *MISSING,
     *("----", "-----", "None", "none", "?", "*", "***", "bad", "Bad", "BAD", "invalid", "Invalid", "INVALID"),
@@ -71,16 +71,16 @@ NO_VALUE: Final = (
     ),
     *("overload", "OVERFLOW", "Overflow", "overflow", "OVERRANGE", "Overrange", "OVER RANGE", "Over Range"),
 )
-#: numbers by which SCPI instruments say overload and no value
+#: numbers by which SCPI instruments mark overload and missing values
 NO_NUMBER: Final = (9.9e37, -9.9e37, 9.91e37)
 
 
 @dataclass(frozen=True)
 class Fault:
-    """What is wrong with one row; `line` and `column` count from 1, as an editor shows them.
+    """A fault of one row; `line` and `column` count from 1, as in an editor.
 
-    `group` names the part of the file that the line is counted in, where a file has parts; `path` the file,
-    where there are several.
+    `group` is the part of the file in which lines are counted, if it has parts; `path` the file, if there are
+    several.
     """
 
     line: int
@@ -92,7 +92,7 @@ class Fault:
     path: Path | None = None
 
     def error(self, path: Path) -> RigctlError:
-        """The fault as a user sees it."""
+        """Return the fault as an error message."""
         where = Location(self.path or path, self.line or None, self.column)
         what = f"in {self.group}: {self.what}" if self.group else self.what
         return RigctlError(what, value=self.value, expected=self.expected, where=where)
@@ -100,10 +100,10 @@ class Fault:
 
 @dataclass(frozen=True)
 class Heading:
-    """The name of a column as it stands in the file: ``position [mm]`` is `position` and `mm`.
+    """The heading of a column in the file: ``position [mm]`` is `position` and `mm`.
 
-    `seconds` is true for times that are read as seconds, whatever the heading says: dates, clocks, epochs;
-    `spent` for a column that is read as a part of another one: the date beside a time of day.
+    `seconds` is true for times that are read as seconds regardless of the heading: dates, clocks, epochs;
+    `spent` for a column that is part of another one: the date beside a time of day.
     """
 
     name: str
@@ -115,12 +115,12 @@ class Heading:
 
 @dataclass(frozen=True)
 class Labels:
-    """To which record each row belongs, as the file says it.
+    """The record to which each row belongs, according to the file.
 
     Parameters
     ----------
     codes: index in `texts` of each row's label, shape (n,).
-    named: the texts are names of groups, and a number among them is a name too.
+    named: the texts are names of groups, so that a number is a name too.
     """
 
     codes: NDArray[np.int64]
@@ -135,12 +135,12 @@ class Part:
     Parameters
     ----------
     columns: values by the index of their heading, shape (n,); NaN where one is missing.
-    lines: in the file, of each of the n rows.
-    labels: of the rows' records; None where the file does not tell records apart.
+    lines: line in the file of each of the n rows.
+    labels: of the rows' records; None if the file does not distinguish records.
     faults: rows that could not be read; they are not in `columns`.
-    group: what the lines are counted in, where the file has parts.
-    more_faults: how many more rows could not be read than `faults` tells.
-    path: of the file, where there are several.
+    group: part of the file in which lines are counted, if it has parts.
+    more_faults: number of unreadable rows beyond those in `faults`.
+    path: of the file, if there are several.
     """
 
     columns: Mapping[int, NDArray[np.float64]]
@@ -153,7 +153,7 @@ class Part:
 
 
 class Source(Protocol):
-    """A file whose headings have been read; its rows are read anew whenever they are asked for."""
+    """A file whose headings have been read; its rows are read again for each pass."""
 
     @property
     def path(self) -> Path:
@@ -165,29 +165,29 @@ class Source(Protocol):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What of the file is not used, or was taken for granted, one sentence each."""
+        """Remarks on unused parts of the file and on assumptions, one sentence each."""
 
     @property
     def origin(self) -> int | None:
-        """Nanoseconds from 1970-01-01 UTC to time zero; None where the times say nothing of the calendar."""
+        """Nanoseconds from 1970-01-01 UTC to time zero; None if the times are not absolute."""
 
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
-        """The rows in order, read anew.
+        """Yield the rows in order, read again for each call.
 
         Parameters
         ----------
-        wanted: indices of the columns that hold numbers and are needed.
-        record: index of the column that holds the rows' records, as numbers or names.
+        wanted: indices of the numeric columns that are needed.
+        record: index of the column with the records, as numbers or names.
 
         Raises
         ------
         RigctlError
-            the file cannot be read, or a wanted column holds no numbers.
+            the file cannot be read, or a wanted column is not numeric.
         """
 
 
 def labels_of_numbers(values: NDArray[np.float64]) -> Labels:
-    """Records given as numbers; NaN is the missing label."""
+    """Return labels from record numbers; NaN is the missing label."""
     import numpy as np
 
     known = np.where(np.isnan(values), -1.0, values)
@@ -196,7 +196,7 @@ def labels_of_numbers(values: NDArray[np.float64]) -> Labels:
 
 
 def labels_of_texts(texts: Sequence[str]) -> Labels:
-    """Records given as texts, one for each row."""
+    """Return labels from texts, one for each row."""
     import numpy as np
 
     indices: dict[str, int] = {}
@@ -205,7 +205,7 @@ def labels_of_texts(texts: Sequence[str]) -> Labels:
 
 
 def refuse(path: Path, faults: Sequence[Fault], count: int) -> RigctlError:
-    """All that is wrong with a file, row by row, and how to take in the rest; `count` rows are bad in all."""
+    """Return the error for a file with `count` bad rows, row by row, and how to import the rest."""
     listed = [fault.error(path) for fault in faults[:_LISTED]]
     more = count - len(listed)
     rest = f"{count} bad row{'' if count == 1 else 's'}" + (f", {more} of them not listed" if more else "")

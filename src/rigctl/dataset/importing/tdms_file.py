@@ -1,7 +1,7 @@
 """LabVIEW's TDMS: each group of channels is a record, units are the channels' property ``unit_string``.
 
-Time is a channel named ``time``, as seconds or as time stamps, or what the waveform properties of the
-channels say (``wf_increment``, ``wf_start_offset``).
+Time is a channel named ``time``, in seconds or as time stamps, or is computed from the channels' waveform
+properties (``wf_increment``, ``wf_start_offset``).
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from rigctl.errors import Location, RigctlError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-#: properties in which programs keep the unit of a channel
+#: properties in which programs store the unit of a channel
 _UNITS: Final = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 
 
 def open_tdms(path: Path, options: Options) -> GroupedFile:
-    """Read what a TDMS file holds.
+    """Read a TDMS file.
 
     Raises
     ------
     RigctlError
-        npTDMS is not installed, the file cannot be read, or its groups are no records.
+        npTDMS is not installed, the file cannot be read, or its groups are not records.
     """
     try:
         from nptdms import TdmsFile
@@ -61,14 +61,14 @@ def open_tdms(path: Path, options: Options) -> GroupedFile:
     with telling(path, "TDMS"), overheard("nptdms", said):
         if path.stat().st_size > LARGE:
             return open_groups(path, reading, options, damage=said)
-        # whole: for each piece of a file the library looks through all that come before it
+        # read whole, since the library searches all previous pieces for each piece of a file
         with path.open("rb") as raw:
             groups = [_group(path, group, options, said) for group in TdmsFile.read(raw).groups()]
     return open_groups(path, lambda: nullcontext(groups), options, damage=said)
 
 
 def _group(path: Path, group: Any, options: Options, damage: Sequence[str]) -> Group:
-    """One group; of a file that was cut off as many rows as every channel still has."""
+    """Return one group; of a truncated file, the rows that every channel still has."""
     channels = group.channels()
     where = f"group '{group.name}'"
     lengths = {_heading(channel)[0]: len(channel) for channel in channels}
@@ -81,7 +81,7 @@ def _group(path: Path, group: Any, options: Options, damage: Sequence[str]) -> G
 
 
 def _heading(channel: Any) -> tuple[str, str | None]:
-    """Name and unit; the unit may stand in brackets in the name."""
+    """Return the name and unit; the unit may be in brackets in the name."""
     name, unit = split_heading(channel.name)
     stored = next((channel.properties[key] for key in _UNITS if channel.properties.get(key)), None)
     return name or channel.name, unit_of(stored) or unit
@@ -96,7 +96,7 @@ def _reader(channel: Any) -> Callable[[int, int], NDArray[Any]]:
 def _waveform_time(
     path: Path, where: str, channels: Sequence[Any]
 ) -> Callable[[int, int], NDArray[Any]] | None:
-    """Times of equal steps, which every channel of a waveform keeps for itself; None where they keep none.
+    """Return the equidistant times stored with every channel of a waveform; None if there are none.
 
     Raises
     ------

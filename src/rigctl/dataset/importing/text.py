@@ -1,4 +1,4 @@
-"""The lines of a text file as UTF-8, whatever its encoding and its line ends, a part of it at a time."""
+"""Reads the lines of a text file as UTF-8, for any encoding and line ends, in parts."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from typing import IO, Final, cast
 
 from rigctl.errors import Location, RigctlError, nearest_name
 
-#: bytes of the file that are in memory at a time
+#: bytes of the file in memory at a time
 PIECE: Final = 1 << 23
-#: a longer line is none of a table, bytes
+#: longest line of a table, bytes
 LONGEST_LINE: Final = 1 << 20
-#: bytes by which the encoding and the form of a file are found out
+#: bytes for detecting the encoding and the form of a file
 HEAD: Final = 1 << 18
-#: more lines without a cell than this are no table
+#: limit of consecutive blank lines
 _MOST_BLANK: Final = 1_000_000
 
 _MARKS: Final = (
@@ -34,14 +34,14 @@ _MARKS: Final = (
 
 @dataclass(frozen=True)
 class TextForm:
-    """How the text of a file is stored.
+    """The encoding and line ends of a file.
 
     Parameters
     ----------
-    encoding: its name as Python has it.
-    mark: bytes of the byte-order mark before it.
-    returns: lines end in a carriage return alone, as they did on old Macintoshes.
-    guessed: nothing in the file says the encoding, and it is not UTF-8.
+    encoding: its name in Python.
+    mark: length of the byte-order mark, bytes.
+    returns: lines end with only a carriage return, as on old Macintoshes.
+    guessed: the encoding is a guess, as it is not UTF-8 and the file does not state it.
     """
 
     encoding: str
@@ -51,18 +51,18 @@ class TextForm:
 
 
 def find_form(path: Path, encoding: str | None) -> TextForm:
-    """Find out how a file's text is stored, by its first bytes, unless the caller says it.
+    """Detect how a file's text is stored from its first bytes, unless the caller specifies it.
 
     Raises
     ------
     RigctlError
-        the file cannot be read, or there is no such encoding.
+        the file cannot be read, or the encoding does not exist.
     """
     with opened(path) as file:
         head = file.read(HEAD)
     mark, found = next(((len(mark), name) for mark, name in _MARKS if head.startswith(mark)), (0, None))
     said = _checked(encoding, path) if encoding else None
-    # a mark says more than 'utf-16', which leaves the order of the bytes open
+    # a mark gives the byte order, which 'utf-16' does not
     name = found if found and (said or found).startswith(found[:6]) else said or _without_mark(head)
     text = head[mark:].decode(name, "replace")
     returns = "\r" in text and "\n" not in text
@@ -96,7 +96,7 @@ def _checked(encoding: str, path: Path) -> str:
 
 
 def _without_mark(head: bytes) -> str:
-    """UTF-8 where the bytes can be that; UTF-16 where every other one is zero; else the one of Windows."""
+    """Guess UTF-8 if the bytes are valid; UTF-16 if every other one is zero; else the Windows encoding."""
     even, odd = head[0::2].count(0), head[1::2].count(0)
     if 4 * (even + odd) > len(head) > 1:
         return "utf-16-le" if odd > even else "utf-16-be"
@@ -109,7 +109,7 @@ def _without_mark(head: bytes) -> str:
 
 @contextmanager
 def opened(path: Path) -> Iterator[IO[bytes]]:
-    """The file's bytes, decompressed; what goes wrong is told in plain words, where it is noticed."""
+    """Open the file for its decompressed bytes, with clear errors."""
     compressed = path.suffix.lower() == ".gz"
     try:
         with path.open("rb") as file:
@@ -122,7 +122,7 @@ def opened(path: Path) -> Iterator[IO[bytes]]:
 
 
 class Lines:
-    """Goes through the lines of an open file, which are counted from 1.
+    """Reads the lines of an open file, counted from 1.
 
     Parameters
     ----------
@@ -139,12 +139,12 @@ class Lines:
         )
 
     def next(self) -> bytes:
-        """The next line with its end; nothing at the end of the file.
+        """Return the next line with its end; empty at the end of the file.
 
         Raises
         ------
         RigctlError
-            the line is longer than any of a table.
+            the line is too long for a table.
         """
         line = self._file.readline(LONGEST_LINE)
         if len(line) == LONGEST_LINE and not line.endswith(b"\n"):
@@ -153,17 +153,17 @@ class Lines:
         return line
 
     def skip(self, count: int) -> None:
-        """Go past some lines."""
+        """Skip some lines."""
         for _ in range(count):
             self.next()
 
     def pieces(self) -> Iterator[tuple[int, bytes]]:
-        """Whole lines, some MiB at a time, with the number of the first; stretches of blank ones left out.
+        """Yield whole lines, some MiB at a time, with the first one's number; blank stretches are omitted.
 
         Raises
         ------
         RigctlError
-            a line is longer than any of a table, or there is nothing in a million of them.
+            a line is too long for a table, or a million of them are blank.
         """
         blank = 0
         while piece := self._file.read(PIECE):
@@ -191,7 +191,7 @@ class Lines:
 
 
 class _Utf8(io.RawIOBase):
-    """Text of another encoding as UTF-8 with line feeds, read as it is asked for."""
+    """Converts text of another encoding to UTF-8 with line feeds while it is read."""
 
     def __init__(self, file: IO[bytes], form: TextForm, path: Path) -> None:
         self._file = file
@@ -202,11 +202,11 @@ class _Utf8(io.RawIOBase):
         self._ended = False
 
     def readable(self) -> bool:
-        """It can be read."""
+        """True."""
         return True
 
     def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
-        """Fill some of `buffer`; 0 at the end."""
+        """Fill `buffer` partly; return the number of bytes, 0 at the end."""
         while not self._left and not self._ended:
             self._left = self._more()
         size = min(len(buffer), len(self._left))
@@ -225,7 +225,7 @@ class _Utf8(io.RawIOBase):
 
 
 def not_text(path: Path, encoding: str, line: int | None) -> RigctlError:
-    """The error for bytes that are no text of the encoding."""
+    """Return the error for bytes that are invalid in the encoding."""
     return RigctlError(
         f"the file is not {encoding.upper()} text",
         expected=encoding.upper(),

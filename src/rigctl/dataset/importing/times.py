@@ -1,7 +1,7 @@
-"""Times as loggers write them: dates and times of day, seconds since an epoch, elapsed times.
+"""Times in the formats of loggers: dates and times of day, seconds since an epoch, elapsed times.
 
-Whatever is absolute becomes whole nanoseconds since 1970-01-01 UTC before it becomes seconds since the first
-sample, so that no digit of a time stamp is lost.
+Absolute times are converted to integer nanoseconds since 1970-01-01 UTC first, and then to seconds since the
+first sample, so that no digit is lost.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Kind = Literal["number", "epoch", "date", "clock"]
 
 _SECOND: Final = 1_000_000_000
 _DAY: Final = 86400.0
-#: a clock that goes back by more than this has passed midnight, s
+#: a clock that steps back by more than this has passed midnight, s
 _MIDNIGHT: Final = 43200.0
 
 _ZONE: Final = r"(?P<z>[Zz]|UTC|GMT|[+-]\d{2}(?::?\d{2})?)?"
@@ -40,7 +40,7 @@ _DATE: Final = (
     + _ZONE
     + r"\s*$"
 )
-#: without anything between: 20260303T120000
+#: without separators: 20260303T120000
 _COMPACT: Final = (
     r"^\s*(?P<a>\d{4})(?P<b>\d{2})(?P<c>\d{2})(?:[T _](?P<h>\d{2})(?P<m>\d{2})(?:(?P<s>\d{2})"
     r"(?:[.,](?P<f>\d{1,9})\d*)?)?(?P<p>[AaPp])?)?\s*" + _ZONE + r"\s*$"
@@ -53,7 +53,7 @@ _NUMBER: Final = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*")
 _PARTS: Final = re.compile(r"\s*(\d{1,4})([-./ ])(\d{1,2}|[A-Za-z]{3,9})[-./ ,]\s?(\d{1,4})")
 _MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 
-#: counts since an epoch: unit, nanoseconds in one, counts from 1970 to the epoch, and what is plausible
+#: counts since an epoch: unit, nanoseconds per count, counts from 1970 to the epoch, and plausible range
 _EPOCHS: Final[Sequence[tuple[str, int, int, float, float]]] = (
     ("s", _SECOND, 0, 6.3e8, 2.9e9),  # 1990 to 2061
     ("s", _SECOND, -2_082_844_800, 3.0e9, 4.5e9),  # LabVIEW's, since 1904
@@ -68,16 +68,16 @@ _CLOCK_UNITS: Final = {"mm:ss": "m", "m:s": "m", "min:s": "m", "min:sec": "m"}
 
 @dataclass(frozen=True)
 class TimeFormat:
-    """How the times of a file are written.
+    """The format of a file's times.
 
     Parameters
     ----------
     kind: a plain number in the unit of its heading, a count since an epoch, a date, or a clock.
     order: of the numbers of a date, ``ymd``, ``dmy`` or ``mdy``.
-    epoch: nanoseconds in one count, and counts from 1970 to the epoch.
-    zone: of times that name none.
+    epoch: nanoseconds per count, and counts from 1970 to the epoch.
+    zone: time zone of times without one.
     minutes: ``12:30`` is minutes and seconds.
-    naive: the times name no zone.
+    naive: the times have no time zone.
     """
 
     kind: Kind
@@ -90,12 +90,12 @@ class TimeFormat:
 
     @property
     def absolute(self) -> bool:
-        """Whether the times say when it was."""
+        """Whether the times are absolute."""
         return self.kind in ("epoch", "date")
 
     @property
     def expected(self) -> str:
-        """How one of these times looks, for messages."""
+        """An example of the format, for messages."""
         if self.kind == "epoch":
             return "a count since an epoch"
         if self.kind == "clock":
@@ -105,11 +105,11 @@ class TimeFormat:
 
 
 class TimeReader:
-    """Reads the times of one file, part after part, as seconds since `origin` or of the clock.
+    """Reads the times of one file, part by part, as seconds since `origin` or of the clock.
 
     Parameters
     ----------
-    origin: nanoseconds since 1970 UTC that are time zero; None until the first stamp has been read.
+    origin: time zero in nanoseconds since 1970 UTC; None until the first time stamp has been read.
     """
 
     def __init__(self, form: TimeFormat, origin: int | None = None) -> None:
@@ -120,7 +120,7 @@ class TimeReader:
 
     @property
     def state(self) -> tuple[int | None, float, float]:
-        """What has been learned from the texts so far."""
+        """The state reached by the texts so far."""
         return self.origin, self._latest, self._days
 
     @state.setter
@@ -128,7 +128,7 @@ class TimeReader:
         self.origin, self._latest, self._days = state
 
     def read(self, texts: pa.Array) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Seconds of each text, NaN where there is none, and which of them are no times, shape (n,) each."""
+        """Return the seconds of each text, NaN for none, and which texts are invalid, shape (n,) each."""
         import numpy as np
         import pyarrow.compute as pc
 
@@ -145,7 +145,7 @@ class TimeReader:
         return np.where(good, seconds, np.nan), ~good & ~missing
 
     def _past_midnight(self, seconds: NDArray[np.float64], good: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """A clock that begins again at midnight goes on."""
+        """Continue a clock that restarts at midnight."""
         import numpy as np
 
         known = seconds[good]
@@ -161,19 +161,19 @@ class TimeReader:
 
 @dataclass(frozen=True)
 class ArrayClock:
-    """Turns times that a file keeps as numbers or as time stamps into seconds since its first sample.
+    """Converts times stored as numbers or time stamps to seconds since the first sample.
 
     Parameters
     ----------
-    origin: nanoseconds since 1970 UTC that are time zero.
-    epoch: nanoseconds in one count, and counts from 1970 to the epoch; of time stamps None.
+    origin: time zero in nanoseconds since 1970 UTC.
+    epoch: nanoseconds per count, and counts from 1970 to the epoch; None for time stamps.
     """
 
     origin: int
     epoch: tuple[int, int] | None = None
 
     def seconds(self, values: NDArray[Any]) -> NDArray[np.float64]:
-        """Seconds since `origin`; NaN where there is no time."""
+        """Return seconds since `origin`; NaN for missing times."""
         import numpy as np
 
         absent = np.isnat(values) if values.dtype.kind == "M" else ~np.isfinite(values.astype(np.float64))
@@ -181,7 +181,7 @@ class ArrayClock:
 
 
 def to_utc(stamps: NDArray[Any], zone: str | None) -> NDArray[Any]:
-    """Time stamps that name no zone as those of UTC."""
+    """Convert time stamps without a zone to UTC."""
     import numpy as np
 
     local = zone_info(zone)
@@ -194,11 +194,11 @@ def to_utc(stamps: NDArray[Any], zone: str | None) -> NDArray[Any]:
 
 
 def array_clock(first: Sequence[NDArray[Any]], unit: str | None) -> ArrayClock | None:
-    """How times that a file keeps as numbers or stamps are read; None where they are elapsed times.
+    """Return the clock of times stored as numbers or time stamps; None for elapsed times.
 
     Parameters
     ----------
-    first: some of the times, of every part of the file.
+    first: some of the times of every part of the file.
     """
     import numpy as np
 
@@ -221,7 +221,7 @@ def array_clock(first: Sequence[NDArray[Any]], unit: str | None) -> ArrayClock |
 def _nanoseconds(
     values: NDArray[Any], absent: NDArray[np.bool_], epoch: tuple[int, int] | None
 ) -> NDArray[np.int64]:
-    """Nanoseconds since 1970 of stamps or of counts, 0 where there is none."""
+    """Return nanoseconds since 1970 of time stamps or counts, 0 for missing ones."""
     import numpy as np
 
     if epoch is None:
@@ -236,12 +236,12 @@ def _nanoseconds(
 def find_format(
     cells: Sequence[str], unit: str | None, options: Options, path: Path, where: Location
 ) -> TimeFormat:
-    """How times are written, by the first of them.
+    """Detect the format of times from the first of them.
 
     Raises
     ------
     RigctlError
-        they can be read in two ways, or in none.
+        the format is ambiguous or unknown.
     """
     present = [cell.strip() for cell in cells if cell.strip()]
     numbers = [cell for cell in present if _NUMBER.fullmatch(cell.replace(",", ".", 1))]
@@ -266,7 +266,7 @@ def find_format(
 
 
 def checked_zone(name: str | None) -> str | None:
-    """The name of a time zone that exists.
+    """Return the name of a time zone after checking that it exists.
 
     Raises
     ------
@@ -279,7 +279,7 @@ def checked_zone(name: str | None) -> str | None:
 
 
 def zone_info(name: str | None) -> tzinfo:
-    """The time zone of that name; UTC for none.
+    """Return the time zone of that name; UTC for none.
 
     Raises
     ------
@@ -305,13 +305,13 @@ def zone_info(name: str | None) -> tzinfo:
 
 
 def instant(nanoseconds: int, zone: str | None) -> datetime:
-    """The calendar time of some nanoseconds since 1970 UTC, to the microsecond."""
+    """Return the calendar time of nanoseconds since 1970 UTC, to the microsecond."""
     moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=nanoseconds // 1000)
     return moment.astimezone(zone_info(zone))
 
 
 def epoch_of(values: Sequence[float], unit: str | None) -> tuple[str, int, int] | None:
-    """Unit, nanoseconds in one and the count of 1970, of counts since an epoch; None for elapsed times."""
+    """Return the unit, nanoseconds per count and count of 1970 of an epoch; None for elapsed times."""
     if not values:
         return None
     low, high = min(values), max(values)
@@ -349,12 +349,12 @@ def _zone_of(cell: str) -> str | None:
 
 
 def _date_order(cells: Sequence[str], wanted: DateOrder | None, where: Location) -> str:
-    """Which number of a date is the day, by dates that leave no choice, else by what the caller says.
+    """Return which number of a date is the day, from unambiguous dates or else from the options.
 
     Raises
     ------
     RigctlError
-        the dates can be read in two ways.
+        the dates are ambiguous.
     """
     split = [match for cell in cells if (match := _PARTS.match(cell))]
     if not split or len(split[0][1]) == 4:
@@ -384,7 +384,7 @@ def _date_order(cells: Sequence[str], wanted: DateOrder | None, where: Location)
 
 
 def _groups(texts: pa.Array, pattern: str, names: str) -> dict[str, Any]:
-    """What each named group of a pattern holds, "" where it takes no part; with which texts matched."""
+    """Return the named groups of a pattern, "" for those that did not match, and which texts matched."""
     import numpy as np
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -393,7 +393,7 @@ def _groups(texts: pa.Array, pattern: str, names: str) -> dict[str, Any]:
     if isinstance(found, pa.ChunkedArray):
         found = found.combine_chunks()
     matched = np.asarray(pc.is_valid(found).to_numpy(zero_copy_only=False), dtype=bool)
-    # flattened, so that the parts of what did not match are null too
+    # flattened, so that the groups of texts that did not match are null too
     parts = dict(zip([item.name for item in found.type], found.flatten(), strict=True))
     empty = pa.nulls(len(texts), pa.string())
     groups = {name: pc.fill_null(parts.get(name, empty), "") for name in names}
@@ -401,7 +401,7 @@ def _groups(texts: pa.Array, pattern: str, names: str) -> dict[str, Any]:
 
 
 def _whole(texts: pa.Array) -> NDArray[np.int64]:
-    """Whole numbers of texts of digits, 0 for none."""
+    """Return the integers of texts of digits, 0 for empty ones."""
     import numpy as np
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -411,14 +411,14 @@ def _whole(texts: pa.Array) -> NDArray[np.int64]:
 
 
 def _fraction(texts: pa.Array) -> NDArray[np.int64]:
-    """Nanoseconds of the digits behind a decimal point."""
+    """Return the nanoseconds of the digits after a decimal point."""
     import pyarrow.compute as pc
 
     return _whole(pc.utf8_rpad(pc.utf8_slice_codeunits(texts, 0, 9), 9, padding="0"))
 
 
 def _half_day(hours: NDArray[np.int64], marks: pa.Array) -> NDArray[np.int64]:
-    """Hours of a day from those of a clock with am and pm."""
+    """Return 24-hour hours from 12-hour ones with am and pm."""
     import numpy as np
     import pyarrow.compute as pc
 
@@ -443,7 +443,7 @@ def _clock(texts: pa.Array, *, minutes: bool) -> tuple[NDArray[np.float64], NDAr
 
 
 def _epoch(texts: pa.Array, form: TimeFormat) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Nanoseconds since 1970 of counts since an epoch, every digit kept."""
+    """Return nanoseconds since 1970 of counts since an epoch, without loss of digits."""
     import numpy as np
 
     sign = re.escape(form.decimal)
@@ -464,7 +464,7 @@ def _epoch(texts: pa.Array, form: TimeFormat) -> tuple[NDArray[np.int64], NDArra
 
 
 def _short(texts: pa.Array) -> pa.Array:
-    """Nothing that is too large for 63 bits."""
+    """Return which numbers fit into 63 bits."""
     import pyarrow.compute as pc
 
     large = pc.and_(pc.equal(pc.utf8_length(texts), 19), pc.greater(texts, "9223372036854775807"))
@@ -476,13 +476,13 @@ def _sparse(texts: pa.Array) -> list[str]:
 
 
 def _dates(texts: pa.Array, form: TimeFormat) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Nanoseconds since 1970 UTC of dates and times."""
+    """Return nanoseconds since 1970 UTC of dates and times."""
     import numpy as np
     import pyarrow as pa
     import pyarrow.compute as pc
 
     if form.order == "ymd" and form.naive and form.zone is None:
-        try:  # ISO as it should be: twenty times as fast
+        try:  # proper ISO: twenty times as fast
             quick = texts.cast(pa.timestamp("ns"))
             if not quick.null_count:
                 return np.asarray(quick.cast(pa.int64()).to_numpy()), np.ones(len(texts), dtype=bool)
@@ -512,7 +512,7 @@ def _dates(texts: pa.Array, form: TimeFormat) -> tuple[NDArray[np.int64], NDArra
 
 
 def _months(texts: pa.Array) -> NDArray[np.int64]:
-    """Months of numbers or of English names; 0 for neither."""
+    """Return months from numbers or English names; 0 for neither."""
     import numpy as np
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -530,7 +530,7 @@ def _months(texts: pa.Array) -> NDArray[np.int64]:
 def _days(
     year: NDArray[np.int64], month: NDArray[np.int64], day: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Days since 1970, and which dates exist; of two digits a year is one of 1970 to 2069."""
+    """Return days since 1970, and which dates exist; two-digit years are in 1970 to 2069."""
     import numpy as np
 
     year = np.where(year < 70, year + 2000, np.where(year < 100, year + 1900, year))
@@ -542,7 +542,7 @@ def _days(
 
 
 def _offsets(texts: pa.Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Seconds east of Greenwich as written, and where it is."""
+    """Return the offsets from UTC as written, in s, and which texts have one."""
     import numpy as np
 
     shifts, named = np.zeros(len(texts), dtype=np.int64), np.zeros(len(texts), dtype=bool)
@@ -565,7 +565,7 @@ def _offset(text: str) -> int:
 
 
 def _local_offsets(since: NDArray[np.int64], good: NDArray[np.bool_], zone: tzinfo) -> NDArray[np.int64]:
-    """Seconds east of Greenwich of local times; an hour that comes twice is taken in the file's order."""
+    """Return the offsets of local times from UTC, in s; a repeated hour is resolved by the file's order."""
     import numpy as np
 
     quarters, inverse = np.unique(np.where(good, since, 0) // 900, return_inverse=True)

@@ -1,7 +1,7 @@
-"""Spreadsheets (XLSX): a table on each sheet, of which the first row of names is the heading.
+"""Spreadsheets (XLSX): a table on each sheet, with the first row of names as its heading.
 
-Formulas are never computed: what the program that saved the file has worked out is read. Dates are cells of
-the spreadsheet's own kind of date.
+Formulas are never evaluated: the values stored by the program that saved the file are read. Dates are cells
+with a date format.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from rigctl.errors import Location, RigctlError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-#: rows in which the heading is looked for
+#: rows searched for the heading
 _HEAD: Final = 100
 
 
 @dataclass(frozen=True)
 class _Sheet:
-    """A table on a sheet: names and units by the place of their column, and the cells below them."""
+    """A table on a sheet: names and units by column, and the cells below them."""
 
     name: str
     names: dict[int, tuple[str, str | None]]
@@ -39,12 +39,12 @@ class _Sheet:
 
 
 def open_xlsx(path: Path, options: Options) -> GroupedFile:
-    """Read what a spreadsheet holds.
+    """Read a spreadsheet.
 
     Raises
     ------
     RigctlError
-        openpyxl is not installed, the file cannot be read, there is no table in it, or a cell is no number.
+        openpyxl is not installed, the file cannot be read or has no table, or a cell is not a number.
     """
     try:
         from openpyxl import load_workbook
@@ -66,9 +66,9 @@ def open_xlsx(path: Path, options: Options) -> GroupedFile:
 
 
 def _read(sheet: Any) -> _Sheet | None:
-    """The table of a sheet; None for a sheet without one."""
+    """Return the table of a sheet; None for a sheet without one."""
     if hasattr(sheet, "reset_dimensions"):
-        sheet.reset_dimensions()  # what the file says of its size may be wrong
+        sheet.reset_dimensions()  # the size stored in the file may be wrong
     rows = enumerate(sheet.iter_rows(values_only=True), start=1)
     heading: tuple[int, Sequence[Any]] | None = None
     units: Sequence[Any] = ()
@@ -110,7 +110,7 @@ def _names(heading: Sequence[Any], units: Sequence[Any]) -> dict[int, tuple[str,
 
 
 def _below(rows: list[Sequence[Any]]) -> list[Sequence[Any]]:
-    """The rows of a table, without the blank ones at its end."""
+    """Return the rows of a table, without trailing blank ones."""
     while rows and all(_blank(cell) for cell in rows[-1]):
         rows.pop()
     return rows
@@ -122,7 +122,7 @@ def _group(path: Path, sheet: _Sheet, options: Options, *, alone: bool) -> Group
     columns = []
     for index, (name, unit) in sheet.names.items():
         cells = [row[index] if index < len(row) else None for row in sheet.rows]
-        if options.ours(name) == "-":  # whatever stands in it
+        if options.ours(name) == "-":  # with any content
             columns.append(Column(name, unit, _reader(np.full(len(cells), "", dtype=object))))
             continue
         values, found = _values(path, sheet, index, name, cells, options)
@@ -137,12 +137,12 @@ def _reader(values: NDArray[Any]) -> Callable[[int, int], NDArray[Any]]:
 def _values(
     path: Path, sheet: _Sheet, index: int, name: str, cells: Sequence[Any], options: Options
 ) -> tuple[NDArray[Any], str | None]:
-    """A column as numbers, as time stamps, or as texts; with its unit, where the cells say it.
+    """Return a column as numbers, time stamps or texts, with its unit if the cells give it.
 
     Raises
     ------
     RigctlError
-        a cell among numbers is none.
+        a cell in a numeric column is not a number.
     """
     import numpy as np
 
@@ -162,7 +162,7 @@ def _values(
 
 
 def _stamp(cell: Any) -> Any:
-    """A date as NumPy has it; without a zone, which a spreadsheet does not know."""
+    """Return a date as a NumPy value, without a zone, as spreadsheets have none."""
     if isinstance(cell, datetime):
         return cell.replace(tzinfo=None)
     return datetime(cell.year, cell.month, cell.day) if isinstance(cell, date) else None  # noqa: DTZ001

@@ -1,5 +1,5 @@
-"""An index of a runs folder, in SQLite: one row for each run, and what each of its channels ranges over.
+"""An index of a runs folder, in SQLite: one row for each run, and the range of each of its channels.
 
-The folders are the truth. The index is made from them, lies in the user's cache, and may be deleted at any
-time: `rigctl.dataset.index.file` says when it is looked up, made again or done without.
+The folders are authoritative. The index is derived from them, is stored in the user's cache, and may be
+deleted at any time: `rigctl.dataset.index.file` decides when it is used, rebuilt or bypassed.
 """

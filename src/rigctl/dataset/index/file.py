@@ -1,7 +1,7 @@
-"""The index on disk: asked where there are many runs, brought up to date first, done without where it fails.
+"""The index on disk: used if there are many runs, updated before each use, bypassed if it fails.
 
-It lies in the user's cache, one file for each runs folder. A runs folder may be read-only, or on a network
-whose locks SQLite cannot rely on; the cache is neither, and the runs folder holds runs alone.
+It is stored in the user's cache, one file for each runs folder. A runs folder may be read-only, or on a
+network whose locks are not reliable enough for SQLite; and it should contain only runs.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-#: from so many runs on they are looked up in an index; fewer are read one by one as fast
+#: number of runs from which the index is used; fewer are read one by one as fast
 INDEX_FROM: Final = 1000
-#: how long another program that writes to the index is waited for, s
+#: how long to wait for another program that writes to the index, s
 _PATIENCE: Final = 10.0
 T = TypeVar("T")
 _Update: TypeAlias = Callable[[sqlite3.Connection], None]
 
 
 def index_path(runs: Path) -> Path:
-    """The file of a runs folder's index."""
+    """Return the index file of a runs folder."""
     name = hashlib.sha256(os.fsencode(runs.resolve())).hexdigest()[:24]
     return cache_folder() / "catalogue" / f"{name}.sqlite"
 
 
 def stored_index_path(address: str) -> Path:
-    """The file of a storage's index."""
+    """Return the index file of a storage."""
     return cache_folder() / "catalogue" / f"{hashlib.sha256(address.encode()).hexdigest()[:24]}.sqlite"
 
 
 def is_indexed(runs: Path) -> bool:
-    """Whether there are so many runs that an index is kept of them."""
+    """Return whether there are enough runs for an index."""
     if index_path(runs).exists():
         return True
     count = 0
@@ -62,14 +62,14 @@ def is_indexed(runs: Path) -> bool:
 
 
 def ask(runs: Path, question: Callable[[sqlite3.Connection], T], *, channels: bool = True) -> T:
-    """What `question` makes of an index that is up to date.
+    """Return the answer of `question` to an up-to-date index.
 
-    Of few runs, or where none can be kept, it is made in memory and forgotten. A damaged one, or one of
-    another version, is made again; that is said as a warning of this module's logger.
+    For few runs, or if the file cannot be written, the index is made in memory and discarded. A damaged one,
+    or one of another version, is rebuilt, with a warning of this module's logger.
 
     Parameters
     ----------
-    channels: whether ranges of channels are asked for; in memory they are left out otherwise.
+    channels: whether ranges of channels are needed; an index in memory omits them otherwise.
     """
     in_memory = lambda index: refresh(index, runs, channels=channels)  # noqa: E731
     if not is_indexed(runs):
@@ -79,12 +79,12 @@ def ask(runs: Path, question: Callable[[sqlite3.Connection], T], *, channels: bo
 
 
 def ask_stored(store: Store, question: Callable[[sqlite3.Connection], T], *, channels: bool) -> T:
-    """As `ask`, of the runs in a storage; an index is kept of it however few they are.
+    """Do as `ask` for the runs in a storage; its index is stored for any number of runs.
 
     Raises
     ------
     RigctlError
-        the storage does not answer, or refuses: what is known from before is no answer.
+        the storage does not respond, or refuses: earlier contents of the index are not an answer.
     """
 
     def up_to_date(index: sqlite3.Connection) -> None:
@@ -94,12 +94,12 @@ def ask_stored(store: Store, question: Callable[[sqlite3.Connection], T], *, cha
 
 
 def _ask_kept(path: Path, update: _Update, in_memory: _Update, question: Callable[..., T], truth: str) -> T:
-    """Ask the index in a file, made again where it is damaged, and done without where it cannot be kept.
+    """Query the index in a file, rebuilt if it is damaged, and bypassed if it cannot be written.
 
     Parameters
     ----------
-    update, in_memory: make an index say what is there: the kept one, and one that is forgotten.
-    truth: what it is made from, for messages.
+    update, in_memory: update the stored index, and one in memory.
+    truth: what the index is derived from, for messages.
     """
     try:
         return _ask_file(path, update, question)
@@ -123,12 +123,12 @@ def _ask_kept(path: Path, update: _Update, in_memory: _Update, question: Callabl
 
 
 def remove_index(runs: Path) -> None:
-    """Forget the index of a runs folder: the next that asks makes it again.
+    """Delete the index of a runs folder; the next query rebuilds it.
 
     Raises
     ------
     OSError
-        another program has it open, on systems that keep it for that one.
+        another program has it open, on systems that then prevent deletion.
     """
     _remove_file(index_path(runs))
 
@@ -154,13 +154,13 @@ def _ask_memory(update: _Update, question: Callable[[sqlite3.Connection], T]) ->
 
 
 def _prepare(index: sqlite3.Connection, path: Path) -> None:
-    """Make the tables where there are none; those of another version are taken away first."""
+    """Create the tables if missing; those of another version are dropped first."""
     (version,) = index.execute("PRAGMA user_version").fetchone()
     if version == VERSION:
         return
     index.execute("BEGIN EXCLUSIVE")
     try:
-        (version,) = index.execute("PRAGMA user_version").fetchone()  # another program may have been faster
+        (version,) = index.execute("PRAGMA user_version").fetchone()  # another program may have been first
         if version != VERSION:
             if version:
                 logger.warning("%s is of version %d; it is made again", path, version)
@@ -175,12 +175,12 @@ def _prepare(index: sqlite3.Connection, path: Path) -> None:
 
 def _clear(index: sqlite3.Connection) -> None:
     found = index.execute("SELECT type, name FROM sqlite_master WHERE type IN ('table', 'view')").fetchall()
-    for kind, name in sorted(found, reverse=True):  # views before the tables that they show
+    for kind, name in sorted(found, reverse=True):  # views before the tables that they use
         index.execute(f'DROP {kind} IF EXISTS "{name}"')
 
 
 def _sound(path: Path) -> bool:
-    """Whether what could not be used just now is a sound file: busy, or on a full disk; not damaged."""
+    """Return whether a file that failed is intact: busy, or on a full disk, but not damaged."""
     try:
         with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True, timeout=0)) as index:
             tables = {name for (name,) in index.execute("SELECT name FROM sqlite_master")}

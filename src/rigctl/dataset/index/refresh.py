@@ -1,9 +1,9 @@
-"""Bringing an index up to date with the folders of the runs.
+"""Updates an index from the folders of the runs.
 
-A folder's time of change says whether anything in it is new: `rigctl.dataset.run_json.write_info` marks the
-folder that a run lies in, and a run that is made or removed does so by itself. What other programs change
-inside of a run is not seen by that: some of the runs in folders that seem unchanged are looked at each time,
-and all of them once one has changed.
+The modification time of a folder shows whether anything in it is new: `rigctl.dataset.run_json.write_info`
+touches the folder that contains a run, and so does creating or removing a run. This does not reveal changes
+that other programs make inside a run: some of the runs in unchanged folders are checked each time, and all of
+them once one has changed.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ from rigctl.dataset.shards import is_shard
 
 logger = logging.getLogger(__name__)
 
-#: the folder of runs itself, among those of days
+#: key of the runs folder itself, among the folders of days
 ROOT: Final = ""
-#: a folder that changed so short a time ago may change again without being seen to, ns
+#: a folder modified more recently than this may change again with the same time stamp, ns
 _UNSETTLED: Final = 3_000_000_000
-#: how many runs in unchanged folders are looked at each time
+#: number of runs in unchanged folders that are checked each time
 _SAMPLE: Final = 1000
-#: so many are read before they are kept: what an interrupt costs
+#: runs read per transaction: the loss by an interrupt
 _BATCH: Final = 2000
-#: threads that read: while one waits for the disk another computes; fewer runs are read one by one
+#: reading threads, so that one computes while another waits for the disk; not used for fewer runs
 _READERS: Final = 4
 _FEW: Final = 100
 _COLUMNS: Final = (*RUN_COLUMNS, *INNER_COLUMNS)
 _NOTHING: Final[dict[str, Any]] = dict.fromkeys(_COLUMNS)
 _INSERT: Final = f"INSERT INTO run (key, {quoted(_COLUMNS)}) VALUES (?{', ?' * len(_COLUMNS)})"  # noqa: S608
-#: so many that reading them is worth a word
+#: number of runs from which reading them is logged
 _LONG: Final = 20_000
 
 
 @dataclass
 class _Changes:
-    """What differs between folders and index: runs to read, runs that are gone, the folders' times."""
+    """The differences between folders and index: runs to read, removed runs, the folders' times."""
 
     read: dict[tuple[str, str], FileState] = field(default_factory=dict)
     gone: list[tuple[str, str]] = field(default_factory=list)
@@ -58,10 +58,9 @@ class _Changes:
 
 
 def refresh(index: sqlite3.Connection, runs: Path, *, channels: bool = True) -> None:
-    """Make the index say what the folders say; what has not changed is not read.
+    """Update the index from the folders; unchanged runs are not read.
 
-    May be interrupted, and carried out by several programs at once: folders that are not finished with are
-    looked at again.
+    May be interrupted, and run by several programs at once: unfinished folders are checked again.
     """
     known: dict[str, int] = dict(index.execute("SELECT name, mtime FROM shard"))
     changes = _Changes()
@@ -82,7 +81,7 @@ def refresh(index: sqlite3.Connection, runs: Path, *, channels: bool = True) -> 
 
 
 def _folders(runs: Path, known: dict[str, int]) -> list[str]:
-    """The runs folder itself, and those of days in it."""
+    """Return the runs folder itself and the folders of days in it."""
     try:
         if known.get(ROOT) == runs.stat().st_mtime_ns:
             return list(known)
@@ -93,16 +92,16 @@ def _folders(runs: Path, known: dict[str, int]) -> list[str]:
 
 
 def _compare(index: sqlite3.Connection, runs: Path, name: str, known: int | None, changes: _Changes) -> None:
-    """Look at every run of a folder, unless the folder has the time of change that is known."""
+    """Check every run of a folder, unless its modification time is unchanged."""
     folder = runs / name
     try:
-        changed = folder.stat().st_mtime_ns  # before its entries: what comes later changes it again
+        changed = folder.stat().st_mtime_ns  # read before its entries, since later changes modify it again
         if changed == known:
             return
         with os.scandir(folder) as entries:
             names = [entry.name for entry in entries]
     except FileNotFoundError:
-        return  # removed just now, which changes the folder that it was in
+        return  # just removed, which modifies the containing folder
     rows = {
         run_id: FileState(size, mtime)
         for run_id, size, mtime in index.execute("SELECT id, size, mtime FROM run WHERE shard = ?", [name])
@@ -120,7 +119,7 @@ def _compare(index: sqlite3.Connection, runs: Path, name: str, known: int | None
 
 
 def _changed_unseen(index: sqlite3.Connection, runs: Path, settled: set[str]) -> bool:
-    """Whether one of some runs in folders that seem unchanged has changed: another program was there."""
+    """Return whether one of some runs in unchanged folders has been changed by another program."""
     (last,) = index.execute("SELECT max(key) FROM run").fetchone()
     start = random.randrange((last or 0) + 1)  # noqa: S311 - no secret
     columns = "SELECT shard, id, size, mtime FROM run WHERE key"
@@ -134,7 +133,7 @@ def _changed_unseen(index: sqlite3.Connection, runs: Path, settled: set[str]) ->
 
 
 def _look_at_open(index: sqlite3.Connection, runs: Path, changes: _Changes) -> None:
-    """Runs that were in progress, or left behind, may have come to their end without a change of any file."""
+    """Check runs in progress and abandoned runs, which may end without a change of any file."""
     for shard, run_id, status in index.execute("SELECT shard, id, status FROM run WHERE open").fetchall():
         folder = _folder(runs, shard, run_id)
         state = file_state(folder)
@@ -145,7 +144,7 @@ def _look_at_open(index: sqlite3.Connection, runs: Path, changes: _Changes) -> N
 
 
 def _apply(index: sqlite3.Connection, runs: Path, changes: _Changes, *, channels: bool) -> None:
-    """Read what has changed, and keep it batch by batch; the folders count as looked at when all is kept."""
+    """Read the changes, and store them in batches; folders are marked as checked at the end."""
     if len(changes.read) >= _LONG:
         logger.warning("reading %d runs for the index of %s, once", len(changes.read), runs)
     with transaction(index):
@@ -174,7 +173,7 @@ def _apply(index: sqlite3.Connection, runs: Path, changes: _Changes, *, channels
 
 
 def remove_rows(index: sqlite3.Connection, places: Iterable[tuple[str, str]]) -> None:
-    """Take runs out, by their folder's name and their id."""
+    """Remove runs, by the folder's name and the id."""
     for place in places:
         found = index.execute("SELECT key FROM run WHERE shard = ? AND id = ?", place).fetchone()
         if found is not None:
@@ -185,7 +184,7 @@ def remove_rows(index: sqlite3.Connection, places: Iterable[tuple[str, str]]) ->
 
 
 def insert_rows(index: sqlite3.Connection, rows: Sequence[Row]) -> None:
-    """Put in runs that are not there."""
+    """Insert new runs."""
     (last,) = index.execute("SELECT max(key) FROM run").fetchone()
     keyed = list(enumerate(rows, start=(last or 0) + 1))
     index.executemany(_INSERT, [(key, *(_NOTHING | row.values).values()) for key, row in keyed])
@@ -193,7 +192,7 @@ def insert_rows(index: sqlite3.Connection, rows: Sequence[Row]) -> None:
 
 
 def insert_channels(index: sqlite3.Connection, runs: Iterable[tuple[int, Iterable[ChannelRange]]]) -> None:
-    """Put in what the columns of runs range over, by the runs' keys."""
+    """Insert the ranges of the runs' columns, by the runs' keys."""
     names = {
         tuple(facts): key for key, *facts in index.execute("SELECT key, name, unit, kind FROM channel_name")
     }
@@ -210,7 +209,7 @@ def insert_channels(index: sqlite3.Connection, runs: Iterable[tuple[int, Iterabl
 
 @contextmanager
 def transaction(index: sqlite3.Connection) -> Iterator[None]:
-    """All that is written in the block, or nothing of it."""
+    """Commit everything written in the block, or nothing."""
     index.execute("BEGIN IMMEDIATE")
     try:
         yield

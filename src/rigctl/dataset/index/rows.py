@@ -1,4 +1,4 @@
-"""One run as the index has it, read from its ``run.json`` and the end of its ``samples.parquet``."""
+"""The index row of one run, from its ``run.json`` and the footer of its ``samples.parquet``."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from rigctl.dataset.run_status import status_of
 from rigctl.dataset.storage.store import StorageSilent, StoredFolder
 from rigctl.errors import RigctlError
 
-#: an instant that is written as `_utc` writes it
+#: an instant in the format of `_utc`
 _CANONICAL = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{6})?\+00:00")
-#: the states in which a run may still change by itself
+#: states in which a run may still change by itself
 OPEN = (run_json.RUNNING, "unclosed")
 DAMAGED = "damaged"
 
 
 class FileState(NamedTuple):
-    """What tells one ``run.json`` from the one before it: size and time of change; −1 where there is none."""
+    """The version of a ``run.json``: size and modification time; −1 if there is none."""
 
     size: int
     mtime: int
 
 
 class ChannelRange(NamedTuple):
-    """What a column of a run's samples ranges over, in display units; None where it has no value but NaN."""
+    """The range of a column of a run's samples, in display units; None if all values are NaN."""
 
     name: str
     unit: str
@@ -49,17 +49,17 @@ class Row(NamedTuple):
 
 
 def file_state(folder: Path | str) -> FileState | None:
-    """The state of a run's ``run.json``; None for a folder that is no run."""
+    """Return the version of a run's ``run.json``; None for a folder that is not a run."""
     try:
-        facts = os.stat(f"{folder}{os.sep}{run_json.NAME}")  # noqa: PTH116 - a Path for each takes twice as long
+        facts = os.stat(f"{folder}{os.sep}{run_json.NAME}")  # noqa: PTH116 - Path objects take twice as long
     except OSError:
-        # a run has lost run.json or its log at worst
+        # a damaged run may lack one of run.json and its log
         return FileState(-1, 0) if Path(folder, log.NAME).is_file() else None
     return FileState(facts.st_size, facts.st_mtime_ns)
 
 
 def read_row(folder: Path, shard: str, state: FileState, *, channels: bool = True) -> Row:
-    """A run's row; of one that cannot be read that it is damaged."""
+    """Return a run's row; an unreadable run is marked as damaged."""
     values: dict[str, Any] = {"id": folder.name, "shard": shard, **state._asdict(), "open": False}
     try:
         info = run_json.read_info(folder)
@@ -73,9 +73,9 @@ def read_row(folder: Path, shard: str, state: FileState, *, channels: bool = Tru
 
 
 def stored_row(folder: StoredFolder, info: Mapping[str, Any] | None, state: tuple[int, str]) -> Row:
-    """The row of a run in storage, by what its ``run.json`` says; None where that is damaged.
+    """Return the row of a run in storage from its ``run.json``; None if that is damaged.
 
-    `state` is the size of ``run.json`` there, and what the storage tells one content from another by.
+    `state` is the size of ``run.json`` there, and the storage's version mark.
     """
     size, tag = state
     values: dict[str, Any] = {"id": folder.name, "shard": "", "open": False, "number": 1}
@@ -86,7 +86,7 @@ def stored_row(folder: StoredFolder, info: Mapping[str, Any] | None, state: tupl
 
 
 def facts_of(info: Mapping[str, Any]) -> dict[str, Any]:
-    """What a ``run.json`` says of a run, its status apart, as the index has it."""
+    """Return the index columns of a run from its ``run.json``, except the status."""
     said = [Annotation(**statement) for statement in info.get("annotations", ())]
     same = ("source", "operator", "seed", "duration", "records", "complete_records", "rows")
     return {
@@ -106,7 +106,7 @@ def facts_of(info: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _utc(text: str | None) -> str | None:
-    """An instant in UTC, so that texts are in the order of time."""
+    """Format an instant in UTC, so that texts sort by time."""
     if text is None or _CANONICAL.fullmatch(text):
         return text
     try:
@@ -116,12 +116,12 @@ def _utc(text: str | None) -> str | None:
 
 
 def ranges_of(folder: Path | StoredFolder, info: Mapping[str, Any]) -> tuple[ChannelRange, ...]:
-    """What the columns range over, by what Parquet keeps of each block; nothing where it is damaged.
+    """Return the ranges of the columns from Parquet's block statistics; empty if the file is damaged.
 
     Raises
     ------
     StorageSilent
-        it lies in a storage that does not answer.
+        the file is in a storage that does not respond.
     """
     try:
         return _read_ranges(folder, info)

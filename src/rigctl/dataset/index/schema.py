@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-#: of the tables below; an index of another version is made again
+#: version of the tables below; an index of another version is rebuilt
 VERSION: Final = 2
-#: what a filter can ask of a run: the columns of `rigctl runs sql`, and what was said of it
+#: columns of a run for filters: those of `rigctl runs sql`, and its annotations
 RUN_COLUMNS: Final = (
     "id",
     "status",
@@ -31,20 +31,20 @@ RUN_COLUMNS: Final = (
     "passed",
     "missed",
 )
-#: where it lies, whether it is still open, the text its start is written as, its order, its file's state
+#: its folder, whether it is still open, its start as text, its order, the version of its file
 INNER_COLUMNS: Final = ("shard", "open", "started_as", "second", "began", "number", "size", "mtime")
 CHANNEL_COLUMNS: Final = ("run", "name", "unit", "kind", "low", "high")
 VIEWS: Final = {"runs": RUN_COLUMNS, "channels": CHANNEL_COLUMNS}
-#: oldest first, as `rigctl.dataset.catalogue.run_folders` has it
+#: oldest first, in the order of `rigctl.dataset.catalogue.run_folders`
 ORDER: Final = "second, began, number, id"
 
 
 def quoted(names: Iterable[str]) -> str:
-    """Names as SQL has them; some of ours are words of its own."""
+    """Quote names for SQL, since some are SQL keywords."""
     return ", ".join(f'"{name}"' for name in names)
 
 
-#: no value of a user's is in it
+#: contains no value from a user
 TABLES: Final = f"""
 CREATE TABLE shard (name TEXT PRIMARY KEY, mtime INTEGER) WITHOUT ROWID;
 CREATE TABLE run (

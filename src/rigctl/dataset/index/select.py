@@ -1,4 +1,4 @@
-"""Choosing runs by a condition, in SQL, which can read the index's two tables and do nothing else."""
+"""Selects runs by an SQL condition that can only read the two tables of the index."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from rigctl.errors import RigctlError, unknown_name
 
 _COLUMNS: Final = (*RUN_COLUMNS, *INNER_COLUMNS)
 _READS: Final = frozenset({"runs", "channels", "run", "channel", "channel_name"})
-#: so many steps of the database between two looks at Ctrl-C
+#: steps of the database between two checks for Ctrl-C
 _STEPS: Final = 100_000
-#: functions that reach beyond a query
+#: functions with effects beyond a query
 _FORBIDDEN: Final = frozenset({"load_extension", "readfile", "writefile", "edit", "fts3_tokenizer"})
 
 
 def select(
     index: sqlite3.Connection, where: str | None = None, last: int | None = None
 ) -> list[dict[str, Any]]:
-    """The rows of the runs that meet a condition, oldest first.
+    """Return the rows of the runs that meet a condition, oldest first.
 
     Parameters
     ----------
-    where: an expression in SQLite's SQL over the columns of a run, `VIEWS`; all runs when left out.
-    last: only the newest so many.
+    where: an expression in SQLite's SQL over the columns of a run, `VIEWS`; all runs if omitted.
+    last: number of newest runs to return.
 
     Raises
     ------
@@ -43,15 +43,15 @@ def select(
     return [dict(zip(_COLUMNS, row, strict=True)) for row in reversed(rows)]
 
 
-#: what a text is looked for in
+#: columns of the text search
 _SEARCHED: Final = ("id", "procedure", "rig", "operator", "serial_number", "part", "status")
 
 
 @dataclass(frozen=True)
 class Page:
-    """Some of the runs that meet a condition, in the order that was asked for.
+    """Some of the runs that meet a condition, in the requested order.
 
-    `found` is how many meet it, `all` how many there are.
+    `found` is the number that meet it, `all` the number of runs.
     """
 
     rows: list[dict[str, Any]]
@@ -69,14 +69,14 @@ def select_page(
     first: int = 0,
     count: int = 50,
 ) -> Page:
-    """A page of the runs.
+    """Return a page of the runs.
 
     Parameters
     ----------
     where: as in `select`.
-    search: words, each of which stands in one of the run's names.
-    sort: a column of a run; runs that have no value come last.
-    first: of those that meet the condition, from 0.
+    search: words, each of which must occur in one of the run's names.
+    sort: a column of a run; runs without a value are last.
+    first: index of the first run among those that meet the condition, from 0.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def select_page(
 
 @contextmanager
 def _guarded(index: sqlite3.Connection, where: str | None) -> Iterator[None]:
-    """Let the database read its own tables and nothing else, and Ctrl-C be heard."""
+    """Restrict the database to reading its own tables, and handle Ctrl-C."""
     if where is None:
         yield
         return

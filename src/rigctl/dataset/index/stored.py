@@ -1,7 +1,7 @@
-"""Bringing an index up to date with the runs in a storage.
+"""Updates an index from the runs in a storage.
 
-One listing says of each ``run.json`` how long it is and what the storage tells its content by; what has the
-same as before is not asked for again. A storage that has no such mark is read each time.
+One listing gives the length and version mark (ETag) of each ``run.json``; unchanged ones are not read again.
+A storage without such marks is read each time.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-#: so many are asked for before they are kept: what an interrupt costs
+#: runs requested per transaction: the loss by an interrupt
 _BATCH: Final = 500
-#: so many that reading them is worth a word
+#: number of runs from which reading them is logged
 _LONG: Final = 2000
-#: threads that look at samples, each of which waits for the network
+#: threads that read samples, which wait for the network
 _READERS: Final = 8
 
 
 def refresh_stored(index: sqlite3.Connection, store: Store, *, channels: bool) -> None:
-    """Make the index say what the storage says; what has not changed is not read.
+    """Update the index from the storage; unchanged runs are not read.
 
     Parameters
     ----------
-    channels: whether the ranges of the channels are asked for; they are kept once they were.
+    channels: whether the ranges of the channels are needed; they are stored once read.
 
     Raises
     ------
@@ -59,10 +59,10 @@ def refresh_stored(index: sqlite3.Connection, store: Store, *, channels: bool) -
 
 
 def _read(store: Store, batch: Mapping[str, tuple[int, str]]) -> list[Row]:
-    """The rows of runs whose ``run.json`` has changed; those that are gone by now are left out.
+    """Return the rows of runs whose ``run.json`` has changed, without those removed meanwhile.
 
-    What arrives with another length than was listed was replaced meanwhile, or cut short on its way. It has
-    no mark then, and is asked for again the next time.
+    A file whose length differs from the listing was replaced meanwhile or truncated in transit. It is stored
+    without a mark, and read again the next time.
     """
     rows = []
     for run_id, (length, info) in store.infos(batch).items():
@@ -81,7 +81,7 @@ def _row(store: Store, run_id: str, info: dict[str, Any] | None, state: tuple[in
 
 
 def _look_at_samples(index: sqlite3.Connection, store: Store) -> None:
-    """Add the ranges of channels of the runs of which there are none yet."""
+    """Add the ranges of channels for runs that have none yet."""
     lacking = index.execute(
         "SELECT key, id FROM run WHERE status != ? AND key NOT IN (SELECT run FROM channel)", [DAMAGED]
     ).fetchall()
