@@ -1,4 +1,4 @@
-"""The samples of a run while it is being carried out: append-only, readable after a kill at any moment.
+"""The journal: a run's samples while it is in progress, append-only and readable after a kill at any time.
 
 Layout of the file, all little-endian::
 
@@ -9,8 +9,8 @@ Layout of the file, all little-endian::
     header      marker 8 bytes, number u32, first row u64, length u32,
                 crc32 of the payload u32, crc32 of the header before it u32
 
-A frame whose header or payload does not match its checksum is skipped: reading goes on at the next marker
-behind which a whole frame lies. Each frame says which row of the journal it begins with, so that the rows
+A frame whose header or payload does not match its checksum is skipped: reading continues at the next marker
+that begins a complete frame. Each frame has the number of its first row in the journal, so that the rows
 missing before it are counted.
 """
 
@@ -32,29 +32,29 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAGIC: Final = b"RIGJRNL2"
-#: of earlier versions, whose frames have a length and a checksum alone
+#: of earlier versions, whose frames have only a length and a checksum
 _FIRST_MAGIC: Final = b"RIGJRNL1"
 _FIRST_HEADER = struct.Struct("<II")
 NAME: Final = "samples.journal"
-#: begins every frame; no two bytes alike, so that no shifted copy of it matches
+#: begins every frame; all bytes differ, so that no shifted copy matches
 _MARKER: Final = b"\xa7RGJ\x1eF\x95\n"
 _HEADER = struct.Struct("<8sIQII")
 _CHECKSUM = struct.Struct("<I")
 _HEADER_BYTES: Final = _HEADER.size + _CHECKSUM.size
-#: more rows than fill this are written as several frames
+#: size of a frame; more rows are written as several frames
 _FRAME_BYTES: Final = 1 << 18
-#: a length beyond this is no length but damage
+#: longest plausible frame; anything longer is damage
 _MAX_FRAME_BYTES: Final = 1 << 24
 
 
 class JournalWriter:
-    """Appends rows of float64 to a journal; they wait in memory until `flush`.
+    """Appends rows of float64 to a journal, buffered until `flush`.
 
     Parameters
     ----------
     path: the new file; must not exist.
-    columns: names of the values of a row, in order.
-    facts: what else the first frame says (run, session, time offset).
+    columns: names of the values in a row, in order.
+    facts: other content of the first frame (run, session, time offset).
     """
 
     def __init__(self, path: Path, columns: Sequence[str], facts: dict[str, Any]) -> None:
@@ -64,14 +64,14 @@ class JournalWriter:
         self._frame_bytes = _FRAME_BYTES - _FRAME_BYTES % (8 * len(columns))
         self._waiting = bytearray()
         self._file = path.open("x+b", buffering=0)
-        self._whole = 0  # bytes of the file that are whole frames
+        self._whole = 0  # bytes of complete frames in the file
         self._frames = self._rows = 0
         first = json.dumps({**facts, "columns": list(columns)}, ensure_ascii=False).encode("utf-8")
         self._write(MAGIC, _frame_header(0, 0, first), first)
 
     @property
     def waiting(self) -> int:
-        """Number of bytes that have not been flushed."""
+        """Number of unflushed bytes."""
         return len(self._waiting)
 
     def append(self, row: Sequence[float]) -> None:
@@ -89,12 +89,12 @@ class JournalWriter:
             self._waiting += block.data.cast("B")
 
     def flush(self) -> None:
-        """Hand every waiting row to the operating system: from here on a kill of the program loses none.
+        """Pass all buffered rows to the operating system: a kill of the program then loses none.
 
         Raises
         ------
         OSError
-            not all rows could be written. The file ends at its last whole frame, the others still wait.
+            not all rows could be written. The file ends at its last complete frame; the others stay buffered.
         """
         written = 0
         try:
@@ -109,7 +109,7 @@ class JournalWriter:
             del self._waiting[:written]
 
     def sync(self) -> None:
-        """Wait until what was flushed is on the disk itself: from here on a power failure loses none."""
+        """Wait until flushed rows are on the disk: a power failure then loses none."""
         os.fsync(self._file.fileno())
 
     def close(self) -> None:
@@ -117,11 +117,11 @@ class JournalWriter:
         self._file.close()
 
     def in_place(self) -> bool:
-        """False when what is written arrives in no folder any more: it was deleted, moved or unmounted."""
+        """Return False if the file's folder was deleted, moved or unmounted."""
         return same_file(self._file, self.path)
 
     def take_over(self, other: JournalWriter, *, read_back: bool) -> None:
-        """Go on where another journal cannot, with all that it has, or with what still waits."""
+        """Continue another journal, with all its rows or only the buffered ones."""
         content = everything_in(other._file) if read_back else None
         if content is not None:
             self._file.seek(0)
@@ -131,7 +131,7 @@ class JournalWriter:
         self._waiting = bytearray(other._waiting)
 
     def _write(self, *parts: bytes | bytearray | memoryview) -> None:
-        """Write all parts or none: a frame torn by a full disk would hide every later one."""
+        """Write all parts or none: a frame truncated by a full disk would hide every later one."""
         try:
             for part in parts:
                 write_fully(self._file, part)
@@ -143,7 +143,7 @@ class JournalWriter:
 
 
 def write_fully(file: Any, part: bytes | bytearray | memoryview) -> None:
-    """Write to an unbuffered file, which may take only a part of the bytes at a time."""
+    """Write all bytes to an unbuffered file, which may accept only part of them at a time."""
     written = file.write(part)
     while written < len(part):
         with memoryview(part) as view:
@@ -154,7 +154,7 @@ def write_fully(file: Any, part: bytes | bytearray | memoryview) -> None:
 
 
 def same_file(file: Any, path: Path) -> bool:
-    """Whether an open file is the one that a path leads to."""
+    """Return whether an open file is the one at a path."""
     try:
         return os.path.samestat(os.fstat(file.fileno()), path.stat())
     except OSError:
@@ -162,7 +162,7 @@ def same_file(file: Any, path: Path) -> bool:
 
 
 def everything_in(file: Any) -> bytes | None:
-    """What an open file holds, even one that was deleted; None where it cannot be read any more."""
+    """Return the content of an open file, even a deleted one; None if it can no longer be read."""
     try:
         file.seek(0)
         content: bytes = file.read()
@@ -179,7 +179,7 @@ def _frame_header(number: int, first_row: int, payload: bytes | memoryview) -> b
 
 @dataclass(frozen=True)
 class Frame:
-    """One whole frame: its number, the row of the journal it begins with, and where its payload lies."""
+    """One complete frame: its number, its first row in the journal, and the position of its payload."""
 
     number: int
     first_row: int
@@ -189,13 +189,13 @@ class Frame:
 
 @dataclass(frozen=True)
 class Journal:
-    """A journal as it is found on disk.
+    """A journal as found on disk.
 
     Parameters
     ----------
-    facts: the first frame: run, session, offset, columns; None when it is damaged.
-    frames: the whole frames of rows, in order.
-    lost_bytes: of damaged frames, and behind the last whole one.
+    facts: the first frame: run, session, offset, columns; None if it is damaged.
+    frames: the complete frames of rows, in order.
+    lost_bytes: of damaged frames, and after the last complete one.
     """
 
     path: Path
@@ -204,9 +204,9 @@ class Journal:
     lost_bytes: int
 
     def blocks(self, width: int, rows: int = 1 << 17) -> Iterator[NDArray[np.float64]]:
-        """The rows in order, as arrays of shape (`rows`, `width`); the last may be shorter.
+        """Yield the rows in order, as arrays of shape (`rows`, `width`); the last may be shorter.
 
-        The division depends on the number of rows only, not on when they happened to be flushed.
+        The division depends only on the number of rows, not on when they were flushed.
         """
         import numpy as np
 
@@ -224,15 +224,15 @@ class Journal:
 
     @property
     def damaged(self) -> bool:
-        """Whether anything of it could not be read, its first frame included."""
+        """Whether any part could not be read, including the first frame."""
         return self.facts is None or self.lost_bytes > 0
 
     def rows(self, width: int) -> int:
-        """Number of whole rows of `width` values."""
+        """Return the number of complete rows of `width` values."""
         return sum(frame.length for frame in self.frames) // (8 * width)
 
     def lost_rows(self, width: int) -> int:
-        """Rows that are missing before and between whole frames; how many after the last one is not known."""
+        """Return the number of rows missing before or between complete frames, but not after the last."""
         if not self.frames:
             return 0
         last = self.frames[-1]
@@ -240,15 +240,15 @@ class Journal:
 
 
 class JournalReader:
-    """Follows a journal while another program writes it, from near its end on.
+    """Follows a journal while another program writes it, starting near its end.
 
-    Nothing of the writer's is waited for or locked. A frame that is still being written is read the next
-    time; a damaged one is left out.
+    It neither waits for nor locks the writer. A frame that is still being written is read the next time; a
+    damaged one is skipped.
 
     Parameters
     ----------
-    path: of the journal; it need not be there yet.
-    most: bytes at the end of what is there that are read at first.
+    path: of the journal, which need not exist yet.
+    most: bytes at the end of the existing file that are read first.
     """
 
     def __init__(self, path: Path, most: int = 1 << 23) -> None:
@@ -256,12 +256,13 @@ class JournalReader:
         self._most = most
         self._file: BinaryIO | None = None
         self._at = 0
-        self.facts: dict[str, Any] | None = None  #: the first frame; None before there is one
+        self.facts: dict[str, Any] | None = None  #: the first frame; None until there is one
 
     def poll(self, most: int = 1 << 21) -> list[bytes]:
-        """The payloads of the frames that have come since the last call, about `most` bytes of them.
+        """Return the payloads of the frames added since the last call, about `most` bytes at most.
 
-        Each holds whole rows of float64. A new file in the same place, of a run that goes on, is begun with.
+        Each has complete rows of float64. A new file at the same path, of a resumed run, is read from its
+        start.
         """
         if not self._open():
             return []
@@ -273,7 +274,7 @@ class JournalReader:
         return found
 
     def close(self) -> None:
-        """Let the file go; idempotent."""
+        """Close the file; idempotent."""
         if self._file is not None:
             self._file.close()
         self._file, self.facts = None, None
@@ -309,7 +310,7 @@ class JournalReader:
             size = os.fstat(file.fileno()).st_size
             after = _next_marker(file, self._at + 1, size)
             if after >= size:
-                return None  # it is still being written
+                return None  # still being written
             frame, payload = _read_frame(file, after)
             if frame is None:
                 return None
@@ -318,7 +319,7 @@ class JournalReader:
 
 
 def read_journal(path: Path) -> Journal:
-    """Find the whole frames of a journal, whatever lies between them.
+    """Find the complete frames of a journal, with anything between them.
 
     Raises
     ------
@@ -361,7 +362,7 @@ def _scan(path: Path, file: BinaryIO) -> Journal:
 
 
 def _scan_first_format(path: Path, file: BinaryIO, size: int) -> Journal:
-    """A journal that an earlier version has left: its frames up to the first damage."""
+    """Read a journal of an earlier version: its frames up to the first damage."""
     facts, frames, rows, at = None, list[Frame](), 0, len(_FIRST_MAGIC)
     while len(head := file.read(_FIRST_HEADER.size)) == _FIRST_HEADER.size:
         length, checksum = _FIRST_HEADER.unpack(head)
@@ -378,7 +379,7 @@ def _scan_first_format(path: Path, file: BinaryIO, size: int) -> Journal:
 
 
 def _read_frame(file: BinaryIO, at: int) -> tuple[Frame | None, bytes]:
-    """The frame that begins at a byte of the file; None when none does, or it is cut off or damaged."""
+    """Return the frame that begins at a byte of the file; None without a complete, intact frame."""
     file.seek(at)
     head = file.read(_HEADER_BYTES)
     if len(head) < _HEADER_BYTES or not head.startswith(_MARKER):
@@ -396,7 +397,7 @@ def _read_frame(file: BinaryIO, at: int) -> tuple[Frame | None, bytes]:
 
 
 def _next_marker(file: BinaryIO, at: int, size: int) -> int:
-    """Where the next marker begins, from a byte of the file on; the file's end when there is none."""
+    """Return the position of the next marker from a byte of the file on; the file's end if there is none."""
     while at < size:
         file.seek(at)
         part = file.read(_FRAME_BYTES)
@@ -405,5 +406,5 @@ def _next_marker(file: BinaryIO, at: int, size: int) -> int:
             return at + found
         if len(part) < _FRAME_BYTES:
             break
-        at += len(part) - len(_MARKER) + 1  # a marker may lie across the end of the part
+        at += len(part) - len(_MARKER) + 1  # a marker may span two parts
     return size

@@ -1,4 +1,4 @@
-"""Whether the device under test has passed: the measures of a run that have limits, judged together."""
+"""Pass or fail of the device under test, from all measures of a run that have limits."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ if TYPE_CHECKING:
 
 PASS: Final = "pass"  # noqa: S105 - no word of entry
 FAIL: Final = "fail"
-INCOMPLETE: Final = "incomplete"  #: the run did not come to its end, and what it came to has passed
-NONE: Final = "none"  #: nothing has limits
+INCOMPLETE: Final = "incomplete"  #: the run was not completed, and no measure failed
+NONE: Final = "none"  #: no measure has limits
 
 
 @dataclass(frozen=True)
 class Judged:
-    """One measure with limits, and the record that it was taken in; None for one of the run itself."""
+    """One measure with limits, and its record; None for a measure of the run itself."""
 
     taken: TakenMeasure
     record: str | None
 
     @property
     def passed(self) -> bool:
-        """Whether it lies within its limits."""
+        """Whether it is within its limits."""
         return self.taken.value.passed
 
     @property
     def where(self) -> str:
-        """The record as a person names it: ``record 3 'stroke'``; "" for the run."""
+        """The record for messages: ``record 3 'stroke'``; "" for the run."""
         return "" if self.record is None else f"record {self.taken.record} '{self.record}'"
 
     def sentence(self) -> str:
@@ -56,7 +56,7 @@ class Judged:
 
 @dataclass(frozen=True)
 class Judgement:
-    """What a run says of its device: ``pass`` only where it came to its end and every limit was kept."""
+    """The judgement of a run: ``pass`` only if it was completed and all values are within limits."""
 
     result: str
     measures: Sequence[Judged]
@@ -67,16 +67,16 @@ class Judgement:
         return [measure for measure in self.measures if not measure.passed]
 
     def to_json(self) -> dict[str, Any]:
-        """The result and its counts, for ``run.json``."""
+        """Return the result and its counts, for ``run.json``."""
         missed = len(self.missed)
         return {"result": self.result, "passed": len(self.measures) - missed, "missed": missed}
 
 
 def judge(history: History) -> Judgement:
-    """Judge a run by its log.
+    """Judge a run from its log.
 
-    Of a step that was carried out again, after a loss of samples or in a later session, the last value
-    counts; each round of a loop counts by itself.
+    If a step was repeated, after a loss of samples or in a later session, its last value counts; each
+    iteration of a loop counts separately.
     """
     names = [record.name for record in history.records]
     whole = history.status == "finished" and not history.damaged_lines
@@ -84,13 +84,13 @@ def judge(history: History) -> Judgement:
 
 
 def judge_run(run: Run) -> Judgement:
-    """Judge a run that is closed by its events, wherever it lies."""
+    """Judge a closed run from its events, also in storage."""
     whole = run.info["status"] == "finished" and not run.info.get("damaged_lines")
     return _judgement(taken_in(run), run.records["name"].tolist(), whole=whole)
 
 
 def taken_in(run: Run) -> list[TakenMeasure]:
-    """Every value that was taken in a run, in the order of time, from its events."""
+    """Return every value measured in a run, in order of time, from its events."""
     events = run.table("events")
     columns = (events[name].to_pylist() for name in ("kind", "time", "path", "data"))
     found = []
@@ -105,11 +105,11 @@ def taken_in(run: Run) -> list[TakenMeasure]:
 
 
 def _judgement(taken: Iterable[TakenMeasure], names: Sequence[str], *, whole: bool) -> Judgement:
-    """The newest value of each step; `whole`: the run came to its end, and all that it said is known."""
+    """Judge the newest value of each step; `whole`: the run was completed and its log is undamaged."""
     latest: dict[tuple[str, str], TakenMeasure] = {}
     for one in taken:
         if one.value.judged:
-            # logs of earlier versions do not say which step took a value: each is one of its own
+            # logs of earlier versions do not name the step of a value: each counts separately
             key = one.value.path or f"{one.record} {one.time}"
             latest[key, one.value.name] = one
     measures = [

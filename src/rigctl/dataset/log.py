@@ -1,8 +1,8 @@
-"""Everything that happened in a run, one JSON object per line, append-only.
+"""The log: everything that happened in a run, one JSON object per line, append-only.
 
 The first line is the run's header; sessions, records, measures, commands, alarms and the end follow. Each
-line ends with the field ``crc``, the CRC-32 of the line before that field in hexadecimal digits: a digit that
-a bad disk has changed is still JSON. A last line that was cut off by a kill is ignored.
+line ends with the field ``crc``, the hexadecimal CRC-32 of the line before that field, since a line with a
+digit corrupted on disk is still valid JSON. A last line truncated by a kill is ignored.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from rigctl.dataset.journal import everything_in, same_file, write_fully
 from rigctl.errors import ExitCode, Location, RigctlError
 
 NAME: Final = "log.jsonl"
-#: how a line with a checksum ends
+#: the end of a line with a checksum
 _CRC: Final = re.compile(rb',"crc":"([0-9a-f]{8})"\}$')
 
 
 def _as_plain(value: object) -> object:
-    """What JSON does not know: numpy scalars and arrays become numbers, everything else its text."""
+    """Convert types unknown to JSON: NumPy scalars and arrays to numbers, everything else to text."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
@@ -35,7 +35,7 @@ _encode = json.JSONEncoder(
 
 
 def encode_line(fields: Mapping[str, Any]) -> str:
-    """One line of JSON; NaN and infinity, which JSON does not have, become null."""
+    """Encode one line of JSON; NaN and infinity, which JSON does not have, become null."""
     try:
         return _encode(fields)
     except ValueError:
@@ -43,8 +43,8 @@ def encode_line(fields: Mapping[str, Any]) -> str:
 
 
 def protected_line(fields: Mapping[str, Any]) -> bytes:
-    """One line of the file, with its checksum and without its end."""
-    # surrogates can come from names of files; they must not keep a run from being logged
+    """Return one line of the file, with its checksum and without its line end."""
+    # file names may contain surrogates, which must not prevent logging
     said = encode_line(fields)[:-1].encode("utf-8", "backslashreplace")
     return b'%s,"crc":"%08x"}' % (said, crc32(said))
 
@@ -62,9 +62,9 @@ def _without_nan(value: Any) -> Any:
 
 
 class LogWriter:
-    """Appends lines to a log; they wait in memory until `flush`.
+    """Appends lines to a log, buffered until `flush`.
 
-    An existing log is continued after its last whole line.
+    An existing log is continued after its last complete line.
     """
 
     def __init__(self, path: Path) -> None:
@@ -79,12 +79,12 @@ class LogWriter:
         self._waiting.append(protected_line(fields))
 
     def flush(self) -> None:
-        """Hand every waiting line to the operating system.
+        """Pass all buffered lines to the operating system.
 
         Raises
         ------
         OSError
-            they could not be written. The file ends at its last whole line, the lines still wait.
+            they could not be written. The file ends at its last complete line; the lines stay buffered.
         """
         if not self._waiting:
             return
@@ -98,7 +98,7 @@ class LogWriter:
         self._waiting.clear()
 
     def sync(self) -> None:
-        """Wait until what was flushed is on the disk itself."""
+        """Wait until flushed lines are on the disk."""
         os.fsync(self._file.fileno())
 
     def close(self) -> None:
@@ -106,11 +106,11 @@ class LogWriter:
         self._file.close()
 
     def in_place(self) -> bool:
-        """False when what is written arrives in no folder any more."""
+        """Return False if the file's folder was deleted, moved or unmounted."""
         return same_file(self._file, self.path)
 
     def take_over(self, other: LogWriter, *, read_back: bool, otherwise: bytes) -> None:
-        """Go on where another log cannot; with all that it has, or `otherwise` and what still waits."""
+        """Continue another log, with all its lines, or with `otherwise` and the buffered lines."""
         content = everything_in(other._file) if read_back else None
         content = otherwise if content is None else content
         self._file.truncate(0)
@@ -120,14 +120,14 @@ class LogWriter:
 
 
 def whole_length(path: Path) -> int:
-    """Number of bytes up to the end of the last whole line."""
+    """Return the number of bytes up to the end of the last complete line."""
     return path.read_bytes().rfind(b"\n") + 1
 
 
 def read_lines(path: Path) -> list[dict[str, Any] | None]:
-    """The whole lines of a file of JSON objects, without their checksums; None for one that is damaged.
+    """Read the complete lines of a file of JSON objects, without their checksums; None for a damaged line.
 
-    Lines of earlier versions have no checksum; behind the first line that has one, every line must.
+    Lines of earlier versions have no checksum; after the first line with one, every line must have one.
 
     Raises
     ------
@@ -146,12 +146,12 @@ def read_lines(path: Path) -> list[dict[str, Any] | None]:
 
 
 class LogReader:
-    """Follows a log while another program writes it, from near its end on.
+    """Follows a log while another program writes it, starting near its end.
 
     Parameters
     ----------
-    path: of the log; it need not be there yet.
-    most: bytes at the end of what is there that are read at first.
+    path: of the log, which need not exist yet.
+    most: bytes at the end of the existing file that are read first.
     """
 
     def __init__(self, path: Path, most: int = 1 << 18) -> None:
@@ -160,13 +160,13 @@ class LogReader:
         self._at: int | None = None
 
     def poll(self) -> list[dict[str, Any]]:
-        """The whole lines that have come since the last call; a damaged one is left out."""
+        """Return the complete lines added since the last call; damaged ones are skipped."""
         try:
             with self._path.open("rb") as file:
                 if self._at is None:
                     self._at = max(file.seek(0, os.SEEK_END) - self._most, 0)
                     file.seek(self._at)
-                    self._at += len(file.readline()) if self._at else 0  # it may begin within a line
+                    self._at += len(file.readline()) if self._at else 0  # the start may be inside a line
                 file.seek(self._at)
                 content = file.read(4 * self._most)
         except OSError:

@@ -1,4 +1,4 @@
-"""Where a command may write what it makes: never into a run, and over products of its own kind alone."""
+"""Checks where a command may write: never into a run, and only over products of its own kind."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from typing import Final
 from rigctl.dataset import log, run_json
 from rigctl.errors import Location, RigctlError
 
-#: how much of a file is looked at to tell what it is
+#: bytes that are read to recognise a file
 _HEAD: Final = 4096
-#: how figures begin: PNG, and SVG with or without an XML declaration
+#: first bytes of figures: PNG, and SVG with or without an XML declaration
 _FIGURES: Final = (b"\x89PNG\r\n\x1a\n", b"<svg", b"<?xml")
 
 
 def is_page(head: bytes) -> bool:
-    """Whether a file that begins so is a page of ours."""
+    """Return whether the first bytes are those of a rigctl page."""
     return b'<meta name="generator" content="rigctl ' in head
 
 
 def is_figure(head: bytes) -> bool:
-    """Whether a file that begins so is a figure."""
+    """Return whether the first bytes are those of a figure."""
     return head.lstrip().startswith(_FIGURES)
 
 
 def is_schema(head: bytes) -> bool:
-    """Whether a file that begins so is a JSON Schema."""
+    """Return whether the first bytes are those of a JSON Schema."""
     return head.lstrip().startswith(b"{") and b"$schema" in head
 
 
 def is_designed(head: bytes) -> bool:
-    """Whether a file that begins so is a procedure that was designed."""
+    """Return whether the first bytes are those of a designed procedure."""
     return head.startswith(b"# Written by 'rigctl design'")
 
 
@@ -42,19 +42,19 @@ def require_output(
     force: bool = False,
     option: str = "--force",
 ) -> None:
-    """Refuse to write where something else would be lost.
+    """Refuse a path where writing would destroy something else.
 
     Parameters
     ----------
-    replaces: tells from the first bytes of a file that is there whether it is an earlier product of the same
-        kind, which is replaced without being asked; None where nothing is.
-    force: replace any file but one of a run.
-    option: how a user says so; empty where no option does.
+    replaces: returns from the first bytes of an existing file whether it is an earlier product of the same
+        kind, which is replaced without asking; None to replace nothing.
+    force: replace any file except one of a run.
+    option: the option for this, for messages; empty if there is none.
 
     Raises
     ------
     RigctlError
-        the path lies in a run's folder or is a folder, or another file is there.
+        the path is in a run's folder, is a folder, or is another file.
     """
     run = containing_run(path)
     if run is not None:
@@ -77,13 +77,13 @@ def require_output(
 
 
 def require_outputs(paths: Sequence[Path], *, replaces: Callable[[bytes], bool], force: bool = False) -> None:
-    """`require_output` for several files."""
+    """Call `require_output` for several files."""
     for path in paths:
         require_output(path, replaces=replaces, force=force)
 
 
 def containing_run(path: Path) -> Path | None:
-    """The folder of the run that a path lies in, symbolic links followed; None where it lies in none."""
+    """Return the folder of the run that contains a path, following symbolic links; None if there is none."""
     real = path.resolve()
     for folder in (real, *real.parents):
         if (folder / run_json.NAME).is_file() or (folder / log.NAME).is_file():

@@ -1,4 +1,4 @@
-"""Parquet files, opened and replaced so that damage and a full disk are told in plain words."""
+"""Opens and replaces Parquet files, with clear errors for damage and a full disk."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 @contextmanager
 def open_parquet(path: Path | StoredFile) -> Iterator[pq.ParquetFile]:
-    """Open a Parquet file for reading, where it lies.
+    """Open a local or stored Parquet file for reading.
 
     Raises
     ------
     RigctlError
-        there is no such file, or it is damaged, noticed here or while it is read.
+        the file is missing, or damaged, as detected here or while it is read.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -59,9 +59,9 @@ def open_parquet(path: Path | StoredFile) -> Iterator[pq.ParquetFile]:
 
 
 def numbers(column: pa.ChunkedArray) -> NDArray[Any]:
-    """The values of a column of numbers, NaN where there is none.
+    """Return the values of a numeric column, NaN for nulls.
 
-    ``column.to_numpy()`` does as much, but loads pandas first, which takes longer than reading a run.
+    ``column.to_numpy()`` does the same, but loads pandas first, which takes longer than reading a run.
     """
     import numpy as np
     import pyarrow as pa
@@ -73,7 +73,7 @@ def numbers(column: pa.ChunkedArray) -> NDArray[Any]:
 
 @contextmanager
 def replace_with(path: Path) -> Iterator[Path]:
-    """A draft beside `path` that takes its place, flushed to disk, when the block ends well."""
+    """Provide a temporary file that replaces `path`, flushed to disk, if the block succeeds."""
     with write_error(path):
         handle, name = mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
         os.close(handle)
@@ -91,7 +91,7 @@ def replace_with(path: Path) -> Iterator[Path]:
 
 
 def write_table(path: Path, table: pa.Table) -> None:
-    """Write a small table in one step: the old file stays until the new one is whole."""
+    """Write a small table atomically: the old file stays until the new one is complete."""
     import pyarrow.parquet as pq
 
     with replace_with(path) as draft, write_error(path):

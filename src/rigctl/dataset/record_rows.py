@@ -1,4 +1,4 @@
-"""The rows of records, from the parts of the samples' file that hold them."""
+"""Reads the rows of records from the row groups that contain them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class RecordRows:
-    """Reads the rows of one record after the other; records in order read every part of the file once.
+    """Reads the rows of records; in ascending order, every row group is read once.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class RecordRows:
         self._held: dict[int, _Group] = {}
 
     def of(self, record: int) -> pa.Table:
-        """All rows of a record."""
+        """Return all rows of a record."""
         import pyarrow as pa
 
         wanted = [group for group, (low, high) in enumerate(self._ranges) if low <= record <= high]
@@ -42,7 +42,7 @@ class RecordRows:
 
     @cached_property
     def _ranges(self) -> list[tuple[float, float]]:
-        """The smallest and the largest record of every row group."""
+        """Return the smallest and the largest record of every row group."""
         place = self._file.schema_arrow.get_field_index("record")
         found = []
         for group in range(self._file.num_row_groups):
@@ -58,7 +58,7 @@ class RecordRows:
 
 
 class _Group:
-    """A row group, and where the stretches of equal records begin in it."""
+    """A row group, and the starts of its stretches of equal records."""
 
     def __init__(self, table: pa.Table, records: NDArray[np.int32]) -> None:
         import numpy as np
@@ -69,7 +69,7 @@ class _Group:
         self._records = records[self._starts]
 
     def of(self, record: int) -> pa.Table:
-        """Its rows of a record."""
+        """Return its rows of a record."""
         import pyarrow as pa
 
         places = (self._records == record).nonzero()[0].tolist()

@@ -17,15 +17,15 @@ if TYPE_CHECKING:
 
 RECORDS: Final = "records.parquet"
 EVENTS: Final = "events.parquet"
-#: columns of every records.parquet; what the run itself adds follows them
+#: columns of every records.parquet, followed by those of the run
 FIXED: Final = ("record", "name", "path", "rate", "session", "start", "end", "outcome", "excluded")
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A column that the run adds to its records: a sweep variable or a measure.
+    """A column specific to the run: a sweep variable or a measure.
 
-    `column` is `name`, with an underscore appended while that is taken by another column.
+    `column` is `name`, with underscores appended if another column has that name.
     """
 
     column: str
@@ -35,13 +35,13 @@ class Variable:
     difference: bool = False
 
     def metadata(self) -> dict[str, str]:
-        """What the Parquet field says of itself."""
+        """Metadata of the Parquet field."""
         facts = {"kind": self.kind, "unit": self.unit, "variable": self.name}
         return {**facts, "difference": "true"} if self.difference else facts
 
 
 def records_table(records: Sequence[RecordEntry], excluded: Mapping[int, str]) -> pa.Table:
-    """One row per record: what it was, its sweep values and measures in the units they are shown in.
+    """Make a table with one row per record: its facts, sweep values and measures in display units.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def records_table(records: Sequence[RecordEntry], excluded: Mapping[int, str]) -
 
 
 def _variables(records: Sequence[RecordEntry]) -> list[Variable]:
-    """The columns that the records' sweeps and measures need, in the order they first appear."""
+    """Return the columns for the records' sweeps and measures, in order of first appearance."""
     found: dict[tuple[str, str], Variable] = {}
     taken = set(FIXED)
 
@@ -110,19 +110,19 @@ def _value(entry: RecordEntry, variable: Variable) -> float | bool | None:
 
 
 def _shown(si: float, variable: Variable) -> float:
-    """The value in the column's unit, to the 15 digits that survive the conversion: 30 bar, not 29.99…"""
+    """Convert a value to the column's unit, to the 15 digits that are exact: 30 bar, not 29.99…"""
     value = parse_unit(variable.unit).from_si(si, difference=variable.difference)
     return float(f"{value:.15g}") if math.isfinite(value) else value
 
 
 def events_table(events: Sequence[EventEntry], *, by_time: bool = True) -> pa.Table:
-    """One row per line of the log; `data` is JSON.
+    """Make a table with one row per line of the log; `data` is JSON.
 
-    Sorted by time, or in the order of the log: imported data may begin again at zero in each record.
+    Sorted by time, or in the order of the log for imported data, whose times may restart in each record.
     """
     import pyarrow as pa
 
-    # stable: what happened together keeps its order
+    # stable: simultaneous events keep their order
     ordered = sorted(events, key=lambda entry: entry.time) if by_time else events
     schema = pa.schema(
         [
@@ -148,7 +148,7 @@ def events_table(events: Sequence[EventEntry], *, by_time: bool = True) -> pa.Ta
 
 
 def measured_values(measures: Mapping[str, MeasuredValue]) -> list[dict[str, Any]]:
-    """Measures as plain data in the units they are shown in, for ``run.json``."""
+    """Return measures as plain data in display units, for ``run.json``."""
     return [
         {
             "name": measured.name,
@@ -163,7 +163,7 @@ def measured_values(measures: Mapping[str, MeasuredValue]) -> list[dict[str, Any
 
 
 def shown_value(measured: MeasuredValue, si: float | None) -> float | None:
-    """A value or a limit of a measure in the unit it is shown in."""
+    """Return a value or a limit of a measure in its display unit."""
     if si is None:
         return None
     return _shown(si, Variable("", measured.name, "measure", measured.unit, measured.difference))

@@ -1,4 +1,4 @@
-"""A run that is over, opened for reading."""
+"""A closed run, opened for reading."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Switch:
-    """An actuator was switched to an SI value.
+    """A switch of an actuator to an SI value.
 
-    `uncertainty` is the half-width of its time, in s; `record` the one that was open when it was logged, −1
-    for none.
+    `uncertainty` is the half-width of the interval of its time, s; `record` is the open record when it was
+    logged, −1 for none.
     """
 
     time: float
@@ -54,10 +54,10 @@ class Record:
     Parameters
     ----------
     time: of each sample, shape (n,).
-    channels, commands: values at these times by name, shape (n,) each; NaN where a value is missing.
+    channels, commands: values at these times by name, shape (n,) each; NaN for missing values.
     switches: exact times of the commands from `start` to `end`.
-    sweep: the variables it was measured at.
-    measures: values that the procedure took of it.
+    sweep: its sweep variables.
+    measures: its measures in the procedure.
     """
 
     index: int
@@ -77,17 +77,17 @@ class Record:
 
     @property
     def usable(self) -> bool:
-        """True for a record that analysis may use: complete and not excluded."""
+        """Whether analysis may use the record: it is complete and not excluded."""
         return self.outcome == COMPLETE and self.excluded is None
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run that is over. Nothing is read before it is asked for, and only the columns that are needed.
+    """A closed run. Data are read on request, and only the columns that are needed.
 
     Parameters
     ----------
-    folder: where it lies, on this computer or in storage.
+    folder: its folder, on this computer or in storage.
     info: the content of ``run.json``.
     """
 
@@ -101,7 +101,7 @@ class Run:
 
     @cached_property
     def header(self) -> RunHeader:
-        """What was known of the run when it began."""
+        """The header of the run."""
         names = RunHeader.__dataclass_fields__
         return RunHeader.from_json({key: value for key, value in self.info.items() if key in names})
 
@@ -111,11 +111,11 @@ class Run:
         return self.header.layout
 
     def __repr__(self) -> str:
-        """The run on one line."""
+        """Return the run on one line."""
         return one_line(self, self.summary())
 
     def summary(self) -> str:
-        """One line: the run, how it ended, on which bench, how many records and samples it has."""
+        """Return one line: the run, its status, the bench, the numbers of records and samples."""
         count, rows = self.info["records"], self.info["rows"]
         reason = f": {self.info['reason']}" if self.info.get("reason") else ""
         bench = f" on '{self.header.rig.name}'" if self.header.rig.name else ""
@@ -125,7 +125,7 @@ class Run:
         )
 
     def _repr_html_(self) -> str:
-        """The summary and the records, as a notebook shows them; what users wrote is text."""
+        """Return the summary and the records for a notebook; user text is escaped."""
         from html import escape
 
         units = self.records.attrs["units"]
@@ -135,24 +135,24 @@ class Run:
         return f"<p>{escape(self.summary())}</p>{table}"
 
     def samples(self, columns: Sequence[str] | None = None, record: int | None = None) -> pd.DataFrame:
-        """The samples in display units; ``attrs["units"]`` has the unit of each column.
+        """Return the samples in display units; ``attrs["units"]`` has the unit of each column.
 
         Parameters
         ----------
-        columns: names to read; all when left out.
-        record: only those of this record.
+        columns: names to read; all by default.
+        record: only the samples of this record.
 
         Raises
         ------
         RigctlError
-            no such column or record, or the file is missing or damaged.
+            there is no such column or record, or the file is missing or damaged.
         """
         return _frame(self._read(tuple(columns) if columns is not None else self.layout.columns, record))
 
     def table(self, name: str, record: int | None = None) -> pa.Table:
-        """A table as it is stored: ``samples`` (of one record, if given), ``records`` or ``events``.
+        """Return a stored table: ``samples`` (of one record, if given), ``records`` or ``events``.
 
-        Each field's metadata says its unit.
+        The metadata of each field have its unit.
         """
         if name == "samples":
             return self._read(self.layout.columns, record)
@@ -161,12 +161,12 @@ class Run:
 
     @cached_property
     def records(self) -> pd.DataFrame:
-        """One row per record, sweep values and measures in the units of ``attrs["units"]``."""
+        """Return one row per record, sweep values and measures in the units of ``attrs["units"]``."""
         return _frame(self._record_rows)
 
     @property
     def record_units(self) -> dict[str, str]:
-        """The unit of each column of `records` that has one, as it is shown."""
+        """Return the display unit of each column of `records` that has one."""
         return _units(self._record_rows)
 
     @cached_property
@@ -175,12 +175,12 @@ class Run:
 
     @cached_property
     def events(self) -> pd.DataFrame:
-        """One row per event, in the order of time; ``data`` is JSON."""
+        """Return one row per event, in order of time; ``data`` is JSON."""
         return _frame(self.table("events"))
 
     @cached_property
     def switches(self) -> tuple[Switch, ...]:
-        """Every switch of an actuator with its exact time, in the order of time."""
+        """Every switch of an actuator with its exact time, in order of time."""
         rows = self.table("events")
         columns = (rows[name].to_pylist() for name in ("kind", "time", "record", "data"))
         found = []
@@ -195,7 +195,7 @@ class Run:
 
     @cached_property
     def usable(self) -> tuple[int, ...]:
-        """Indices of the records that analysis may use: complete and not excluded."""
+        """Return the indices of the records that analysis may use: complete and not excluded."""
         rows = self._record_rows
         columns = (rows[name].to_pylist() for name in ("record", "outcome", "excluded"))
         return tuple(
@@ -205,7 +205,7 @@ class Run:
         )
 
     def signals(self, name: str, record: int | None = None) -> NDArray[np.float64]:
-        """The values of one column in SI, shape (n,); of one record, or of the whole run.
+        """Return the values of one column in SI, shape (n,); of one record, or of the whole run.
 
         Raises
         ------
@@ -215,7 +215,7 @@ class Run:
         return self._si(self._read((name,), record), name)
 
     def record(self, index: int) -> Record:
-        """One record with its samples.
+        """Return one record with its samples.
 
         Raises
         ------
@@ -225,7 +225,7 @@ class Run:
         return self._record(index, self._read(self.layout.columns, index))
 
     def each(self, indices: Iterable[int]) -> Iterator[Record]:
-        """These records, one after the other; in rising order the file is read once.
+        """Yield these records; in ascending order the file is read once.
 
         Raises
         ------
@@ -254,7 +254,7 @@ class Run:
         )
 
     def _switches_of(self, record: int, start: float, end: float) -> tuple[Switch, ...]:
-        """The end of a pulse may be logged after its record; the times of an import may begin again."""
+        """Return a record's switches; a pulse may end after it, and times of an import may restart."""
         if self.header.source == "import":
             return self._imported_switches.get(record, ())
         first = bisect_left(self.switches, start, key=_time_of)
@@ -296,17 +296,17 @@ class Run:
 
 
 def open_run(ref: str | Path, runs: str | Path | None = None) -> Run:
-    """Open a run that is over; one in storage is read where it lies.
+    """Open a closed run; a run in storage is read there, without a copy.
 
     Parameters
     ----------
-    ref: id, unambiguous start of one, path, address, or ``latest``.
-    runs: the folder or the address that holds the runs; the project's when left out.
+    ref: an id, an unambiguous start of one, a path, an address, or ``latest``.
+    runs: the folder or address of the runs; by default the project's.
 
     Raises
     ------
     RigctlError
-        there is no such run, or it is still in progress or was never closed.
+        there is no such run, it is still in progress, or it was never closed.
     """
     folder = locate_run(ref, runs)
     if not isinstance(folder, Path):
@@ -341,7 +341,7 @@ def _units(table: pa.Table) -> dict[str, str]:
 
 
 def _values_si(schema: pa.Schema, row: Mapping[str, Any], kind: str) -> dict[str, float]:
-    """The sweep values or the measures of a record, by the names they had in the procedure."""
+    """Return the sweep values or the measures of a record, by their names in the procedure."""
     found = {}
     for column in schema:
         facts = {key.decode(): value.decode("utf-8") for key, value in (column.metadata or {}).items()}

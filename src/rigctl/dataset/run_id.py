@@ -1,4 +1,4 @@
-"""The name of a run: when it began and what it carried out."""
+"""The id of a run: its start and its procedure."""
 
 from __future__ import annotations
 
@@ -12,38 +12,39 @@ from typing import Final
 from rigctl.dataset.shards import is_taken
 from rigctl.errors import RigctlError, nearest_name
 
-#: how the newest run is called on the command line
+#: name of the newest run on the command line
 LATEST: Final = "latest"
 
-#: longest slug; keeps a run's paths well below the 260 characters that some systems allow
+#: longest slug; keeps paths well below the limit of 260 characters of some systems
 _SLUG_LENGTH = 40
 
 
 def slug(name: str) -> str:
-    """A procedure's name as part of a folder's name: lower-case ASCII letters, digits and dashes.
+    """Return a procedure's name for a folder's name: lower-case ASCII letters, digits and dashes.
 
-    ``slug("Stroke campaign (40 °C)")`` is ``stroke-campaign-40-c``; a name without any of these is ``run``.
+    ``slug("Stroke campaign (40 °C)")`` is ``stroke-campaign-40-c``; a name without any such character is
+    ``run``.
     """
     ascii_name = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode("ascii").lower()
     return re.sub(r"[^a-z0-9]+", "-", ascii_name)[:_SLUG_LENGTH].strip("-") or "run"
 
 
 class SeveralRuns(RigctlError):
-    """Several ids begin like this."""
+    """The start of an id is ambiguous."""
 
 
 def chosen_id(ref: str, ids: Sequence[str], *, shown: str = "") -> str:
-    """The id that `ref` is, or begins; the last of them for ``latest``.
+    """Return the id that `ref` is or begins; the last of them for ``latest``.
 
     Parameters
     ----------
-    ids: of some runs, oldest first; not empty.
-    shown: where a run of this id was looked for, as errors name it.
+    ids: of runs, oldest first; not empty.
+    shown: the searched place of an id, for messages.
 
     Raises
     ------
     RigctlError
-        no id begins like this (names the nearest), or several do.
+        no id begins like this (names the nearest), or more than one does.
     """
     if ref == LATEST:
         return ids[-1]
@@ -64,21 +65,21 @@ def chosen_id(ref: str, ids: Sequence[str], *, shown: str = "") -> str:
 
 
 def new_run_id(name: str, when: datetime, runs: Path) -> str:
-    """``YYYYMMDD-HHMMSS-slug`` in UTC; ``-2``, ``-3``, … is appended while a run has that name.
+    """Return ``YYYYMMDD-HHMMSS-slug`` in UTC, with ``-2``, ``-3``, … appended if a run has that name.
 
-    Two programs may still be given the same name in the same moment; `RunWriter.create` settles that.
+    Two programs may still get the same name at the same moment, which `RunWriter.create` resolves.
     """
     wanted = f"{when.astimezone(UTC):%Y%m%d-%H%M%S}-{slug(name)}"
     return free_run_id(wanted, runs)
 
 
 def free_run_id(wanted: str, runs: Path) -> str:
-    """`wanted`, or the first of ``wanted-2``, ``wanted-3``, … that no run in `runs` has."""
+    """Return `wanted`, or the first of ``wanted-2``, ``wanted-3``, … that no run in `runs` has."""
     return _first_free(wanted, lambda name: is_taken(runs, name))
 
 
 def next_free(wanted: str, folder: Path, suffix: str = "") -> str:
-    """`wanted`, or the first of ``wanted-2``, ``wanted-3``, … that with `suffix` is no entry of `folder`."""
+    """Return `wanted`, or the first of ``wanted-2``, … that with `suffix` is not an entry of `folder`."""
     return _first_free(wanted, lambda name: (folder / f"{name}{suffix}").exists())
 
 

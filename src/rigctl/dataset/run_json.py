@@ -1,4 +1,4 @@
-"""``run.json``: everything about a run but its numbers, and the checksums of the files that hold them."""
+"""``run.json``: the metadata of a run, and the checksums of its data files."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.write import to_json, write_json
 
 NAME: Final = "run.json"
-#: the field that holds the SHA-256 of all others, in their canonical text
+#: the field with the SHA-256 of all others, in their canonical text
 _CHECKSUM: Final = "checksum"
-#: the first format that has it
+#: the first format that has this field
 _PROTECTED: Final = 2
-#: status of a run that a program is carrying out, or was when it was killed
+#: status of a run in progress, or of one whose program was killed
 RUNNING: Final = "running"
 _canonical: Final = json.JSONEncoder(sort_keys=True, separators=(",", ":"), ensure_ascii=True).encode
 
 
 def read_info(folder: Path) -> dict[str, Any]:
-    """The content of a run's ``run.json``.
+    """Read a run's ``run.json``.
 
     Raises
     ------
     RigctlError
-        there is none, it is damaged or was changed since it was written, or it is another run's.
+        it is missing, damaged, was changed since it was written, or belongs to another run.
     """
     try:
-        # of many runs a Path for each file takes as long as to read it
+        # making a Path for each file takes as long as reading it
         with open(f"{folder}{os.sep}{NAME}", "rb") as file:  # noqa: PTH123
             text = file.read().decode("utf-8")
     except OSError as problem:
@@ -45,12 +45,12 @@ def read_info(folder: Path) -> dict[str, Any]:
 
 
 def read_text(text: str, folder: os.PathLike[str]) -> dict[str, Any]:
-    """The content of a ``run.json`` that has been read from `folder`, wherever that is.
+    """Parse the text of a ``run.json`` from any `folder`.
 
     Raises
     ------
     RigctlError
-        it is damaged or was changed since it was written, or it is another run's.
+        it is damaged, was changed since it was written, or belongs to another run.
     """
     address = os.fspath(folder)
     info = _checked(text, Path(address))
@@ -72,14 +72,14 @@ def _checked(text: str, folder: Path) -> dict[str, Any]:
 
 
 def require_own(folder: Path, run_id: object, path: Path) -> None:
-    """Refuse a file of a run's folder that names another run: what it says would be written there.
+    """Refuse a file in a run's folder that names another run, since data would be written to that run.
 
     Raises
     ------
     RigctlError
-        the id is not the folder's name; a folder that is just being made has none yet.
+        the id differs from the folder's name; a folder in the making has no id yet.
     """
-    # a link may have any name; to follow every part of a path takes longer than to read the file
+    # a link may have any name; resolving every part of a path takes longer than reading the file
     name = folder.resolve().name if folder.is_symlink() or run_id != folder.name else folder.name
     if run_id != name and not name.startswith("."):
         raise RigctlError(
@@ -93,9 +93,9 @@ def require_own(folder: Path, run_id: object, path: Path) -> None:
 
 
 def write_info(folder: Path, info: Mapping[str, Any]) -> None:
-    """Replace ``run.json`` in one step, with the checksum of what it says.
+    """Replace ``run.json`` atomically, with the checksum of its content.
 
-    The folder that the run lies in is marked as changed: by that the catalogue sees which runs to read again.
+    The folder that contains the run is touched, so that the catalogue finds the runs to read again.
     """
     said = {key: value for key, value in info.items() if key != _CHECKSUM}
     write_json(folder / NAME, {**said, _CHECKSUM: checksum(said)})
@@ -104,21 +104,21 @@ def write_info(folder: Path, info: Mapping[str, Any]) -> None:
 
 
 def checksum(info: Mapping[str, Any]) -> str:
-    """SHA-256 of the canonical text of ``run.json``: its fields but this one, keys sorted, without blanks.
+    """Return the SHA-256 of the canonical text of ``run.json``: its other fields, sorted, without blanks.
 
-    The text is compared as JSON reads it back, so that formatting does not matter and any value does.
+    The text is parsed first, so that the formatting does not matter, but every value does.
     """
     return _digest(json.loads(to_json(info)))
 
 
 def _digest(info: Mapping[str, Any]) -> str:
-    """`checksum` of what was read from JSON."""
+    """Return the `checksum` of parsed JSON."""
     said = {key: value for key, value in info.items() if key != _CHECKSUM}
     return hashlib.sha256(_canonical(said).encode("ascii")).hexdigest()
 
 
 def set_aside(folder: Path) -> Path | None:
-    """Keep a damaged or changed ``run.json`` under another name; None where there is none."""
+    """Rename a damaged or changed ``run.json``; None if there is none."""
     path = folder / NAME
     if not path.exists():
         return None
@@ -130,7 +130,7 @@ def set_aside(folder: Path) -> Path | None:
 
 
 def file_facts(path: Path) -> dict[str, Any]:
-    """Size and SHA-256 of a file, as ``run.json`` keeps them."""
+    """Return the size and SHA-256 of a file, for ``run.json``."""
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return {"sha256": digest, "bytes": path.stat().st_size}

@@ -14,7 +14,7 @@ from rigctl.errors import RigctlError
 
 
 class Order(NamedTuple):
-    """When a run was made: the second that its id begins with, within that to the microsecond, its number."""
+    """The order of a run: the second in its id, its start to the microsecond, its number."""
 
     second: str
     began: str
@@ -22,14 +22,14 @@ class Order(NamedTuple):
 
 
 def is_run(folder: Path) -> bool:
-    """A run has lost ``run.json`` or its log at worst; a dot marks one that is just being made."""
+    """Return whether a folder is a run: it has ``run.json`` or a log; a dot marks one in the making."""
     if folder.name.startswith("."):
         return False
     return (folder / run_json.NAME).is_file() or (folder / log.NAME).is_file()
 
 
 def run_folders(runs: Path) -> list[Path]:
-    """The folders of all runs, oldest first; ids begin with their date and time, to the second."""
+    """Return the folders of all runs, oldest first; ids begin with their date and time, to the second."""
     by_second: dict[str, list[Path]] = {}
     for folder in sorted(filter(is_run, _entries(runs)), key=_numbered):
         by_second.setdefault(folder.name[:15], []).append(folder)
@@ -40,7 +40,7 @@ def run_folders(runs: Path) -> list[Path]:
 
 
 def _entries(runs: Path) -> Iterator[Path]:
-    """What may be a run: in the runs folder itself, and in the folders of days."""
+    """Yield what may be a run, in the runs folder itself and in the folders of days."""
     try:
         with os.scandir(runs) as found:
             names = [entry.name for entry in found]
@@ -55,9 +55,9 @@ def _entries(runs: Path) -> Iterator[Path]:
 
 
 def order_of(folder: Path, info: Mapping[str, Any]) -> Order:
-    """The order of one run, by what its ``run.json`` says; empty where that cannot be read.
+    """Return the order of one run from its ``run.json``; empty if that cannot be read.
 
-    The data of an import may have begun years before it was made.
+    The data of an import may be years older than the run.
     """
     began = info.get("backend", {}).get("imported") or info.get("started", "")
     return Order(folder.name[:15], str(began), _numbered(folder)[1])
@@ -71,7 +71,7 @@ def _began(folder: Path) -> str:
 
 
 def _numbered(folder: Path) -> tuple[str, int, str]:
-    """By start, then in the order in which runs of one second were given their numbers."""
+    """Sort by start, then by the number given to runs of the same second."""
     stem, _, number = folder.name.rpartition("-")
     if number.isdigit() and stem and (folder.parent / stem).is_dir():
         return (stem[:15], int(number), folder.name)

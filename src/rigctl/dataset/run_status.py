@@ -1,4 +1,4 @@
-"""What has become of a run."""
+"""The status of a run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rigctl.dataset.writer_lock import in_progress
 
 
 def status_of(folder: Path, info: Mapping[str, Any]) -> str:
-    """The run's status, with a run in progress told from one that was left behind."""
+    """Return the run's status, distinguishing a run in progress from an abandoned one."""
     status = str(info["status"])
     if status != run_json.RUNNING and not os.path.exists(f"{folder}{os.sep}{journal.NAME}"):  # noqa: PTH110
         return status

@@ -1,4 +1,4 @@
-"""From the journal to ``samples.parquet``: one row per sample, in the units the channels are shown in."""
+"""Makes ``samples.parquet`` from the journal: one row per sample, in the channels' display units."""
 
 from __future__ import annotations
 
@@ -26,19 +26,18 @@ if TYPE_CHECKING:
     from rigctl.dataset.header import RunHeader
 
 NAME: Final = "samples.parquet"
-#: rows of a row group: one record of a long run is read without the others
+#: rows of a row group, so that one record of a long run can be read without the others
 GROUP_ROWS: Final = 1 << 17
-#: keys of the file's metadata: the last session whose journal is in the file, and by session what was damaged
+#: keys of the file's metadata: the last session in the file, and the damage by session
 _SESSION: Final = b"rigctl.session"
 _LOSSES: Final = b"rigctl.losses"
 
 
 @dataclass
 class SampleFacts:
-    """What the samples say about the run: how many there are, of each record too, and what was damaged.
+    """Facts about a run's samples: their number, in total and per record, and the damage.
 
-    `losses` are by session: the bytes of its journal that could not be read, and the rows that are known to
-    be missing.
+    `losses` are by session: the unreadable bytes of its journal, and the rows known to be missing.
     """
 
     rows: int = 0
@@ -48,7 +47,7 @@ class SampleFacts:
     losses: Mapping[int, Loss] = field(default_factory=dict)
 
     def add(self, times: NDArray[np.float64], records: NDArray[np.int32]) -> None:
-        """Take in a block of rows."""
+        """Add a block of rows."""
         import numpy as np
 
         self.rows += len(times)
@@ -61,14 +60,14 @@ class SampleFacts:
 
 
 class Loss(NamedTuple):
-    """What could not be read of one session's journal."""
+    """The loss in one session's journal."""
 
     bytes: int
     rows: int
 
 
 def schema(header: RunHeader, session: int, losses: Mapping[int, Loss] | None = None) -> pa.Schema:
-    """The columns of ``samples.parquet``, each with its unit, kind and calibration."""
+    """Return the columns of ``samples.parquet``, each with its unit, kind and calibration."""
     import pyarrow as pa
 
     fields = []
@@ -96,20 +95,20 @@ def _field_metadata(header: RunHeader, name: str) -> dict[str, str]:
 
 
 def write_samples(folder: Path, header: RunHeader, session: int, offset: float) -> SampleFacts:
-    """Make ``samples.parquet`` from the journal, and from what earlier sessions left there.
+    """Make ``samples.parquet`` from the journal and the rows of earlier sessions.
 
-    The same journal gives the same bytes, however often this is done and wherever it was interrupted. What of
-    the journal is damaged is left out and counted.
+    The same journal gives the same bytes, even after repetitions and interruptions. Damaged parts of the
+    journal are omitted and counted.
 
     Parameters
     ----------
-    session, offset: the run's last session and where its time lies in the run, as the log says; the journal
-        itself says so too, unless that part of it is damaged.
+    session, offset: the run's last session and its start in run time, from the log, in case the journal's own
+        header is damaged.
 
     Raises
     ------
     RigctlError
-        the disk is full, or the file read back is not what was written; the journal is untouched.
+        the disk is full, or the file read back differs from what was written; the journal is unchanged.
     """
     path = folder / NAME
     found = _journal_of(folder)
@@ -133,10 +132,10 @@ def write_samples(folder: Path, header: RunHeader, session: int, offset: float) 
 
 
 def set_aside_journal(folder: Path, session: int, *, misses: bool) -> None:
-    """Remove the journal of a run whose ``samples.parquet`` is whole; a damaged one is kept for good.
+    """Remove the journal of a run whose ``samples.parquet`` is complete; a damaged one is kept permanently.
 
-    So is one that `misses` samples, though all that is left of it can be read. Its name says the session; a
-    name that is taken already is never taken again.
+    So is one that `misses` samples, even if the rest is readable. Its name contains the session and is never
+    reused.
     """
     path = folder / journal.NAME
     with suppress(OSError):
@@ -156,7 +155,7 @@ def _journal_of(folder: Path) -> Journal | None:
 
 
 def _state_of(path: Path) -> tuple[int | None, dict[int, Loss]]:
-    """The last session in a ``samples.parquet``, None when there is no such file, and what was damaged."""
+    """Return the last session in a ``samples.parquet``, None without such a file, and the damage."""
     if not path.exists():
         return None, {}
     with open_parquet(path) as file:
@@ -177,7 +176,7 @@ def _earlier_blocks(path: Path) -> Iterator[pa.Table]:
 
 
 def _blocks(found: Journal, header: RunHeader, target: pa.Schema, offset: float) -> Iterator[pa.Table]:
-    """The journal's rows in display units; times are moved to where the session lies in the run."""
+    """Yield the journal's rows in display units, with times shifted to run time."""
     import numpy as np
     import pyarrow as pa
 
@@ -195,7 +194,7 @@ def _blocks(found: Journal, header: RunHeader, target: pa.Schema, offset: float)
 
 
 def _write(path: Path, target: pa.Schema, blocks: Iterator[pa.Table]) -> SampleFacts:
-    """Write the blocks to a new file beside `path`, read it back, and put it in its place."""
+    """Write the blocks to a new file beside `path`, read it back, and replace `path`."""
     import pyarrow.parquet as pq
 
     facts = SampleFacts()
@@ -204,7 +203,7 @@ def _write(path: Path, target: pa.Schema, blocks: Iterator[pa.Table]) -> SampleF
         encodings: Mapping[str, Any] = {
             "compression": "zstd",
             "compression_level": 3,
-            # converters give few distinct values; times are many, but their bytes are alike
+            # converters give few distinct values; times are all distinct, but have similar bytes
             "use_dictionary": [name for name in target.names if name != "time"],
             "column_encoding": {"time": "BYTE_STREAM_SPLIT"},
         }
@@ -233,7 +232,7 @@ def _checksum(block: pa.Table) -> str:
 
 
 def sample_facts(folder: Path) -> SampleFacts:
-    """What a run's ``samples.parquet`` says.
+    """Return the facts in a run's ``samples.parquet``.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Where in a runs folder a run lies: directly in it, or, where there are many, in a folder for each day.
+"""The place of a run: directly in the runs folder or, if there are many runs, in a folder for each day.
 
-``runs/20261121-093000-stroke`` and ``runs/2026-11-21/20261121-093000-stroke`` are both found everywhere.
-Nothing that was recorded is moved: only new runs get a day's folder.
+``runs/20261121-093000-stroke`` and ``runs/2026-11-21/20261121-093000-stroke`` are equivalent. Existing runs
+are never moved: only new runs get a day's folder.
 """
 
 from __future__ import annotations
@@ -13,25 +13,25 @@ from itertools import islice
 from pathlib import Path
 from typing import Final
 
-#: so many entries in a runs folder, and new runs get a folder for each day
+#: entries in a runs folder from which new runs get a folder for each day
 SHARD_FROM: Final = 1000
 _DAY: Final = re.compile(r"\d{4}-\d{2}-\d{2}")
 _ID: Final = re.compile(r"(\d{4})(\d{2})(\d{2})-\d{6}-")
 
 
 def is_shard(name: str) -> bool:
-    """Whether a folder of this name holds the runs of a day."""
+    """Return whether a folder of this name is for the runs of a day."""
     return _DAY.fullmatch(name) is not None
 
 
 def shard_of(run_id: str) -> str | None:
-    """The day's folder that a run of this id may lie in: ``2026-11-21``; None for other ids."""
+    """Return the day's folder for a run of this id: ``2026-11-21``; None for other ids."""
     found = _ID.match(run_id)
     return "-".join(found.groups()) if found else None
 
 
 def folder_for(runs: Path, run_id: str) -> Path:
-    """The folder that a new run of this id is made in; not made yet."""
+    """Return the folder in which to make a new run of this id, without making it."""
     shard = shard_of(run_id)
     return runs / shard if shard is not None and _has_many(runs, shard) else runs
 
@@ -48,7 +48,7 @@ def _has_many(runs: Path, shard: str) -> bool:
 
 
 def places_of(runs: Path, run_id: str) -> Iterator[Path]:
-    """Where a run of this id may lie."""
+    """Return the possible places of a run of this id."""
     yield runs / run_id
     shard = shard_of(run_id)
     if shard is not None:
@@ -56,10 +56,10 @@ def places_of(runs: Path, run_id: str) -> Iterator[Path]:
 
 
 def is_taken(runs: Path, run_id: str) -> bool:
-    """Whether there is anything of this name, directly in the runs folder or in its day's."""
+    """Return whether this name exists, directly in the runs folder or in its day's."""
     return any(place.exists() for place in places_of(runs, run_id))
 
 
 def runs_root(folder: Path) -> Path:
-    """The runs folder that a run's folder lies in."""
+    """Return the runs folder that contains a run's folder."""
     return folder.parent.parent if is_shard(folder.parent.name) else folder.parent

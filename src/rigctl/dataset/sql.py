@@ -1,4 +1,4 @@
-"""SQL over all runs: DuckDB reads what their Parquet files hold, and can open no file itself."""
+"""SQL over all runs: DuckDB queries their Parquet files, without access to the file system."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from rigctl.dataset.storage.store import StoredFolder
 
-#: views over the files of all runs, and the columns they have when there is no run
+#: views over the files of all runs, and their columns if there is no run
 _FILES: Final[Mapping[str, tuple[str, str]]] = {
     "samples": (samples_file.NAME, "time DOUBLE, record INTEGER"),
     "records": (
@@ -37,7 +37,7 @@ _FILES: Final[Mapping[str, tuple[str, str]]] = {
         "time DOUBLE, kind VARCHAR, record INTEGER, path VARCHAR, message VARCHAR, data VARCHAR",
     ),
 }
-#: columns of the view `runs`: name, type, and where ``run.json`` has it
+#: columns of the view `runs`: name, type, and place in ``run.json``
 _RUN_COLUMNS: Final = (
     ("id", "VARCHAR", ("id",)),
     ("status", "VARCHAR", ("status",)),
@@ -60,43 +60,43 @@ _RUN_COLUMNS: Final = (
     ("complete_records", "INTEGER", ("complete_records",)),
     ("rows", "BIGINT", ("rows",)),
 )
-#: how often Ctrl-C is looked for while a query is computed, s; a wait without end hears none on Windows
+#: interval of checks for Ctrl-C during a query, s; an unlimited wait ignores it on Windows
 _LOOK: Final = 0.2
-#: every view there is
+#: all views
 VIEWS: Final = ("runs", "records", "samples", "events", "units")
 
 
 @dataclass(frozen=True)
 class QueryResult:
-    """The answer to a query: names of the columns, and the rows."""
+    """The result of a query: names of the columns, and the rows."""
 
     columns: tuple[str, ...]
     rows: tuple[tuple[Any, ...], ...]
 
     def frame(self) -> pd.DataFrame:
-        """The answer as a data frame."""
+        """Return the result as a data frame."""
         import pandas as pd
 
         return pd.DataFrame(list(self.rows), columns=list(self.columns))
 
 
 def query(sql: str, runs: str | Path | None = None, *, where: str | None = None) -> QueryResult:
-    """Answer one SELECT over all closed runs, or over those that meet a condition.
+    """Run one SELECT over all closed runs, or over those that meet a condition.
 
     The views are `runs` (one row per run), `records`, `samples` and `events` (each with the run's id in
     ``run``; columns that only some runs have are NULL in the others), and `units` (the unit of each column of
     a run's samples). Values are in display units.
 
-    The query can read the runs' Parquet files and nothing else, and write nothing.
+    The query can only read the runs' Parquet files, and cannot write anything.
 
     Parameters
     ----------
-    where: the condition, as of `rigctl.dataset.list_runs`; of the other runs no file is opened.
+    where: a condition as in `rigctl.dataset.list_runs`; the files of other runs are not opened.
 
     Raises
     ------
     RigctlError
-        the SQL is wrong, or does anything but select; names the nearest table or column.
+        the SQL is wrong or not a SELECT; names the nearest table or column.
     """
     import duckdb
 
@@ -113,9 +113,9 @@ def query(sql: str, runs: str | Path | None = None, *, where: str | None = None)
 
 
 def _interruptible(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
-    """The answer, computed in a thread: Ctrl-C is heard here, and stops the database.
+    """Run the query in a thread, so that Ctrl-C can stop the database.
 
-    The database itself looks at no signal while it computes.
+    The database itself ignores signals while it computes.
     """
     from concurrent.futures import ThreadPoolExecutor
 
@@ -128,13 +128,13 @@ def _interruptible(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
                 except TimeoutError:
                     if answer.done():
                         raise
-        except BaseException:  # whatever ends the waiting: the thread would be waited for
+        except BaseException:  # for any exception, since leaving would wait for the thread
             connection.interrupt()
             raise
 
 
 def _closed_runs(folders: Iterable[Path | StoredFolder]) -> dict[Path | StoredFolder, dict[str, Any]]:
-    """``run.json`` of the runs whose tables exist."""
+    """Return ``run.json`` of the runs whose tables exist."""
     found: dict[Path | StoredFolder, dict[str, Any]] = {}
     for folder in folders:
         if not isinstance(folder, Path):
@@ -163,10 +163,10 @@ def _require_select(sql: str) -> None:
 def _make_views(
     connection: duckdb.DuckDBPyConnection, closed: Mapping[Path | StoredFolder, Mapping[str, Any]], sql: str
 ) -> None:
-    """Make the views that the query names, then take every file system away from the database.
+    """Make the views that the query names, then disable the database's access to file systems.
 
-    Arrow opens the runs' files, for reading; the database is handed what it reads and can open no file at
-    all. No word of a query can therefore write to one.
+    Arrow opens the runs' files for reading and passes their data to the database, which can open no file. A
+    query can therefore not write to one.
     """
     _make_runs(connection, closed.values())
     _make_units(connection, closed.values())
@@ -189,12 +189,12 @@ def _make_views(
 
 
 def _files_as_one(folders: Iterable[Path | StoredFolder], file: str) -> ds.Dataset:
-    """One file of every run as one table: columns by name, null where a run has none; `run` is its folder.
+    """Combine one file of every run into a table: columns by name, null if absent; `run` is the folder.
 
     Raises
     ------
     RigctlError
-        a file is missing or damaged, or runs have columns of one name that are not alike.
+        a file is missing or damaged, or runs have columns of the same name and different types.
     """
     import pyarrow as pa
     import pyarrow.dataset as ds
@@ -243,7 +243,7 @@ def _make_units(connection: duckdb.DuckDBPyConnection, infos: Iterable[Mapping[s
 
 
 def _insert(connection: duckdb.DuckDBPyConnection, table: str, rows: Sequence[Sequence[Any]]) -> None:
-    """Insert many rows at once: one statement for each is slow."""
+    """Insert many rows at once, since one statement for each is slow."""
     for start in range(0, len(rows), 256):
         part = rows[start : start + 256]
         marks = ", ".join("(" + ", ".join("?" * len(row)) + ")" for row in part)
@@ -252,7 +252,7 @@ def _insert(connection: duckdb.DuckDBPyConnection, table: str, rows: Sequence[Se
 
 
 def _plain(value: Any) -> Any:
-    """Exact decimals, which sums of integers are, as numbers."""
+    """Convert exact decimals, such as sums of integers, to numbers."""
     if not isinstance(value, Decimal):
         return value
     return int(value) if value == value.to_integral_value() else float(value)
@@ -266,7 +266,7 @@ def _dig(info: Mapping[str, Any], path: Sequence[str]) -> Any:
 
 
 def _refuse(connection: duckdb.DuckDBPyConnection, problem: Exception) -> NoReturn:
-    """The database's complaint as an error of ours, with the nearest name where a name was wrong."""
+    """Return the database's error as a RigctlError, with the nearest name if a name was wrong."""
     text = str(problem)
     if table := re.search(r"Table with name (\S+) does not exist", text):
         raise unknown_name("table", table.group(1), VIEWS) from problem
@@ -282,7 +282,7 @@ def _refuse(connection: duckdb.DuckDBPyConnection, problem: Exception) -> NoRetu
 
 
 def _column_names(connection: duckdb.DuckDBPyConnection, text: str) -> list[str]:
-    """The columns of the tables that the refused query reads."""
+    """Return the columns of the tables read by the refused query."""
     line = re.search(r"^LINE \d+: (.*)$", text, re.MULTILINE)
     read = [view for view in VIEWS if line and re.search(rf"\b{view}\b", line.group(1), re.IGNORECASE)]
     rows = connection.execute(

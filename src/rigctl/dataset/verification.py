@@ -1,4 +1,4 @@
-"""Proves that a run is whole, and recovers one that its program could not close."""
+"""Verifies that a run is intact, and recovers one that its program could not close."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from rigctl.errors import RigctlError
 
 
 class Condition(Enum):
-    """What a run's folder is found to be."""
+    """The condition of a run's folder."""
 
-    WHOLE = "whole"  #: every file is there and unchanged since the run was closed
-    RECOVERED = "recovered"  #: it had not been closed; its tables were made from journal and log just now
-    IN_PROGRESS = "in progress"  #: a program is writing to it; left alone
+    WHOLE = "whole"  #: every file exists and is unchanged since the run was closed
+    RECOVERED = "recovered"  #: it was not closed; its tables have now been made from journal and log
+    IN_PROGRESS = "in progress"  #: a program is writing to it; unchanged
     BROKEN = "broken"  #: a file is missing, changed or damaged
 
 
 @dataclass(frozen=True)
 class Verification:
-    """The verdict on one run; `problems` says what is broken, or what was recovered."""
+    """The result for one run; `problems` lists what is broken, or what was recovered."""
 
     id: str
     folder: Path | StoredFolder
@@ -37,14 +37,14 @@ class Verification:
 
     @property
     def good(self) -> bool:
-        """False for a broken run alone."""
+        """False only for a broken run."""
         return self.condition is not Condition.BROKEN
 
 
 def verify(folder: Path) -> Verification:
     """Check a run's files against the checksums of its ``run.json``; recover it if it was never closed.
 
-    A run in progress is left alone. Never raises for what it finds in the folder.
+    A run in progress is not touched. The content of the folder never raises an error.
     """
     try:
         info = run_json.read_info(folder)
@@ -60,12 +60,12 @@ def verify(folder: Path) -> Verification:
 
 
 def _unclosed(folder: Path, info: dict[str, Any]) -> bool:
-    """The journal is removed last, so a run without one was closed."""
+    """Return whether the run was never closed: closing a run removes its journal last."""
     return info["status"] == run_json.RUNNING or (folder / journal.NAME).exists()
 
 
 def _annotated_since(folder: Path, info: dict[str, Any]) -> bool:
-    """True when annotations were appended, but a kill kept the tables from being made again."""
+    """Return whether annotations were appended, but a kill prevented the tables from being rebuilt."""
     path = folder / ANNOTATIONS
     if not path.exists():
         return False
@@ -83,7 +83,7 @@ def _recover(folder: Path, info: dict[str, Any] | None) -> Verification:
     told = []
     with lock:
         if info is None:
-            read_history(folder)  # raises where nothing can be made again: then nothing is touched
+            read_history(folder)  # raises if nothing can be rebuilt: then nothing is changed
             kept = run_json.set_aside(folder)
             told.append("run.json was damaged, changed or missing; it was made again from the log")
             if kept is not None:
@@ -109,7 +109,7 @@ def _recover(folder: Path, info: dict[str, Any] | None) -> Verification:
 
 
 def _compare(folder: Path, info: dict[str, Any]) -> tuple[str, ...]:
-    """What differs from the files that ``run.json`` lists."""
+    """Return the differences from the files listed in ``run.json``."""
     problems = []
     for name, known in info.get("files", {}).items():
         path = folder / name

@@ -1,9 +1,9 @@
-"""Records a run as it happens, so that whatever ends it, what was measured is there.
+"""Records a run as it happens, so that its data survive any ending.
 
-Two append-only files are the truth while a run goes on: the journal of its samples and the log of
-everything else. Both are handed to the operating system at least twice a second, and to the disk at the end
-of a record and every ten seconds between records. `close` makes the run's tables from them;
-`rigctl.dataset.verification` does when nobody could.
+Two append-only files are authoritative while a run is in progress: the journal of its samples and the log of
+everything else. Both are passed to the operating system at least twice a second, and to the disk at the end
+of a record and every ten seconds between records. `close` makes the run's tables from them, or later
+`rigctl.dataset.verification`.
 """
 
 from __future__ import annotations
@@ -35,24 +35,24 @@ if TYPE_CHECKING:
 
     from rigctl.dataset.header import RunHeader
 
-#: how long a row or an event may wait in memory, s of wall time
+#: longest time that a row or an event is buffered, s of wall time
 FLUSH_AFTER: Final = 0.5
-#: how soon somebody who reads along sees a row, where the writer has nothing else to do, s of wall time
+#: delay for a concurrent reader when the writer is idle, s of wall time
 SEEN_AFTER: Final = 0.08
-#: how much of blocks may wait in memory
+#: limit of buffered blocks, bytes
 _FLUSH_BYTES: Final = 1 << 21
-#: how often at most a record's end waits for the disk itself, and how often between records, s of wall time
+#: shortest interval of disk syncs at the end of records, and interval between records, s of wall time
 _SYNC_AFTER: Final = 1.0
 _SYNC_BETWEEN: Final = 10.0
 
 
 class RunWriter:
-    """Writes one session of a run. Made by `create` or `reopen`; for one thread.
+    """Writes one session of a run. Made by `create` or `reopen`; not thread-safe.
 
     All values are SI, all times seconds of this session's clock.
 
-    When the disk is full or gone, the call that notices raises once; what comes later is kept in memory, and
-    `close` tries again.
+    If the disk is full or gone, the call that detects it raises once; later data are buffered, and `close`
+    tries again.
     """
 
     def __init__(self, folder: Path, lock: FolderLock, header: RunHeader, session: _Session) -> None:
@@ -79,7 +79,7 @@ class RunWriter:
 
     @classmethod
     def create(cls, runs: Path, header: RunHeader) -> RunWriter:
-        """Begin a run in a folder of its own under `runs`.
+        """Begin a run in a new folder under `runs`.
 
         The folder is named ``header.id``, with a number appended if another program has just taken that name.
 
@@ -102,19 +102,19 @@ class RunWriter:
 
     @classmethod
     def reopen(cls, folder: Path, header: RunHeader | None = None) -> RunWriter:
-        """Go on with a run that was not finished: a new session in the same folder.
+        """Continue an unfinished run: a new session in the same folder.
 
-        What is there stays as it is. A record that was open is marked ``interrupted``; it is measured
-        again under the next index. The run's time goes on after its last sample.
+        Existing data are unchanged. A record that was open is marked ``interrupted``, and measured again
+        under the next index. The run's time continues after its last sample.
 
         Parameters
         ----------
-        header: who and what carries out the new session; as at the beginning when left out.
+        header: of the new session; by default that of the run.
 
         Raises
         ------
         RigctlError
-            the run is in progress or finished, or its columns are others than `header` says.
+            the run is in progress or finished, or its columns differ from those of `header`.
         """
         from rigctl.dataset.finalise import finalise
 
@@ -141,16 +141,16 @@ class RunWriter:
 
     @property
     def id(self) -> str:
-        """The run's id: its folder's name."""
+        """The run's id, which is its folder's name."""
         return self.header.id
 
     @property
     def record(self) -> int:
-        """Index of the open record; −1 between records. Belongs into every row."""
+        """Index of the open record, −1 between records; part of every row."""
         return self._record
 
     def append(self, row: Sequence[float]) -> None:
-        """Add one sample: values in the order of ``layout.columns``.
+        """Add one sample, with values in the order of ``layout.columns``.
 
         Raises
         ------
@@ -164,7 +164,7 @@ class RunWriter:
             self._flush_due()
 
     def append_block(self, rows: NDArray[np.float64]) -> None:
-        """Add many samples at once: shape (n, columns)."""
+        """Add many samples at once, shape (n, columns)."""
         self._journal.append_block(rows)
         self._record_rows += int((rows[:, 1] == self._record).sum())
         if len(rows):
@@ -173,14 +173,14 @@ class RunWriter:
             self._flush_due()
 
     def event(self, time: float, kind: str, **fields: Any) -> None:
-        """Log something that happened.
+        """Log an event.
 
         Parameters
         ----------
         time: when, s.
         kind: ``state``, ``step``, ``command``, ``operator``, ``alarm``, ``note``, ``gap``, ``fault``, …
-        fields: whatever else there is to say. ``message`` and ``path`` (of the step) have columns of their
-            own; a ``command`` has ``actuator``, ``value`` and ``uncertainty`` of its time.
+        fields: any other data. ``message`` and ``path`` (of the step) have separate columns; a ``command``
+            has ``actuator``, ``value`` and ``uncertainty`` (of its time).
         """
         self._log.append({"time": time, "kind": kind, **fields})
         self._last_event = time
@@ -194,9 +194,9 @@ class RunWriter:
 
         Parameters
         ----------
-        sweep: the variables it is measured at: SI value and the unit it is shown in.
-        path: of the record's step in the plan.
-        rate: of its samples, Hz.
+        sweep: its sweep variables: SI value and display unit.
+        path: path of the record's step in the plan.
+        rate: sampling rate, Hz.
 
         Returns
         -------
@@ -210,11 +210,11 @@ class RunWriter:
         opened = {"state": "open", "record": self._record, "name": name, "path": path, "rate": rate}
         self.event(time, "record", **opened, sweep=values)
         if self._failure is None:
-            self.flush()  # a sample on disk never belongs to a record the log does not know
+            self.flush()  # the log must have every record that samples on disk refer to
         return self._record
 
     def measure(self, value: MeasuredValue) -> None:
-        """Keep a value with the open record, or with the run when none is open."""
+        """Store a value with the open record, or with the run if none is open."""
         self.event(max(self._last_row[0], self._last_event), "measure", record=self._record, **asdict(value))
 
     def close_record(self, time: float, outcome: str) -> None:
@@ -228,14 +228,14 @@ class RunWriter:
             self.flush(sync=monotonic() >= self._synced + _SYNC_AFTER)
 
     def flush(self, *, sync: bool = False) -> None:
-        """Hand all rows and events to the operating system; with `sync`, wait for the disk itself.
+        """Pass all rows and events to the operating system; with `sync`, wait for the disk.
 
         Raises
         ------
         RigctlError
             the disk is full or gone.
         """
-        for file in (self._journal, self._log):  # in this order: a closed record's samples are all there
+        for file in (self._journal, self._log):  # a closed record must have all its samples
             try:
                 file.flush()
                 if sync:
@@ -248,7 +248,7 @@ class RunWriter:
             self._synced = monotonic()
 
     def show(self) -> None:
-        """Hand on what has waited for a moment, for those who read along; less than a `flush` asks for.
+        """Write what has been buffered for a moment, for concurrent readers; weaker than `flush`.
 
         Raises
         ------
@@ -259,19 +259,19 @@ class RunWriter:
             self._flush_due()
 
     def close(self, status: str, reason: str | None = None, unconfirmed: str | None = None) -> Path:
-        """End the session and make the run's tables; the folder is whole afterwards. Idempotent.
+        """End the session and make the run's tables, which completes the folder. Idempotent.
 
         Parameters
         ----------
         status: ``finished``, ``failed`` or ``aborted``.
-        reason: why, when it did not finish.
-        unconfirmed: the outputs that may still be on, since the bench could not be reached at the end.
+        reason: why it did not finish.
+        unconfirmed: outputs that may still be on, since the bench could not be reached at the end.
 
         Raises
         ------
         RigctlError
-            the disk is full or gone, or memory is short; what had been written is kept, and ``rigctl runs
-            verify`` goes on from there.
+            the disk is full or gone, or memory is insufficient; what was written is kept, and ``rigctl runs
+            verify`` continues from there.
         """
         if self._closed:
             return self.folder
@@ -291,7 +291,7 @@ class RunWriter:
         return self.folder
 
     def _make_tables(self) -> None:
-        """Make the tables; where they cannot be made now, the journal is what they are made from later."""
+        """Make the tables; if this fails, they can be made from the journal later."""
         later = f"All that was measured is in its journal: 'rigctl runs verify {self.folder.name}' makes them"
         try:
             from rigctl.dataset.finalise import finalise
@@ -301,7 +301,7 @@ class RunWriter:
             error.hint = error.hint or later
             raise
         except (MemoryError, ImportError, OSError, RuntimeError) as problem:
-            # a limit of memory shows in any of these: nothing can be loaded, mapped or started any more
+            # a memory limit may cause any of these: nothing can be loaded, mapped or started any more
             raise RigctlError(
                 f"the tables of the run could not be made: {str(problem) or 'out of memory'}",
                 hint=later,
@@ -311,35 +311,35 @@ class RunWriter:
 
     @property
     def closed(self) -> bool:
-        """True once `close` has been called."""
+        """Whether `close` has been called."""
         return self._closed
 
     def warnings(self) -> Sequence[str]:
-        """What is to be said of the disk since the last call: nothing, whoever calls waits for it."""
+        """Return no warnings about the disk, since the caller waits for it."""
         return ()
 
     @property
     def next_record(self) -> int:
-        """Index that the next record will have."""
+        """Index of the next record."""
         return self._next_record
 
     def in_place(self) -> bool:
-        """False when the run's folder was deleted, moved or unmounted under this writer."""
+        """Return False if the run's folder was deleted, moved or unmounted."""
         return self._journal.in_place() and self._log.in_place()
 
     def successor(self, folder: Path, *, read_back: bool) -> RunWriter:
-        """A writer that goes on with this session in another folder, which must not exist.
+        """Return a writer that continues this session in another folder, which must not exist.
 
         Parameters
         ----------
-        folder: of the same name as this run's.
-        read_back: whether what was written is copied from the open files. Where it cannot be read, or must
-            not be tried since the disk hangs, only what still waits goes on there.
+        folder: with the same name as this run's.
+        read_back: whether to copy what was written from the open files. If it cannot be read, or if the disk
+            hangs, only buffered data are continued.
 
         Raises
         ------
         RigctlError, OSError
-            that folder cannot be written to either.
+            that folder is not writable either.
         """
         folder.mkdir(parents=True)
         named = self.header.to_json()
@@ -349,7 +349,7 @@ class RunWriter:
         session = _Session(self._session.number, self._session.offset, self._next_record)
         writer = RunWriter(folder, lock_folder(folder), self.header, session)
         writer._journal.take_over(self._journal, read_back=read_back)
-        # a line that is no line of a log: what stood there is lost, and counted as such
+        # not a valid line, so that its content is counted as lost
         facts = {"time": 0.0, "kind": "session", **_session_facts(self.header, session)}
         gone = b"\n".join([begun, log.protected_line(facts), b"(earlier lines)", b""])
         writer._log.take_over(self._log, read_back=read_back, otherwise=gone)
@@ -358,7 +358,7 @@ class RunWriter:
         return writer
 
     def release(self) -> None:
-        """Let the files and the folder go as they are, for a successor goes on; never raises."""
+        """Release the files and the folder to a successor; never raises."""
         self._closed = True
         for file in (self._journal, self._log):
             with suppress(OSError):
@@ -366,9 +366,9 @@ class RunWriter:
         self._lock.release()
 
     def discard(self) -> None:
-        """Give up a run that has just been made, folder and all: for data that comes in whole or not at all.
+        """Delete a run that has just been made, with its folder, for imports that fail.
 
-        Never raises; does nothing once the run is closed well.
+        Never raises; does nothing after a successful close.
         """
         self._closed = True
         self._journal.close()
@@ -392,7 +392,7 @@ class RunWriter:
 
 
 class _Session:
-    """Which part of a run a writer writes, and where its time and its records go on."""
+    """The session of a writer: its number, and the offsets of its time and records."""
 
     def __init__(self, number: int = 0, offset: float = 0.0, next_record: int = 0) -> None:
         self.number = number
@@ -401,10 +401,10 @@ class _Session:
 
 
 def _make_folder(runs: Path, header: RunHeader) -> Path:
-    """A new folder with the run's first files, put in its place in one step: whole or not there.
+    """Create a folder with the run's first files atomically.
 
-    A folder cannot be renamed onto one that has files in it, so a name taken by somebody else in the same
-    moment is noticed.
+    A folder cannot be renamed onto one with files in it, so that a name taken by another program at the same
+    moment is detected.
     """
     place = folder_for(runs, header.id)
     place.mkdir(exist_ok=True)
@@ -429,7 +429,7 @@ def _make_folder(runs: Path, header: RunHeader) -> Path:
 
 
 def _session_facts(header: RunHeader, session: _Session) -> dict[str, Any]:
-    """What the log says of a session at its beginning."""
+    """Return the log entry for the start of a session."""
     facts = header.to_json()
     return {
         "session": session.number,
@@ -440,7 +440,7 @@ def _session_facts(header: RunHeader, session: _Session) -> dict[str, Any]:
 
 
 def _begin(folder: Path, header: RunHeader, session: _Session) -> RunWriter:
-    """Take the folder's lock, open the two files and say that a session begins."""
+    """Lock the folder, open the two files and log the start of a session."""
     lock = lock_folder(folder)
     try:
         writer = RunWriter(folder, lock, header, session)

@@ -1,4 +1,4 @@
-"""Who writes to a run's folder: at most one program, and the system knows when it is gone."""
+"""The lock of a run's folder: at most one program writes to it, and the system releases it at its end."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ if TYPE_CHECKING:
 
 LOCK_NAME: Final = "run.lock"
 STATE_NAME: Final = "state.json"
-#: a heartbeat from another computer that is older than this belongs to a program that is gone, in s
+#: age from which a heartbeat of another computer means that its program has ended, s
 FRESH: Final = 5.0
 
 
 class FolderLock:
-    """The right to write to a run's folder.
+    """The lock for writing to a run's folder.
 
-    The operating system takes it back when the program ends, however it ends; a killed program leaves no
-    lock behind, and a step of the calendar clock does not break one.
+    The operating system releases it when the program ends for any reason; a killed program leaves no lock,
+    and a step of the calendar clock does not break one.
     """
 
     def __init__(self, lock: FileLock) -> None:
         self._lock = lock
 
     def release(self) -> None:
-        """Give the right back and remove the file; idempotent, never raises."""
+        """Release the lock and remove the file; idempotent, never raises."""
         with suppress(OSError):
             self._lock.release(force=True)
         with suppress(OSError):
@@ -47,7 +47,7 @@ class FolderLock:
 
 
 def try_lock(folder: Path) -> FolderLock | None:
-    """Take the right to write to a run's folder; None when a running program has it.
+    """Lock a run's folder; return None if a running program has the lock.
 
     Raises
     ------
@@ -73,12 +73,12 @@ def try_lock(folder: Path) -> FolderLock | None:
 
 
 def lock_folder(folder: Path) -> FolderLock:
-    """Take the right to write to a run's folder.
+    """Lock a run's folder.
 
     Raises
     ------
     RigctlError
-        a running program has it, or the folder cannot be written to.
+        a running program has the lock, or the folder is not writable.
     """
     lock = try_lock(folder)
     if lock is None:
@@ -92,7 +92,7 @@ def lock_folder(folder: Path) -> FolderLock:
 
 
 def in_progress(folder: Path) -> bool:
-    """True while a program writes to the run's folder."""
+    """Return whether a program is writing to the run's folder."""
     if not (folder / LOCK_NAME).exists():
         return _beats_elsewhere(folder)
     lock = try_lock(folder)
@@ -104,24 +104,24 @@ def in_progress(folder: Path) -> bool:
 
 @dataclass(frozen=True)
 class RunState:
-    """What the program that carries out a run last said of itself in ``state.json``."""
+    """The latest heartbeat of a run's program in ``state.json``."""
 
     fields: Mapping[str, Any]
-    age: float  #: s since it was written, by the calendar
+    age: float  #: age by the calendar clock, s
 
     @property
     def host(self) -> str:
-        """The computer it runs on."""
+        """The program's computer."""
         return str(self.fields.get("host") or "")
 
     @property
     def fresh(self) -> bool:
-        """True while the next heartbeat is not overdue."""
+        """Whether the next heartbeat is not overdue."""
         return self.age <= FRESH
 
 
 def read_state(folder: Path) -> RunState | None:
-    """The last heartbeat of a run; None when there is none, or it is being written right now."""
+    """Read the last heartbeat of a run; None if there is none, or it is just being written."""
     path = folder / STATE_NAME
     try:
         age = time.time() - path.stat().st_mtime
@@ -134,6 +134,6 @@ def read_state(folder: Path) -> RunState | None:
 
 
 def _beats_elsewhere(folder: Path) -> bool:
-    """True when a program on another computer, whose lock cannot be relied on here, writes to the folder."""
+    """Return whether another computer, whose lock may not be visible here, writes to the folder."""
     state = read_state(folder)
     return state is not None and state.fresh and state.host not in ("", platform.node())

@@ -34,7 +34,7 @@ class Samples:
     """A file of samples after the first pass, ready to be written.
 
     A long file is read again rather than kept in memory, so that its length does not matter; `kept` is the
-    content of a short one, and None for a long one.
+    content of a short one, and empty for a long one.
     """
 
     source: Source

@@ -464,7 +464,7 @@ def _epoch(texts: pa.Array, form: TimeFormat) -> tuple[NDArray[np.int64], NDArra
 
 
 def _short(texts: pa.Array) -> pa.Array:
-    """Return which numbers fit into 63 bits."""
+    """Return the digits limited to the largest 64-bit integer."""
     import pyarrow.compute as pc
 
     large = pc.and_(pc.equal(pc.utf8_length(texts), 19), pc.greater(texts, "9223372036854775807"))

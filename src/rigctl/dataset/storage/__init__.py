@@ -1,7 +1,7 @@
-"""Runs in object storage, or in any other place that `fsspec` has an address for: ``s3://bucket/runs``.
+"""Runs in object storage, or at any other address supported by `fsspec`: ``s3://bucket/runs``.
 
-A run is written to a folder of this computer, where a bench can rely on the disk, and sent when it is closed
-(`upload`). It is read where it lies (`Store`): of a table what is asked for, and no copy is kept.
+A run is written to a local folder, since a bench must rely on the disk, and is uploaded after it is closed
+(`upload`). It is read in place (`Store`): only the requested parts of a table, without a local copy.
 """
 
 from rigctl.dataset.storage.sending import Uploaded, upload

@@ -1,4 +1,4 @@
-"""Sending a closed run to storage: every file compared by its checksum, tried again, gone on with."""
+"""Uploads a closed run to storage, with checksums, retries and continuation."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from rigctl.errors import ExitCode, Location, RigctlError
 
 logger = logging.getLogger(__name__)
 
-#: how often a file is sent, and how long is waited before it is sent again, s; each time twice as long
+#: attempts per file, and the delay before a retry, s, which doubles each time
 _ATTEMPTS: Final = 3
 _PAUSE: Final = 0.5
-#: what belongs to the computer that wrote the run
+#: files that are local to the computer that wrote the run
 _LEFT: Final = (LOCK_NAME, STATE_NAME)
-#: by what a run in storage is known to be the same one, of an earlier state
+#: fields by which a run in storage is recognised as an earlier state of the same run
 _SAME: Final = ("id", "started", "plan_digest", "backend", "layout")
 
 
 @dataclass(frozen=True)
 class Uploaded:
-    """What was done: how many files were sent, and how many were there, whole."""
+    """The result: numbers of files that were sent, and that already existed intact."""
 
     run: str
     address: str
@@ -35,15 +35,15 @@ class Uploaded:
 
 
 def upload(folder: Path, store: Store) -> Uploaded:
-    """Send a run that is closed; a repeated call sends what is not there yet, or was changed by a note since.
+    """Upload a closed run; a repeated call sends only missing files, and those changed by annotations.
 
-    ``run.json`` is sent last: without it nobody sees a run. Each file is read back, and compared.
+    ``run.json`` is sent last, since it makes the run visible. Each file is read back and compared.
 
     Raises
     ------
     RigctlError
-        the run is not closed or not whole, storage has another run of this name, or it refuses, stalls, or
-        keeps something else than it was sent. The run here is untouched.
+        the run is open or incomplete, or storage has another run of this name, refuses, stalls, or stores
+        different data. The local run is unchanged.
     """
     info = _closed(folder)
     there = store.folder(folder.name)
@@ -70,11 +70,11 @@ def _closed(folder: Path) -> dict[str, Any]:
 
 
 def _require_same(info: dict[str, Any], there: StoredFolder) -> None:
-    """Refuse to write over another run: ids are given out by each computer for itself."""
+    """Refuse to overwrite another run, since each computer assigns ids independently."""
     found = there.store.infos([there.name])
     _, known = found.get(there.name, (0, None))
     if there.name in found and known is None:
-        return  # damaged on its way: it is sent again
+        return  # damaged in transit: sent again
     if known is not None and any(known.get(key) != info.get(key) for key in _SAME):
         raise RigctlError(
             "storage has another run of this name",
@@ -85,7 +85,7 @@ def _require_same(info: dict[str, Any], there: StoredFolder) -> None:
 
 
 def _send(path: Path, there: StoredFile, info: dict[str, Any]) -> bool:
-    """Send a file, if it is not there; whether it was."""
+    """Send a file unless it exists; return whether it was sent."""
     known = run_json.file_facts(path)
     if info["files"].get(path.name, known) != known:
         raise RigctlError(
@@ -115,14 +115,14 @@ def _send(path: Path, there: StoredFile, info: dict[str, Any]) -> bool:
             hint="The run is whole here; 'rigctl runs upload' tries again",
             exit_code=ExitCode.FAILED,
         )
-    assert problem is not None  # noqa: S101 - it was tried at least once
+    assert problem is not None  # noqa: S101 - there was at least one attempt
     raise problem
 
 
 def upload_if_wanted(folder: Path) -> None:
-    """Send a run that has just been closed to the storage of its project, if that has one.
+    """Upload a run that has just been closed to the storage of its project, if there is one.
 
-    What goes wrong is said and no more: the run is whole here, and can be sent later.
+    A failure is only reported: the local run is complete and can be uploaded later.
     """
     from rigctl.project import find_project
 

@@ -1,4 +1,4 @@
-"""A runs folder behind an address, and the folder of one run in it."""
+"""A runs folder at a storage address, and the folder of one run in it."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from rigctl.dataset.run_id import chosen_id
 from rigctl.dataset.shards import is_shard
 from rigctl.errors import ExitCode, RigctlError
 
-#: how long storage may take to take a connection, and to send the next bytes, s
+#: time-outs of storage for a connection, and for the next bytes, s
 CONNECTS_WITHIN: Final = 10.0
 ANSWERS_WITHIN: Final = 20.0
-#: how often one request is tried
+#: attempts per request
 _ATTEMPTS: Final = 3
 _BLOCK: Final = 1 << 20
 
 
 class StorageSilent(RigctlError):
-    """A storage refuses, stalls, or answers with something else than it was asked."""
+    """A storage refuses, stalls, or sends an unexpected answer."""
 
 
-#: by what a storage tells one content of an object from another; the first that there is
+#: fields of version marks of an object; the first that exists is used
 _MARKS: Final = (
     "ETag",
     "etag",
@@ -44,8 +44,8 @@ class Store:
 
     Parameters
     ----------
-    address: ``s3://bucket/runs``, ``memory://runs``, ``file:///data/runs``. Who may read and write there is
-        known to the library of the storage: for S3 the usual variables and files of AWS.
+    address: ``s3://bucket/runs``, ``memory://runs``, ``file:///data/runs``. Credentials are those of the
+        storage's library: for S3 the usual environment variables and files of AWS.
 
     Raises
     ------
@@ -60,7 +60,7 @@ class Store:
 
             self.files, self._root = url_to_fs(self.address, **_options(address))
             if hasattr(self.files, "retries"):
-                self.files.retries = 1  # its own, beside those of the library that it rests on
+                self.files.retries = 1  # its own errors, beside those of the library that it uses
         except ImportError as problem:
             raise RigctlError(
                 f"what reads this storage is not installed: {problem}",
@@ -72,22 +72,22 @@ class Store:
 
     @cached_property
     def arrow(self) -> Any:
-        """The storage as Arrow opens files in it."""
+        """The storage as an Arrow file system."""
         from pyarrow.fs import FSSpecHandler, PyFileSystem
 
         return PyFileSystem(FSSpecHandler(self.files))
 
     def folder(self, run_id: str) -> StoredFolder:
-        """The folder of a run, whether there is one or not."""
+        """Return the folder of a run, which need not exist."""
         return StoredFolder(self, run_id)
 
     def ids(self) -> list[str]:
-        """The ids of the runs that are there, whole, oldest first.
+        """Return the ids of the complete runs, oldest first.
 
         Raises
         ------
         RigctlError
-            the storage does not answer, or refuses.
+            the storage does not respond, or refuses.
         """
         with self.answering("list the runs"):
             try:
@@ -98,12 +98,12 @@ class Store:
         return sorted(name for name in names if name and not name.startswith(".") and not is_shard(name))
 
     def states(self) -> dict[str, tuple[int, str]]:
-        """Length of each run's ``run.json``, and the mark of its content, by one listing; oldest run first.
+        """Return the length and version mark of each run's ``run.json``, from one listing; oldest run first.
 
         Raises
         ------
         RigctlError
-            the storage does not answer, or refuses.
+            the storage does not respond, or refuses.
         """
         with self.answering("list the runs"):
             try:
@@ -120,14 +120,14 @@ class Store:
         return dict(sorted(states.items()))
 
     def infos(self, ids: Iterable[str]) -> dict[str, tuple[int, dict[str, Any] | None]]:
-        """``run.json`` of each run, asked for together, with its length; None where it is damaged.
+        """Return ``run.json`` of each run, requested together, with its length; None if it is damaged.
 
-        Without one there is no run: it is sent last.
+        A run without one is omitted, since it is sent last.
 
         Raises
         ------
         RigctlError
-            the storage does not answer, or refuses.
+            the storage does not respond, or refuses.
         """
         paths = {self.path(run_id, run_json.NAME): run_id for run_id in ids}
         if not paths:
@@ -138,7 +138,7 @@ class Store:
         for path, content in answers.items():
             run_id = paths.get(path) or paths.get(path.lstrip("/")) or path.rstrip("/").split("/")[-2]
             if isinstance(content, FileNotFoundError | NotADirectoryError):
-                continue  # not sent to its end: no run yet
+                continue  # incomplete upload: not a run yet
             if isinstance(content, BaseException):
                 with self.answering("read the runs"):
                     raise content
@@ -150,12 +150,12 @@ class Store:
         return found
 
     def find(self, ref: str) -> StoredFolder:
-        """The run that an id, or an unambiguous start of one, names; ``latest`` the newest.
+        """Return the run with an id or an unambiguous start of one; ``latest`` for the newest.
 
         Raises
         ------
         RigctlError
-            there is none, or several begin so.
+            there is none, or the start is ambiguous.
         """
         ids = self.ids()
         if not ids:
@@ -163,18 +163,18 @@ class Store:
         return self.folder(chosen_id(ref, ids, shown=f"{self.address}/{ref}"))
 
     def path(self, run_id: str, name: str) -> str:
-        """What the library calls a file of a run."""
+        """Return the library's path of a run's file."""
         return f"{self._root.rstrip('/')}/{run_id}/{name}"
 
     @contextmanager
     def answering(self, doing: str) -> Iterator[None]:
-        """Say in one sentence what a storage answers that does not do what it was asked."""
+        """Turn an error of the storage into a one-sentence message."""
         try:
             yield
         except (RigctlError, FileNotFoundError, KeyboardInterrupt):
             raise
         except Exception as problem:
-            # the library of each storage has errors of its own
+            # each storage library has its own errors
             raise StorageSilent(
                 f"cannot {doing}: {_in_words(problem)}",
                 value=self.address,
@@ -184,17 +184,17 @@ class Store:
 
 
 class StoredFolder:
-    """The folder of one run in a `Store`, as far as reading needs one."""
+    """The folder of one run in a `Store`, for reading."""
 
     def __init__(self, store: Store, name: str) -> None:
         self.store, self.name = store, name
 
     def __truediv__(self, name: str) -> StoredFile:
-        """A file in it."""
+        """Return a file in it."""
         return StoredFile(self, name)
 
     def __fspath__(self) -> str:
-        """Its address."""
+        """Return its address."""
         return f"{self.store.address}/{self.name}"
 
     __str__ = __fspath__
@@ -213,12 +213,12 @@ class StoredFolder:
 
     @cached_property
     def info(self) -> dict[str, Any]:
-        """``run.json``, as it was when it was first asked for.
+        """``run.json``, as of the first request.
 
         Raises
         ------
         RigctlError
-            there is none, it is damaged, or the storage does not answer.
+            it is missing or damaged, or the storage does not respond.
         """
         text = (self / run_json.NAME).read().decode("utf-8", errors="replace")
         return run_json.read_text(text, self)
@@ -231,7 +231,7 @@ class StoredFile:
         self.folder, self.name = folder, name
 
     def __str__(self) -> str:
-        """Its address."""
+        """Return its address."""
         return f"{self.folder}/{self.name}"
 
     @property
@@ -239,7 +239,7 @@ class StoredFile:
         return self.folder.store.path(self.folder.name, self.name)
 
     def size(self) -> int | None:
-        """Bytes; None where there is no such file."""
+        """Return the size in bytes; None if there is no such file."""
         store = self.folder.store
         with store.answering(f"look at {self.name} of {self.folder.name}"):
             try:
@@ -248,7 +248,7 @@ class StoredFile:
                 return None
 
     def read(self) -> bytes:
-        """All of it.
+        """Return the whole content.
 
         Raises
         ------
@@ -264,12 +264,12 @@ class StoredFile:
         return content
 
     def open(self) -> Any:
-        """A file to read from where it lies, in blocks.
+        """Open the file for reading in blocks.
 
         Raises
         ------
         RigctlError
-            there is none, it is shorter or longer than the run says, or the storage does not answer.
+            it is missing or has the wrong length, or the storage does not respond.
         """
         size, known = self.size(), self._known()
         if size is None or (known is not None and size != known):
@@ -285,12 +285,12 @@ class StoredFile:
             return store.files.open(self._path, "rb", block_size=_BLOCK, cache_type="readahead")
 
     def _known(self) -> int | None:
-        """How many bytes it has by the run's ``run.json``."""
+        """Return its size according to the run's ``run.json``."""
         facts = self.folder.info.get("files", {}).get(self.name)
         return None if facts is None else int(facts["bytes"])
 
     def facts(self) -> dict[str, Any] | None:
-        """Size and SHA-256, read back from storage; None where there is no such file."""
+        """Return the size and SHA-256, read back from storage; None if there is no such file."""
         store, digest, size = self.folder.store, hashlib.sha256(), 0
         with store.answering(f"read {self.name} of {self.folder.name} back"):
             try:
@@ -303,7 +303,7 @@ class StoredFile:
         return {"sha256": digest.hexdigest(), "bytes": size}
 
     def send(self, path: str) -> None:
-        """Put a file of this computer there."""
+        """Upload a local file."""
         store = self.folder.store
         with store.answering(f"send {self.name} of {self.folder.name}"):
             store.files.makedirs(self._path.rpartition("/")[0], exist_ok=True)
@@ -311,12 +311,12 @@ class StoredFile:
 
 
 def _options(address: str) -> dict[str, Any]:
-    """What makes a storage that stalls an error within a minute, and no listing older than it is."""
+    """Return options that turn a stall into an error within a minute, and disable cached listings."""
     if not address.startswith(("s3://", "s3a://")):
         return {"use_listings_cache": False}
     return {
         "use_listings_cache": False,
-        # said here, though its library knows it: clients are kept, by what they were made with
+        # given here explicitly, since the library caches clients by their arguments
         "endpoint_url": os.environ.get("AWS_ENDPOINT_URL"),
         "config_kwargs": {
             "connect_timeout": CONNECTS_WITHIN,
@@ -327,11 +327,11 @@ def _options(address: str) -> dict[str, Any]:
 
 
 def _in_words(problem: BaseException) -> str:
-    """The first line of what a library says, or the kind of error where it says nothing."""
+    """Return the first line of a library's message, or the type of the error if it is empty."""
     text = next(iter(str(problem).strip().splitlines()), "")
     return text or type(problem).__name__
 
 
 def _parts(path: str) -> list[str]:
-    """The names in a path as a library of storage writes it, which may begin with ``/`` or not."""
+    """Return the names in a storage path, with or without a leading ``/``."""
     return [part for part in path.split("/") if part]

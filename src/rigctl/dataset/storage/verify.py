@@ -1,4 +1,4 @@
-"""Proving a run in storage whole, by reading it back."""
+"""Verifies a run in storage by reading it back."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from rigctl.errors import RigctlError
 
 
 def verify_stored(folder: StoredFolder) -> Verification:
-    """Compare every object of a run with the checksum in its ``run.json``; nothing is changed.
+    """Compare every object of a run with the checksum in its ``run.json``, without changes.
 
     Raises
     ------
     RigctlError
-        the storage does not answer, or refuses.
+        the storage does not respond, or refuses.
     """
     try:
         known = folder.info.get("files", {})
