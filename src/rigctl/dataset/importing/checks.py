@@ -11,7 +11,8 @@ import numpy as np
 
 from rigctl.dataset.importing.columns import Assigned
 from rigctl.dataset.importing.labels import BETWEEN, IMPOSSIBLE, LabelBook, describe_label
-from rigctl.dataset.importing.table import KEPT_FAULTS, NO_NUMBER, Fault, Part
+from rigctl.dataset.importing.missing_values import NO_NUMBER
+from rigctl.dataset.importing.table import KEPT_FAULTS, Fault, Part
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

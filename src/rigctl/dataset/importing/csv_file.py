@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.importing.csv_rows import Cells, read_rows, with_times
 from rigctl.dataset.importing.dialect import Dialect, find_dialect
+from rigctl.dataset.importing.missing_values import NO_VALUE
 from rigctl.dataset.importing.options import Options
-from rigctl.dataset.importing.table import NO_VALUE, Heading, Labels, Part
+from rigctl.dataset.importing.table import Heading, Labels, Part
 from rigctl.dataset.importing.text import HEAD, Lines, TextForm, find_form, not_text, opened
 from rigctl.dataset.importing.times import TimeFormat, TimeReader, find_format
 

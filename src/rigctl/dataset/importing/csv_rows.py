@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.importing.dialect import cell_place, split_row
+from rigctl.dataset.importing.missing_values import NO_VALUE
 from rigctl.dataset.importing.numbers import read_number
-from rigctl.dataset.importing.table import KEPT_FAULTS, NO_VALUE, Fault, Heading, Part, labels_of_texts
+from rigctl.dataset.importing.table import KEPT_FAULTS, Fault, Heading, Part, labels_of_texts
 
 if TYPE_CHECKING:
     from rigctl.dataset.importing.times import TimeReader

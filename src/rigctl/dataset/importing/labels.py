@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rigctl.dataset.importing.table import MISSING
+from rigctl.dataset.importing.missing_values import MISSING
 
 #: id of a row outside all records, and of one with an impossible label
 BETWEEN: Final = -1

@@ -7,7 +7,7 @@ import re
 from collections.abc import Collection, Sequence
 from typing import Final
 
-from rigctl.dataset.importing.table import NO_VALUE
+from rigctl.dataset.importing.missing_values import NO_VALUE
 
 _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 #: thousands in groups of three with a decimal sign, which is unambiguous

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.dataset.importing.groups import Column, Group, GroupedFile, missing_extra, open_groups, telling
 from rigctl.dataset.importing.headings import is_unit, split_heading, unit_of
+from rigctl.dataset.importing.missing_values import NO_VALUE
 from rigctl.dataset.importing.numbers import read_number
 from rigctl.dataset.importing.options import Options
-from rigctl.dataset.importing.table import NO_VALUE
 from rigctl.dataset.importing.times import to_utc
 from rigctl.errors import Location, RigctlError
 
