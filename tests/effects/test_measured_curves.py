@@ -15,8 +15,8 @@ from rigctl.effects import Effect, qualified
 from rigctl.effects.drivers import drivers
 from rigctl.effects.user import parse_effect
 from rigctl.errors import RigctlError
-from rigctl.physics.curves import Curve
 from rigctl.physics.families import find_family
+from rigctl.physics.interpolation import Curve
 from rigctl.physics.scope import Scope
 
 FAMILY = find_family("hydraulic_cylinder")

@@ -13,7 +13,7 @@ from rigctl.engine.excitation import Excitation
 from rigctl.engine.simulate import simulate
 from rigctl.errors import RigctlError
 from rigctl.model.build import build_system
-from rigctl.physics.curves import Curve
+from rigctl.physics.interpolation import Curve
 from rigctl.physics.scope import Scope
 from rigctl.physics.user import parse_family
 

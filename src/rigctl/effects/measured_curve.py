@@ -15,8 +15,8 @@ from typing import Any
 
 from rigctl.effects.declaration import EffectParameter, Own
 from rigctl.engine.symbols import Scalar
-from rigctl.physics.curves import Curve
 from rigctl.physics.family import Formula
+from rigctl.physics.interpolation import Curve
 from rigctl.physics.scope import Scope
 from rigctl.units import parse_unit
 

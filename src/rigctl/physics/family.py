@@ -16,7 +16,7 @@ from rigctl.notebook import one_line
 from rigctl.physics.standard_record import StandardRecord
 
 if TYPE_CHECKING:
-    from rigctl.physics.curves import Curve
+    from rigctl.physics.interpolation import Curve
     from rigctl.physics.scope import Scope
 
 #: an equation: variables of a scope in, a value out

@@ -8,8 +8,8 @@ from rigctl.effects.user.quantity import ReadQuantity, read_quantity
 from rigctl.effects.user.schema import CurveField
 from rigctl.effects.validity import ValidRange
 from rigctl.errors import Location, RigctlError
-from rigctl.physics.curves import Curve
 from rigctl.physics.family import ModelFamily, Slot
+from rigctl.physics.interpolation import Curve
 from rigctl.units import parse_unit
 
 

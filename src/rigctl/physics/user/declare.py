@@ -9,7 +9,6 @@ from typing import TypeVar
 from rigctl.errors import RigctlError
 from rigctl.files.quantity import in_dimension
 from rigctl.files.reader import Reader
-from rigctl.physics.curves import Curve
 from rigctl.physics.family import (
     Definition,
     InputVariable,
@@ -20,6 +19,7 @@ from rigctl.physics.family import (
     StateVariable,
 )
 from rigctl.physics.formulas import reserved_names
+from rigctl.physics.interpolation import Curve
 from rigctl.physics.scope import Scope
 from rigctl.physics.units import si_unit
 from rigctl.physics.user.formula import AFTER, BEFORE, unwritten
