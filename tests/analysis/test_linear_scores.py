@@ -26,7 +26,7 @@ from linear_problem import (
 )
 from rigctl.analysis.adequacy import adequacy
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.levels import ALPHA, SEEN_IN_LIBRARY
+from rigctl.analysis.decision_levels import ALPHA, SEEN_IN_LIBRARY
 from rigctl.analysis.linearisation import Linearisation
 from rigctl.analysis.nuisance_projection import Projected, project
 from rigctl.analysis.power import hidden_at_typical_size

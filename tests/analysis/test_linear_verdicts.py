@@ -27,10 +27,10 @@ from linear_problem import (
     random_gram,
 )
 from rigctl.analysis.comparison_result import Comparison
+from rigctl.analysis.decision_levels import LEAST_DIFFERENCE, LEAST_SEPARATION
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.improve import Ended, Improvement, improve
-from rigctl.analysis.levels import LEAST_DIFFERENCE, LEAST_SEPARATION
 from rigctl.analysis.search import Search, pair_gains
 from rigctl.model.load import load_model
 

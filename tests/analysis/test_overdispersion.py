@@ -11,7 +11,7 @@ import pytest
 
 from made_fit import made_fit, made_noise
 from rigctl.analysis.adequacy import Adequacy, Test, error_below, variance_factor
-from rigctl.analysis.levels import BELOW_NOISE
+from rigctl.analysis.decision_levels import BELOW_NOISE
 from rigctl.analysis.nuisance_projection import _guessed_degrees
 from rigctl.noise import NoiseModel, Source
 

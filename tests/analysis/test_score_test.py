@@ -14,7 +14,7 @@ from scipy.stats import chi2, f
 
 from rigctl.analysis.adequacy import Test, chi2_tail
 from rigctl.analysis.candidates import Candidate
-from rigctl.analysis.levels import ALPHA
+from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.linearisation import Linearisation, RecordTriangle, Regions
 from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.score_test import cone, screen, tail

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.levels import ALPHA, BELOW_NOISE, QUANTILE
+from rigctl.analysis.decision_levels import ALPHA, BELOW_NOISE, QUANTILE
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.analysis.score_test import Screening
 from rigctl.model.fit.errors import whitened_residual

@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.levels import FOLD_LOSS, FOLD_SEEN, FOLDS_GAIN
+from rigctl.analysis.decision_levels import FOLD_LOSS, FOLD_SEEN, FOLDS_GAIN
 from rigctl.analysis.linearisation import Linearisation
 from rigctl.analysis.nuisance_projection import HIDDEN
 

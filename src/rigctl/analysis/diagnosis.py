@@ -13,13 +13,13 @@ from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.cross_validation import CrossValidation, held_out_gain
+from rigctl.analysis.decision_levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE, SLIGHT
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.analysis.fitting import require_free_parameters
 from rigctl.analysis.identity import Levels, levels_of, same_cause
 from rigctl.analysis.laws.answer import LawAnswer, law_answers, laws_instead
 from rigctl.analysis.laws.simpler_law import simpler_does
 from rigctl.analysis.laws.size_scatter import SizeScatter
-from rigctl.analysis.levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE, SLIGHT
 from rigctl.analysis.linearisation import slopes_at
 from rigctl.analysis.power import hidden_at_typical_size, power_text
 from rigctl.analysis.refit import RefittedSet, left_by_refit

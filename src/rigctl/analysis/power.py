@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rigctl.analysis.levels import SEEN_IN_LIBRARY
+from rigctl.analysis.decision_levels import SEEN_IN_LIBRARY
 from rigctl.analysis.nuisance_projection import Projected
 
 

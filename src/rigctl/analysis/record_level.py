@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.adequacy import chance_text, chi2_tail
-from rigctl.analysis.levels import ALPHA
+from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.linearisation import free_unknowns
 from rigctl.engine.least_squares import Refused
 from rigctl.engine.least_squares.unknown import prior_rows

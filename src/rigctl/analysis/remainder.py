@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rigctl.analysis.adequacy import chance_text
-from rigctl.analysis.levels import REMAINDER_TREND
+from rigctl.analysis.decision_levels import REMAINDER_TREND
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
 from rigctl.analysis.slot_evidence import slot_evidence

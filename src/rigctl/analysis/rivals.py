@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from rigctl.analysis.candidates import Candidate
-from rigctl.analysis.levels import (
+from rigctl.analysis.decision_levels import (
     AT_LIMIT,
     BENDS,
     LEAST_DIFFERENCE,

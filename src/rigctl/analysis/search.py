@@ -26,9 +26,7 @@ from numpy.typing import NDArray
 from rigctl.analysis.adequacy import Adequacy, adequacy
 from rigctl.analysis.candidates import Candidate, at_sizes, candidates, data_ranges
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.laws.shape_tolerance import ShapeColumns, shape_columns
-from rigctl.analysis.laws.size_scatter import SizeScatter, size_scatter, switch_columns, with_scatter
-from rigctl.analysis.levels import (
+from rigctl.analysis.decision_levels import (
     ALIKE,
     BEYOND_LAWS,
     BEYOND_SHAPE,
@@ -45,6 +43,8 @@ from rigctl.analysis.levels import (
     WHOLE,
     WORTH,
 )
+from rigctl.analysis.laws.shape_tolerance import ShapeColumns, shape_columns
+from rigctl.analysis.laws.size_scatter import SizeScatter, size_scatter, switch_columns, with_scatter
 from rigctl.analysis.linearisation import Linearisation, linearise
 from rigctl.analysis.mbic import mbic
 from rigctl.analysis.nuisance_projection import Projected, project

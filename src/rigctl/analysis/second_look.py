@@ -12,8 +12,8 @@ import numpy as np
 
 from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.decision_levels import AT_LIMIT, UNSEEN
 from rigctl.analysis.fitting import fit_in_noise, noise_in
-from rigctl.analysis.levels import AT_LIMIT, UNSEEN
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
 from rigctl.engine.least_squares import started

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.levels import LEAST_DIFFERENCE, TOLERANCE
+from rigctl.analysis.decision_levels import LEAST_DIFFERENCE, TOLERANCE
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult

@@ -9,9 +9,7 @@ from rigctl.analysis.adequacy import chance_text, error_below
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.cross_validation import CrossValidation
-from rigctl.analysis.diagnosis_result import Drift, FoundParameter, Ranked, Verdict
-from rigctl.analysis.identity import wanted_elsewhere
-from rigctl.analysis.levels import (
+from rigctl.analysis.decision_levels import (
     ALIKE,
     ALPHA,
     BELOW_NOISE,
@@ -23,6 +21,8 @@ from rigctl.analysis.levels import (
     SHAPE_TOLERANCE,
     TOLERANCE,
 )
+from rigctl.analysis.diagnosis_result import Drift, FoundParameter, Ranked, Verdict
+from rigctl.analysis.identity import wanted_elsewhere
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder, share_text
 from rigctl.analysis.rivals import Differs, Rival

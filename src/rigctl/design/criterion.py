@@ -14,7 +14,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.levels import LEAST_SEPARATION
+from rigctl.analysis.decision_levels import LEAST_SEPARATION
 from rigctl.design.information import Evidence
 from rigctl.design.power import Gain, enough, enough_seen, seen, threshold_of, told_apart
 from rigctl.design.result import NONE

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.levels import (
+from rigctl.analysis.decision_levels import (
     ALPHA,
     LEAST_DIFFERENCE,
     LEAST_SEPARATION,

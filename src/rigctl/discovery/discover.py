@@ -10,10 +10,10 @@ from dataclasses import replace
 from rigctl.analysis.adequacy import Adequacy
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.decision_levels import ALPHA, STAND_IN
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.fitting import require_free_parameters
-from rigctl.analysis.levels import ALPHA, STAND_IN
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import share_text
 from rigctl.analysis.search import Search

@@ -13,8 +13,8 @@ import numpy as np
 
 from rigctl.analysis.adequacy import chi2_tail
 from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
-from rigctl.analysis.levels import ALPHA
 from rigctl.analysis.linearisation import Linearisation
 
 #: the gate is closed if more than this share of the misfit differs between records of one condition

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.adequacy import chi2_tail
-from rigctl.analysis.levels import ALPHA
+from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.discovery.chance import Chance, draw_chance, span
 from rigctl.discovery.open_slots import OnProgress, OpenSlots, products_at, splines_at

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rigctl.analysis.cross_validation import CrossValidation
+from rigctl.analysis.decision_levels import LEAST_DIFFERENCE, STAND_IN
 from rigctl.analysis.diagnosis_result import Diagnosis
-from rigctl.analysis.levels import LEAST_DIFFERENCE, STAND_IN
 from rigctl.analysis.remainder import share_text
 from rigctl.discovery.curve import Curve
 from rigctl.discovery.dimensions import Tier

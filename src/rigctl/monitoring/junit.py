@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from rigctl.analysis.levels import SURVEY_ALPHA
+from rigctl.analysis.decision_levels import SURVEY_ALPHA
 from rigctl.dataset.exporting.junit import element, plain
 from rigctl.files.write import write_error
 from rigctl.monitoring.result import Survey

@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.levels import SURVEY_ALPHA
+from rigctl.analysis.decision_levels import SURVEY_ALPHA
 from rigctl.monitoring.chance import COARSE, FINE, STRONGEST
 from rigctl.monitoring.change_point import Scan, best_possible, critical, scan
 from rigctl.monitoring.course import Shape, left_by, scatter_between, shape_of, standardised, whole_scatter

@@ -16,10 +16,10 @@ from typing import Final
 import numpy as np
 
 from rigctl.analysis.comparison import judge as compared
+from rigctl.analysis.decision_levels import SLIGHT
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.fitting import fit_problem
-from rigctl.analysis.levels import SLIGHT
 from rigctl.effects.declaration import Effect, qualified
 from rigctl.errors import RigctlError
 from rigctl.model.stated import stated_values

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 from rigctl.analysis.adequacy import chance_text
-from rigctl.analysis.levels import SURVEY_ALPHA
+from rigctl.analysis.decision_levels import SURVEY_ALPHA
 from rigctl.monitoring.entries import DATE, Axis, Entry
 from rigctl.monitoring.multiplicity import Change, Course, Judged, Quantity
 from rigctl.monitoring.naming import Named

@@ -131,7 +131,7 @@ def held_out_text(fits: Sequence[FitResult]) -> str:
 
 def _most(model: ModelComparison) -> str:
     """The worst condition, if it is not due to chance."""
-    from rigctl.analysis.levels import ALPHA
+    from rigctl.analysis.decision_levels import ALPHA
 
     worst = [one for one in model.where if one.by == "condition" and one.p_value < ALPHA][:2]
     return "; ".join(f"{one.label} ({100 * one.share_of_error:.0f} % of it)" for one in worst)

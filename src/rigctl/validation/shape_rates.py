@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 
+from rigctl.analysis.decision_levels import LEAST_SEPARATION, SHAPE_TOLERANCE
 from rigctl.analysis.identity import same_cause
-from rigctl.analysis.levels import LEAST_SEPARATION, SHAPE_TOLERANCE
 from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import find_effect
 from rigctl.validation.amplitude import CLOSE

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import in_unit
+from rigctl.analysis.decision_levels import ALPHA, QUANTILE
 from rigctl.analysis.fmu_rival.run import FmuOutputs, run_fmu
-from rigctl.analysis.levels import ALPHA, QUANTILE
 from rigctl.errors import RigctlError
 from rigctl.model.fit.errors import ChannelError, channel_errors, whitened_residual
 from rigctl.model.fit.fit import FitResult

@@ -10,9 +10,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.decision_levels import ALPHA, AT_LIMIT, SHAPE_TOLERANCE
 from rigctl.analysis.laws.posterior import AskedLaw, asked_laws, chance_of, laws_of
 from rigctl.analysis.laws.power_law import PowerLaw, fit_power, shown_unit
-from rigctl.analysis.levels import ALPHA, AT_LIMIT, SHAPE_TOLERANCE
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
 from rigctl.errors import RigctlError

@@ -22,9 +22,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.decision_levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE
 from rigctl.analysis.laws.shape_tolerance import Bend, courses, shape_columns
 from rigctl.analysis.laws.term import LawTerm, law_term
-from rigctl.analysis.levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE
 from rigctl.analysis.linearisation import Linearisation, linearise
 from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.refit import RefittedSet

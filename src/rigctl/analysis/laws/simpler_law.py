@@ -13,8 +13,8 @@ from dataclasses import replace
 from typing import cast
 
 from rigctl.analysis.candidates import Candidate, at_each_shape
+from rigctl.analysis.decision_levels import LEAST_DIFFERENCE
 from rigctl.analysis.identity import same_cause
-from rigctl.analysis.levels import LEAST_DIFFERENCE
 from rigctl.analysis.refit import RefittedSet, refit
 from rigctl.analysis.rivals import nested_at
 from rigctl.analysis.search import Search

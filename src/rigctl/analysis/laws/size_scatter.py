@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE
+from rigctl.analysis.decision_levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE
 from rigctl.analysis.linearisation import Linearisation, base_at
 from rigctl.analysis.nuisance_projection import project
 from rigctl.model.fit.fit import FitResult

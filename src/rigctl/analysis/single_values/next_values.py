@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.levels import ALPHA
+from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.refit import alone
 from rigctl.analysis.score_test import Score

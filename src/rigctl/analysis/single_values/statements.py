@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rigctl.analysis.adequacy import Adequacy, chance_text, chi2_tail
-from rigctl.analysis.levels import ALPHA
+from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.linearisation import Linearisation
 from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.score_test import Score, Screening

@@ -8,7 +8,7 @@ from dataclasses import replace
 from markupsafe import Markup
 
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
-from rigctl.analysis.levels import ALPHA
+from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.record_level import RecordQuantity
 from rigctl.report.analysis.answer import Told, answer_section
 from rigctl.report.analysis.bars import Bar, bars

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from rigctl.analysis.adequacy import chance_text
-from rigctl.analysis.levels import SURVEY_ALPHA
+from rigctl.analysis.decision_levels import SURVEY_ALPHA
 from rigctl.dataset.outputs import is_page, require_output
 from rigctl.files.write import write_text
 from rigctl.monitoring.entries import DATE, ORDER
