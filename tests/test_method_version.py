@@ -34,9 +34,9 @@ def test_deciding_code_has_not_changed_without_a_word(tool: ModuleType) -> None:
 @pytest.mark.parametrize(
     ("name", "old", "new", "same"),
     [
-        ("levels.py", "#: probability of rejecting", "#: how often it calls", True),  # a comment
+        ("decision_levels.py", "#: probability of rejecting", "#: how often it calls", True),  # a comment
         ("adequacy.py", '"""Does the model agree', '"""Whether the model agrees', True),  # a docstring
-        ("levels.py", "ALPHA: Final = 0.01", "ALPHA: Final = 0.02", False),
+        ("decision_levels.py", "ALPHA: Final = 0.01", "ALPHA: Final = 0.02", False),
         ("adequacy.py", "self.p_value >= ALPHA", "self.p_value > ALPHA", False),
     ],
 )
