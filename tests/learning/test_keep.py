@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rigctl.errors import RigctlError
+from rigctl.learning.ending import Ended
 from rigctl.learning.keep import Kept, Task
-from rigctl.learning.result import CameOut, Ended, Learned, Promised, Round
+from rigctl.learning.result import CameOut, Learned, Promised, Round
 
 NAMES = st.sampled_from(["leak", "drift", "coulomb_friction", "none"])
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)

@@ -15,10 +15,11 @@ from rigctl.design.refusals import NothingLeft, NothingToSet, TooLittleTime
 from rigctl.design.result import DesignResult, Sharpened
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.shipped import shipped
-from rigctl.learning import learn, outcome
+from rigctl.learning import learn, predicted_and_achieved
+from rigctl.learning.ending import Ended
 from rigctl.learning.keep import Kept, Task
 from rigctl.learning.learn import Learner
-from rigctl.learning.result import Ended, Round
+from rigctl.learning.result import Round
 from rigctl.model import load_model
 from rigctl.plan import Plan
 from rigctl.runner.session import RunResult
@@ -205,7 +206,9 @@ def stand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
             ),
         )
         monkeypatch.setattr(learn, "relative_width", lambda fit, _: fit.width)
-        monkeypatch.setattr(outcome, "known_to", lambda fit, names: dict.fromkeys(names, 1e-16))
+        monkeypatch.setattr(
+            predicted_and_achieved, "known_to", lambda fit, names: dict.fromkeys(names, 1e-16)
+        )
         monkeypatch.setattr(learn.Learner, "_open_runs", lambda _: [])
         whole = Task("campaign.yaml", str(own_copy(tmp_path)), 1, **task)
         bench = MadeBench(tmp_path, status)

@@ -10,7 +10,8 @@ from rigctl.cli.design_views import show_design
 from rigctl.cli.tables import console, table
 from rigctl.design.result import DesignResult
 from rigctl.design.words import share
-from rigctl.learning.result import Ended, Learned, Round, round_text
+from rigctl.learning.ending import Ended
+from rigctl.learning.result import Learned, Round, round_text
 from rigctl.planning.outline import clock_time
 
 

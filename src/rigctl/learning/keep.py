@@ -13,7 +13,8 @@ from typing import Any
 from rigctl.dataset.run_id import new_run_id, next_free
 from rigctl.errors import RigctlError, nearest_name
 from rigctl.files.write import write_json, write_new
-from rigctl.learning.result import Ended, Learned, Round
+from rigctl.learning.ending import Ended
+from rigctl.learning.result import Learned, Round
 
 _STATE = "learning.json"
 _VERSION = 1

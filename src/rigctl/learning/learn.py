@@ -20,9 +20,10 @@ from rigctl.design.words import HALF
 from rigctl.discovery.gate import gate_of
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.learning.bench import Bench, seconds_of
+from rigctl.learning.ending import Ended
 from rigctl.learning.keep import Kept
-from rigctl.learning.outcome import promise_of, what_came_out
-from rigctl.learning.result import CameOut, Ended, Learned, Round
+from rigctl.learning.predicted_and_achieved import promise_of, what_came_out
+from rigctl.learning.result import CameOut, Learned, Round
 from rigctl.model import current_version, load_model, versions
 from rigctl.plan import Plan
 

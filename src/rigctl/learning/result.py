@@ -4,46 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 from rigctl.errors import ExitCode
+from rigctl.learning.ending import Ended
 from rigctl.notebook import as_html, one_line
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-class Ended(StrEnum):
-    """Why there was no further round."""
-
-    ADEQUATE = "adequate"  #: the model agrees, and each effect in it is distinguished from its rivals
-    NOT_SEPARABLE = "not_separable"  #: no record on this bench would distinguish the remaining explanations
-    OUTSIDE_LIBRARY = (
-        "outside_library"  #: something is missing, and no effect of the library is certain to be it
-    )
-    NOT_DECIDED = "not_decided"  #: these data cannot tell whether anything is missing
-    BUDGET = "budget"  #: the next records need more bench time than is left
-    ROUNDS = "rounds"  #: the allowed number of rounds has been made
-    DECLINED = "declined"  #: the user declined; the proposal is kept
-    STOPPED = "stopped"  #: a run did not finish; it ended safely, and learning can continue
-
-    @property
-    def heading(self) -> str:
-        """The ending as a short heading for the terminal and the page."""
-        return _HEADINGS[self]
-
-
-_HEADINGS = {
-    Ended.ADEQUATE: "Learnt",
-    Ended.NOT_SEPARABLE: "Not to be told apart on this bench",
-    Ended.OUTSIDE_LIBRARY: "Outside the library",
-    Ended.NOT_DECIDED: "Not decided",
-    Ended.BUDGET: "Out of time",
-    Ended.ROUNDS: "Out of rounds",
-    Ended.DECLINED: "Declined",
-    Ended.STOPPED: "Stopped",
-}
 
 
 @dataclass(frozen=True)

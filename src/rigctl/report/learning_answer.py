@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from rigctl.learning import result as learning
+from rigctl.learning.ending import Ended
+from rigctl.learning.result import Learned
 from rigctl.model.fit.fit import FitResult
 from rigctl.planning.outline import clock_time
 from rigctl.report.answer import Answer, error_text, held_out_text, said
@@ -14,7 +15,7 @@ from rigctl.report.systematic import falls
 
 
 def learning_answer(
-    found: learning.Learned, fits: Sequence[FitResult] = (), left: Mapping[str, float] | None = None
+    found: Learned, fits: Sequence[FitResult] = (), left: Mapping[str, float] | None = None
 ) -> Answer:
     """How a learning ended, what it added, how the error changed, and whether predictions came true.
 
@@ -23,7 +24,7 @@ def learning_answer(
     fits: of the original and the current model, on all measurements; without them the error is not stated.
     left: of the last of them, as of `systematic.falls`.
     """
-    good = found.ended is learning.Ended.ADEQUATE
+    good = found.ended is Ended.ADEQUATE
     promises = [f"round {one.number}: {one.came_out.statement}" for one in found.rounds if one.came_out]
     facts = [
         ("added", ", ".join(f"{name} (version {v})" for one in found.rounds for name, v in one.added)),

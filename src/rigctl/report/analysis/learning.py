@@ -10,7 +10,8 @@ import numpy as np
 from markupsafe import Markup
 
 from rigctl.design.words import share
-from rigctl.learning.result import Ended, Learned, Round
+from rigctl.learning.ending import Ended
+from rigctl.learning.result import Learned, Round
 from rigctl.planning.outline import clock_time
 from rigctl.report.analysis.answer import Told, answer_section
 from rigctl.report.analysis.bars import Bar, bars

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from rigctl.learning.result import Ended
+from rigctl.learning.ending import Ended
 from rigctl.validation.designed.work import DesignOutcome
 from rigctl.validation.figures import Figures, Rate, rate_of
 from rigctl.validation.outcome import Learnt

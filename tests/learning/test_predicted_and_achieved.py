@@ -8,7 +8,7 @@ from typing import Any, cast
 import pytest
 
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
-from rigctl.learning.outcome import what_came_out
+from rigctl.learning.predicted_and_achieved import what_came_out
 from rigctl.learning.result import Promised
 
 
