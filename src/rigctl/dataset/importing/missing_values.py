@@ -1,4 +1,4 @@
-"""Which cells and numbers of a file stand for a missing value."""
+"""The texts and numbers of a file that mark a missing value."""
 
 from __future__ import annotations
 
