@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.adequacy import chi2_tail
 from rigctl.analysis.decision_levels import ALPHA
+from rigctl.analysis.laws.shape_tolerance import FUNCTIONS
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.discovery.chance import Chance, draw_chance, span
 from rigctl.discovery.open_slots import OnProgress, OpenSlots, products_at, splines_at
@@ -28,8 +29,6 @@ from rigctl.physics.family import Slot
 
 Floats = NDArray[np.float64]
 
-#: number of splines over each variable
-FUNCTIONS = 8
 #: number of splines over each of two variables, of locations tested that way, and of those tested once more
 FEW, PLACES, AGAIN = 5, 8, 3
 #: number of samples of a record used for the correlation of hypotheses

@@ -12,12 +12,12 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from rigctl.report.plot import COLOURS, MARKERS, Look, Mark, Panel, Plot, Span, Trace
+from rigctl.report import colours
+from rigctl.report.plot import MARKERS, Look, Mark, Panel, Plot, Span, Trace
 
 _PANEL_PIXELS = 168
 _GAP_PIXELS = 16
 _MARGINS = {"l": 78, "r": 18, "t": 34, "b": 46}
-_MARK_COLOUR = "#c9504c"
 #: characters that could end the script element with the JSON, or start a comment in it
 _UNSAFE = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026", "\u2028": "\\u2028", "\u2029": "\\u2029"}
 
@@ -76,7 +76,7 @@ def _axis(letter: str, number: int) -> str:
 
 
 def _style(trace: Trace) -> dict[str, Any]:
-    colour = COLOURS[trace.colour % len(COLOURS)]
+    colour = colours.SERIES[trace.colour % len(colours.SERIES)]
     unit = f" {_text(trace.unit)}" if trace.unit else ""
     style: dict[str, Any] = {
         "type": "scatter",
@@ -150,7 +150,8 @@ def _span(span: Span) -> dict[str, Any]:
         "y0": 0,
         "y1": 1,
         "line": {"width": 0},
-        "fillcolor": "rgba(110,140,180,0.16)",
+        "fillcolor": colours.SPAN,
+        "opacity": colours.SPAN_OPACITY,
         "layer": "below",
     }
 
@@ -163,7 +164,7 @@ def _flag(mark: Mark) -> dict[str, Any]:
         "yref": "paper",
         "yanchor": "bottom",
         "text": "▼",
-        "font": {"color": _MARK_COLOUR, "size": 13},
+        "font": {"color": colours.MARK, "size": 13},
         "showarrow": False,
         "hovertext": _text(mark.label),
     }
@@ -177,5 +178,5 @@ def _mark(mark: Mark) -> dict[str, Any]:
         "x1": mark.x,
         "y0": 0,
         "y1": 1,
-        "line": {"color": _MARK_COLOUR, "width": 1.5, "dash": "dash"},
+        "line": {"color": colours.MARK, "width": 1.5, "dash": "dash"},
     }

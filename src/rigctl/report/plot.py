@@ -9,8 +9,6 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-#: distinguishable for most colour-blind readers, and visible on a white and on a dark background
-COLOURS = ("#2f7fc1", "#d97a26", "#2f9e6e", "#b35fb0", "#c9504c", "#1f9aa8", "#8c6d46", "#7b8494")
 #: a second mark, so that series can be distinguished in black-and-white print
 MARKERS = ("circle", "square", "diamond", "triangle-up", "cross", "triangle-down", "x", "star")
 

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.files.write import write_bytes
+from rigctl.report import colours
 from rigctl.report.numbers import prose
-from rigctl.report.plot import COLOURS, Look, Panel, Plot, Trace
+from rigctl.report.plot import Look, Panel, Plot, Trace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,9 +51,11 @@ def write_figure(plot: Plot, folder: Path, form: str = "png") -> Path:
         for panel, axes in zip(plot.panels, grid[:, 0], strict=True):
             _draw(panel, axes)
             for span in plot.spans:
-                axes.axvspan(span.start, span.end, color="#6e8cb4", alpha=0.16, linewidth=0)
+                axes.axvspan(
+                    span.start, span.end, color=colours.SPAN, alpha=colours.SPAN_OPACITY, linewidth=0
+                )
             for mark in plot.marks:
-                axes.axvline(mark.x, color="#c9504c", linestyle="--", linewidth=1)
+                axes.axvline(mark.x, color=colours.MARK, linestyle="--", linewidth=1)
         grid[-1, 0].set_xlabel(plot.x_title)
         figure.suptitle(prose(plot.caption), fontsize=10)
         content = io.BytesIO()
@@ -89,7 +92,7 @@ def _draw_trace(trace: Trace, axes: Axes) -> None:
     axes.plot(
         trace.x,
         trace.y,
-        color=COLOURS[trace.colour % len(COLOURS)],
+        color=colours.SERIES[trace.colour % len(colours.SERIES)],
         linestyle="none" if trace.look is Look.POINTS else ":" if trace.faint else "-",
         linewidth=0.9 if trace.faint else 1.3,
         marker=_MARKERS[trace.colour % len(_MARKERS)] if marked else None,
