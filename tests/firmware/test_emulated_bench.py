@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Iterator
 from itertools import pairwise
+from typing import Any
 
 import pytest
 
 from rigctl.backends.arduino.bench import ArduinoBench
 from rigctl.backends.emulated import library
+from rigctl.backends.emulated.board import EmulatedBoard
 from rigctl.backends.emulated.create import create
 from rigctl.backends.errors import BackendLost
 from rigctl.backends.protocol import Notice, Sample
@@ -166,13 +169,65 @@ def test_a_board_that_restarts_mid_record_is_noticed_and_taken_up_again(make_ben
     assert len(read_until(bench, 5.0)) == pytest.approx(100, abs=2)
 
 
-def test_no_sample_is_lost_or_torn_while_microseconds_grow_to_nine_digits(make_bench: Make) -> None:
-    """At 100 Hz; the benchmark does ten real minutes."""
+class RunningBoard(EmulatedBoard):
+    """A board that has run for longer than it was emulated."""
+
+    #: ms that are added to its count of milliseconds
+    before = 0
+
+    def __init__(self, *made_of: Any) -> None:
+        super().__init__(*made_of)
+        self.run_to(0.3)
+        places = self._places()
+        self.run_to(0.4)
+        (self._place,) = places & self._places()
+        self.milliseconds += self.before
+
+    def _places(self) -> set[int]:
+        """Where in the memory its time stands: from reset to now, less what passes until it counts."""
+        milliseconds = round(self.time * 1000)
+        return {k for k in range(0x100, 0x8FD) if -25 <= self._word(k) - milliseconds <= 0}
+
+    def _word(self, place: int) -> int:
+        return int.from_bytes(bytes(self._memory[place : place + 4]), "little")
+
+    @property
+    def _memory(self) -> Any:
+        return ctypes.cast(self.avr._state.data, ctypes.POINTER(ctypes.c_uint8))
+
+    @property
+    def milliseconds(self) -> int:
+        return self._word(self._place)
+
+    @milliseconds.setter
+    def milliseconds(self, count: int) -> None:
+        for k, byte in enumerate(count.to_bytes(4, "little")):
+            self._memory[self._place + k] = byte
+
+
+@pytest.mark.parametrize("instant", [10_000, 100_000, 4_294_967])
+def test_no_sample_is_lost_or_torn_while_microseconds_change_their_number_of_digits(
+    make_bench: Make, instant: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At 100 Hz, when they get their eighth and ninth, and begin anew; the benchmark does ten minutes."""
+    boards: list[RunningBoard] = []
+
+    class Board(RunningBoard):
+        before = instant - 4000
+
+        def __init__(self, *made_of: Any) -> None:
+            super().__init__(*made_of)
+            boards.append(self)
+
+    monkeypatch.setattr("rigctl.backends.emulated.create.EmulatedBoard", Board)
     bench = make_bench(noise="off")
+    (board,) = boards
     bench.start(100.0)
     begun = bench.clock.now()
-    samples = read_until(bench, begun + 105.0)
-    assert len(samples) == pytest.approx(10_500, abs=3)
+    assert board.milliseconds < instant - 1000
+    samples = read_until(bench, begun + 7.0)
+    assert board.milliseconds > instant + 1000
+    assert len(samples) == pytest.approx(700, abs=3)
     assert max(b.time - a.time for a, b in pairwise(samples)) < 0.0115
     assert bench.take_notices() == []
 

@@ -1,8 +1,8 @@
 """One procedure file on three benches: simulated, through the board's firmware, and played again.
 
-The campaign is the shipped one with its own arguments: two temperatures one kelvin apart and two pressures
-instead of seven and four, since the emulated board passes through the heating at no more than ten times real
-time.
+The campaign is the shipped one with its own arguments: a temperature one kelvin above the bench's and two
+pressures instead of seven and four, since the emulated board passes through the heating at no more than ten
+times real time.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="simavr is packa
 
 PROCEDURES = {
     "quick-check": (),
-    "campaign": ("--arg", "temperatures=20 degC, 21 degC", "--arg", "pressures=20 bar, 40 bar"),
+    "campaign": ("--arg", "temperatures=21 degC", "--arg", "pressures=20 bar, 40 bar"),
 }
 #: standard deviation of a reading: noise of the sensor and resolution of the converter, in the channel's unit
 SIGMA = {
