@@ -9,12 +9,12 @@ from rigctl.rig import Rig
 
 
 def check_command(rig: Rig, actuator: str, value: float, duration: float | None = None) -> None:
-    """Refuse what `actuator` cannot do before anything moves.
+    """Refuse a command that `actuator` cannot execute, before anything moves.
 
     Raises
     ------
     RigctlError
-        there is no such actuator, it cannot take the SI value, or the duration is not positive.
+        there is no such actuator, its SI value is invalid, or the duration is not positive.
     """
     if actuator not in rig.actuators:
         raise unknown_name("actuator", actuator, rig.actuators)
@@ -37,5 +37,5 @@ def check_command(rig: Rig, actuator: str, value: float, duration: float | None 
 
 
 def driven_outputs(rig: Rig) -> frozenset[str]:
-    """The actuators that the bench drives; the others are turned by hand."""
+    """Return the actuators driven by the bench; the others are operated by hand."""
     return frozenset(name for name, actuator in rig.actuators.items() if actuator.by == "driven")

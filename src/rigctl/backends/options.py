@@ -1,4 +1,4 @@
-"""Options of a backend, from a rig file or a command line."""
+"""Options of a backend, from a rig file or the command line."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _FLAGS = {"on": True, "off": False, "true": True, "false": False, "yes": True, "
 
 
 def refuse_unknown(kind: str, options: Mapping[str, object], known: Iterable[str]) -> None:
-    """Refuse an option that the backend does not have, with the nearest that it has."""
+    """Refuse an unknown option, naming the nearest valid one."""
     names = tuple(known)
     for name in options:
         if name not in names:
@@ -20,12 +20,12 @@ def refuse_unknown(kind: str, options: Mapping[str, object], known: Iterable[str
 
 
 def read_port(rig: Rig, options: Mapping[str, object], question: str, expected: str, begins: str = "") -> str:
-    """The port from the command line, or else from the rig file.
+    """Return the port from the command line, or else from the rig file.
 
     Raises
     ------
     RigctlError
-        there is none (`question`, `expected`), or none that `begins` so.
+        there is none (`question`, `expected`), or its start is not `begins`.
     """
     port = options.get("port") or rig.backend.port
     if isinstance(port, str) and port.startswith(begins):
@@ -34,7 +34,7 @@ def read_port(rig: Rig, options: Mapping[str, object], question: str, expected: 
 
 
 def require_packages(device: str, library: str, extra: str, modules: Iterable[str]) -> None:
-    """Refuse a `device` whose `library` is not installed, and say how it is.
+    """Refuse a `device` whose `library` is not installed, with the command to install it.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def require_packages(device: str, library: str, extra: str, modules: Iterable[st
 
 
 def read_flag(name: str, given: object, *, default: bool) -> bool:
-    """On or off; `default` where nothing is given."""
+    """Read on or off; `default` if nothing is given."""
     if given is None:
         return default
     if isinstance(given, bool):
@@ -57,7 +57,7 @@ def read_flag(name: str, given: object, *, default: bool) -> bool:
 
 
 def read_texts(name: str, given: object) -> tuple[str, ...]:
-    """One text or several; none where nothing is given."""
+    """Read one text or several; none if nothing is given."""
     if given is None:
         return ()
     if isinstance(given, str):

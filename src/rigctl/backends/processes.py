@@ -9,7 +9,7 @@ def process_exists(pid: int) -> bool:
     """False if there is no such process; on Windows, where the query would end it, always True."""
     if os.name != "posix":
         return True
-    if pid <= 0:  # that would ask for a whole group of processes
+    if pid <= 0:  # would query a whole process group
         return False
     try:
         os.kill(pid, 0)

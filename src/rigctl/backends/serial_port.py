@@ -19,21 +19,21 @@ BAUD = 115200
 
 
 def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
-    """A bench on a serial port, not yet open: rigctl's board, or the device whose lines the rig file has.
+    """Make a bench on a serial port, not yet open: rigctl's board, or the line-based device of the rig file.
 
     Parameters
     ----------
-    rig: its ``backend`` part gives the defaults of port and baud.
+    rig: its ``backend`` part has the defaults of port and baud.
     clock: real.
     options: any of
         ``port`` (a device or a pyserial URL), ``baud``;
-        ``inputs``, ``outputs`` (what is connected where, as `wiring_of` reads them);
+        ``inputs``, ``outputs`` (the wiring, see `wiring_of`);
         ``clear_trips`` (on or off).
 
     Raises
     ------
     RigctlError
-        an option is unknown or wrong, or no port is named.
+        an option is unknown or wrong, or no port is given.
     """
     address, lines = address_of(rig, options), rig.backend.lines
     if lines is not None:
@@ -58,7 +58,7 @@ def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
     Raises
     ------
     RigctlError
-        an option is unknown or wrong, or no port is named.
+        an option is unknown or wrong, or no port is given.
     """
     lines = rig.backend.lines
     refuse_unknown("option of the serial backend", options, OPTIONS if lines is None else OF_LINES)

@@ -1,1 +1,1 @@
-"""A bench behind a serial line: rigctl's own board, and how it is spoken to."""
+"""A bench on a serial line: rigctl's own board and its protocol."""

@@ -26,13 +26,13 @@ from rigctl.errors import ExitCode, RigctlError
 from rigctl.plan.loop import LoopSettings, LoopState
 from rigctl.rig import Rig
 
-HOST_SILENT = "host silent"  #: the trip that a host's coming ends
-_SAFE_ANSWER, _SAFE_TRIES = 0.1, 8  # s, to make safe within a second also where lines are lost
+HOST_SILENT = "host silent"  #: the trip that ends when a host connects
+_SAFE_ANSWER, _SAFE_TRIES = 0.1, 8  # s; makes safe within a second even if lines are lost
 
 
 @dataclass(frozen=True, slots=True)
 class _Order:
-    """A command to which the board has not answered yet; `asked_for` where the caller waits for it."""
+    """A command that the board has not answered yet; `asked_for` if the caller waits for it."""
 
     pending: PendingCommand
     underway: Underway[None]
@@ -44,17 +44,17 @@ class ArduinoBench(PortBench[Board]):
 
     Parameters
     ----------
-    rig: what channels and actuators there are.
-    clock: what waits are counted on.
-    connect: opens the port; called again when it was lost.
+    rig: the channels and actuators.
+    clock: the clock for waits.
+    connect: opens the port; called again after a loss.
     wiring: what is connected where.
     kind: ``serial`` or ``emulated``, for the identity.
     baud: bits per second.
-    patience: s for a board that starts anew when its port is opened.
-    reconnect: s for a lost board to come back.
-    clear_trips: whether trips that are latched from before are cleared when the bench is opened; see
+    patience: s allowed for a board that restarts when its port is opened.
+    reconnect: s allowed for a lost board to return.
+    clear_trips: whether earlier latched trips are cleared when the bench is opened; see
         docs/decisions/0011-who-clears-a-trip.md.
-    by_hand: told when the operator turns something, where the operator is emulated too.
+    by_hand: called when the operator turns something, if the operator is emulated too.
     """
 
     timed = True
@@ -92,12 +92,12 @@ class ArduinoBench(PortBench[Board]):
 
     @property
     def outputs_read(self) -> frozenset[str]:
-        """What the board reports with each sample."""
+        """The outputs that the board reports with each sample."""
         return self._translation.reported
 
     @property
     def outputs_answered(self) -> frozenset[str]:
-        """The board answers every command."""
+        """All driven outputs, since the board answers every command."""
         return driven_outputs(self._rig)
 
     @property
@@ -111,7 +111,7 @@ class ArduinoBench(PortBench[Board]):
         return Meeting(port, line.take, self._begin(line, again=again))
 
     def _begin(self, line: Line, *, again: bool) -> Conversation[Board]:
-        """Ask who is there, and take that board: safe, trips known, clock learnt, stream begun."""
+        """Identify the board, make it safe, read its trips, synchronise the clocks and start the stream."""
         board = yield from handshake(line, self._patience)
         known = self.identity.get("firmware")
         if known is not None and known != board.identity["firmware"]:
@@ -131,7 +131,7 @@ class ArduinoBench(PortBench[Board]):
         except BenchTripped as tripped:
             if not again:
                 raise
-            self._receiver.tripped = tripped.causes  # it can be reached, but does nothing any more
+            self._receiver.tripped = tripped.causes  # reachable, but no longer working
             self._reconnection.why = tripped.what
             self._outbox.notice("alarm", tripped.what)
         else:
@@ -140,7 +140,7 @@ class ArduinoBench(PortBench[Board]):
         return board
 
     def _settling_trips(self, board: Board) -> Conversation[None]:
-        """A silence of the host is over once a host is there; every other trip waits for a person."""
+        """Clear the trip for a silent host, which has ended; all other trips wait for a person."""
         before = yield from board.asking_trips()
         if not before:
             return
@@ -180,7 +180,7 @@ class ArduinoBench(PortBench[Board]):
             )
 
     def _begin_sampling(self) -> None:
-        if self._contact is None:  # one that comes back begins its stream by itself
+        if self._contact is None:  # a board that reconnects starts its stream by itself
             return
         try:
             self._streaming = Underway(self._stream(self._contact))
@@ -188,7 +188,7 @@ class ArduinoBench(PortBench[Board]):
             self._lose(error)
 
     def _stream(self, board: Board) -> Conversation[None]:
-        """Let the board begin its stream at the present rate."""
+        """Start the board's stream at the current rate."""
         self._receiver.restarting = True
         try:
             answer = yield from board.line.asking(f"STRM {self._rate or self._rig.monitor_rate:.3f}")
@@ -203,16 +203,16 @@ class ArduinoBench(PortBench[Board]):
         board = self._check_reach()
         self._ends.pop(actuator, None)
         self._drop_order(actuator, "another command came before the board had answered")
-        self._receiver.take(board)  # what happened before is none of its doing
+        self._receiver.take(board)  # earlier events are not caused by this command
         pending = self._pending(actuator, value)
-        if actuator == self._regulation.actuator:  # the board ends its loop
+        if actuator == self._regulation.actuator:  # this ends the board's loop
             self._regulation.forget()
         return self._order(pending, self._carry_out(board, pending, duration), asked_for=asked_for)
 
     def _order(
         self, pending: PendingCommand, conversation: Conversation[None], *, asked_for: bool
     ) -> PendingCommand:
-        """Begin to carry out a command; raises `OutOfReach`."""
+        """Start a command; raises `OutOfReach`."""
         try:
             underway = Underway(conversation)
         except PortLost as error:
@@ -223,7 +223,7 @@ class ArduinoBench(PortBench[Board]):
         return pending
 
     def _carry_out(self, board: Board, pending: PendingCommand, duration: float | None) -> Conversation[None]:
-        """Switch, and note what the board says of it."""
+        """Switch an output, and record the board's answer."""
         actuator, value = pending.actuator, pending.value
         try:
             receipt = yield from self._switching.switch(board, actuator, value, duration)
@@ -237,7 +237,7 @@ class ArduinoBench(PortBench[Board]):
         pending.receipt = receipt
 
     def _go_on(self) -> None:
-        """Go on with what the board has been asked; raises `PortLost`."""
+        """Continue the query in progress; raises `PortLost`."""
         if self._streaming is not None:
             self._streaming.go_on()
             if self._streaming.over:
@@ -255,7 +255,7 @@ class ArduinoBench(PortBench[Board]):
                 self._outbox.notice("fault", f"a pulse could not be ended: {order.pending.trouble}")
 
     def _drop_order(self, actuator: str, why: str) -> None:
-        """Do not wait for an answer any more; what became of the command is not known."""
+        """Stop waiting for an answer; the outcome of the command is unknown."""
         order = self._orders.pop(actuator, None)
         if order is not None:
             order.underway.drop()
@@ -269,27 +269,27 @@ class ArduinoBench(PortBench[Board]):
     # --- the closed loop on the board ---------------------------------------------------------------------
 
     def cannot_regulate(self, loop: LoopSettings) -> str:
-        """Why this board cannot carry out a loop; empty where it can."""
+        """Return why this board cannot run a loop; empty if it can."""
         return cannot_regulate(self.identity, self._translation, loop)
 
     def regulate(self, loop: LoopSettings) -> PendingCommand:
-        """Tell the board to begin a loop."""
+        """Start a loop on the board."""
         value = self._outbox.commanded.get(loop.actuator, loop.low)
         board = self._free(loop.actuator)
         return self._regulated(loop.actuator, value, self._regulation.begin(board, loop, value))
 
     def loop_state(self, ahead: float | None = None) -> LoopState:
-        """What is known of the newest loop."""
+        """Return the state of the newest loop."""
         return self._regulation.state(ahead)
 
     def stop_regulating(self, actuator: str) -> PendingCommand:
-        """End a loop, its output as it is."""
+        """End a loop, leaving its output unchanged."""
         board = self._free(actuator)
         value = self._outbox.commanded.get(actuator, 0.0)
         return self._regulated(actuator, value, self._regulation.end(board, actuator))
 
     def _free(self, actuator: str) -> Board:
-        """The board, which is asked nothing else of an actuator."""
+        """Return the board once no other command of an actuator is pending."""
         self._check_open()
         board = self._check_reach()
         self._drop_order(actuator, "another command came before the board had answered")
@@ -316,7 +316,7 @@ class ArduinoBench(PortBench[Board]):
     def _advance(self, board: Board, until: float) -> None:
         heartbeat = self._heartbeat
         if heartbeat is None:
-            raise RuntimeError("a board that was met without a heartbeat")
+            raise RuntimeError("a connected board without a heartbeat")
         silence = max(0.1, 3.0 / (self._rate or self._rig.monitor_rate))
         heartbeat.beat(silent=self.clock.now() - self._receiver.heard > silence)
         board.line.take(min(until, heartbeat.due, *self._ends.values(), *self._due()))
@@ -326,7 +326,7 @@ class ArduinoBench(PortBench[Board]):
         self._receiver.take(board)
 
     def _due(self) -> list[float]:
-        """When to go on with what the board has been asked, s."""
+        """Return when to continue the query in progress, s."""
         due = [order.underway.until for order in self._orders.values()]
         due += self._regulation.due
         return due if self._streaming is None else [*due, self._streaming.until]
@@ -347,15 +347,15 @@ class ArduinoBench(PortBench[Board]):
             board.port.close()
             return damaged, None
         with suppress(PortLost):
-            board.line.put("OUTP:SAFE")  # whether or not its answers get through
-        return damaged, board.port  # opening it again would restart an Uno, or let another host in
+            board.line.put("OUTP:SAFE")  # whether or not its answers arrive
+        return damaged, board.port  # opening it again would restart an Uno, or allow another host
 
     def _leave_out(self, lost_at: float) -> int:
         return self._receiver.missing_since(lost_at, self._rate or self._rig.monitor_rate)
 
 
 def _asking_why(board: Board) -> Conversation[str | None]:
-    """What a refusal comes from, where a trip is behind it."""
+    """Find the trip that caused a refusal, if any."""
     try:
         causes = trip_causes((yield from board.asking_trips()))
     except NoAnswer:

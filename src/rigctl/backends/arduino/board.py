@@ -1,4 +1,4 @@
-"""A board that has answered: who it is, what time it has, why it has tripped, whether it is still there."""
+"""A connected board: its identity, clock, trips and heartbeat."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from rigctl.backends.transport.conversation import Conversation
 from rigctl.backends.transport.port import NoAnswer, Port
 from rigctl.clock import Clock
 
-_INTERVAL = 0.5  # s; the board gives up on a silent host after 1.5 s
-_UNANSWERED = 3  # questions in a row, and the board is lost
+_INTERVAL = 0.5  # s; the board trips after 1.5 s without its host
+_UNANSWERED = 3  # unanswered queries in a row after which the board is lost
 _QUERY = "SYST:TIME?"
 _CAUSES = (
     "over-temperature",
@@ -29,7 +29,7 @@ class Board:
     Attributes
     ----------
     clock_map: from its microseconds to the bench's clock.
-    identity: name, firmware and the limits that were compiled in.
+    identity: name, firmware and compiled-in limits.
     """
 
     def __init__(self, line: Line, identity: Mapping[str, str]) -> None:
@@ -39,37 +39,37 @@ class Board:
 
     @property
     def port(self) -> Port:
-        """The port that its line is on."""
+        """The port of its line."""
         return self.line.port
 
     def asking(self, command: str, tries: int = TRIES) -> Conversation[str]:
-        """The answer to a command; raises `Refused` or `PortLost`."""
+        """Return the answer to a command; raises `Refused` or `PortLost`."""
         answer = yield from self.line.asking(command, tries=tries)
         return answer.text
 
     def asking_trips(self) -> Conversation[int]:
-        """The latched causes."""
+        """Query the latched causes of trips."""
         answer = yield from self.asking("SYST:TRIP?")
         return int(answer.partition(",")[0])
 
     def learning_clock(self, times: int) -> Conversation[None]:
-        """Ask for its time so many times."""
+        """Query its time the given number of times."""
         for _ in range(times):
             answer = yield from self.line.asking("SYST:TIME?")
             self.clock_map.add(answer.sent, int(answer.text), answer.received)
 
 
 def trip_causes(bits: int) -> list[str]:
-    """What the bits of a trip mean."""
+    """Return the causes for the bits of a trip."""
     return [cause for bit, cause in enumerate(_CAUSES) if bits >> bit & 1]
 
 
 class Heartbeat:
-    """Asks a board for its time twice a second; samples go on arriving meanwhile.
+    """Queries the board's time twice a second while samples continue to arrive.
 
     Attributes
     ----------
-    due: when `beat` has something to do next, s.
+    due: next time at which `beat` must be called, s.
     """
 
     def __init__(self, board: Board, clock: Clock) -> None:
@@ -80,12 +80,12 @@ class Heartbeat:
         self.due = clock.now() + _INTERVAL
 
     def beat(self, *, silent: bool) -> None:
-        """Ask when it is time to, or at once when the board has fallen `silent`.
+        """Query the board when it is due, or at once if the board is `silent`.
 
         Raises
         ------
         PortLost
-            several questions in a row were not answered (`NoAnswer`), or the port is gone.
+            several queries in a row were not answered (`NoAnswer`), or the port is gone.
         """
         now = self._clock.now()
         if now < self.due and (self._question is not None or not silent or now < self.due - ANSWER):
@@ -99,12 +99,12 @@ class Heartbeat:
         self.due = now + ANSWER
 
     def listen(self) -> None:
-        """Learn from an answer that has arrived.
+        """Evaluate an answer that has arrived.
 
         Raises
         ------
         NoAnswer
-            the board's time says that it was restarted.
+            the board's time shows that it was restarted.
         """
         question = self._question
         if question is None or question.answer is None:
@@ -113,7 +113,7 @@ class Heartbeat:
         self._unanswered = 0
         self.due = question.sent + _INTERVAL
         answer = question.answer
-        if not answer.text.isdigit():  # an error: it had arrived damaged
+        if not answer.text.isdigit():  # an error, since the query arrived damaged
             return
         if not self._board.clock_map.add(answer.sent, int(answer.text), answer.received):
             raise NoAnswer("the board was restarted")

@@ -1,9 +1,10 @@
-"""From the board's microseconds to the bench's clock.
+"""Maps the board's microseconds to the bench's clock.
 
-A query of the board's time, sent at s and answered at r, says that the board read b somewhere in [s, r], less
-the time that the characters need on the line. The narrowest of these intervals give offset and rate by
+A query of the board's time, sent at s and answered at r, shows that the board's clock was b at some time in
+[s, r], reduced by the transmission time of the characters. The narrowest of these intervals give offset and
+rate by
 weighted least squares: ``t = h0 + rate·(b − b0)``. The map is corrected by its slope, never by a step, so
-that the distances of samples stay true; only a restart of the board makes it jump.
+that the intervals of samples stay correct; it steps only after a restart of the board.
 """
 
 from __future__ import annotations
@@ -13,13 +14,13 @@ from dataclasses import dataclass
 
 _ROLL_OVER = 1 << 32
 _KEPT = 64  # time queries
-_RATE_SPAN = 20.0  # s of queries from which a rate can be told
-_RATE_LIMIT = 0.01  # a ceramic resonator is within 0.5 %
-_CORRECTION_TIME = 5.0  # s in which an error of the offset is worked off
-_STEEPEST = 2e-3  # that it may change the slope by
-_LOST_TRACK = 0.05  # s; a larger error is no drift
-_RESTARTED = 1.0  # s; nor is an error beyond it an exchange that was held up somewhere
-_DOUBTFUL = 3  # exchanges in a row, and they are believed
+_RATE_SPAN = 20.0  # s of queries needed for a rate
+_RATE_LIMIT = 0.01  # tolerance of a ceramic resonator: 0.5 %
+_CORRECTION_TIME = 5.0  # s over which an offset error is removed
+_STEEPEST = 2e-3  # limit of the change of slope
+_LOST_TRACK = 0.05  # s; a larger error is not drift
+_RESTARTED = 1.0  # s; a larger error is not a delayed exchange either
+_DOUBTFUL = 3  # consecutive exchanges after which they are accepted
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class ClockMap:
 
     Attributes
     ----------
-    uncertainty: half-width of the interval that holds the true time of something the board stamped, s.
+    uncertainty: half-width of the interval of the true time for a time stamp of the board, s.
     """
 
     def __init__(self) -> None:
@@ -47,8 +48,8 @@ class ClockMap:
         self.uncertainty = 0.0
 
     def unwrap(self, board_us: int) -> float:
-        """Board time in s, through its roll-overs of 71.6 min; whatever came before is less than half of one
-        away."""
+        """Return board time in s, with its roll-overs of 71.6 min; the previous stamp must be less than half
+        of one away."""
         step = (board_us - self._last_us) % _ROLL_OVER
         if step >= _ROLL_OVER // 2:
             step -= _ROLL_OVER
@@ -58,18 +59,18 @@ class ClockMap:
         return time
 
     def is_recent(self, board_us: int, span: float) -> bool:
-        """Whether a stamp is at most `span` s from the newest one; of an old one, `unwrap` knows nothing."""
+        """Return whether a stamp is within `span` s of the newest one, as `unwrap` requires."""
         away = (board_us - self._last_us) % _ROLL_OVER
         return min(away, _ROLL_OVER - away) <= span * 1e6
 
     def to_host(self, board_us: int) -> float:
-        """Bench time of a stamp of the board, s."""
+        """Return the bench time of a board time stamp, s."""
         return self._h0 + self._rate * (self.unwrap(board_us) - self._b0)
 
     def add(self, sent: float, board_us: int, received: float) -> bool:
-        """Learn from an exchange; False when the board's time cannot be what it was (it was restarted).
+        """Add an exchange; return False if the board's time shows that it was restarted.
 
-        One that contradicts all before by a little is left out: a computer that is busy holds data up.
+        An exchange that contradicts earlier ones slightly is omitted: a busy computer delays data.
         """
         board = self.unwrap(board_us)
         exchange = _Exchange(board, 0.5 * (sent + received), 0.5 * max(received - sent, 0.0))
@@ -83,7 +84,7 @@ class ClockMap:
         first = not self._exchanges
         self._exchanges.append(exchange)
         rate, host = self._fit(board)
-        if first or len(self._exchanges) <= 8:  # nothing hangs on it yet
+        if first or len(self._exchanges) <= 8:  # no sample depends on it yet
             self._b0, self._h0, self._rate = board, host, rate
         else:
             now = self._h0 + self._rate * (board - self._b0)
@@ -96,7 +97,7 @@ class ClockMap:
         return True
 
     def _fit(self, board: float) -> tuple[float, float]:
-        """Rate, and bench time at `board`."""
+        """Return the rate, and bench time at `board`."""
         exchanges = self._exchanges
         if board - exchanges[0].board < _RATE_SPAN:
             best = min(exchanges, key=lambda one: one.half)

@@ -1,4 +1,4 @@
-"""Who is at the other end of a line that has just been opened."""
+"""Identifies the board on a line that has just been opened."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from rigctl.backends.transport.port import NoAnswer, PortLost, Refused
 from rigctl.errors import ExitCode, RigctlError
 
 MAKER, KIND = "RIGCTL", "RIG-UNO"
-VERSION = "1"  #: of the protocol: the firmware's first number
+VERSION = "1"  #: version of the protocol: the first number of the firmware's version
 _ASK_AGAIN = 0.25  # s
 
 
 def handshake(line: Line, patience: float) -> Conversation[Board]:
-    """Ask who is there until somebody answers; a board that starts anew needs about 2 s.
+    """Query the identity until there is an answer; a board that restarts needs about 2 s.
 
     Parameters
     ----------
     line: just opened.
-    patience: s until nobody will answer any more.
+    patience: time-out, s.
 
     Raises
     ------
     PortLost
-        nobody has answered for as long as patience lasts, or the port is gone.
+        there was no answer within `patience`, or the port is gone.
     RigctlError
-        somebody answers who is no board of rigctl's, or has firmware of another protocol.
+        the device is not a rigctl board, or its firmware has another version of the protocol.
     """
     give_up = line.clock.now() + patience
-    line.port.write(b"\n")  # whatever half of a command was left is over
+    line.port.write(b"\n")  # terminates any incomplete command
     while True:
         try:
             answer = yield from line.asking("*IDN?", _ASK_AGAIN, tries=1)
@@ -45,7 +45,7 @@ def handshake(line: Line, patience: float) -> Conversation[Board]:
 
 
 def _identity(line: Line, answer: str) -> dict[str, str]:
-    """What is known of a board by what it answers to ``*IDN?``."""
+    """Parse a board's answer to ``*IDN?``."""
     try:
         maker, kind, serial, version = answer.split(",")
     except ValueError:

@@ -1,4 +1,4 @@
-"""The line to the board: tagged questions and their answers, with the stream going on beside them."""
+"""The line to the board: tagged queries and their answers, interleaved with the stream."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from rigctl.clock import Clock
 
 ANSWER = 0.4  #: s for an answer
 TRIES = 3
-_BITS = 10  # start, eight, stop
-DAMAGED = (-360, -363)  #: a wrong checksum, lost characters: nothing was carried out
+_BITS = 10  # start, eight data bits, stop
+DAMAGED = (-360, -363)  #: wrong checksum or lost characters: the command was not executed
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What the board has answered.
+    """An answer of the board.
 
     Parameters
     ----------
-    sent: when the command had been received at the earliest, s.
+    sent: earliest time at which the board received the command, s.
     text: the answer.
-    received: when it was given at the latest, s: the characters' time on the line is taken off.
-    readings_before: how many readings that nobody had fetched yet came before it.
+    received: latest time at which it was given, s, after subtracting the transmission time.
+    readings_before: number of unfetched readings before it.
     """
 
     sent: float
@@ -37,7 +37,7 @@ class Answer:
 
 @dataclass(slots=True)
 class Question:
-    """One command that was sent once; `answer` comes when it is taken in."""
+    """One transmission of a command; `answer` is set once it is received."""
 
     command: str
     tag: int
@@ -47,11 +47,11 @@ class Question:
 
     @property
     def arrived_damaged(self) -> bool:
-        """Whether the board says so: then nothing was carried out."""
+        """Whether the board reports damage, so that the command was not executed."""
         return self.answer is not None and _error_number(self.answer.text) in DAMAGED
 
     def accepted(self) -> Answer | None:
-        """The answer, None while there is none; raises `Refused` where it is an error."""
+        """Return the answer, None until there is one; raises `Refused` if it is an error."""
         if self.answer is None or self.arrived_damaged:
             return None
         number = _error_number(self.answer.text)
@@ -62,7 +62,7 @@ class Question:
 
 
 def _error_number(answer: str) -> int | None:
-    """The number in ``!-221,"Settings conflict"``; None where it is no error."""
+    """Return the number in ``!-221,"Settings conflict"``; None if it is not an error."""
     return int(answer[1:].partition(",")[0]) if answer.startswith("!") else None
 
 
@@ -71,7 +71,7 @@ class Line:
 
     Attributes
     ----------
-    readings, switched: what the board sent of its own accord, oldest first.
+    readings, switched: unsolicited messages of the board, oldest first.
     """
 
     def __init__(self, port: Port, clock: Clock, baud: int) -> None:
@@ -81,18 +81,18 @@ class Line:
         self._character = _BITS / baud
         self._reader = LineReader()
         self._tags = count(1)
-        self._open: dict[int, Question] = {}  # sent, and not answered yet
+        self._open: dict[int, Question] = {}  # sent and not yet answered
         self.readings: deque[Reading] = deque()
         self.switched: deque[Switched] = deque()
-        self.heard = False  #: anything at all
+        self.heard = False  #: time of the last message of any kind
 
     @property
     def damaged(self) -> int:
-        """Lines that arrived damaged; counts up."""
+        """Running count of damaged lines."""
         return self._reader.damaged
 
     def take(self, until: float) -> bool:
-        """Take in what arrives by bench time `until`; False when nothing did."""
+        """Read until bench time `until` or until something arrives; return False if nothing did."""
         data = self.port.read(until)
         if not data:
             return False
@@ -107,12 +107,12 @@ class Line:
         return True
 
     def forget(self) -> None:
-        """Drop what the board has sent of its own accord so far."""
+        """Discard the unsolicited messages received so far."""
         self.readings.clear()
         self.switched.clear()
 
     def put(self, command: str) -> Question:
-        """Send a command, and wait for nothing."""
+        """Send a command without waiting."""
         tag = next(self._tags)
         data = with_checksum(f"#{tag} {command}")
         question = self._open[tag] = Question(command, tag, self.clock.now(), len(data))
@@ -120,18 +120,18 @@ class Line:
         return question
 
     def withdraw(self, question: Question) -> None:
-        """An answer that still comes is of no use any more."""
+        """Ignore a later answer."""
         self._open.pop(question.tag, None)
 
     def asking(self, command: str, timeout: float = ANSWER, tries: int = TRIES) -> Conversation[Answer]:
-        """Ask; a question that was lost is asked again, so that it must do no harm twice.
+        """Query; a lost query is repeated, so that it must be harmless if executed twice.
 
         Raises
         ------
         Refused
-            it answers with an error.
+            the board answers with an error.
         PortLost
-            it does not answer (`NoAnswer`), or the port is gone.
+            the board does not answer (`NoAnswer`), or the port is gone.
         """
         asked: list[Question] = []
         try:
@@ -139,7 +139,7 @@ class Line:
                 asked.append(self.put(command))
                 deadline = asked[-1].sent + timeout
                 while self.clock.now() < deadline and not asked[-1].arrived_damaged:
-                    for question in asked:  # the answer to an earlier try is as good
+                    for question in asked:  # the answer to an earlier attempt is equally valid
                         if (answer := question.accepted()) is not None:
                             return answer
                     yield deadline
@@ -149,7 +149,7 @@ class Line:
         raise NoAnswer(f"{self.port.name}: the board does not answer '{command}'")
 
     def ask(self, command: str, timeout: float = ANSWER, tries: int = TRIES) -> str:
-        """The board's answer, waited for; raises as `asking` does."""
+        """Wait for the board's answer; raises as `asking`."""
         return carry_through(self.asking(command, timeout, tries), self.take).text
 
     def _answer(self, question: Question, reply: Reply) -> Answer:

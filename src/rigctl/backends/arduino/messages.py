@@ -1,4 +1,4 @@
-"""Lines of the board: each ends with LF and carries the CRC-16/XMODEM of what stands before its ``*``."""
+"""Lines of the board: each ends with LF and has the CRC-16/XMODEM of the text before its ``*``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from binascii import crc_hqx
 from dataclasses import dataclass
 from typing import TypeAlias
 
-_LONGEST = 512  # bytes; without a line's end in so many it is garbage
+_LONGEST = 512  # longest line, bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,8 +20,8 @@ class Reading:
     counts: A0, A1, A2.
     outputs: bit 0 heater, 1 extend, 2 retract, 3 PWM.
     trips: the latched causes.
-    pwm: counts of the PWM, while a closed loop runs on the board; None while none does.
-    held_us: since how many microseconds it is that.
+    pwm: PWM counts while a closed loop runs on the board; otherwise None.
+    held_us: microseconds since `pwm` last changed.
     """
 
     sequence: int
@@ -35,7 +35,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Switched:
-    """What happened on the board at an exact time: kind ``H``, ``V``, ``P`` or ``T``."""
+    """An event on the board with an exact time: kind ``H``, ``V``, ``P`` or ``T``."""
 
     number: int
     board_us: int
@@ -55,15 +55,15 @@ Message: TypeAlias = Reading | Switched | Reply
 
 
 class LineReader:
-    """Bytes in, messages out; begins anywhere, and what is no whole line is counted and left out."""
+    """Parses bytes into messages; starts anywhere, and counts and skips incomplete lines."""
 
     def __init__(self) -> None:
         self._rest = b""
-        self._synchronised = False  # the first line may have begun before we listened
-        self.damaged = 0  #: lines that were none, since the last look at it
+        self._synchronised = False  # the first line may have begun before the port was opened
+        self.damaged = 0  #: damaged lines since this was last read
 
     def feed(self, data: bytes) -> list[Message]:
-        """The messages that are complete with `data`."""
+        """Return the messages completed by `data`."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         if len(self._rest) > _LONGEST:
             self._rest = self._rest[-_LONGEST:]
@@ -79,13 +79,13 @@ class LineReader:
 
 
 def with_checksum(text: str) -> bytes:
-    """A command as it is sent."""
+    """Return a command with its checksum."""
     body = text.encode("ascii")
     return b"%s*%04X\n" % (body, crc_hqx(body, 0))
 
 
 def parse_line(line: bytes) -> Message | None:
-    """The message in a line without its LF; None when it is damaged or of another kind."""
+    """Return the message in a line without its LF; None if it is damaged or of another kind."""
     body, star, checksum = line.rpartition(b"*")
     if not star or not body or len(checksum) != 4:
         return None

@@ -1,4 +1,4 @@
-"""What the board sends of its own accord, turned into samples, receipts and notices."""
+"""Turns the board's unsolicited messages into samples, receipts and notices."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from rigctl.backends.transport.outbox import Outbox
 from rigctl.clock import Clock
 
 _NUMBERS = 1 << 16
-_FIRST_NUMBERS = 4096  # of a stream that has just begun: 2 s at the highest rate
-_NOTHING_ELSE = 5  # damaged lines, and no whole one between them
+_FIRST_NUMBERS = 4096  # samples of a new stream: 2 s at the highest rate
+_NOTHING_ELSE = 5  # consecutive damaged lines
 
 
 class Receiver:
-    """Checks sequence numbers, puts the board's times on the bench's clock, and fills the outbox.
+    """Checks sequence numbers, converts times to the bench's clock, and fills the outbox.
 
     Attributes
     ----------
-    tripped: why the board has switched off; empty while it has not.
-    heard: when the stream was heard last, s.
-    wanted: whether anybody has asked for samples.
-    restarting: whether the board has been asked to begin its stream anew, and has not answered yet.
-    looping: when the newest reading was taken, s, and whether a closed loop ran on the board then.
+    tripped: why the board has switched off; otherwise empty.
+    heard: time of the last message of the stream, s.
+    wanted: whether samples were requested.
+    restarting: whether a restart of the stream was requested and not yet answered.
+    looping: time of the newest reading, s, and whether a closed loop ran on the board then.
     """
 
     def __init__(self, translation: Translation, clock: Clock, outbox: Outbox) -> None:
@@ -43,7 +43,7 @@ class Receiver:
         self.looping = (-math.inf, False)
 
     def restart(self, board: Board, before: int) -> None:
-        """The board says that its stream has begun anew; `before` readings that wait are of the old one."""
+        """Handle a restart of the board's stream; the first `before` waiting readings are of the old one."""
         for _ in range(min(before, len(board.line.readings))):
             self._take_reading(board, board.line.readings.popleft())
         self._sequence = None
@@ -52,7 +52,7 @@ class Receiver:
         self.heard = self._clock.now()
 
     def take(self, board: Board) -> None:
-        """Take everything that has arrived."""
+        """Process everything that has arrived."""
         line = board.line
         while line.switched:
             self.take_switched(board, line.switched.popleft())
@@ -66,7 +66,7 @@ class Receiver:
                 self._outbox.notice("fault", "what arrives from the board are damaged lines only")
 
     def take_switched(self, board: Board, event: Switched) -> None:
-        """A switch that nobody here has just commanded: the end of a pulse, or a trip."""
+        """Process a switch without a pending command: the end of a pulse, or a trip."""
         time = board.clock_map.to_host(event.board_us)
         if event.kind == "T":
             if event.value:
@@ -80,12 +80,12 @@ class Receiver:
         self._outbox.receipts.append(CommandReceipt(time, actuator, value, board.clock_map.uncertainty))
 
     def damage_since_heard(self, board: Board) -> str:
-        """What has arrived instead of samples, for a message."""
+        """Describe what has arrived instead of samples."""
         damaged = board.line.damaged - self._damaged_when_heard
         return f"; {damaged} damaged lines came since the last whole one" if damaged > 1 else ""
 
     def missing_since(self, lost_at: float, rate: float) -> int:
-        """How many samples a loss of the line has cost by now, at the least one."""
+        """Return the number of samples lost so far with the line, at least one."""
         since = self._last_time if math.isfinite(self._last_time) else lost_at
         return max(1, round((self._clock.now() - since) * rate) - 1)
 
@@ -103,7 +103,7 @@ class Receiver:
         time = board.clock_map.to_host(reading.board_us)
         old = step == 0 or step > _NUMBERS // 2
         if old and self.restarting and reading.sequence < _FIRST_NUMBERS and time > self._last_time:
-            old, step = False, 1  # begun anew, and the answer that says so is late or lost
+            old, step = False, 1  # restarted, with the confirmation late or lost
         if old:
             self._outbox.notice("note", f"sample {reading.sequence} came twice or late, left out")
             return
@@ -122,7 +122,7 @@ class Receiver:
         )
 
     def _note_loop(self, board: Board, time: float, reading: Reading) -> None:
-        """What a closed loop on the board has made of its output, at the time at which it did."""
+        """Record the output of a closed loop on the board, at the time of its change."""
         self.looping = (time, reading.pwm is not None)
         actuator = self._translation.actuator_of("P")
         if reading.pwm is None or actuator is None:

@@ -1,4 +1,4 @@
-"""A closed loop on the board: what it is told, and what it says of it."""
+"""A closed loop on the board: its settings and its reports."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from rigctl.backends.transport.port import NoAnswer, Refused
 from rigctl.clock import Clock
 from rigctl.plan.loop import LoopFigures, LoopSettings, LoopState
 
-#: the first firmware that has one
+#: the first firmware with a closed loop
 SINCE = (1, 1)
-_ASK = 1.0  # s between two looks at its figures
-_SLACK = 2e-3  # s by which the board's times may be off besides their uncertainty
-_DEGREE = 3  # of the calibration polynomial that the board computes
-_LARGEST = 3e38  # the board's numbers have 32 bits
-_FINE = 1e-4  # share of the output's span below which a change of the feed-forward is not sent
+_ASK = 1.0  # s between two queries of its figures
+_SLACK = 2e-3  # error of the board's times in addition to their uncertainty, s
+_DEGREE = 3  # highest degree of the calibration polynomial on the board
+_LARGEST = 3e38  # limit of the board's 32-bit numbers
+_FINE = 1e-4  # smallest change of the feed-forward that is sent, as a share of the output's span
 _PERIODS = (1, 60_000)  # ms
-_TOGETHER = 3  # commands: what the board receives while it carries one out has 128 bytes of room
-_TRIES = 5  # of each; they do no harm twice
+_TOGETHER = 3  # commands in flight: the board's receive buffer has 128 bytes
+_TRIES = 5  # attempts per command, which is harmless if executed twice
 
 
 class Regulation:
-    """The loop of one board, from one meeting with it to the next."""
+    """The loop of one board during one connection."""
 
     def __init__(self, translation: Translation, receiver: Receiver, clock: Clock) -> None:
         self._translation = translation
         self._receiver = receiver
         self._clock = clock
-        self._loop: LoopSettings | None = None  # that was begun, and has not been ended from here
-        self._unsure = ""  # what a loop may command of which the board has not said so
+        self._loop: LoopSettings | None = None  # started, and not ended by the host
+        self._unsure = ""  # actuators that a loop may command without a report by the board
         self._began = 0.0
         self._figures: LoopFigures | None = None
         self._ahead = self._sent = 0.0
@@ -44,25 +44,25 @@ class Regulation:
 
     @property
     def actuator(self) -> str:
-        """What the loop commands, or may command; empty where none runs."""
+        """The actuator that the loop commands, or may command; empty without a loop."""
         return self._loop.actuator if self._loop is not None and self.running else self._unsure
 
     @property
     def running(self) -> bool:
-        """Whether the board's newest word is that it runs."""
+        """Whether the loop runs according to the board's latest message."""
         if self._loop is None:
             return False
         time, looping = self._receiver.looping
         return looping or time <= self._began
 
     def state(self, ahead: float | None) -> LoopState:
-        """What is known of it; `ahead` is sent when the board has nothing else to answer."""
+        """Return the loop's state; `ahead` is sent when no other query is pending."""
         if ahead is not None:
             self._ahead = ahead
         return LoopState(self.running, self._figures)
 
     def forget(self) -> None:
-        """The board has been made safe, is lost, or has been commanded otherwise; its figures are kept."""
+        """Forget the loop once the board was made safe, lost or commanded otherwise; its figures are kept."""
         self._loop, self._unsure = None, ""
         if self._tending is not None:
             self._tending.drop()
@@ -71,12 +71,12 @@ class Regulation:
     # --- begin and end ------------------------------------------------------------------------------------
 
     def begin(self, board: Board, loop: LoopSettings, value: float) -> Conversation[CommandReceipt]:
-        """Tell the board every setting and let it begin; `value` is its output now. May be asked twice.
+        """Send all settings and start the loop; `value` is the present output. Harmless if repeated.
 
         Raises
         ------
         Refused
-            the board does not do it: a trip is latched.
+            a trip is latched.
         PortLost
             it does not answer.
         """
@@ -94,7 +94,7 @@ class Regulation:
         return CommandReceipt(answer.sent + half, loop.actuator, value, half)
 
     def _telling(self, board: Board, texts: list[str]) -> Conversation[None]:
-        """Send settings, some at a time, and those again of which nothing is heard."""
+        """Send settings, some at a time, repeating those without an answer."""
         for start in range(0, len(texts), _TOGETHER):
             left = texts[start : start + _TOGETHER]
             for _ in range(_TRIES):
@@ -105,7 +105,7 @@ class Regulation:
                 raise NoAnswer(f"{board.port.name}: the board does not answer '{left[0]}'")
 
     def _sent_once(self, board: Board, texts: list[str]) -> Conversation[list[str]]:
-        """What has not been answered of commands that were sent together."""
+        """Send commands together, and return those without an answer."""
         questions = [board.line.put(text) for text in texts]
         deadline = self._clock.now() + ANSWER
         try:
@@ -119,7 +119,7 @@ class Regulation:
         return [question.command for question in questions if question.accepted() is None]
 
     def end(self, board: Board, actuator: str) -> Conversation[CommandReceipt]:
-        """Stop it, and learn what its output is and how it ran; raises as `begin`."""
+        """Stop the loop, and read its output and figures; raises as `begin`."""
         figures = self._figures
         self.forget()
         self._unsure = actuator
@@ -134,7 +134,7 @@ class Regulation:
     # --- while it runs ------------------------------------------------------------------------------------
 
     def tend(self, board: Board) -> None:
-        """Go on with what the board is asked meanwhile, and ask what is due; may raise `PortLost`."""
+        """Continue the query in progress, and start those that are due; may raise `PortLost`."""
         if self._tending is not None:
             self._tending.go_on()
             if not self._tending.over:
@@ -150,7 +150,7 @@ class Regulation:
 
     @property
     def due(self) -> Iterator[float]:
-        """When to go on with what it was asked, s."""
+        """Return when to continue the query in progress, s."""
         if self._tending is not None:
             yield self._tending.until
 
@@ -159,7 +159,7 @@ class Regulation:
         try:
             yield from board.asking(f"CONT:PAR FF,{loop_number(ahead)}")
         except Refused:
-            return  # the next sample says what has become of the loop
+            return  # the next sample shows the state of the loop
 
     def _ask_figures(self, board: Board) -> Conversation[None]:
         self._asked = self._clock.now()
@@ -170,7 +170,7 @@ class Regulation:
 
 
 def cannot_regulate(identity: Mapping[str, str], translation: Translation, loop: LoopSettings) -> str:
-    """Why a board cannot carry out a loop, one sentence; empty where it can."""
+    """Return why a board cannot run a loop, one sentence; empty if it can."""
     firmware = identity.get("firmware", "")
     if _version(firmware) < SINCE:
         return (
@@ -192,13 +192,13 @@ def cannot_regulate(identity: Mapping[str, str], translation: Translation, loop:
 
 
 def _version(firmware: str) -> tuple[int, ...]:
-    """The numbers in ``RIG-UNO 1.1.0``."""
+    """Return the version numbers in ``RIG-UNO 1.1.0``."""
     numbers = firmware.rpartition(" ")[2].split(".")
     return tuple(int(number) for number in numbers if number.isdigit())
 
 
 def _figures(answer: str) -> LoopFigures | None:
-    """What ``CONT:FIG?`` is answered with; None where that is something else."""
+    """Parse the answer to ``CONT:FIG?``; None if it is invalid."""
     parts = answer.split(",")
     if len(parts) != 10 or not all(part.isdigit() for part in parts):
         return None

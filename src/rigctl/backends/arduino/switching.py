@@ -1,4 +1,4 @@
-"""Switches an output of the board, and finds out when it did: by its report, or by asking it afterwards."""
+"""Switches an output of the board and determines when, from its report or a later query."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from rigctl.backends.transport.outbox import Outbox
 from rigctl.backends.transport.port import NoAnswer
 from rigctl.clock import Clock
 
-_REPORT = 0.5  # s for the board to report a switch
-_VALVE_REST = 0.05  # s that the board may let a solenoid rest before it carries a command out
-_SLACK = 2e-3  # s by which the board's times may be off besides their uncertainty
+_REPORT = 0.5  # time-out of the report of a switch, s
+_VALVE_REST = 0.05  # longest rest of a solenoid before the board executes a command, s
+_SLACK = 2e-3  # error of the board's times in addition to their uncertainty, s
 
 
 class Switching:
-    """Commands one board's outputs; each of them once at a time."""
+    """Commands a board's outputs, with one pending command per output."""
 
     def __init__(self, translation: Translation, outbox: Outbox, clock: Clock) -> None:
         self._translation = translation
@@ -28,17 +28,17 @@ class Switching:
     def switch(
         self, board: Board, actuator: str, value: float, duration: float | None
     ) -> Conversation[CommandReceipt]:
-        """Command a switch until the board says when it was made.
+        """Command a switch until the board reports its time.
 
-        A command of which nothing is heard is sent again; a pulse only when the board says that it has not
-        been carried out, since twice the same pulse is a longer one.
+        A command without an answer is sent again; a pulse only if the board states that it was not executed,
+        since repeating a pulse would prolong it.
 
         Raises
         ------
         Refused
             the board does not do it.
         PortLost
-            it does not say so either way.
+            the outcome stays unknown.
         """
         timed = duration is not None and self._translation.times_pulse(actuator, duration)
         text = self._translation.text(actuator, value, duration if timed else None)
@@ -61,7 +61,7 @@ class Switching:
     def _report(
         self, board: Board, actuator: str, value: float, begun: float, question: Question
     ) -> Conversation[Switched | None]:
-        """The report of the switch; None when the board refuses, or none has come in time."""
+        """Return the report of the switch; None if the board refuses, or there is none in time."""
         deadline = question.sent + ANSWER
         accepted = False
         while True:
@@ -77,7 +77,7 @@ class Switching:
             yield deadline
 
     def _find_report(self, board: Board, actuator: str, value: float, begun: float) -> Switched | None:
-        """Take the report of this switch out of what has arrived, and those of the way there."""
+        """Remove the report of this switch from the received ones, with those of intermediate positions."""
         kind, raw = self._translation.event_kind(actuator), self._translation.raw(actuator, value)
         turns = self._outbox.commanded[actuator] not in (0.0, value)  # over neutral
         earliest = begun - board.clock_map.uncertainty - _SLACK
@@ -94,10 +94,10 @@ class Switching:
     def _recall(
         self, board: Board, actuator: str, value: float, begun: float, accepted: Answer | None
     ) -> Conversation[CommandReceipt | None]:
-        """What is known of a switch whose report has not arrived; None when it has not been made.
+        """Query a switch whose report has not arrived; None if it was not made.
 
-        Of the valve the board remembers the times. Of the others it is known that they are switched between
-        the command's arrival and its answer.
+        The board stores the times of the valve. Other outputs switch between the command's arrival and its
+        answer.
         """
         if self._translation.event_kind(actuator) == "V":
             answer = yield from board.line.asking("VALV:TIME?")

@@ -1,4 +1,4 @@
-"""Between the rig's SI values and what the board knows: counts, bits and words."""
+"""Translates between the rig's SI values and the board's counts, bits and words."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from rigctl.backends.arduino.wiring import Wiring
 from rigctl.plan.loop import LoopSettings
 from rigctl.rig import Rig
 
-_LONGEST_PULSE = 60.0  # s that the board times by itself
+_LONGEST_PULSE = 60.0  # longest pulse timed by the board, s
 _FULL = 1023  # counts of the PWM
 _EVENT_KINDS = {"heater": "H", "valve": "V", "pressure": "P"}
 _OUTPUT_OF_KIND = {kind: output for output, kind in _EVENT_KINDS.items()}
 _VALVE_WORDS = {-1: "RET", 0: "OFF", 1: "EXT"}
-_COEFFICIENTS = 4  # of the calibration that the board's loop computes with
-_ANY = 1e38  # beyond what a reading can be
+_COEFFICIENTS = 4  # highest degree of the calibration in the board's loop
+_ANY = 1e38  # beyond any possible reading
 
 
 class Translation:
-    """What a rig's channels and actuators are on a board that is wired like this."""
+    """The rig's channels and actuators on a board with a given wiring."""
 
     def __init__(self, rig: Rig, wiring: Wiring) -> None:
         self._rig = rig
@@ -28,19 +28,19 @@ class Translation:
         self._sensors = tuple(zip(rig.channels.values(), wiring.inputs, strict=True))
 
     def event_kind(self, actuator: str) -> str:
-        """The letter under which the board reports an actuator's switches."""
+        """Return the letter of an actuator's switch reports."""
         return _EVENT_KINDS[self._wiring.output_of(actuator)]
 
     def actuator_of(self, event_kind: str) -> str | None:
-        """The actuator that a reported switch belongs to; None where nothing is connected."""
+        """Return the actuator of a reported switch; None if nothing is connected."""
         return self._wiring.outputs.get(_OUTPUT_OF_KIND.get(event_kind, ""))
 
     def times_pulse(self, actuator: str, duration: float) -> bool:
-        """Whether the board ends a pulse by itself."""
+        """Return whether the board times a pulse."""
         return self._wiring.output_of(actuator) == "valve" and duration <= _LONGEST_PULSE
 
     def raw(self, actuator: str, value: float) -> int:
-        """The number by which the board knows an SI value."""
+        """Return the board's number for an SI value."""
         part = self._rig.actuators[actuator]
         if part.kind != "level":
             return int(value)
@@ -48,7 +48,7 @@ class Translation:
         return round(_FULL * (value - low) / (high - low))
 
     def value(self, actuator: str, raw: int) -> float:
-        """The SI value of such a number."""
+        """Return the SI value of the board's number."""
         part = self._rig.actuators[actuator]
         if part.kind != "level":
             return float(raw)
@@ -56,7 +56,7 @@ class Translation:
         return low + raw / _FULL * (high - low)
 
     def text(self, actuator: str, value: float, duration: float | None) -> str:
-        """The command that switches an actuator."""
+        """Return the command that switches an actuator."""
         output, raw = self._wiring.output_of(actuator), self.raw(actuator, value)
         if output == "heater":
             return f"OUTP:HEAT {'ON' if raw else 'OFF'}"
@@ -66,7 +66,7 @@ class Translation:
         return f"VALV {_VALVE_WORDS[raw]}{pulse}"
 
     def safe_texts(self) -> tuple[str, ...]:
-        """Commands for the outputs whose safe value is not off; `OUTP:SAFE` sees to the others."""
+        """Return commands for outputs whose safe value is not off; `OUTP:SAFE` switches off the others."""
         actuators = self._rig.actuators
         return tuple(
             self.text(name, float(value), None)
@@ -75,7 +75,7 @@ class Translation:
         )
 
     def values(self, reading: Reading) -> tuple[float, ...]:
-        """The channels' SI values, in the order of the rig's layout."""
+        """Return the channels' SI values, in the order of the rig's layout."""
         return tuple(
             channel.value_from_raw(channel.converter.low + reading.counts[pin] * channel.converter.step)
             for channel, pin in self._sensors
@@ -84,11 +84,11 @@ class Translation:
     # --- the closed loop ----------------------------------------------------------------------------------
 
     def is_pwm(self, actuator: str) -> bool:
-        """Whether an actuator is the level on the board's PWM."""
+        """Return whether an actuator is the level on the board's PWM."""
         return self._wiring.outputs.get("pressure") == actuator
 
     def calibration(self, channel: str) -> tuple[float, ...]:
-        """The polynomial from the converter's counts to a channel's SI value, lowest power first."""
+        """Return the polynomial from the converter's counts to a channel's SI value, lowest power first."""
         described = self._rig.channels[channel]
         low, step = described.converter.low, described.converter.step
         raw = described.si_coefficients  # of low + step*counts
@@ -100,7 +100,7 @@ class Translation:
         return found[: degree + 1]
 
     def loop_numbers(self, loop: LoopSettings) -> Iterator[tuple[str, float]]:
-        """The settings of the board's loop, SI, by the names that it knows them by."""
+        """Return the settings of the board's loop, SI, by their names in the protocol."""
         channel, part = self._rig.channels[loop.channel], self._rig.actuators[loop.actuator]
         calibration = self.calibration(loop.channel)
         for power in range(_COEFFICIENTS):
@@ -114,7 +114,7 @@ class Translation:
         yield from (("LOW", loop.low), ("HIGH", loop.high), ("RATE", loop.rate))
 
     def loop_texts(self, loop: LoopSettings) -> Iterator[str]:
-        """The commands that give the board the settings of its loop."""
+        """Return the commands for the settings of the board's loop."""
         names = list(self._rig.layout.channels)
         yield f"CONT:INP {self._wiring.inputs[names.index(loop.channel)]}"
         yield f"CONT:PER {round(loop.period * 1e3)}"
@@ -125,12 +125,12 @@ class Translation:
 
     @property
     def reported(self) -> frozenset[str]:
-        """Actuators whose state is in every reading; of a level only whether it is on."""
+        """Return the actuators whose state is in every reading; for a level, only whether it is on."""
         wired = self._wiring.outputs
         return frozenset(wired[output] for output in ("heater", "valve") if output in wired)
 
     def commands(self, reading: Reading, commanded: Mapping[str, float]) -> tuple[float, ...]:
-        """The outputs as they were when the reading was taken; a level as it was last set."""
+        """Return the outputs at the time of the reading; a level as last set."""
         bits, wired = reading.outputs, self._wiring.outputs
         now = dict(commanded)
         if "heater" in wired:
@@ -145,5 +145,5 @@ class Translation:
 
 
 def loop_number(value: float) -> str:
-    """A number as the board's loop reads it: more digits than its 24 bits have."""
+    """Format a number for the board's loop, with more digits than its 24 bits."""
     return f"{value:.9G}"

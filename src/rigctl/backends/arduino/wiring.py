@@ -1,4 +1,4 @@
-"""Which channel and which actuator of a rig is on which connection of the board."""
+"""The wiring: the connections of a rig's channels and actuators on the board."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.rig import Rig
 
-#: the board's inputs, and what is on them where the rig file does not say
+#: the board's inputs, and their default channels
 INPUTS = ("A0", "A1", "A2")
 _QUANTITIES = {"pressure": "A0", "position": "A1", "temperature": "A2"}
-#: the board's outputs, and the kind of actuator that each can be
+#: the board's outputs, and the kind of actuator for each
 OUTPUTS = {"heater": "switch", "valve": "directional_valve", "pressure": "level"}
-BITS = 10  #: of the board's converter
+BITS = 10  #: bits of the board's converter
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,12 @@ class Wiring:
     outputs: Mapping[str, str]
 
     def output_of(self, actuator: str) -> str:
-        """The board's output that an actuator is on.
+        """Return the board's output of an actuator.
 
         Raises
         ------
         RigctlError
-            it is on none: an operator works it.
+            it is on none, since an operator works it.
         """
         placed = {name: output for output, name in self.outputs.items()}
         if actuator not in placed:
@@ -44,9 +44,10 @@ class Wiring:
 
 
 def wiring_of(rig: Rig, options: Mapping[str, object]) -> Wiring:
-    """The connections that the backend's options ``inputs`` and ``outputs`` name, and else the usual ones.
+    """Return the connections from the backend's options ``inputs`` and ``outputs``, or else the defaults.
 
-    Usual are: the only pressure on A0, position on A1, temperature on A2; a driven switch on the heater's
+    The defaults are: the only pressure on A0, position on A1, temperature on A2; a driven switch on the
+        heater's
     relay, a driven directional valve on the solenoids, a driven level on the relief valve's PWM.
 
     Raises

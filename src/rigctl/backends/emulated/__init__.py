@@ -1,1 +1,1 @@
-"""The board's own firmware on an emulated ATmega328P, its pins wired to the simulated bench."""
+"""The board's firmware on an emulated ATmega328P, with its pins wired to the simulated bench."""

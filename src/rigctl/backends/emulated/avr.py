@@ -1,8 +1,8 @@
 """An ATmega328P under simavr: program in, serial bytes and pins in and out, time in cycles.
 
 The inner loop stays in C: ``lfind(key, base, &n, 0, f)`` calls ``f(key, base)`` until it returns 0, and
-``avr_run(avr)`` returns the core's state, which is 0 only in limbo. A cycle timer puts it there at the cycle
-that was asked for, so one call runs a whole slice. One call per instruction would be ten times slower.
+``avr_run(avr)`` returns the core's state, which is 0 only in limbo. A cycle timer puts it there at the
+requested cycle, so that one call runs a whole slice. One call per instruction would be ten times slower.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from rigctl.errors import ExitCode, RigctlError
 
 FREQUENCY = 16_000_000  #: Hz, the Uno's crystal
 SUPPLY_MV = 5000
-_SLICE_CYCLES = 2000  # simavr looks at its timers at least this often
+_SLICE_CYCLES = 2000  # simavr checks its timers at least this often
 _BITS = 11  # simavr 1.6 always counts a parity bit; at 10 its receiver overflows
 
 # registers of the ATmega328P in data space
@@ -42,7 +42,7 @@ class Avr:
     Parameters
     ----------
     program: the flash from address 0.
-    pin_changed: told (port letter, bit, level, cycle) when an output pin changes.
+    pin_changed: called with (port letter, bit, level, cycle) when an output pin changes.
     """
 
     def __init__(self, program: bytes, pin_changed: Callable[[str, int, bool, int], None]) -> None:
@@ -56,13 +56,13 @@ class Avr:
         self._check_layout()
         self._state.frequency = FREQUENCY
         self._state.vcc = self._state.avcc = self._state.aref = SUPPLY_MV
-        # simavr would sleep in real time; this function of its own only adds up
+        # simavr would sleep in real time; this simavr function only adds up
         self._state.sleep = address_of(self._sim.avr_pending_sleep_usec)
         self._sim.avr_loadcode(self._core, program, len(program), 0)
         self._state.codeend = len(program)
         flags = c.c_uint32(0)  # no echo on stdout, no polling pause
         self._sim.avr_ioctl(self._core, ioctl_code("uas0"), c.byref(flags))
-        self._callbacks: list[Any] = []  # what C holds must not be collected here
+        self._callbacks: list[Any] = []  # referenced by C, so must not be garbage-collected
         self._sent = bytearray()
         self._arriving = bytearray()
         self._receiving = False
@@ -76,7 +76,7 @@ class Avr:
         self._stopper = TimerCallback(self._stop)
         self._receiver = TimerCallback(self._receive)
         self._held = RUNNING
-        self.resets = 0  #: how often it was restarted, by its watchdog or from outside
+        self.resets = 0  #: number of restarts, by its watchdog or externally
 
     @property
     def cycle(self) -> int:
@@ -84,7 +84,7 @@ class Avr:
         return int(self._state.cycle)
 
     def close(self) -> None:
-        """Give its memory back."""
+        """Free its memory."""
         if self._core is not None:
             self._sim.avr_terminate(self._core)
             self._core = None
@@ -108,39 +108,39 @@ class Avr:
             state.run_cycle_limit = _SLICE_CYCLES
             left = cycle - state.cycle
             self._sim.avr_cycle_timer_register(self._core, left, self._stopper, None)
-            # a reset wipes every cycle timer, this one too; each call advances one cycle at least
+            # a reset clears every cycle timer, including this one; each call advances at least one cycle
             count.value = left + 1
             self._libc.lfind(self._core, self._core, c.byref(count), 0, self._run)
             if state.state == LIMBO:
                 state.state = self._held
-            elif state.run_cycle_limit == 1:  # only a reset sets that
+            elif state.run_cycle_limit == 1:  # set only by a reset
                 self._restarted()
 
     def reset(self) -> None:
-        """What the reset button does."""
+        """Reset, as with the reset button."""
         self._sim.avr_reset(self._core)
         self._restarted()
 
     def send(self, data: bytes) -> None:
-        """Bytes for its receiver, which arrive one per character time, as on a wire."""
+        """Send bytes to its receiver, which arrive one per character time, as on a wire."""
         self._arriving += data
         if not self._receiving and self._arriving:
             self._receiving = True
             self._sim.avr_cycle_timer_register(self._core, self._character, self._receiver, None)
 
     def take(self) -> bytes:
-        """What it has sent since the last call."""
+        """Return what it has sent since the last call."""
         sent = bytes(self._sent)
         self._sent.clear()
         return sent
 
     @property
     def baud(self) -> float:
-        """Bits per second that the program has set."""
+        """Bits per second set by the program."""
         return FREQUENCY * _BITS / self._character
 
     def put_voltage(self, channel: int, millivolt: int) -> None:
-        """Put an analog input to a voltage, 0 to 5000 mV."""
+        """Set an analog input to a voltage, 0 to 5000 mV."""
         self._sim.avr_raise_irq(self._adc[channel], min(max(millivolt, 0), SUPPLY_MV))
 
     @property
@@ -151,7 +151,7 @@ class Avr:
         return (self._register(_OCR1AL) | self._register(_OCR1AH) << 8) / 1023
 
     def on_pwm(self, told: Callable[[int], None]) -> None:
-        """Tell the cycle of every change of OC1A's compare register from now on."""
+        """Report the cycle of every later change of OC1A's compare register."""
         self._listen("tmr1", 0, lambda _: told(self.cycle))
 
     @property

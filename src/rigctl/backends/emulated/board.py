@@ -9,8 +9,8 @@ from rigctl.backends.emulated.avr import FREQUENCY, SUPPLY_MV, Avr
 from rigctl.backends.simulated.device import Device
 from rigctl.rig import Rig
 
-SLICE = 1e-3  #: s that the microcontroller runs before its sensors are read again
-_BOOT = 0.02  # s until it listens
+SLICE = 1e-3  #: s between two readings of the sensors
+_BOOT = 0.02  # s until it receives
 _LAST = (1 << BITS) - 1
 _HEATER, _EXTEND, _RETRACT = ("D", 4), ("D", 7), ("B", 0)
 
@@ -18,18 +18,18 @@ _HEATER, _EXTEND, _RETRACT = ("D", 4), ("D", 7), ("B", 0)
 class EmulatedBoard:
     """Firmware and bench in step.
 
-    The microcontroller runs a slice with its inputs held; its switches, each with its exact cycle, are then
-    given to the bench, which follows to the same time.
+    The microcontroller runs a slice with constant inputs; its switches, with their exact cycles, are then
+    passed to the bench, which advances to the same time.
 
     Parameters
     ----------
     program: the firmware.
-    device: the bench's side; its time begins with the board's.
+    device: the simulated bench; its time starts with the board's.
 
     Attributes
     ----------
-    valve_times: when a solenoid was last switched, to the cycle, s.
-    shorted: True once both solenoids were on together, which firmware must never do.
+    valve_times: time of the last switch of a solenoid, to the cycle, s.
+    shorted: True once both solenoids were on together, which the firmware must prevent.
     """
 
     def __init__(self, rig: Rig, wiring: Wiring, program: bytes, device: Device) -> None:
@@ -59,7 +59,7 @@ class EmulatedBoard:
         return self._levels[_HEATER], self._levels[_EXTEND], self._levels[_RETRACT]
 
     def run_to(self, time: float) -> None:
-        """Let firmware and bench reach `time`."""
+        """Run firmware and bench to `time`."""
         end, step = round(time * FREQUENCY), round(SLICE * FREQUENCY)
         while self.avr.cycle < end:
             self.avr.run_to(min(self.avr.cycle + step, end))
@@ -71,8 +71,8 @@ class EmulatedBoard:
         self.avr.close()
 
     def _follow(self) -> None:
-        """Let the bench follow the board's outputs."""
-        if self.avr.resets != self._resets:  # a reset turns every pin into an input, without a word
+        """Apply the board's outputs to the bench."""
+        if self.avr.resets != self._resets:  # a reset turns every pin into an input without notice
             self._resets = self.avr.resets
             self._edges += [(self.avr.cycle, pin, False) for pin in self._levels]
         for cycle, pin, level in self._edges:
@@ -105,7 +105,7 @@ class EmulatedBoard:
         self.device.command(actuator, low + self._pwm * (high - low), self.time, None)
 
     def _measure(self) -> None:
-        """Put the sensors' signals on the converter's pins."""
+        """Apply the sensors' signals to the converter's pins."""
         channels = self._rig.channels.values()
         for channel, pin, value in zip(channels, self._wiring.inputs, self.device.read(), strict=True):
             converter = channel.converter
@@ -115,5 +115,5 @@ class EmulatedBoard:
 
 
 def millivolt(code: int) -> int:
-    """The lowest voltage that the converter reads as `code`."""
+    """Return the lowest voltage that the converter reads as `code`."""
     return -(-min(max(code, 0), _LAST) * SUPPLY_MV // _LAST)

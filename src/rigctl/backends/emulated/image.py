@@ -8,16 +8,16 @@ from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 
 FLASH = 32 * 1024  #: bytes of the ATmega328P
-BAUDS = (115200, 500000)  #: that images are built for
+BAUDS = (115200, 500000)  #: baud rates of the images
 
 
 def shipped_image(baud: int) -> Path:
-    """The ready-built image for a line's speed.
+    """Return the image built for a baud rate.
 
     Raises
     ------
     RigctlError
-        none was built for it.
+        there is no image for it.
     """
     if baud not in BAUDS:
         raise RigctlError(
@@ -27,7 +27,7 @@ def shipped_image(baud: int) -> Path:
 
 
 def read_intel_hex(path: Path) -> bytes:
-    """The flash from address 0 that a file describes; what it leaves out is 0xFF.
+    """Return the flash content from address 0 in a file; gaps are 0xFF.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def read_intel_hex(path: Path) -> bytes:
 
 
 def _parse(line: str) -> tuple[int, int, bytes]:
-    """Kind, address and data of ``:LLAAAATT…CC``."""
+    """Return kind, address and data of ``:LLAAAATT…CC``."""
     if not line.startswith(":"):
         raise ValueError("no colon")
     record = bytes.fromhex(line[1:].strip())

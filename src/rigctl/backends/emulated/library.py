@@ -52,7 +52,7 @@ class Core(c.Structure):
 
 @dataclass(frozen=True)
 class Libraries:
-    """simavr and the C library, with the signatures that are used."""
+    """simavr and the C library, with the required signatures."""
 
     simavr: Any
     libc: Any
@@ -99,12 +99,12 @@ def load_libraries() -> Libraries:
 
 
 def ioctl_code(text: str) -> int:
-    """simavr's four-letter codes."""
+    """Return one of simavr's four-letter codes."""
     return int.from_bytes(text.encode("ascii"), "big")
 
 
 def address_of(function: Any) -> int:
-    """Where a C function lies."""
+    """Return the address of a C function."""
     address = c.cast(function, c.c_void_p).value
     if address is None:
         raise RigctlError("simavr lacks a function that the emulated board needs", hint=INSTALL)

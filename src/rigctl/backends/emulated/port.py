@@ -1,4 +1,4 @@
-"""The emulated board's line without a second process: reading lets its time pass with the clock."""
+"""The emulated board's line without a second process: reading advances its time with the clock."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class EmulatedPort:
 
     Parameters
     ----------
-    board: what is at the other end.
-    clock: what both sides wait on.
+    board: the board at the other end.
+    clock: the clock of both sides.
     origin: bench time at which the board was switched on.
     link: when the line is dead.
     """
@@ -32,13 +32,13 @@ class EmulatedPort:
         self._link = link
 
     def write(self, data: bytes) -> None:
-        """Send `data`, now."""
+        """Send `data` now."""
         self._check()
         self._follow()
         self._board.avr.send(data)
 
     def read(self, until: float) -> bytes:
-        """What the board has sent, waiting until bench time `until`."""
+        """Return what the board has sent, waiting until bench time `until`."""
         while True:
             self._check()
             self._follow()
@@ -51,7 +51,7 @@ class EmulatedPort:
             self._clock.sleep_until(min(until, now + SLICE))
 
     def close(self) -> None:
-        """The board goes on by itself."""
+        """Close the port; the board keeps running."""
 
     def _follow(self) -> None:
         self._board.run_to(self._clock.now() - self._origin)

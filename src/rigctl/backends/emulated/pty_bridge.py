@@ -12,14 +12,14 @@ from rigctl.backends.emulated.board import SLICE, EmulatedBoard
 from rigctl.clock import Clock
 from rigctl.errors import Location, RigctlError
 
-_BAUD_TOLERANCE = 0.045  # a receiver gives up beyond it
-_FARTHEST_BEHIND = 2.0  # s that a busy computer may lag, and catch up, before time is let go
+_BAUD_TOLERANCE = 0.045  # tolerance of a receiver's baud rate
+_FARTHEST_BEHIND = 2.0  # largest lag of a busy computer that is caught up, s
 
 
 class PtyBridge:
-    """Carries bytes between a pty and a board, and lets both follow a clock.
+    """Passes bytes between a pseudo-terminal and a board, both following a clock.
 
-    What nobody reads is dropped, as on a wire. A client with another baud rate gets, and gives, garbage.
+    Unread data are dropped, as on a wire. A client with another baud rate receives and sends garbage.
 
     Parameters
     ----------
@@ -28,11 +28,11 @@ class PtyBridge:
 
     Attributes
     ----------
-    port: the path that a client opens.
+    port: the path for a client.
     """
 
     def __init__(self, board: EmulatedBoard, clock: Clock) -> None:
-        if sys.platform == "win32":  # pragma: no cover - simavr has refused before
+        if sys.platform == "win32":  # pragma: no cover - simavr fails earlier
             raise NotImplementedError
         import tty
 
@@ -40,17 +40,17 @@ class PtyBridge:
         self._clock = clock
         self._ahead = board.time - clock.now()
         self._master, slave = os.openpty()
-        tty.setraw(slave)  # a cooked one would echo answers back as commands
+        tty.setraw(slave)  # otherwise the terminal would echo answers back as commands
         self.port = os.ttyname(slave)
         self._named: Path | None = None
-        os.close(slave)  # so that a hang-up on the master means: nobody has it open
+        os.close(slave)  # so that a hang-up on the master means that no client has it open
         os.set_blocking(self._master, False)
         self._speeds = _speeds()
         self._poll = select.poll()
         self._poll.register(self._master, select.POLLIN)
 
     def step(self) -> None:
-        """Let one slice pass."""
+        """Advance one slice."""
         client = self._has_client()
         received = self._read() if client else b""
         sound = self._sound_baud() if client else True
@@ -63,16 +63,16 @@ class PtyBridge:
         self._keep_pace()
 
     def close(self) -> None:
-        """Take the port away, as when its plug is pulled."""
+        """Remove the port, as if unplugged."""
         os.close(self._master)
 
     def link(self, path: Path) -> None:
-        """Give the port a name of one's own.
+        """Make a symbolic link to the port.
 
         Raises
         ------
         RigctlError
-            a file is there; only the name that an earlier port has left is taken over.
+            a file exists; only a stale link of an earlier port is replaced.
         """
         if path.is_symlink() and path.readlink().parent == Path(self.port).parent:
             path.unlink()
@@ -85,7 +85,7 @@ class PtyBridge:
         self._named = path
 
     def unlink(self) -> None:
-        """Take the name away again, where it still is this port's."""
+        """Remove the link if it still points to this port."""
         name, self._named = self._named, None
         if name is not None and name.is_symlink() and str(name.readlink()) == self.port:
             name.unlink()
@@ -119,7 +119,7 @@ class PtyBridge:
             return  # full, or the client has just gone: lost, as on a wire
 
     def _sound_baud(self) -> bool:
-        """Whether the client's speed is the board's; both ends of a pty share their settings."""
+        """Return whether the client's baud rate is the board's; both ends of a pty share their settings."""
         import termios
 
         set_to = self._speeds.get(termios.tcgetattr(self._master)[5])
@@ -127,7 +127,7 @@ class PtyBridge:
 
 
 def _speeds() -> dict[int, int]:
-    """The system's code of each speed -> bits per second."""
+    """Return the baud rate for each of the system's speed codes."""
     import termios
 
     names = (name for name in dir(termios) if name[0] == "B" and name[1:].isdigit())
@@ -135,5 +135,5 @@ def _speeds() -> dict[int, int]:
 
 
 def _garbled(data: bytes) -> bytes:
-    """What a receiver of another speed makes of it."""
+    """Return the data as received at another baud rate."""
     return bytes((byte * 37 + 11) & 0xFF for byte in data)

@@ -1,4 +1,4 @@
-"""Make a bench whose device is spoken to in lines."""
+"""Makes the bench of a line-based device."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from rigctl.rig import Lines, Rig
 
 
 def line_bench(rig: Rig, lines: Lines, clock: Clock, address: Address) -> LineBench:
-    """A bench at an address, not yet open.
+    """Make a bench at an address, not yet open.
 
-    Where it drives anything, a guard holds the port, so that outputs become safe even when this process ends
-    or hangs.
+    If it drives anything, a guard holds the port, so that outputs become safe even if this process ends or
+    hangs.
     """
     setter, duty = Setter(rig, lines), Duty()
     orders = Orders(address, setter.orders(), lines.watchdog, setter.identify_order(), lines.reply_ends)

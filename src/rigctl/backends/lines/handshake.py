@@ -1,4 +1,4 @@
-"""Who is at the other end of a line to a device that is described by its lines."""
+"""Identifies a line-based device on a line that has just been opened."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Lines
 
-_FIRST_SILENCE = 0.3  # s that a device needs to throw away half a command
+_FIRST_SILENCE = 0.3  # s that a device needs to discard an incomplete command
 
 
 def handshake(talk: Talk, clock: Clock, lines: Lines) -> Conversation[Mapping[str, str]]:
-    """Ask who is there until somebody answers, and what that one says of itself.
+    """Query the identity until there is an answer, and return it.
 
-    A device that cannot say who it is must answer the first query instead.
+    A device without an identity query must answer the first query instead.
 
     Raises
     ------
     PortLost
-        nobody answers while the device may still be waking up, or the port is gone.
+        there is no answer while the device may still be starting, or the port is gone.
     RigctlError
-        somebody else answers.
+        another device answers.
     """
     question = lines.identify or lines.queries[0]
     give_up = clock.now() + lines.wake
     quiet_until = clock.now() + _FIRST_SILENCE
-    talk.port.write(lines.send_ends.encode("utf-8"))  # whatever half of a command was left is over
+    talk.port.write(lines.send_ends.encode("utf-8"))  # terminates any incomplete command
     while clock.now() < quiet_until:
         yield quiet_until
     while True:

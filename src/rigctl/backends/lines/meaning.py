@@ -1,4 +1,4 @@
-"""Between the rig's SI values and the numbers and words of a device's lines."""
+"""Translates between the rig's SI values and the numbers and words in a device's lines."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from rigctl.rig.line_pattern import read_number, resolution
 from rigctl.rig.setting import POSITIONS
 from rigctl.units import parse_unit
 
-#: SCPI writes infinity as 9.9e37 and what is no number as 9.91e37 (SCPI-99, volume 1, 7.2.1.4 and 7.2.1.5)
+#: SCPI writes infinity as 9.9e37 and NaN as 9.91e37 (SCPI-99, volume 1, 7.2.1.4 and 7.2.1.5)
 _NO_NUMBER = 9.9e37
 
 
 class Meaning:
-    """What a rig's channels and actuators are in the lines of a device."""
+    """The rig's channels and actuators in the lines of a device."""
 
     def __init__(self, rig: Rig, lines: Lines) -> None:
         self._rig = rig
         self._lines = lines
 
     def channel(self, name: str, text: str) -> float:
-        """The SI value of what an answer gives for a channel; NaN where that is no number."""
+        """Return the SI value of a channel from an answer; NaN if it is not a number."""
         raw = read_number(text)
         return (
             math.nan
@@ -31,19 +31,19 @@ class Meaning:
         )
 
     def command(self, name: str, value: float) -> str:
-        """What sets an actuator to an SI value."""
+        """Return the command that sets an actuator to an SI value."""
         part = self._lines.actuators[name]
         return part.template.fill(self._written(name, part, value))
 
     def written(self, name: str, value: float) -> str:
-        """An SI value alone, as it stands in the command."""
+        """Return an SI value as written in the command."""
         part = self._lines.actuators[name]
         return part.template.written(self._written(name, part, value))
 
     def setting(self, name: str, text: str, commanded: float) -> float | None:
-        """The SI value that an answer gives for an actuator; `commanded` where that is what is written there.
+        """Return the SI value of an actuator from an answer; `commanded` if the answer repeats its text.
 
-        None where it is no value at all.
+        None if it is not a value.
         """
         part = self._lines.actuators[name]
         expected = self._written(name, part, commanded)
@@ -58,7 +58,7 @@ class Meaning:
         return self._of_number(name, part, number)
 
     def _written(self, name: str, part: LineActuator, value: float) -> float | str:
-        """The number or the word of an SI value."""
+        """Return the number or the word for an SI value."""
         actuator = self._rig.actuators[name]
         positions = POSITIONS.get(actuator.kind)
         if positions is not None:

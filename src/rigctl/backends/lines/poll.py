@@ -1,4 +1,4 @@
-"""Asks a device for one sample: every query that is due, and what its answers mean."""
+"""Queries a device for one sample: every query that is due, and the values in its answers."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _SLACK = 1e-6  # s; the times of a grid are sums of rounded numbers
 
 @dataclass(frozen=True)
 class PolledSample:
-    """What a device has answered.
+    """The answers of a device.
 
     Parameters
     ----------
-    time: the middle of the interval in which it was asked, s.
+    time: the middle of the interval of the queries, s.
     uncertainty: half of that interval, s.
     values: SI, in the order of the rig's layout.
-    changed: actuators whose state is another one than was commanded, SI.
+    changed: actuators whose state differs from the command, SI.
     """
 
     time: float
@@ -46,26 +46,26 @@ class Poll:
         self._outbox = outbox
         self._values: dict[str, float] = {}
         self._due = [-math.inf] * len(lines.queries)
-        self._silenced: set[int] = set()  # queries whose trouble has been said
+        self._silenced: set[int] = set()  # queries whose fault has been reported
         self._stray = 0
         self.states_read: set[str] = set()  #: actuators whose state was read since the line was opened
 
     def forget(self, talk: Talk) -> None:
-        """Ask everything anew, on a line that has just been opened."""
+        """Restart all queries on a line that has just been opened."""
         self._values.clear()
         self.states_read.clear()
         self._due = [-math.inf] * len(self._queries)
         self._stray = talk.stray
 
     def asking(self, talk: Talk, commanded: Mapping[str, float]) -> Conversation[PolledSample]:
-        """Ask what is due now.
+        """Send the queries that are due.
 
-        An answer that does not fit leaves its channels without a value; interlocks see to that.
+        An invalid answer leaves its channels without a value, which interlocks detect.
 
         Raises
         ------
         WrongAnswer
-            a question that reads nothing, so that it only asks whether all is well, is answered otherwise.
+            a query without values, which only checks the device's status, has an unexpected answer.
         PortLost
             the device does not answer.
         """
@@ -78,7 +78,7 @@ class Poll:
             answer = yield from self._ask(talk, index, query)
             if query.every is not None:
                 self._due[index] = max(self._due[index] + query.every, now)
-                if self._due[index] == now:  # the first time, or long ago
+                if self._due[index] == now:  # for the first time, or after a long time
                     self._due[index] = now + query.every
             if answer is not None:
                 answers.append(answer)
@@ -105,9 +105,9 @@ class Poll:
         return answer
 
     def _readable(self, found: Mapping[str, str]) -> bool:
-        """Whether numbers and settings are what they are for.
+        """Return whether the numbers and settings of an answer are valid.
 
-        A torn line must not become a value, nor the answer to another question a setting.
+        A truncated line must not become a value, nor the answer to another query a setting.
         """
         return all(
             (read_number(text) if name in self._rig.channels else self._meaning.setting(name, text, 0.0))

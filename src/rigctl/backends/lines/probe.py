@@ -1,4 +1,4 @@
-"""Asks a port who is there, and how good the line is; nothing is switched."""
+"""Identifies the device on a port and measures the line, without switching anything."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from rigctl.backends.transport.port import Port, PortLost
 from rigctl.clock import Clock
 from rigctl.rig import Exchange, Lines
 
-#: how devices are asked who they are, the usual way first
+#: identity queries, the usual one first
 QUESTIONS = ("*IDN?", "VER")
-_WAKE = 3.0  # s that a board needs which starts anew when its port is opened
+_WAKE = 3.0  # s needed by a board that restarts when its port is opened
 _TIMEOUT = 0.4  # s
 
 
 @dataclass(frozen=True)
 class Link:
-    """How good a line is.
+    """The quality of a line.
 
     Parameters
     ----------
-    asked: how often.
-    answered: how often the same came back.
-    damaged: how often something else did.
-    median, slowest: of the round trips, s; 0 when nothing came back.
+    asked: number of queries.
+    answered: number of correct answers.
+    damaged: number of other answers.
+    median, slowest: round-trip times, s; 0 without an answer.
     """
 
     asked: int
@@ -38,13 +38,13 @@ class Link:
 
 @dataclass(frozen=True)
 class Found:
-    """Who answered.
+    """The device that answered.
 
     Parameters
     ----------
-    question: to which.
-    identity: what was answered.
-    name: in a person's words.
+    question: the query.
+    identity: the answer.
+    name: a readable name.
     """
 
     question: str
@@ -54,14 +54,14 @@ class Found:
 
 
 def probe(connect: Callable[[], Port], clock: Clock, *, rounds: int = 50, patience: float = _WAKE) -> Found:
-    """Who is at the other end of a port.
+    """Identify the device on a port.
 
     A board that is reset by the opening of its port has `patience` s to start.
 
     Raises
     ------
     PortLost
-        there is no such port, or nobody answers.
+        there is no such port, or no answer.
     RigctlError
         it may not be opened.
     """
@@ -81,7 +81,7 @@ def _protocol(question: str) -> Lines:
 
 
 def _ask(talk: Talk, question: str) -> str | None:
-    """What is answered; None for silence, and for a device that only gives the question back."""
+    """Return the answer; None for silence, and for a device that only echoes the query."""
     exchange = Exchange.model_validate({"send": question, "reply": "{identity}"})
     try:
         found = talk.ask(exchange, tries=1).found["identity"]
@@ -91,9 +91,9 @@ def _ask(talk: Talk, question: str) -> str | None:
 
 
 def _introduction(talk: Talk, clock: Clock, patience: float) -> tuple[str, str]:
-    """The first question that is answered, and the answer."""
+    """Return the first query with an answer, and the answer."""
     give_up = clock.now() + patience
-    talk.port.write(b"\n")  # whatever half of a command was left is over
+    talk.port.write(b"\n")  # terminates any incomplete command
     talk.idle(clock.now() + 0.2)
     while True:
         for question in QUESTIONS:

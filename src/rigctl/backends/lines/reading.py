@@ -1,4 +1,4 @@
-"""Asks the device of a rig file who it is and for one value of every channel; nothing is set."""
+"""Reads a device's identity and one value of every channel, without setting anything."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from rigctl.rig import Lines, Rig
 
 @dataclass
 class OneReading:
-    """What a device has said.
+    """The answers of a device.
 
     Attributes
     ----------
-    identity: of the device, as far as it says it.
-    values: SI, by channel; NaN where none was given.
-    troubles: what was answered instead of values.
-    round_trip: median of the questions, s.
+    identity: of the device, as far as known.
+    values: SI, by channel; NaN for missing values.
+    troubles: answers that were not values.
+    round_trip: median of the queries, s.
     """
 
     identity: Mapping[str, str]
@@ -34,19 +34,19 @@ class OneReading:
     round_trip: float = math.nan
 
     def impossible(self, rig: Rig) -> list[str]:
-        """Channels whose values cannot be."""
+        """Return channels with impossible values."""
         return [name for name, value in self.values.items() if not rig.channels[name].possible(value)]
 
 
 def read_once(rig: Rig, lines: Lines, address: Address, clock: Clock) -> OneReading:
-    """Reach a device, ask who it is, and read every channel once.
+    """Connect to a device, identify it, and read every channel once.
 
     Raises
     ------
     PortLost
-        nobody answers.
+        there is no answer.
     RigctlError
-        somebody else answers, or the port may not be opened.
+        another device answers, or there is no permission to open the port.
     """
     port = address.open(clock)
     try:

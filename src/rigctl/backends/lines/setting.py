@@ -1,4 +1,4 @@
-"""Sets the actuators of a device that is spoken to in lines, and knows what makes it safe."""
+"""Sets the actuators of a line-based device, and makes it safe."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class SafeCommand:
 
     Parameters
     ----------
-    exchange, text: what is sent, and what answers it.
-    require: raises `WrongAnswer` where an answer says that something else was set.
+    exchange, text: the command, and its expected answer.
+    require: raises `WrongAnswer` if an answer shows that something else was set.
     """
 
     exchange: Exchange
@@ -44,9 +44,9 @@ class Setter:
         Raises
         ------
         WrongAnswer
-            the device does not do it, or does something else.
+            the device refuses, or sets something else.
         PortLost
-            it does not answer.
+            the device does not answer.
         """
         part = self._lines.actuators[actuator]
         text = self._meaning.command(actuator, value)
@@ -61,13 +61,13 @@ class Setter:
         return CommandReceipt(middle, actuator, value, half)
 
     def _require(self, actuator: str, value: float, text: str, answer: Answer) -> None:
-        """Where an answer repeats the value, it must be the one that was commanded."""
+        """Require that an answer which repeats the value repeats the commanded one."""
         echoed = answer.found.get(VALUE)
         if echoed is not None and self._meaning.setting(actuator, echoed, value) != value:
             raise WrongAnswer(text, echoed, self._rig.actuators[actuator].show(value))
 
     def orders(self) -> tuple[SafeOrder, ...]:
-        """The same for the guard, who knows nothing of the rig: bytes, and what confirms them."""
+        """Return the commands for the guard, which does not know the rig: bytes and their confirmation."""
         ends = self._lines.send_ends.encode("utf-8")
         found = [
             SafeOrder(exchange.send.encode("utf-8") + ends, tuple(exchange.reply))
@@ -81,14 +81,14 @@ class Setter:
         return tuple(found)
 
     def identify_order(self) -> SafeOrder | None:
-        """The question who it is, for the guard."""
+        """Return the identity query, for the guard."""
         who = self._lines.identify
         if who is None:
             return None
         return SafeOrder(who.send.encode("utf-8") + self._lines.send_ends.encode("utf-8"), tuple(who.reply))
 
     def safe_commands(self) -> Iterator[SafeCommand]:
-        """What is sent to make outputs safe: what the file says first, then each actuator's safe value."""
+        """Return the commands that make outputs safe: those of the file, then each actuator's safe value."""
         for exchange in self._lines.safe:
             yield SafeCommand(exchange, exchange.send, lambda _answer: None)
         for name, value in self._rig.safe_state.items():

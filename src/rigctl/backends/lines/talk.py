@@ -1,8 +1,8 @@
-"""Questions and answers, one after the other, on a line without numbers or checksums.
+"""Queries and answers, one after the other, on a line without sequence numbers or checksums.
 
-An answer that comes late would be taken for that of the next question. So what has arrived unasked is thrown
-away before each question, and after a silence or an answer that does not fit the line is brought back into
-step: wait until it is quiet, and where the device can say who it is, read until that is what it answers.
+A late answer would be taken for that to the next query. Unsolicited lines are therefore discarded before each
+query, and after a silence or an unexpected answer the line is resynchronised: wait until it is quiet and, if
+the device has an identity query, read until the answer is its identity.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rigctl.rig import Exchange, Lines
 
 _LONGEST = 4096  # bytes; without a line's end in so many it is garbage
 _QUIET = 0.1  # s
-_LONGEST_NOISE = 1.0  # s that a device may go on talking before it is no device of lines
+_LONGEST_NOISE = 1.0  # longest uninterrupted output of a line-based device, s
 
 
 class WrongAnswer(Refused):
@@ -31,7 +31,7 @@ class WrongAnswer(Refused):
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What stood in the places of an answer, and the interval in which the device had the command, s."""
+    """The fields of an answer, and the interval in which the device received the command, s."""
 
     found: Mapping[str, str]
     sent: float
@@ -39,11 +39,11 @@ class Answer:
 
 
 class Talk:
-    """One open port to a device that is spoken to in lines.
+    """One open port to a line-based device.
 
     Attributes
     ----------
-    stray: lines that came unasked; counts up.
+    stray: running count of unsolicited lines.
     """
 
     def __init__(self, port: Port, clock: Clock, lines: Lines) -> None:
@@ -56,25 +56,25 @@ class Talk:
         self.stray = 0
         self._bytes = 0  # that have arrived
         self.last_sent = clock.now()  #: s
-        self._in_step = True  # no answer to an earlier question can still come
+        self._in_step = True  # no answer to an earlier query is outstanding
 
     @property
     def heard(self) -> bool:
-        """Whether anything ever arrived."""
+        """Whether anything has ever arrived."""
         return self._bytes > 0
 
     @property
     def in_step(self) -> bool:
-        """Whether no answer to an earlier question can still come."""
+        """Whether no answer to an earlier query is outstanding."""
         return self._in_step
 
     def send(self, text: str) -> None:
-        """Send a command, and wait for nothing."""
+        """Send a command without waiting."""
         self.last_sent = self._clock.now()
         self.port.write(text.encode("utf-8") + self._send_ends)
 
     def ask(self, exchange: Exchange, *, tries: int | None = None) -> Answer:
-        """Send a command and wait for the answer that is expected; raises as `asking` does."""
+        """Send a command and wait for the expected answer; raises as `asking`."""
         return carry_through(self.asking(exchange, tries=tries), self.take)
 
     def asking(
@@ -87,21 +87,21 @@ class Talk:
         fits: Callable[[Mapping[str, str]], bool] = lambda found: True,
         anyway: bool = False,
     ) -> Conversation[Answer]:
-        """Send a command and read the answer that is expected.
+        """Send a command and read the expected answer.
 
         Parameters
         ----------
-        text: the command, where it has a value in it.
-        tries, timeout: other than the rig file's.
-        fits: whether what stands in the places can be what they are for, e.g. numbers.
-        anyway: send it even if the line cannot be brought into step: what makes safe.
+        text: the command, if it contains a value.
+        tries, timeout: override those of the rig file.
+        fits: returns whether the fields of an answer are valid, e.g. numbers.
+        anyway: send it even if the line cannot be resynchronised, for commands that make safe.
 
         Raises
         ------
         WrongAnswer
-            it answers with an error, or again and again with what was not expected.
+            the device answers with an error, or repeatedly with an unexpected text.
         PortLost
-            it does not answer (`NoAnswer`), or the port is gone.
+            the device does not answer (`NoAnswer`), or the port is gone.
         """
         command = exchange.send if text is None else text
         wrong = ""
@@ -134,18 +134,18 @@ class Talk:
         raise NoAnswer(f"{self.port.name}: the device does not answer {command!r}")
 
     def idle(self, until: float) -> None:
-        """Let time pass; what comes is unasked."""
+        """Let time pass; anything received is unsolicited."""
         self.take(until)
         self._drop_stray()
 
     def abandon(self) -> None:
-        """Whatever was being asked is not waited for any more; its answer may still come."""
+        """Stop waiting for the query in progress, whose answer may still arrive."""
         self._in_step = False
 
     def _read_answer(
         self, exchange: Exchange, command: str, deadline: float
     ) -> Conversation[tuple[Mapping[str, str] | None, str]]:
-        """What stood in the places, or None and the line that did not fit (none when it was silent)."""
+        """Return the fields of an answer, or None and the unexpected line (empty for silence)."""
         found: dict[str, str] = {}
         for pattern in exchange.patterns:
             line = yield from self._line(deadline)
@@ -161,7 +161,7 @@ class Talk:
         return found, ""
 
     def _line(self, deadline: float) -> Conversation[str | None]:
-        """The next line; None when there is none by then."""
+        """Return the next line; None if there is none by then."""
         while self._reply_ends not in self._rest:
             if self._clock.now() >= deadline:
                 return None
@@ -170,7 +170,7 @@ class Talk:
         return line.decode("utf-8", "replace").strip()
 
     def take(self, until: float) -> bool:
-        """Take in what arrives by bench time `until`; False when nothing did."""
+        """Read until bench time `until` or until something arrives; return False if nothing did."""
         data = self.port.read(until)
         self._bytes += len(data)
         self._rest = (self._rest + data)[-_LONGEST:]
@@ -184,16 +184,16 @@ class Talk:
             self._rest = b""
 
     def _synchronise(self, command: str, patience: float) -> Conversation[None]:
-        """Throw away what is on its way, so that the next answer is that of the next question, `command`.
+        """Discard outstanding data, so that the next answer belongs to the next query, `command`.
 
-        The device has `patience` s to say who it is.
+        The device has `patience` s to identify itself.
 
         Raises
         ------
         WrongAnswer
-            it says something else than who it is: that may be the answer to an earlier question.
+            it sends something other than its identity, possibly the answer to an earlier query.
         NoAnswer
-            it says nothing.
+            it is silent.
         """
         self._in_step = True
         give_up = self._clock.now() + _LONGEST_NOISE

@@ -1,1 +1,1 @@
-"""A device with Modbus registers, on TCP or a serial line, as its rig file describes them."""
+"""A device with Modbus registers, on TCP or a serial line, described by its rig file."""

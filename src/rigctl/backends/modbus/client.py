@@ -1,6 +1,6 @@
-"""The client of a Modbus device: what `rigctl.rig.client_lines` asks, said in requests for registers.
+"""The client of a Modbus device: translates `rigctl.rig.client_lines` to requests for registers.
 
-pymodbus speaks the protocol, in the thread of a `ClientPort`.
+pymodbus implements the protocol, in the thread of a `ClientPort`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _PORT = 502  # of Modbus TCP
 
 
 def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
-    """The port of an `Address`: ``host:port`` for TCP, anything else is a serial device.
+    """Open the port of an `Address`: ``host:port`` for TCP, anything else is a serial device.
 
     Its settings are those of `rigctl.backends.modbus.create.settings_of`.
     """
@@ -42,7 +42,7 @@ def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort
 
 
 def tcp_address(url: str) -> tuple[str, int] | None:
-    """Host and port; None where it is a serial device."""
+    """Return host and port; None for a serial device."""
     host, colon, port = url.removeprefix("tcp://").rpartition(":")
     if colon and port.isdigit() and "/" not in host:
         return host.strip("[]"), int(port)
@@ -50,18 +50,18 @@ def tcp_address(url: str) -> tuple[str, int] | None:
 
 
 class ModbusClient:
-    """One connection, and what the rig file says of the registers behind it.
+    """One connection, with the registers of the rig file.
 
     Raises
     ------
     PortLost
-        nobody is there.
+        there is no connection.
     """
 
     def __init__(self, url: str, settings: Mapping[str, Any]) -> None:
         from pymodbus.exceptions import ModbusException
 
-        logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # what matters is raised
+        logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # relevant errors are raised
         self._name = url
         self._unit = settings["unit"]
         self._identity = settings["identity"]
@@ -76,7 +76,7 @@ class ModbusClient:
         self._every = 0.0 if settings["heartbeat"] is None else float(settings["heartbeat"][1])
         self._count = 0
         self._beat_at = -math.inf  # s, monotonic
-        self._set: dict[str, tuple[list[int], str]] = {}  # what was written last, and of which text
+        self._set: dict[str, tuple[list[int], str]] = {}  # the last written values, and their text
         self._failed: type[Exception] = ModbusException
         self._library = _connection(url, settings)
         if not self._library.connect():
@@ -84,24 +84,24 @@ class ModbusClient:
             raise PortLost(f"{url}: {serial if tcp_address(url) is None else 'nobody is there'}")
 
     def answer(self, line: str) -> str | None:
-        """The answer to a line of `rigctl.rig.client_lines`."""
+        """Return the answer to a line of `rigctl.rig.client_lines`."""
         self._require_connection()
         name, _, argument = line.partition(" ")
         try:
             answer = self._carry_out(name, argument)
-            if time.monotonic() - self._beat_at >= self._every:  # whoever asks is alive
+            if time.monotonic() - self._beat_at >= self._every:  # the caller is alive
                 self._beat()
             return answer
         except (_RefusedError, ValueError) as refused:
             return f"error {refused}"
-        except self._failed:  # nothing was answered; a connection that is gone will not answer again
+        except self._failed:  # no answer; a lost connection will not answer again
             self._require_connection()
             return None
         except OSError as error:
             raise PortLost(f"{self._name}: {error}") from None
 
     def close(self) -> None:
-        """Let it go."""
+        """Close the connection."""
         self._library.close()
 
     def _require_connection(self) -> None:
@@ -122,7 +122,7 @@ class ModbusClient:
     def _who(self) -> str:
         if self._identify is None:
             table, address, count, _ = self._blocks[0]
-            self._fetch(table, address, count)  # that somebody is there
+            self._fetch(table, address, count)  # checks the connection
             return str(self._identity)
         found = self._identify.text(
             self._fetch(self._identify.table, self._identify.address, self._identify.width)
@@ -186,7 +186,7 @@ class ModbusClient:
             raise _RefusedError(f"a write to {answer.address} was confirmed instead of one to {where}")
 
     def _ready(self) -> Any:
-        """The library, with no late answer in its way: RTU has no numbers to tell answers apart."""
+        """Return the library without late answers, since RTU has no transaction numbers."""
         line = getattr(self._library.socket, "reset_input_buffer", None)
         if line is not None:
             line()
@@ -201,7 +201,7 @@ def _require(answer: Any, where: str, function: int) -> None:
     if answer.isError():
         code = getattr(answer, "exception_code", 0)
         raise _RefusedError(f"{_EXCEPTIONS.get(code, 'exception')} ({code}) at {where}")
-    if answer.function_code != function:  # the library takes it for the answer to whatever was asked
+    if answer.function_code != function:  # the library accepts it as the answer to any request
         raise _RefusedError(f"an answer to function {answer.function_code}, not to {function}, at {where}")
 
 

@@ -1,4 +1,4 @@
-"""Make a bench on Modbus from a rig file and the options of a command."""
+"""Makes a Modbus bench from a rig file and command options."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from rigctl.rig import Rig
 from rigctl.rig.modbus import Modbus, Order, Register
 
 OPTIONS = ("port", "baud")
-BAUD = 19200  #: of RTU, by the standard
+BAUD = 19200  #: default of RTU in the standard
 
 
 def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
-    """A bench on Modbus, not yet open.
+    """Make a Modbus bench, not yet open.
 
     Parameters
     ----------
-    rig: its ``backend.modbus`` says where each number stands.
+    rig: its ``backend.modbus`` gives the register of each number.
     clock: real.
     options: ``port`` (``host:port``, or a serial device for RTU), ``baud`` (of RTU).
 
@@ -38,7 +38,7 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
 
 
 def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
-    """Where the device is, and what its client has to know.
+    """Return the address of the device, with the settings of its client.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
 
 
 def other_orders(rig: Rig) -> Iterator[tuple[str, Rig]]:
-    """The same rig with other orders of bytes and words, each with the words of the file that say so."""
+    """Return the rig with other byte and word orders, each with the corresponding entries of the file."""
     modbus = _registers(rig)
     turned: dict[Order, Order] = {"big": "little", "little": "big"}
     word, byte = turned[modbus.word_order], turned[modbus.byte_order]
@@ -76,7 +76,7 @@ def _registers(rig: Rig) -> Modbus:
 
 
 def settings_of(modbus: Modbus, baud: int) -> dict[str, Any]:
-    """What the client has to know, as JSON holds it."""
+    """Return the settings of the client, JSON-compatible."""
 
     def place(register: Register) -> dict[str, Any]:
         return asdict(

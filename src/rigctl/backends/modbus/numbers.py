@@ -1,6 +1,6 @@
 """Numbers in registers of 16 bits: their type, their byte and word order, their scale.
 
-Light on purpose: a guard starts with it.
+Has few imports, since a guard starts with it.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ _DIGITS: Mapping[str, str] = {"float32": ".8g", "float64": ".16g"}
 
 @dataclass(frozen=True)
 class Place:
-    """Where a number stands and how; nothing but what JSON holds, so that a guard can be given it.
+    """The place and format of a number; JSON-compatible, so that it can be passed to a guard.
 
     Parameters
     ----------
     table: ``coil``, ``discrete``, ``input`` or ``holding``.
     address: from 0.
     kind: `rigctl.rig.modbus.NumberType`.
-    swap_bytes, swap_words: where the order is little.
+    swap_bytes, swap_words: if the order is little-endian.
     scale, offset: number = register * scale + offset.
-    invalid: what the register holds while there is no value; None where it always has one.
+    invalid: content of the register for a missing value; None if it always has one.
     """
 
     table: str
@@ -51,19 +51,20 @@ class Place:
 
     @property
     def width(self) -> int:
-        """Registers, or bits, that it takes."""
+        """Number of registers, or bits."""
         return 1 if self.is_bit else struct.calcsize(_FORMATS[self.kind]) // 2
 
     @property
     def is_bit(self) -> bool:
-        """Whether it is a coil or a discrete input."""
+        """Whether this is a coil or a discrete input."""
         return self.kind == "bool"
 
     def text(self, words: Sequence[int]) -> str:
-        """The number that stands there, as text; ``nan`` where there is none.
+        """Return the number as text; ``nan`` for a missing value.
 
-        That is where the device says so, and where bytes or words in the wrong order would have made a
-        pressure of 1e-40 bar: nothing is measured so small, and an interlock would take it for nought.
+        A value is missing if the device says so, or if it is denormalised, such as a pressure of 1e-40 bar
+        from the wrong byte or word order: no measurement is so small, and an interlock would take it for
+        zero.
         """
         found = self._unpacked(words)
         if isinstance(found, float):
@@ -79,12 +80,12 @@ class Place:
         return format(number, _DIGITS.get(self.kind, ".12g"))
 
     def words(self, number: float) -> list[int]:
-        """A number as it is written there.
+        """Return the registers for a number.
 
         Raises
         ------
         ValueError
-            it does not fit.
+            the number does not fit.
         """
         raw = (number - self.offset) / self.scale
         if not math.isfinite(raw):
@@ -104,6 +105,6 @@ class Place:
         return struct.unpack(_FORMATS[self.kind], packed)[0]
 
     def _ordered(self, words: Sequence[int]) -> list[int]:
-        """The words in the other order than they are in, which is the same both ways."""
+        """Return the words with bytes or words swapped, which is its own inverse."""
         found = [(word & 0xFF) << 8 | word >> 8 for word in words] if self.swap_bytes else list(words)
         return found[::-1] if self.swap_words else found

@@ -1,1 +1,1 @@
-"""A server of OPC UA, whose nodes the rig file names."""
+"""An OPC UA server, whose nodes are named in the rig file."""

@@ -1,6 +1,6 @@
-"""The client of a server of OPC UA: what `rigctl.rig.client_lines` asks, said in reads and writes of nodes.
+"""The client of an OPC UA server: translates `rigctl.rig.client_lines` to reads and writes of nodes.
 
-asyncua speaks the protocol, in an event loop of its own; the thread of a `ClientPort` waits for it.
+asyncua implements the protocol, in its own event loop; the thread of a `ClientPort` waits for it.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from rigctl.backends.transport.port import PortLost
 from rigctl.clock import Clock
 
 _PRODUCT, _VERSION, _NOW = "i=2261", "i=2264", "i=2258"  # of the server's status; part 5, 12.10
-_ENDS_WITHIN = 0.5  # s to say goodbye
+_ENDS_WITHIN = 0.5  # s to close the session
 
-#: status codes of a session that will not answer again
+#: status codes of a session that cannot be used again
 _ENDED = (
     "BadConnectionClosed",
     "BadSecureChannelClosed",
@@ -49,7 +49,7 @@ def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort
 
 @dataclass(frozen=True)
 class _Item:
-    """A node, and what its number means; fields as in `rigctl.rig.opcua`."""
+    """A node and the scale of its number; fields as in `rigctl.rig.opcua`."""
 
     node: str
     scale: float
@@ -58,7 +58,7 @@ class _Item:
     age: bool
 
     def text(self, answer: Any, now: datetime | None) -> str:
-        """The number of a node's answer; ``nan`` where there is none, or only a bad or an old one."""
+        """Return the number of a node's answer; ``nan`` if there is none, or only a bad or an old one."""
         source, read_at = answer.SourceTimestamp, answer.ServerTimestamp or now
         age = math.nan if source is None or read_at is None else (read_at - source).total_seconds()
         if self.age:
@@ -79,7 +79,7 @@ class OpcUaClient:
     Raises
     ------
     PortLost
-        nobody is there.
+        there is no connection.
     """
 
     def __init__(self, url: str, settings: Mapping[str, Any]) -> None:
@@ -87,7 +87,7 @@ class OpcUaClient:
         from asyncua.client.client import Client
         from asyncua.ua.uaerrors import UaError, UaStatusCodeError
 
-        logging.getLogger("asyncua").addHandler(logging.NullHandler())  # what matters is raised
+        logging.getLogger("asyncua").addHandler(logging.NullHandler())  # relevant errors are raised
         logging.getLogger("asyncua").propagate = False
         self._ua: Any = ua
         self._error, self._refusal = UaError, UaStatusCodeError
@@ -99,8 +99,8 @@ class OpcUaClient:
         self._writes = {name: _Item(**item) for name, item in settings["writes"].items()}
         self._heartbeat = settings["heartbeat"]
         self._count, self._beat_at = 0, -math.inf
-        self._types: dict[str, Any] = {}  # of the nodes that are written
-        self._set: dict[str, tuple[object, str]] = {}  # what was written last, and of which text
+        self._types: dict[str, Any] = {}  # types of the nodes that are written
+        self._set: dict[str, tuple[object, str]] = {}  # the last written values, and their text
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True, name=f"loop of {url}")
         self._thread.start()
@@ -116,7 +116,7 @@ class OpcUaClient:
             raise
 
     def answer(self, line: str) -> str | None:
-        """The answer to a line of `rigctl.rig.client_lines`."""
+        """Return the answer to a line of `rigctl.rig.client_lines`."""
         name, _, argument = line.partition(" ")
         try:
             answer = self._waited(self._carry_out(name, argument), self._timeout)
@@ -131,13 +131,13 @@ class OpcUaClient:
         return None if answer is _LATE else str(answer)
 
     def close(self) -> None:
-        """Let it go."""
+        """Close the session."""
         with suppress(OSError, self._error, asyncio.TimeoutError):
             self._waited(self._session.disconnect(), _ENDS_WITHIN)
         self._stop()
 
     def _stop(self) -> None:
-        """End the loop, and whatever the library has left in it."""
+        """End the loop, with the library's remaining tasks."""
 
         async def cancel() -> None:
             others = asyncio.all_tasks() - {asyncio.current_task()}
@@ -152,7 +152,7 @@ class OpcUaClient:
             self._loop.close()
 
     def _waited(self, work: Coroutine[Any, Any, Result], limit: float) -> Result | object:
-        """What some work in the loop comes to; `_LATE` where that takes longer than `limit` s."""
+        """Return the result of a task in the loop; `_LATE` if it takes longer than `limit` s."""
         begun: Future[Result] = asyncio.run_coroutine_threadsafe(work, self._loop)
         try:
             return begun.result(limit)
@@ -172,7 +172,7 @@ class OpcUaClient:
         else:
             raise ValueError(f"not understood: {name}")
         if self._heartbeat is not None and time.monotonic() - self._beat_at >= self._heartbeat[1]:
-            await self._beat()  # whoever asks is alive
+            await self._beat()  # the caller is alive
         return answer
 
     async def _who(self) -> str:
@@ -220,7 +220,7 @@ class OpcUaClient:
         await self._put(self._heartbeat[0], float(self._count))
 
     async def _put(self, node: str, number: float) -> object:
-        """Write a number as the node's own type has it, and give back what was written."""
+        """Write a number in the node's data type, and return what was written."""
         ua = self._ua
         if node not in self._types:
             self._types[node] = await self._session.get_node(node).read_data_type_as_variant_type()

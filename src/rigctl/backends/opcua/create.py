@@ -1,4 +1,4 @@
-"""Make a bench behind a server of OPC UA from a rig file and the options of a command."""
+"""Makes a bench on an OPC UA server from a rig file and command options."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OPTIONS = ("port",)
 
 
 def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
-    """A bench behind a server of OPC UA, not yet open.
+    """Make a bench on an OPC UA server, not yet open.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
 
 
 def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
-    """Where the server is, and what its client has to know.
+    """Return the address of the server, with the settings of its client.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
 
 
 def settings_of(server: OpcUa) -> dict[str, Any]:
-    """What the client has to know, as JSON holds it."""
+    """Return the settings of the client, JSON-compatible."""
     who, beat = server.identify, server.heartbeat
     return {
         "timeout": server.timeout,

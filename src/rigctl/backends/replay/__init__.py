@@ -1,1 +1,1 @@
-"""A recorded run, played as if it were the bench; no model and no engine is involved."""
+"""A recorded run played back as a bench, without model or engine."""

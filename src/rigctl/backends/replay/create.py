@@ -1,4 +1,4 @@
-"""Make a player from a rig file and the options of a command."""
+"""Makes a player from a rig file and command options."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ OPTIONS = ("run", "runs")
 
 
 def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Player:
-    """A player of a recorded run, not yet open.
+    """Make a player of a recorded run, not yet open.
 
     Parameters
     ----------
-    rig: whose channels are played.
+    rig: its channels are played.
     clock: virtual, scaled or real.
-    options: ``run`` (an id, the start of one, a path, or ``latest``), ``runs`` (the folder to look in; the
-        project's where it is missing).
+    options: ``run`` (an id, the start of one, a path, or ``latest``), ``runs`` (the runs folder; by default
+        the project's).
 
     Raises
     ------
     RigctlError
-        an option is unknown, or no run is named or found.
+        an option is unknown, or no run is given or found.
     """
     from rigctl.dataset import open_run
 

@@ -1,4 +1,4 @@
-"""A recording as a bench: it gives its samples at their times and obeys by taking note."""
+"""A recording as a bench: returns its samples at their times, and acknowledges commands."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from rigctl.errors import RigctlError
 from rigctl.rig import Rig
 
 NEAR = 2.0  #: s
-_BLOCK = 1024  # rows turned into tuples at once
-_PATIENCE = 0.5  # of the rig's stale_after: the end is told before it looks like a silent bench
+_BLOCK = 1024  # rows converted to tuples at once
+_PATIENCE = 0.5  # fraction of the rig's stale_after: the end is reported before it looks like a silent bench
 
 
 class Player:
     """A `Backend` that plays a `Recording`.
 
-    The first `start` begins the recording; samples come at their recorded distances in time, whatever rate
-    is asked for, with the commands that were in force when they were taken. What is commanded now changes
-    nothing, but receipts come as from a bench that times its pulses.
+    The first `start` begins the recording; samples arrive at their recorded intervals, regardless of the
+    requested rate, with the commands in force at that time. New commands have no effect, but receipts are
+    returned as by a bench that times its pulses.
 
-    A procedure that is carried out again decides on the same samples, but a wait may end one sample earlier
-    or later than it did, since the recorded bench took time to answer. So a command that the recording has
-    too, within `NEAR` of where it is, moves the recording there: strokes begin when they are commanded.
+    A repeated procedure uses the same samples, but a wait may end one sample earlier or later, since the
+    recorded bench had a response time. A command that the recording also has within `NEAR` therefore moves
+    the recording to it: strokes begin when they are commanded.
 
     Parameters
     ----------
-    rig: what channels and actuators there are.
-    clock: what the player waits on.
+    rig: the channels and actuators.
+    clock: the clock for waits.
     load: reads the recording when the bench is opened.
-    identity: what the bench says it is.
+    identity: the identity of the bench.
     """
 
     timed = True
@@ -56,7 +56,7 @@ class Player:
             tuple[float, list[float], list[float]]
         ] = []  # the block being played, last row first
         self._pulse_ends: dict[str, float] = {}
-        self._passed = 0  # switches of the recording that have been met
+        self._passed = 0  # switches of the recording that have been matched
 
     @property
     def outputs_read(self) -> frozenset[str]:
@@ -82,7 +82,7 @@ class Player:
         self._recording = None
 
     def start(self, rate: float) -> None:
-        """Begin to play, or play on."""
+        """Start or continue playing."""
         self._opened()
         if not (math.isfinite(rate) and rate > 0.0):
             raise RigctlError("not a sampling rate", value=f"{rate:g} Hz", expected="e.g. '100 Hz'")
@@ -90,13 +90,12 @@ class Player:
             self._origin = self.clock.now()
 
     def next_sample(self, timeout: float) -> Sample | None:
-        """The next recorded sample, at its time.
+        """Return the next recorded sample, at its time.
 
         Raises
         ------
         BackendLost
-            the recording has ended, a while ago: what was being waited for when it was recorded may still
-            come to its end.
+            the recording has ended some time ago, since a wait in progress at its end may still finish.
         """
         recording = self._opened()
         deadline = self.clock.now() + timeout
@@ -117,7 +116,7 @@ class Player:
         return Sample(when, tuple(values), tuple(commands))
 
     def command(self, actuator: str, value: float, *, duration: float | None = None) -> PendingCommand:
-        """Take note of a command."""
+        """Acknowledge a command."""
         recording = self._opened()
         check_command(self._rig, actuator, value, duration)
         now = self.clock.now()
@@ -128,7 +127,7 @@ class Player:
         return PendingCommand.answered(CommandReceipt(now, actuator, value))
 
     def take_receipts(self) -> list[CommandReceipt]:
-        """Ends of pulses that have passed since the last call."""
+        """Return the ends of pulses since the last call."""
         self._opened()
         now = self.clock.now()
         ended = sorted((end, actuator) for actuator, end in self._pulse_ends.items() if end <= now)
@@ -139,7 +138,7 @@ class Player:
         ]
 
     def take_notices(self) -> list[Notice]:
-        """A recording notices nothing."""
+        """Return no notices."""
         return []
 
     def safe(self) -> None:
@@ -153,7 +152,7 @@ class Player:
         return self._recording
 
     def _meet(self, recording: Recording, actuator: str, value: float, now: float) -> None:
-        """Move the recording to where it was commanded the same, if that is near."""
+        """Move the recording to the same command, if that is near."""
         if self._origin is None:
             return
         position = now - self._origin
@@ -176,7 +175,7 @@ class Player:
         return list(rows)[::-1]
 
     def _outlast(self, last: float, deadline: float) -> None:
-        """Wait without a sample for half the time after which silence is a fault."""
+        """Wait without samples for half the time after which silence is a fault."""
         given_up = last + _PATIENCE * self._rig.stale_after
         self.clock.sleep_until(min(deadline, given_up))
         if deadline >= given_up:

@@ -1,4 +1,4 @@
-"""What a recorded run holds, as the player needs it."""
+"""A recorded run for the player."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class Switch:
 
 @dataclass(frozen=True)
 class Recording:
-    """Samples of a run in the columns of a rig.
+    """The samples of a run in the columns of a rig.
 
     Parameters
     ----------
-    times: s since the first sample, never falling; (n,).
-    values: SI, NaN where a channel gave none; (n, channels).
-    commands: SI, NaN where the run does not know them; (n, commands).
-    switches: when what was commanded, oldest first; empty where the run does not know it.
+    times: s since the first sample, non-decreasing; (n,).
+    values: SI, NaN for missing values; (n, channels).
+    commands: SI, NaN if not in the run; (n, commands).
+    switches: commands with their times, oldest first; empty if not in the run.
     """
 
     times: NDArray[np.float64]
@@ -44,7 +44,7 @@ class Recording:
 
 
 def read_recording(run: Run, rig: Rig) -> Recording:
-    """The samples of a run, for a rig with these channels.
+    """Read the samples of a run, for a rig with these channels.
 
     Raises
     ------
@@ -75,8 +75,8 @@ def read_recording(run: Run, rig: Rig) -> Recording:
 
 
 def continuous_time(times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Time since the first sample; where it goes back, as in an import whose records each start at zero, the
-    next record follows after one usual step."""
+    """Return the time since the first sample; where it goes back, as in imports whose records start at zero,
+    the next record follows after one median step."""
     steps = np.diff(times, prepend=times[:1])
     forward = steps[steps > 0.0]
     steps[steps < 0.0] = np.median(forward) if len(forward) else 0.0
@@ -84,7 +84,7 @@ def continuous_time(times: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _switches(run: Run, times: NDArray[np.float64]) -> tuple[Switch, ...]:
-    """The commands of a run whose samples and events are on one time."""
+    """Return the commands of a run whose samples and events have a common time."""
     if np.any(np.diff(times) < 0.0):
         return ()
     events = run.table("events").select(["time", "kind", "data"]).to_pylist()

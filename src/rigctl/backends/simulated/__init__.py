@@ -1,1 +1,1 @@
-"""A bench that is computed: a plant, its sensors, its faults, on any clock."""
+"""A simulated bench: a plant, its sensors and its faults, on any clock."""

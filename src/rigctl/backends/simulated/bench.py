@@ -1,4 +1,4 @@
-"""The simulated bench as the runner sees it: sampled on a grid of an injected clock."""
+"""The simulated bench as a backend: sampled on a grid of an injected clock."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
 
-#: s; a sample's time and the end of a wait are sums of the same numbers in another order
+#: s; a sample's time and the end of a wait are the same sum with different rounding
 _ROUNDING = 1e-9
 
 
 class SimulatedBench:
-    """A `Backend` whose bench is computed.
+    """A `Backend` with a simulated bench.
 
-    A sample at time t shows the bench after every switch up to and including t. Samples lie exactly on
-    ``start + k/rate``; a caller who is late gets every one of them. On a virtual clock two runs with the
-    same seed and the same calls give identical samples.
+    A sample at time t shows the bench after every switch up to and including t. Samples are exactly at
+    ``start + k/rate``; a late caller receives all of them. On a virtual clock, two runs with the same seed
+    and the same calls have identical samples.
 
     Parameters
     ----------
-    rig: what channels and actuators there are.
-    clock: what the bench waits on.
-    switch_on: makes the device when the bench is opened (a plant may have to be compiled first).
-    link: when the line between host and bench is dead.
-    identity: what the bench says it is.
+    rig: the channels and actuators.
+    clock: the clock for waits.
+    switch_on: makes the device when the bench is opened, which may compile the plant.
+    link: the times at which the line between host and bench is dead.
+    identity: the identity of the bench.
     """
 
     timed = True
@@ -55,10 +55,10 @@ class SimulatedBench:
         self._origin = 0.0  # clock time at which the device was switched on
         self._rate = 0.0
         self._start = 0.0  # clock time of the grid's first sample
-        self._index = 0  # of the next sample on the grid
-        self._missed = 0  # samples that did not arrive since the last that did
-        self._lost_at: float | None = None  # clock time since when there was no contact at all
-        self._told: dict[str, float] = {}  # what driven actuators were commanded to since they were safe
+        self._index = 0  # number of the next sample on the grid
+        self._missed = 0  # samples lost since the last one that arrived
+        self._lost_at: float | None = None  # clock time of the loss of contact
+        self._told: dict[str, float] = {}  # commands of driven actuators since they were safe
         self._notices: list[Notice] = []
 
     @property
@@ -72,17 +72,17 @@ class SimulatedBench:
         return driven_outputs(self._rig)
 
     def open(self) -> None:
-        """Switch the device on; its time begins now."""
+        """Switch the device on; its time starts now."""
         self._device = self._switch_on()
         self._origin = self.clock.now()
         self._rate = 0.0
 
     def close(self) -> None:
-        """Switch it off, and with it every output."""
+        """Switch the device and all its outputs off."""
         self._device = None
 
     def start(self, rate: float) -> None:
-        """Sample at `rate` Hz from now on."""
+        """Start sampling at `rate` Hz."""
         if not (math.isfinite(rate) and rate > 0.0):
             raise RigctlError("not a sampling rate", value=f"{rate:g} Hz", expected="e.g. '100 Hz'")
         device = self._opened()
@@ -91,7 +91,7 @@ class SimulatedBench:
         self._index = self._missed = 0
 
     def next_sample(self, timeout: float) -> Sample | None:
-        """The next sample of the grid, as soon as the clock has reached it."""
+        """Return the next sample of the grid, as soon as the clock has reached it."""
         device = self._opened()
         deadline = self.clock.now() + timeout
         when = self._next_arriving(deadline)
@@ -115,7 +115,7 @@ class SimulatedBench:
         return PendingCommand.answered(CommandReceipt(when + self._origin, actuator, value))
 
     def take_receipts(self) -> list[CommandReceipt]:
-        """Ends of pulses since the last call."""
+        """Return the ends of pulses since the last call."""
         device = self._opened()
         if device.next_event <= self.clock.now() - self._origin:
             self._catch_up(device)
@@ -125,7 +125,7 @@ class SimulatedBench:
         return [replace(receipt, time=receipt.time + self._origin) for receipt in taken]
 
     def take_notices(self) -> list[Notice]:
-        """Faults and gaps since the last call."""
+        """Return faults and gaps since the last call."""
         device = self._opened()
         taken = device.notices + self._notices
         device.notices, self._notices = [], []
@@ -147,13 +147,13 @@ class SimulatedBench:
         return self._device
 
     def _catch_up(self, device: Device) -> None:
-        """Let happen what is due by now, unless a sample of an earlier time is still owed."""
+        """Advance the device to now, unless an earlier sample is still to be taken."""
         now = self.clock.now()
         if self._rate == 0.0 or self._start + self._index / self._rate > now:
             device.run_to(max(device.time, now - self._origin))
 
     def _next_arriving(self, deadline: float) -> float:
-        """Clock time of the next sample that the line lets through, or of the first after `deadline`.
+        """Return the clock time of the next sample that arrives, or of the first after `deadline`.
 
         Raises
         ------
@@ -177,7 +177,7 @@ class SimulatedBench:
         return when
 
     def _reached(self) -> float:
-        """Now; raises when the bench cannot be reached now."""
+        """Return the current time; raises if the bench cannot be reached now."""
         now = self.clock.now()
         if self._link.perfect:
             return now
@@ -189,13 +189,13 @@ class SimulatedBench:
         return now
 
     def _make_safe_again(self, device: Device, when: float) -> list[str]:
-        """As a host does with a real bench that is back: the actuators that it had commanded otherwise.
+        """Make actuators safe after a loss, as a host does with a real bench that is back.
 
-        When they went off is not known better than that it was during the loss.
+        The time at which they were switched off is only known to be within the loss.
         """
         if self._lost_at is None:
             return []
-        for receipt in device.receipts:  # pulses that ended as they had to
+        for receipt in device.receipts:  # pulses that ended normally
             self._told[receipt.actuator] = receipt.value
         resting = {name: float(value) for name, value in self._rig.safe_state.items()}
         switched_off = [name for name, value in self._told.items() if value != resting.get(name, value)]

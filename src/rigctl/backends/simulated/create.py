@@ -1,4 +1,4 @@
-"""Make a simulated bench from a rig file and the options of a command."""
+"""Makes a simulated bench from a rig file and command options."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ from rigctl.rig import Rig
 
 OPTIONS = ("seed", "noise", "quantised", "faults", "plant", "effects", "progress")
 
-#: the plant that needs no model
+#: the plant without a model
 PLAIN = "roles"
 
 
 def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> SimulatedBench:
-    """A simulated bench, not yet open.
+    """Make a simulated bench, not yet open.
 
     Parameters
     ----------
-    rig: its ``simulation`` part gives what the options leave out.
+    rig: its ``simulation`` part has the defaults of the options.
     clock: virtual, scaled or real.
     options: any of
         ``seed`` (a whole number, not negative);
         ``noise``, ``quantised`` (on or off);
-        ``faults`` (texts as `parse_fault` reads them);
-        ``plant`` (a model file as the truth, or ``roles`` for the plain plant; where it is missing, the rig's
-        model family, or the plain plant where the rig names none);
+        ``faults`` (texts for `parse_fault`);
+        ``plant`` (a model file as the truth, or ``roles`` for the plain plant; by default the rig's model
+        family, or the plain plant if it has none);
         ``effects`` (texts such as ``piston_leakage:clearance=30 um``, hidden in the plant);
-        ``progress`` (a function that is told when something takes long).
+        ``progress`` (called when something takes long).
 
     Raises
     ------
@@ -52,9 +52,9 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> SimulatedBe
 
 @dataclass(frozen=True)
 class Prepared:
-    """A simulated bench without host or clock, ready to be switched on.
+    """A simulated bench without host and clock, ready to be switched on.
 
-    The emulated board has its pins on one.
+    The emulated board is wired to one.
     """
 
     switch_on: Callable[[], Device]
@@ -63,7 +63,7 @@ class Prepared:
 
 
 def prepare(rig: Rig, options: Mapping[str, object]) -> Prepared:
-    """The bench's side for the options that `create` knows.
+    """Prepare the device for the options of `create`.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def _seed(given: object, default: int) -> int:
 
 
 def _choose_plant(rig: Rig, options: Mapping[str, object]) -> tuple[Callable[[], Plant], str]:
-    """How the plant is made when the bench is opened, and what it is."""
+    """Return a function that makes the plant when the bench is opened, and its description."""
     choice = options.get("plant")
     effects = read_texts("effects", options.get("effects"))
     if choice == PLAIN or (choice is None and rig.model is None):

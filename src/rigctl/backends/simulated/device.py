@@ -1,4 +1,4 @@
-"""The bench's side of the simulation: board, actuators, plant and sensors, without host or clock."""
+"""The simulated device: board, actuators, plant and sensors, without host and clock."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from rigctl.backends.simulated.schedule import Schedule
 from rigctl.backends.simulated.sensors import Sensors
 from rigctl.rig import Rig
 
-#: s without the host after which the board brings its outputs to the safe state
+#: s without the host after which the board makes its outputs safe
 WATCHDOG = 2.0
 
 
 class Device:
-    """What happens on the bench, at exact times in s since it was switched on.
+    """The events on the bench, at exact times in s since it was switched on.
 
-    The plant runs from event to event (switches, ends of pulses, the operator's hand, faults), so that
-    a pulse lasts exactly as long as it was told to, wherever the samples lie.
+    The plant is advanced from event to event (switches, ends of pulses, the operator's actions, faults), so
+    that a pulse has exactly its commanded duration, independent of the samples.
     """
 
     def __init__(
@@ -50,11 +50,11 @@ class Device:
 
     @property
     def next_event(self) -> float:
-        """When a switch, the end of a pulse or a fault is due next; infinite when nothing is."""
+        """Time of the next switch, end of a pulse or fault; infinite without one."""
         return self._schedule.next_time
 
     def run_to(self, time: float) -> None:
-        """Let everything happen that is due up to and including `time`."""
+        """Carry out all events up to and including `time`."""
         schedule, plant = self._schedule, self._plant
         while schedule.next_time <= time:
             due, action = schedule.take()
@@ -65,20 +65,20 @@ class Device:
         self.time = time
 
     def read(self) -> tuple[float, ...]:
-        """What the sensors report now, SI, in the order of the rig's layout."""
+        """Return the present readings of the sensors, SI, in the order of the rig's layout."""
         for text in self._plant.take_departures():
             self.notices.append(Notice(self.time, "note", text, {"warning": "outside_validity"}))
         return self._sensors.read(self._plant.read())
 
     @property
     def commands(self) -> tuple[float, ...]:
-        """What the actuators are told now, SI, in the order of the rig's layout."""
+        """Return the present commands of the actuators, SI, in the order of the rig's layout."""
         return self._outputs.row
 
     def command(self, actuator: str, value: float, at: float, duration: float | None) -> float:
-        """Switch an actuator at `at` or, where that has passed, now; the operator takes the time he takes.
+        """Switch an actuator at `at` or, if that has passed, now; an operator responds after a delay.
 
-        Returns when it is switched.
+        Returns the time of the switch.
         """
         when = max(at, self.time)
         if self._rig.actuators[actuator].by == "operator":
@@ -87,7 +87,7 @@ class Device:
         return when
 
     def make_safe(self, time: float) -> None:
-        """Switch every driven actuator to its safe value at `time`, and forget what else was commanded."""
+        """Switch every driven actuator to its safe value at `time`, and drop other commands."""
         self._schedule.drop_commands()
         self._pulse_ends.clear()
         for actuator, value in self._rig.safe_state.items():

@@ -1,4 +1,4 @@
-"""Sensors that fail: what each of the ``sensor_…`` faults makes a channel report."""
+"""Sensor failures: the reading of a channel for each of the ``sensor_…`` faults."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from collections.abc import Callable, Mapping
 from rigctl.backends.simulated.sensors import Failure, Sensor
 from rigctl.rig import Channel
 
-#: a range that nobody states is taken as this many standard deviations of the channel's noise
+#: default range, in standard deviations of the channel's noise
 _NOISES = 1000.0
 
 
 def stuck() -> Failure:
-    """Holds the first value it reads from now on."""
+    """Repeats the first value after its start."""
     held: list[float] = []
 
     def read(sensor: Sensor, true: float, z: float) -> float:
@@ -25,8 +25,8 @@ def stuck() -> Failure:
 
 
 def open_circuit() -> Failure:
-    """The converter's input is pulled to its end, which lies outside the possible range where the rig file
-    lets a broken wire be told from a value; where it does not, there is no value."""
+    """Reads the end of the converter's range that is outside the possible range, if the rig file allows a
+    broken wire to be detected; otherwise there is no value."""
 
     def read(sensor: Sensor, true: float, z: float) -> float:
         ends = converter_range(sensor.channel)
@@ -36,7 +36,7 @@ def open_circuit() -> Failure:
 
 
 def noisy() -> Failure:
-    """Adds white noise of a tenth of the possible range; 100 times its own where that is unknown."""
+    """Adds white noise of a tenth of the possible range, or of 100 times its own if that is unknown."""
 
     def read(sensor: Sensor, true: float, z: float) -> float:
         return sensor.convert(true + 0.1 * _span(sensor.channel) * z)
@@ -45,7 +45,7 @@ def noisy() -> Failure:
 
 
 def out_of_range() -> Failure:
-    """Reports a tenth of the range more than is possible; nothing where anything is possible."""
+    """Reads a tenth of the range above the possible maximum; no value if the range is unlimited."""
 
     def read(sensor: Sensor, true: float, z: float) -> float:
         high = possible_range(sensor.channel)[1]
@@ -54,7 +54,7 @@ def out_of_range() -> Failure:
     return read
 
 
-#: fault kind -> a fresh failure
+#: fault kind -> a new failure
 SENSOR_FAILURES: Mapping[str, Callable[[], Failure]] = {
     "sensor_stuck": stuck,
     "sensor_open": open_circuit,
@@ -64,7 +64,7 @@ SENSOR_FAILURES: Mapping[str, Callable[[], Failure]] = {
 
 
 def converter_range(channel: Channel) -> tuple[float, float]:
-    """The SI values of the converter's lowest and highest code; infinite without one."""
+    """Return the SI values of the converter's lowest and highest code; infinite without a converter."""
     raw = channel.raw
     if raw is None:
         return -math.inf, math.inf
@@ -72,12 +72,12 @@ def converter_range(channel: Channel) -> tuple[float, float]:
 
 
 def possible_range(channel: Channel) -> tuple[float, float]:
-    """The physically possible SI values; what the converter can tell where the rig file does not say."""
+    """Return the physically possible SI range; by default the range of the converter."""
     low, high = channel.range or sorted(converter_range(channel))
     return float(low), float(high)
 
 
 def _span(channel: Channel) -> float:
-    """The width of the possible range; from the noise where the rig file gives no range and no converter."""
+    """Return the width of the possible range; derived from the noise without a range and a converter."""
     low, high = possible_range(channel)
     return high - low if math.isfinite(high - low) else _NOISES * (float(channel.noise or 0.0) or 1.0)

@@ -1,4 +1,4 @@
-"""Faults that can be asked for: ``KIND[:CHANNEL]@TIME`` or ``KIND[:CHANNEL]@TIME..TIME``.
+"""Faults that can be injected: ``KIND[:CHANNEL]@TIME`` or ``KIND[:CHANNEL]@TIME..TIME``.
 
 ``sensor_stuck:position@12 s`` sticks from 12 s after the bench was opened on;
 ``samples_stop@30 s..33 s`` ends after three seconds.
@@ -15,7 +15,7 @@ from rigctl.errors import RigctlError, unknown_name
 from rigctl.rig import Rig
 from rigctl.units import read_si
 
-#: kind -> what happens; the text is the help a user reads
+#: kind -> what happens, in the words of the help text
 KINDS: Mapping[str, str] = {
     "sensor_stuck": "the channel holds the value it has then",
     "sensor_open": "the channel gives no value any more",
@@ -39,7 +39,7 @@ class Fault:
     Parameters
     ----------
     kind: one of `KINDS`.
-    channel: the channel it strikes, where the kind needs one or a user named one.
+    channel: the affected channel, if the kind needs one or the user named one.
     begin, end: s since the bench was opened; `end` is infinite for a fault that stays.
     """
 
@@ -60,7 +60,7 @@ def parse_fault(text: str, rig: Rig) -> Fault:
     Raises
     ------
     RigctlError
-        the text is no fault, or kind, channel or time is wrong; names the nearest valid one.
+        the text is not a fault, or kind, channel or time is wrong; names the nearest valid one.
     """
     match = _GRAMMAR.match(text)
     if not match:
@@ -92,7 +92,7 @@ def _time(fault: str, text: str) -> float:
 
 
 def _check_target(text: str, kind: str, channel: str | None, rig: Rig) -> None:
-    """The channel that a fault names, or must name, and the part that it strikes, exist on this rig."""
+    """Check that the channel of a fault, and the affected part, exist on this rig."""
     by_channel = controlled_channels(rig)
     if kind.startswith("sensor_"):
         if not channel:
@@ -113,7 +113,7 @@ def _check_target(text: str, kind: str, channel: str | None, rig: Rig) -> None:
 
 
 def seized_by(fault: Fault, rig: Rig) -> dict[str, float | None]:
-    """The actuators that stop obeying, with the SI value each is stuck at (None: where it is)."""
+    """Return the actuators that ignore commands, with the SI value at which each sticks (None: as it is)."""
     if fault.kind == "heater_stuck_on" and rig.roles.heat is not None:
         heater = rig.roles.heat.actuator
         return {heater: full_value(rig, heater)}
@@ -129,17 +129,17 @@ def seized_by(fault: Fault, rig: Rig) -> dict[str, float | None]:
 
 
 def full_value(rig: Rig, actuator: str) -> float:
-    """The largest SI value of a switch or a level."""
+    """Return the largest SI value of a switch or a level."""
     high = rig.actuators[actuator].high
     return 1.0 if high is None else float(high)
 
 
 def controlled_channels(rig: Rig) -> dict[str, str]:
-    """The channels that an actuator brings to a set-point, each with that actuator."""
+    """Return the channels controlled by an actuator, each with that actuator."""
     roles = (rig.roles.heat, rig.roles.set_pressure)
     return {role.channel: role.actuator for role in roles if role is not None}
 
 
 def directional_valves(rig: Rig) -> tuple[str, ...]:
-    """The actuators that are directional valves."""
+    """Return the actuators that are directional valves."""
     return tuple(name for name, actuator in rig.actuators.items() if actuator.kind == "directional_valve")

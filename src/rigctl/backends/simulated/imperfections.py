@@ -1,4 +1,4 @@
-"""What makes a simulated bench behave like a real one."""
+"""Imperfections that make a simulated bench behave like a real one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rigctl.backends.simulated.faults import Fault
 
 
 class Purpose(IntEnum):
-    """What random numbers are for; each purpose has a stream of its own, so that none disturbs another."""
+    """The purpose of random numbers; each has a separate stream, so that they do not affect each other."""
 
     SENSORS = 0
     SETTINGS = 1
@@ -20,16 +20,16 @@ class Purpose(IntEnum):
 
 @dataclass(frozen=True)
 class Imperfections:
-    """Noise, scatter and faults; everything random follows from `seed`.
+    """Noise, scatter and faults; all random numbers are determined by `seed`.
 
     Parameters
     ----------
     seed: of every random number.
     noise: whether sensors are noisy.
     quantised: whether converters have a finite number of codes.
-    scatter: by actuator, the relative standard deviation of what it is really set to each time.
-    answer_delay: s until the operator has turned what is worked by hand.
-    faults: what breaks, and when.
+    scatter: by actuator, the relative standard deviation of its actual setting.
+    answer_delay: response time of the operator, s.
+    faults: the faults and their times.
     """
 
     seed: int = 0
@@ -40,5 +40,5 @@ class Imperfections:
     faults: tuple[Fault, ...] = ()
 
     def generator(self, purpose: Purpose) -> np.random.Generator:
-        """The random numbers for one purpose."""
+        """Return the random generator for one purpose."""
         return np.random.Generator(np.random.PCG64(np.random.SeedSequence([self.seed, purpose])))

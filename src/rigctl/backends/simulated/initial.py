@@ -1,4 +1,4 @@
-"""How the simulated bench stands when it is switched on."""
+"""The initial state of the simulated bench."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from rigctl.rig import Rig
 
 
 def initial_values(rig: Rig) -> dict[str, float]:
-    """The SI value of every channel: what the rig file's ``simulation`` says; else ambient for a
-    temperature, and for everything else zero or the end of the possible range that is nearest to it."""
+    """Return the SI value of every channel: from the rig file's ``simulation``; by default ambient for a
+    temperature, and otherwise zero or the nearest end of the possible range."""
     given = rig.simulation.initial
     return {name: float(given[name]) if name in given else _resting_value(rig, name) for name in rig.channels}
 
 
 def initial_commands(rig: Rig) -> dict[str, float]:
-    """The SI value of every actuator: the safe state; what is turned by hand stands where the pressure that
-    it sets is found."""
+    """Return the SI value of every actuator: the safe state; hand-operated ones match the pressure that they
+    set."""
     values = initial_values(rig)
     role = rig.roles.set_pressure
     commands: dict[str, float] = {}

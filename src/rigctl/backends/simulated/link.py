@@ -1,4 +1,4 @@
-"""The line between host and simulated bench: when it is dead, and when only the samples stop."""
+"""The line between host and simulated bench: the times at which it is dead, or only the samples stop."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from rigctl.backends.simulated.faults import Fault
 
 
 class Link:
-    """Times without samples and times without any contact, as the faults say; s since opening."""
+    """Times without samples and without any contact, from the faults; s since opening."""
 
     def __init__(self, faults: Iterable[Fault]) -> None:
         faults = tuple(faults)
@@ -17,15 +17,15 @@ class Link:
 
     @property
     def perfect(self) -> bool:
-        """True when nothing is ever lost."""
+        """Whether nothing is ever lost."""
         return not self._silences
 
     def silent(self, time: float) -> bool:
-        """True when a sample taken at `time` does not arrive."""
+        """Return whether a sample taken at `time` is lost."""
         return any(begin <= time < end for begin, end in self._silences)
 
     def back_at(self, time: float) -> float:
-        """When the bench can be reached: `time` itself, the end of the loss, or infinity."""
+        """Return when the bench can be reached: `time` itself, the end of the loss, or infinity."""
         return max((end for begin, end in self.losses if begin <= time < end), default=time)
 
 

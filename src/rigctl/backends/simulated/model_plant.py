@@ -1,4 +1,4 @@
-"""The bench as a model describes it: its equations, advanced from event to event."""
+"""A plant from a model: its equations, advanced from event to event."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from rigctl.rig import Rig
 class ModelPlant:
     """A model behind the channels and actuators of a rig.
 
-    The rig's ``simulation`` gives the initial value of each state that has a channel, the ambient
-    temperature, and whether the pump runs. A channel that neither the model nor its inputs know keeps its
-    initial value.
+    The rig's ``simulation`` gives the initial value of each state with a channel, the ambient temperature,
+    and whether the pump runs. A channel that is neither in the model nor one of its inputs keeps its initial
+    value.
 
     Parameters
     ----------
-    rig: whose channels are read and whose actuators are switched.
-    model: whose equations hold.
-    progress: told when something takes long.
+    rig: its channels are read and its actuators switched.
+    model: the model of the plant.
+    progress: called when something takes long.
     """
 
     def __init__(self, rig: Rig, model: Model, progress: Callable[[str], None] | None = None) -> None:
@@ -51,24 +51,24 @@ class ModelPlant:
         ]
 
     def advance(self, time: float) -> None:
-        """Let the plant run to `time`."""
+        """Advance the plant to `time`."""
         self._stepper.advance(time)
 
     def switch(self, actuator: str, value: float) -> None:
-        """Put an actuator to an SI value."""
+        """Set an actuator to an SI value."""
         self._commands[actuator] = value
         for name, level in self._inputs.switched(actuator, self._commands).items():
             self._stepper.switch_input(name, level)
 
     def read(self) -> Sequence[float]:
-        """The true SI values."""
+        """Return the true SI values."""
         outputs = self._stepper.outputs().tolist()
         for place, output in self._places:
             self._values[place] = outputs[output]
         return self._values
 
     def take_departures(self) -> Sequence[str]:
-        """The ranges of the model's effects that are left now, each once."""
+        """Return newly left validity ranges of the model's effects, each once."""
         if not self._ranges.sides:
             return ()
         stepper = self._stepper
@@ -79,7 +79,7 @@ class ModelPlant:
 
 
 def _says_start(rig: Rig, state: str) -> bool:
-    """Whether the rig says what a state's channel reads at the start: itself, or by the room around it."""
+    """Return whether the rig gives a state's initial reading, directly or by the ambient temperature."""
     if state not in rig.channels:
         return False
     return state in rig.simulation.initial or rig.channels[state].quantity == "temperature"

@@ -1,4 +1,4 @@
-"""The simulated bench's actuators: what they were told, and what of it reaches the plant."""
+"""The simulated bench's actuators: their commands, and what reaches the plant."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from rigctl.rig import Rig
 
 
 class Outputs:
-    """Commanded values, and the way from them to the plant.
+    """Commanded values and their path to the plant.
 
-    A faulty actuator is *seized*: commands are noted and do not reach the plant until it is freed. A
-    setting may have a relative scatter, as a hand or a proportional valve gives it.
+    A faulty actuator is *seized*: commands are recorded, but do not reach the plant until it is freed. A
+    setting may have a relative scatter, as from an operator or a proportional valve.
     """
 
     def __init__(
@@ -36,24 +36,24 @@ class Outputs:
 
     @property
     def row(self) -> tuple[float, ...]:
-        """What each actuator was told last, SI, in the order of the rig's layout."""
+        """The last command of each actuator, SI, in the order of the rig's layout."""
         return self._row
 
     def switch(self, actuator: str, value: float) -> None:
-        """Tell an actuator an SI value."""
+        """Command an actuator to an SI value."""
         self._commanded[actuator] = value
         self._row = tuple(self._commanded.values())
         if actuator not in self._seized:
             self._act(actuator)
 
     def seize(self, actuator: str, value: float | None = None) -> None:
-        """Let commands to `actuator` have no effect, and put it to `value` unless it stays where it is."""
+        """Disable commands to `actuator`, and set it to `value` unless it stays as it is."""
         self._seized.add(actuator)
         if value is not None:
             self._plant.switch(actuator, value)
 
     def free(self, actuator: str) -> None:
-        """Let it obey again, at once."""
+        """Enable its commands again, at once."""
         self._seized.discard(actuator)
         self._act(actuator)
 

@@ -1,4 +1,4 @@
-"""What the simulated bench needs of whatever it simulates."""
+"""The interface of a simulated plant."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ from typing import Protocol
 
 
 class Plant(Protocol):
-    """True quantities that develop in time under switched inputs.
+    """True quantities that evolve under switched inputs.
 
-    Time is counted in s from the moment the bench was opened, and only goes forward.
+    Time is in s since the bench was opened, and only increases.
     """
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """The rig's channels in the order in which `read` gives them."""
+        """The rig's channels in the order of `read`."""
         ...
 
     def advance(self, time: float) -> None:
-        """Let the plant run to `time` with its inputs as they are."""
+        """Advance the plant to `time` with constant inputs."""
         ...
 
     def switch(self, actuator: str, value: float) -> None:
-        """Put an actuator to an SI value at the time the plant has reached."""
+        """Set an actuator to an SI value at the plant's current time."""
         ...
 
     def read(self) -> Sequence[float]:
-        """The true SI values at the time the plant has reached, without noise."""
+        """Return the true SI values at the plant's current time, without noise."""
         ...
 
     def take_departures(self) -> Sequence[str]:
-        """In words, the ranges of laws of the plant's effects that it has left since it was last asked."""
+        """Return texts for the validity ranges of effects that were left since the last call."""
         ...

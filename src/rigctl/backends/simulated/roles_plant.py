@@ -1,4 +1,4 @@
-"""A plain plant for rigs that name no model: each role's channel follows its actuator, nothing more.
+"""A simple plant for rigs without a model: each role's channel follows its actuator.
 
 - heat: ``dT/dt = u·R − (T − T_amb)/τ`` with R = 1 K/min and τ = 2 h, u the heater's command;
 - set_pressure: ``dp/dt = (p_set − p)/0.2 s``;
@@ -16,10 +16,10 @@ from functools import partial
 from rigctl.backends.simulated.failures import possible_range
 from rigctl.rig import Rig
 
-HEATING_RATE = 1.0 / 60.0  #: K/s of the full heater
+HEATING_RATE = 1.0 / 60.0  #: K/s at full heater power
 COOLING_TIME = 7200.0  #: s
 PRESSURE_TIME = 0.2  #: s
-STROKE_TIME = 2.5  #: s from one end of the position's range to the other
+STROKE_TIME = 2.5  #: s for the full range of the position
 
 
 class RolesPlant:
@@ -27,7 +27,7 @@ class RolesPlant:
 
     Parameters
     ----------
-    rig: whose roles, ranges and layout are used.
+    rig: its roles, ranges and layout are used.
     initial: SI value of every channel at time 0.
     ambient: K.
     """
@@ -51,7 +51,7 @@ class RolesPlant:
             self._add(roles.extend.position, partial(self._position, valve, low, high))
 
     def advance(self, time: float) -> None:
-        """Let the plant run to `time`."""
+        """Advance the plant to `time`."""
         step = time - self._time
         if step <= 0.0:
             return
@@ -60,15 +60,15 @@ class RolesPlant:
             self._values[index] = law(self._values[index], step)
 
     def switch(self, actuator: str, value: float) -> None:
-        """Put an actuator to an SI value."""
+        """Set an actuator to an SI value."""
         self._inputs[actuator] = value
 
     def take_departures(self) -> Sequence[str]:
-        """None: it has no effects."""
+        """Return nothing, since it has no effects."""
         return ()
 
     def read(self) -> list[float]:
-        """The true SI values."""
+        """Return the true SI values."""
         return self._values
 
     def _add(self, channel: str, law: Callable[[float, float], float]) -> None:

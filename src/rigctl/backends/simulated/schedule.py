@@ -1,4 +1,4 @@
-"""What the simulated bench will do by itself, in order of time."""
+"""The scheduled events of the simulated bench, in order of time."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ import math
 from collections.abc import Callable
 from itertools import count
 
-#: called with the exact time at which it happens
+#: called with the exact time of the event
 Action = Callable[[float], None]
 
 
 class Schedule:
-    """Actions at exact times; those of one time happen in the order in which they were added."""
+    """Actions at exact times; simultaneous ones run in the order in which they were added."""
 
     def __init__(self) -> None:
         self._queue: list[tuple[float, int, bool, Action]] = []
         self._number = count()
-        #: when the first action is due; infinite when there is none
+        #: time of the first action; infinite without one
         self.next_time = math.inf
 
     def add(self, time: float, action: Action, *, commanded: bool = False) -> int:
-        """Let `action` happen at `time`; returns a number by which it can be dropped."""
+        """Schedule `action` at `time`; return a number for `drop`."""
         number = next(self._number)
         heapq.heappush(self._queue, (time, number, commanded, action))
         self.next_time = self._queue[0][0]
@@ -34,11 +34,11 @@ class Schedule:
         return time, action
 
     def drop(self, number: int) -> None:
-        """Forget one action."""
+        """Drop one action."""
         self._keep([entry for entry in self._queue if entry[1] != number])
 
     def drop_commands(self) -> None:
-        """Forget everything that somebody commanded."""
+        """Drop all commanded actions."""
         self._keep([entry for entry in self._queue if not entry[2]])
 
     def _keep(self, entries: list[tuple[float, int, bool, Action]]) -> None:

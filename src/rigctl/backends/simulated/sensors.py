@@ -1,8 +1,8 @@
-"""From a true value to what the bench reports: noise, calibration, converter.
+"""From a true value to the reading: noise, calibration, converter.
 
-A channel reads ``value(code(true + noise·z))``: white noise z ~ N(0, 1), the calibration inverted to raw
-units, rounded to one of the converter's codes and clipped to its range, and the calibration applied again. A
-channel without a converter in the rig file reads ``true + noise·z``.
+A reading is ``value(code(true + noise·z))``: white noise z ~ N(0, 1), the calibration inverted to raw
+units, rounded to one of the converter's codes and clipped to its range, and the calibration applied again.
+Without a converter in the rig file it is ``true + noise·z``.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import numpy as np
 
 from rigctl.rig import Channel, Rig
 
-#: a failed sensor: (the sensor, true SI value, standard normal number) -> what it reports, SI
+#: a failed sensor: (the sensor, true SI value, standard normal number) -> reading, SI
 Failure = Callable[["Sensor", float, float], float]
 
-_BLOCK = 512  # rows of noise drawn at once: a call of the generator costs more than its numbers
+_BLOCK = 512  # rows of noise drawn at once, since a call of the generator costs more than its numbers
 _TABLE_BITS = 16  # a curved calibration is tabulated up to this resolution
 
 
@@ -26,8 +26,8 @@ class Sensor:
 
     Attributes
     ----------
-    convert: the converter: an SI value to the nearest that the channel can report.
-    failure: what it reports instead when it is broken.
+    convert: the converter: maps an SI value to the nearest possible reading.
+    failure: its failure, if any.
     """
 
     __slots__ = ("_noise", "channel", "convert", "failure")
@@ -39,11 +39,11 @@ class Sensor:
         self._noise = float(channel.noise or 0.0) if noise else 0.0
 
     def sound(self, true: float, z: float) -> float:
-        """What a sound sensor reports, SI."""
+        """Return the reading of an intact sensor, SI."""
         return self.convert(true + self._noise * z)
 
     def read(self, true: float, z: float) -> float:
-        """What this one reports, SI; NaN where it reports nothing."""
+        """Return the reading, SI; NaN for no value."""
         failure = self.failure
         if failure is not None:
             return failure(self, true, z)
@@ -53,8 +53,8 @@ class Sensor:
 class Sensors:
     """All channels of a rig, in the order of its layout, with one seeded stream of noise.
 
-    The stream depends on the seed and the number of readings alone: a failed sensor uses up its numbers
-    as a sound one does, so that its neighbours read the same.
+    The stream depends only on the seed and the number of readings: a failed sensor consumes its numbers as an
+    intact one does, so that the readings of the others do not change.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class Sensors:
         self._noise = _rows(generator, len(self._sensors))
 
     def read(self, true: Sequence[float]) -> tuple[float, ...]:
-        """One reading of every channel from the true SI values."""
+        """Return one reading of every channel from the true SI values."""
         row = next(self._noise)
         return tuple(
             [sensor.read(value, z) for sensor, value, z in zip(self._sensors, true, row, strict=True)]
@@ -75,7 +75,7 @@ class Sensors:
 
 
 def _rows(generator: np.random.Generator, width: int) -> Iterator[list[float]]:
-    """Standard normal numbers, `width` at a time."""
+    """Yield standard normal numbers, `width` at a time."""
     while True:
         yield from generator.standard_normal((_BLOCK, width)).tolist()
 
@@ -85,7 +85,7 @@ def _unchanged(value: float) -> float:
 
 
 def _converter(channel: Channel) -> Callable[[float], float]:
-    """Quantisation of an SI value by the channel's converter."""
+    """Return the quantisation function of the channel's converter."""
     raw = channel.raw
     if raw is None:
         return _unchanged
@@ -97,7 +97,7 @@ def _converter(channel: Channel) -> Callable[[float], float]:
 
 
 def _straight(channel: Channel) -> Callable[[float], float]:
-    """Codes are evenly spaced values."""
+    """Quantise to evenly spaced values."""
     raw = channel.converter
     last = (1 << raw.bits) - 1
     first_value = channel.value_from_raw(raw.low)
@@ -111,7 +111,7 @@ def _straight(channel: Channel) -> Callable[[float], float]:
 
 
 def _tabulated(channel: Channel) -> Callable[[float], float]:
-    """Codes lie on a monotonic curve: look up between which two halves of a code the value falls."""
+    """Quantise on a monotonic curve, by a table of the midpoints between codes."""
     raw = channel.converter
     codes = range(1 << raw.bits)
     values = [channel.value_from_raw(raw.low + code * raw.step) for code in codes]

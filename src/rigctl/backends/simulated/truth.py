@@ -1,4 +1,4 @@
-"""Which model the simulated bench is made of: the rig's family, or a model file, with hidden effects."""
+"""The model of the simulated bench: the rig's family or a model file, with hidden effects."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from rigctl.rig import Rig
 
 
 def read_truth(rig: Rig, model_file: Path | None, effects: Sequence[str]) -> Model:
-    """The model that the bench obeys.
+    """Read the model of the bench.
 
     Parameters
     ----------
-    rig: the bench that is simulated; the model's outputs are its channels.
-    model_file: its parameters and effects; the rig's own family without effects where it is missing.
-    effects: further ones, e.g. ``piston_leakage:clearance=30 um`` or ``my-effect.yaml``; what they leave out
-        has its typical size.
+    rig: the simulated bench; the model's outputs are its channels.
+    model_file: its parameters and effects; by default the rig's family without effects.
+    effects: further ones, e.g. ``piston_leakage:clearance=30 um`` or ``my-effect.yaml``; omitted sizes are
+        typical ones.
 
     Raises
     ------
     RigctlError
-        the file or an effect is wrong, or the file's model is of another family than the rig's.
+        the file or an effect is wrong, or the family of the file's model is not that of the rig.
     """
     family = family_of(rig)
     model = Model(family, rig) if model_file is None else replace(load_model(model_file), rig=rig)
@@ -42,7 +42,7 @@ def read_truth(rig: Rig, model_file: Path | None, effects: Sequence[str]) -> Mod
 
 
 def describe(model: Model) -> str:
-    """The model in a few words: where it comes from, and its effects with their SI values."""
+    """Describe the model briefly: its origin, and its effects with their SI values."""
     origin = str(model.path) if model.path is not None else model.family.name
     effects = [
         f"{name} ({', '.join(f'{key}={value.si:.6g}' for key, value in values.items())})"

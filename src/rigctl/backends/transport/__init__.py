@@ -1,1 +1,1 @@
-"""What every bench at the end of a port shares: the port, its guard, finding it again, and being a bench."""
+"""Common parts of benches on a port: the port, its guard, reconnection, and the backend."""

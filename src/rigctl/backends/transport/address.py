@@ -1,4 +1,4 @@
-"""Where a bench is, in a form that its guard can be given: a kind of port, its address and its settings."""
+"""The address of a bench, which can be passed to its guard: kind of port, address and settings."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class Address:
 
     Parameters
     ----------
-    kind: of port: ``serial``, ``modbus``, …
-    url: what it is called there.
-    settings: whatever else the kind needs; nothing but what JSON holds.
+    kind: of the port: ``serial``, ``modbus``, …
+    url: its address.
+    settings: other settings of this kind, JSON-compatible.
     """
 
     kind: str
@@ -35,14 +35,14 @@ class Address:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def open(self, clock: Clock) -> Port:
-        """Open it.
+        """Open the port.
 
         Raises
         ------
         PortLost
-            there is no such port now.
+            the port does not exist at present.
         RigctlError
-            it may not be opened, or never will be there.
+            there is no permission, or the address is invalid.
         """
         port: Port = import_module(_OPENERS[self.kind]).open_port(self.url, self.settings, clock)
         return port

@@ -1,4 +1,4 @@
-"""A bench at the end of a port, whatever is spoken on it: opening, closing, losing and finding it again."""
+"""A bench on a port with any protocol: opening, closing, loss and reconnection."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ Contact = TypeVar("Contact", bound=OnPort)
 
 
 class PortBench(ABC, Generic[Contact]):
-    """What every `Backend` on a `Port` does alike; a kind of device adds what is spoken on it.
+    """The common part of every `Backend` on a `Port`; subclasses add the protocol.
 
     Parameters
     ----------
-    rig: what channels and actuators there are.
-    clock: what waits are counted on.
-    connect: opens the port; called again when it was lost.
+    rig: the channels and actuators.
+    clock: the clock for waits.
+    connect: opens the port; called again after a loss.
     kind: ``serial``, ``emulated``, …, for the identity.
-    reconnect: s for a lost device to come back.
-    identity: what else is known of the bench before it answers.
-    by_hand: called when the operator turns something, where the operator is emulated too.
+    reconnect: s allowed for a lost device to return.
+    identity: other facts known before the bench answers.
+    by_hand: called when the operator turns something, if the operator is emulated too.
 
     Attributes
     ----------
-    identity: as `Backend` has it.
+    identity: see `Backend`.
     """
 
-    #: what is at the other end, in messages
+    #: name of the device in messages
     device = "device"
 
     def __init__(
@@ -65,31 +65,31 @@ class PortBench(ABC, Generic[Contact]):
         self._contact: Contact | None = None
         self._opened = False
         self._rate = 0.0
-        self._ends: dict[str, float] = {}  # pulses that are timed here, s
-        self._answered = False  # a command, since `next_sample` was called
-        self._cut_off: set[str] = set()  # what was driven, or may have been, when contact was lost
+        self._ends: dict[str, float] = {}  # ends of pulses timed by the host, s
+        self._answered = False  # whether a command was answered since `next_sample` was called
+        self._cut_off: set[str] = set()  # actuators driven, or possibly driven, at the loss of contact
         self._over_said = False
 
     # --- what a kind of device adds -----------------------------------------------------------------------
 
     @abstractmethod
     def _meet(self, port: Port, *, again: bool) -> Meeting[Contact]:
-        """Begin to ask who is there, on a port that has just been opened, or `again` after a loss.
+        """Start identifying the device on a port that has just been opened, or `again` after a loss.
 
-        Whoever is met is the right device, with outputs safe, and sampling as before.
+        The result is the right device, with outputs safe, and sampling as before.
         """
 
     @abstractmethod
     def _let_go(self, contact: Contact) -> None:
-        """Make outputs safe for the last time; may raise `PortLost` and `Refused`."""
+        """Make outputs safe before closing; may raise `PortLost` and `Refused`."""
 
     @abstractmethod
     def _check_rate(self, rate: float) -> None:
-        """Refuse a rate that the device cannot sample at."""
+        """Refuse a rate that the device does not support."""
 
     @abstractmethod
     def _begin_sampling(self) -> None:
-        """Sample at the present rate from now on."""
+        """Start sampling at the current rate."""
 
     @abstractmethod
     def _advance(self, contact: Contact, until: float) -> None:
@@ -97,12 +97,12 @@ class PortBench(ABC, Generic[Contact]):
 
     @abstractmethod
     def _put(self, actuator: str, value: float, duration: float | None, *, asked_for: bool) -> PendingCommand:
-        """Send a command that has been checked; `asked_for` where the caller waits for its answer.
+        """Send a checked command; `asked_for` if the caller waits for its answer.
 
         Raises
         ------
         OutOfReach
-            contact is lost for the moment.
+            contact is temporarily lost.
         """
 
     @abstractmethod
@@ -111,32 +111,32 @@ class PortBench(ABC, Generic[Contact]):
 
     @abstractmethod
     def _unanswered(self) -> list[PendingCommand]:
-        """Commands that may have been carried out, and of which nobody has said so."""
+        """Return commands that may have been executed without an answer."""
 
     @abstractmethod
     def _drop_orders(self, why: str) -> None:
-        """Leave what is being asked and what was to come next; no answer is waited for."""
+        """Abandon the query in progress and those that follow."""
 
     @abstractmethod
     def _part(self, contact: Contact, error: PortLost) -> tuple[str, Port | None]:
-        """Contact is lost: what else is known of it, and the port where the device is looked for first.
+        """Handle a loss of contact; return further facts, and the port on which to search first.
 
-        A port that is of no use for that is closed.
+        A port that is not usable for that is closed.
         """
 
     @abstractmethod
     def _leave_out(self, lost_at: float) -> int:
-        """How many samples a loss of contact has cost by now; they will not be made up for."""
+        """Return the number of samples lost so far, which will not be recovered."""
 
     @property
     @abstractmethod
     def _over(self) -> str:
-        """Why the device does nothing any more, or cannot be trusted; empty while it can."""
+        """Return why the device no longer works or cannot be trusted; empty otherwise."""
 
     # --- open and close -----------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Reach the device, check what it is, and make its outputs safe."""
+        """Connect to the device, check its identity, and make its outputs safe."""
         port: Port | None = None
         try:
             port = self._connect()
@@ -150,21 +150,21 @@ class PortBench(ABC, Generic[Contact]):
         self._opened = True
 
     def close(self) -> None:
-        """Make outputs safe where the device can still be reached, and let the port go."""
+        """Make outputs safe if the device can still be reached, and close the port."""
         contact, self._contact = self._contact, None
         self._opened = False
         self._reconnection.drop()
         self._drop_orders("the bench was let go")
         if contact is None:
             return
-        with suppress(PortLost, Refused):  # whatever guards the device sees to it
+        with suppress(PortLost, Refused):  # left to the device's guard or watchdog
             self._let_go(contact)
         contact.port.close()
 
     # --- samples ------------------------------------------------------------------------------------------
 
     def start(self, rate: float) -> None:
-        """Sample at `rate` Hz from now on."""
+        """Start sampling at `rate` Hz."""
         if not (math.isfinite(rate) and rate > 0.0):
             raise RigctlError("not a sampling rate", value=f"{rate:g} Hz", expected="e.g. '10 Hz'")
         self._check_rate(rate)
@@ -173,7 +173,7 @@ class PortBench(ABC, Generic[Contact]):
         self._begin_sampling()
 
     def next_sample(self, timeout: float) -> Sample | None:
-        """The next sample, on the bench's clock."""
+        """Return the next sample, on the bench's clock."""
         self._check_open()
         deadline = self.clock.now() + timeout
         self._answered = False
@@ -181,7 +181,7 @@ class PortBench(ABC, Generic[Contact]):
             if self._over:
                 if self._over_said:
                     raise BackendLost(self._over)
-                self._over_said = True  # the notices and receipts that belong to it are fetched first
+                self._over_said = True  # its notices and receipts must be fetched first
                 return None
             if self._answered or self.clock.now() >= deadline:
                 return None
@@ -189,17 +189,17 @@ class PortBench(ABC, Generic[Contact]):
         return self._outbox.samples.popleft()
 
     def take_receipts(self) -> list[CommandReceipt]:
-        """Ends of pulses, and switches that the device made by itself."""
+        """Return the ends of pulses, and switches made by the device itself."""
         return self._outbox.take_receipts()
 
     def take_notices(self) -> list[Notice]:
-        """Gaps, damage, trips, losses and returns."""
+        """Return gaps, damage, trips, losses and reconnections."""
         return self._outbox.take_notices()
 
     # --- commands -----------------------------------------------------------------------------------------
 
     def command(self, actuator: str, value: float, *, duration: float | None = None) -> PendingCommand:
-        """Send a command; its receipt will say when the device carried it out."""
+        """Send a command; its receipt gives the time at which the device executed it."""
         self._check_open()
         check_command(self._rig, actuator, value, duration)
         if self._rig.actuators[actuator].by == "operator":
@@ -210,7 +210,7 @@ class PortBench(ABC, Generic[Contact]):
         return self._put(actuator, value, duration, asked_for=True)
 
     def safe(self) -> None:
-        """Bring every output to the rig's safe state, now."""
+        """Bring every output to the rig's safe state now."""
         self._check_open()
         self._ends.clear()
         self._drop_orders(f"outputs were made safe before the {self.device} had answered")
@@ -232,30 +232,30 @@ class PortBench(ABC, Generic[Contact]):
             raise BackendLost("the bench is not open")
 
     def _check_reach(self) -> Contact:
-        """The contact; raises `OutOfReach` while it is lost."""
+        """Return the connection; raises `OutOfReach` while it is lost."""
         if self._contact is None:
             raise OutOfReach(f"the {self.device} cannot be reached for the moment: {self._reconnection.why}")
         return self._contact
 
     def _pending(self, actuator: str, value: float) -> PendingCommand:
-        """A command that this bench is about to send."""
+        """Return a pending command for one about to be sent."""
         return PendingCommand(actuator, value, lambda: self._pump(math.inf))
 
     def _resting(self) -> dict[str, float]:
         return {name: float(value) for name, value in self._rig.safe_state.items()}
 
     def _driven(self) -> set[str]:
-        """Actuators that are commanded to something else than their safe value."""
+        """Return actuators commanded to a value other than the safe one."""
         commanded = self._outbox.commanded
         return {name for name, value in self._resting().items() if commanded.get(name) != value}
 
     def _note_safe(self) -> None:
-        """The device has been made safe: that is what is commanded now, of a new one everything."""
+        """Record that the device was made safe; for a new one, all its actuators."""
         commanded = self._outbox.commanded
         self._outbox.commanded = dict.fromkeys(self._rig.actuators, 0.0) | commanded | self._resting()
 
     def _pump(self, until: float) -> None:
-        """Let time pass up to `until`, or until something has arrived or is due."""
+        """Let time pass up to `until`, or until something arrives or is due."""
         self._end_pulses()
         contact = self._contact
         if contact is None:
@@ -269,16 +269,16 @@ class PortBench(ABC, Generic[Contact]):
     def _end_pulses(self) -> None:
         for actuator in [name for name, end in self._ends.items() if end <= self.clock.now()]:
             del self._ends[actuator]
-            with suppress(BackendLost):  # a device that comes back is made safe before anything else
+            with suppress(BackendLost):  # a device that reconnects is made safe first
                 self._put(actuator, float(self._rig.safe_state[actuator]), None, asked_for=False)
 
     def _doubt(self, pending: PendingCommand) -> None:
-        """A command may have been carried out when contact was lost."""
+        """Record that a command may have been executed when contact was lost."""
         if pending.value != self._resting().get(pending.actuator):
             self._cut_off.add(pending.actuator)
 
     def _lose(self, error: PortLost) -> None:
-        """Contact is lost; from now on the device is looked for."""
+        """Handle a loss of contact, and start reconnecting."""
         contact, self._contact = self._contact, None
         for pending in self._unanswered():
             self._doubt(pending)
@@ -289,7 +289,7 @@ class PortBench(ABC, Generic[Contact]):
         self._outbox.notice("fault", f"contact with the {self.device} is lost: {error}{details}")
 
     def _try_again(self, until: float) -> None:
-        """What can be done by bench time `until` to find the device again."""
+        """Try to reconnect until bench time `until`."""
         contact = self._reconnection.attempt(until)
         if contact is None:
             return
@@ -298,7 +298,7 @@ class PortBench(ABC, Generic[Contact]):
         self._outbox.notice("note", f"the {self.device} is back after {now - lost_at:.1f} s, outputs safe")
         resting, switched_off = self._resting(), sorted(self._cut_off)
         self._cut_off.clear()
-        half = 0.5 * (now - lost_at)  # when they went off is not known any better
+        half = 0.5 * (now - lost_at)  # the exact time at which they went off is unknown
         self._outbox.receipts += [
             CommandReceipt(now - half, name, resting[name], half) for name in switched_off
         ]

@@ -1,7 +1,7 @@
-"""A port to a device that a library speaks to: lines in, lines out, and the library in a thread of its own.
+"""A port for a protocol library: lines in, lines out, with the library in a separate thread.
 
-A protocol library blocks for as long as its device is silent. Behind this port nobody waits for it but its
-thread, and whatever talks in lines, guards and reconnects does so with any protocol.
+A protocol library blocks while its device is silent. With this port only its thread waits for it, and the
+line-based code for queries, guards and reconnection works with any protocol.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from rigctl.backends.transport.port import PortLost
 from rigctl.clock import Clock
 
 _LONGEST_WAIT = 0.5  # s of wall time in one read
-_ENDS_WITHIN = 0.2  # s; a library that is still waiting for its device then is left to itself
-_GIVES_WAY = 10.0  # s; for so long the next port to the device waits for that library
+_ENDS_WITHIN = 0.2  # s; after this, a library that still waits for its device is abandoned
+_GIVES_WAY = 10.0  # s that the next port to the device waits for that library
 
-#: by device, the thread of the port that was opened last
+#: by device, the thread of the last opened port
 _threads: dict[str, Thread] = {}
 
 
 class Client(Protocol):
-    """A library's connection to one device; all of it is called in one thread."""
+    """A library's connection to one device, used in one thread only."""
 
     def answer(self, line: str) -> str | None:
-        """What the device says to a line; None when it says nothing.
+        """Return the device's answer to a line; None without an answer.
 
         Raises
         ------
@@ -38,31 +38,31 @@ class Client(Protocol):
         ...
 
     def close(self) -> None:
-        """Let the device go."""
+        """Close the connection."""
         ...
 
 
 class ClientPort:
-    """A `Port` whose other end is a `Client`.
+    """A `Port` to a `Client`.
 
-    Opening it waits for nothing: a device that cannot be reached is lost as soon as that is known.
+    Opening does not wait: a device that cannot be reached is lost as soon as that is known.
 
     Parameters
     ----------
-    name: what the device is called in messages.
-    connect: reaches the device; raises `PortLost`, or whatever the library raises.
-    clock: what waits are counted on; real.
+    name: name of the device in messages.
+    connect: connects to the device; raises `PortLost`, or any error of the library.
+    clock: the clock for waits; real.
     """
 
     def __init__(self, name: str, connect: Callable[[], Client], clock: Clock) -> None:
         self.name = name
         self._clock = clock
         self._requests: SimpleQueue[str | None] = SimpleQueue()
-        self._answers: SimpleQueue[bytes | None] = SimpleQueue()  # None when it is lost
+        self._answers: SimpleQueue[bytes | None] = SimpleQueue()  # None if it is lost
         self._lost: PortLost | None = None
         self._begun = b""
         self._left = False  # the device was silent when the port was closed
-        self._asked = math.inf  # when the question was asked that has no answer yet, s
+        self._asked = math.inf  # time of the query in progress, s
         earlier = _threads.get(name)
         self._thread = Thread(
             target=self._serve, args=(connect, earlier), daemon=True, name=f"client of {name}"
@@ -80,7 +80,7 @@ class ClientPort:
                 self._requests.put(line.decode("utf-8", "replace").strip())
 
     def read(self, until: float) -> bytes:
-        """What has been answered by bench time `until`, as soon as something has; raises `PortLost`."""
+        """Return the answers up to bench time `until`, as soon as there is one; raises `PortLost`."""
         left = (until - self._clock.now()) / self._clock.speed
         try:
             answer = (
@@ -91,14 +91,14 @@ class ClientPort:
         except Empty:
             return b""
         if answer is None:
-            self._answers.put(None)  # whoever reads again is to know it too
+            self._answers.put(None)  # later reads must fail too
             raise PortLost(str(self._lost))
         return answer
 
     def close(self) -> None:
-        """Let it go; what was sent is carried out, unless the device has been silent for long.
+        """Close the port; sent commands are executed, unless the device has been silent for long.
 
-        What a silent device was not sent by then it is not sent later, when it may have been told otherwise.
+        Commands that a silent device has not received are dropped, since they might contradict later ones.
         """
         self._left = time.monotonic() - self._asked > _ENDS_WITHIN
         self._requests.put(None)
@@ -107,7 +107,7 @@ class ClientPort:
             self._left = self._thread.is_alive()
 
     def _serve(self, connect: Callable[[], Client], earlier: Thread | None) -> None:
-        if earlier is not None:  # what it still has under way comes before anything that is sent from now on
+        if earlier is not None:  # its outstanding commands precede anything sent from now on
             earlier.join(_GIVES_WAY)
         try:
             client = connect()
@@ -122,7 +122,7 @@ class ClientPort:
                 client.close()
         except PortLost as error:
             self._lose(error)
-        except Exception as error:  # noqa: BLE001 - libraries raise what they like; the port is lost by all of it
+        except Exception as error:  # noqa: BLE001 - libraries may raise any error, and the port is then lost
             self._lose(PortLost(f"{self.name}: {type(error).__name__}: {error}"))
 
     def _lose(self, error: PortLost) -> None:

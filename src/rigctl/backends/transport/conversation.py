@@ -1,7 +1,7 @@
-"""Talking to a device a little at a time, so that nobody has to wait for its answers.
+"""Dialogues with a device that never block while waiting for its answers.
 
-What is asked and what follows from the answers is written as a generator. It yields the bench time, s, at
-which it has waited long enough, and goes on whenever something has arrived or that time has come.
+A dialogue is written as a generator. It yields the bench time, s, until which it waits, and is resumed
+whenever something has arrived or that time is reached.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ T = TypeVar("T")
 
 Conversation: TypeAlias = Generator[float, None, T]
 
-#: takes in what arrives, up to a bench time
+#: reads until a bench time
 Take: TypeAlias = Callable[[float], object]
 
 
 class Underway(Generic[T]):
-    """A conversation that has been begun.
+    """A conversation in progress.
 
     Attributes
     ----------
-    until: bench time, s, at which it goes on even if nothing has arrived.
-    over: whether it has come to its end.
+    until: bench time, s, at which it is resumed even if nothing has arrived.
+    over: whether it has ended.
 
     Raises
     ------
     Exception
-        whatever the conversation raises, here and from `go_on`.
+        any error of the conversation, here and from `go_on`.
     """
 
     def __init__(self, conversation: Conversation[T]) -> None:
@@ -39,14 +39,14 @@ class Underway(Generic[T]):
         self.go_on()
 
     def go_on(self) -> None:
-        """Something has arrived, or its time has come."""
+        """Resume it, as something has arrived or its time is reached."""
         self._step(lambda: next(self._conversation))
 
     def take(self, take: Take, until: float) -> None:
-        """Take in what arrives by bench time `until` at the latest, and go on; trouble with it is its own."""
+        """Read until bench time `until` at the latest, and resume; errors are passed to the conversation."""
         try:
             take(min(self.until, until))
-        except Exception as error:  # noqa: BLE001 - the conversation knows what it means
+        except Exception as error:  # noqa: BLE001 - the conversation interprets it
             trouble = error
             self._step(lambda: self._conversation.throw(trouble))
         else:
@@ -66,19 +66,19 @@ class Underway(Generic[T]):
 
     @property
     def result(self) -> T:
-        """What it came to; only of one that is over."""
+        """Return its result; only after it has ended."""
         if not self.over:
             raise RuntimeError("a conversation that still goes on has no result")
         return self._result  # type: ignore[return-value]
 
     def drop(self) -> None:
-        """Leave it where it is: nothing more is sent for it."""
+        """Abandon it: nothing more is sent for it."""
         self.over = True
         self._conversation.close()
 
 
 def carry_through(conversation: Conversation[T], take: Take) -> T:
-    """Carry a conversation to its end, waiting for the answers."""
+    """Run a conversation to its end, waiting for the answers."""
     underway = Underway(conversation)
     while not underway.over:
         underway.take(take, underway.until)

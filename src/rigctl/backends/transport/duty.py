@@ -1,6 +1,6 @@
-"""What makes a device safe, and what becomes of it when its port is let go.
+"""The commands that make a device safe, and the state of its outputs when its port is closed.
 
-Light on purpose: every guard starts with it.
+Has few imports, since every guard starts with it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from enum import Enum
 
 @dataclass(frozen=True)
 class SafeOrder:
-    """One command that makes safe: its bytes, the lines of its answer, and the value they must repeat."""
+    """One safe command: its bytes, the lines of its answer, and the value they must repeat."""
 
     text: bytes
     reply: tuple[str, ...] = ()
@@ -19,15 +19,15 @@ class SafeOrder:
 
 
 class Outputs(Enum):
-    """What is known of a device's outputs when its port is let go."""
+    """The known state of a device's outputs when its port is closed."""
 
-    UNTOUCHED = b"untouched"  #: nothing was commanded here yet
+    UNTOUCHED = b"untouched"  #: nothing was commanded yet
     SAFE = b"safe"  #: the device has confirmed that they are safe
-    DRIVEN = b"driven"  #: something else was commanded since: its guard goes on
+    DRIVEN = b"driven"  #: something else was commanded since: its guard continues
 
 
 class Duty:
-    """What a bench knows of its device's outputs, for the guard that may have to go on."""
+    """The known state of a device's outputs, for a guard that may have to continue."""
 
     def __init__(self) -> None:
         self.outputs = Outputs.UNTOUCHED

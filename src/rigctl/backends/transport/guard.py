@@ -1,11 +1,11 @@
-"""The guard: a small process of its own that holds the port of a device which does not guard itself.
+"""The guard: a small separate process that holds the port of a device without a watchdog.
 
-It passes bytes both ways, and makes outputs safe when nothing is heard of rigctl for too long, or when rigctl
-is gone, however it ended. It knows nothing of the bench but the bytes that make it safe. Where the
-device does not confirm that it is safe, the guard goes on trying, see `rigctl.backends.transport.pursuit`.
+It passes bytes both ways, and makes outputs safe if rigctl is silent for too long or has ended for any
+reason. It knows only the bytes that make the bench safe. If the device does not confirm that it is safe, the
+guard keeps trying, see `rigctl.backends.transport.pursuit`.
 
-``python -P -m rigctl.backends.transport.guard PORT`` where PORT is the TCP port at which rigctl waits for it;
-the secret that shows who it is comes on stdin.
+``python -P -m rigctl.backends.transport.guard PORT``, where PORT is the TCP port at which rigctl waits for
+it; the secret that authenticates it is read from stdin.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from rigctl.backends.transport.pursuit import Pursuit, hold, let_go, take_over
 from rigctl.clock import Clock, real_clock
 from rigctl.errors import RigctlError
 
-_LOOK = 0.1  # s between two looks at how long rigctl has been silent
-_PAUSE = 0.05  # s between two commands that make safe: a device without a buffer needs it
+_LOOK = 0.1  # s between two checks of the silence of rigctl
+_PAUSE = 0.05  # s between two safe commands, for devices without a buffer
 _READ = 0.2  # s
-_GIVES_WAY = 2.0  # s for another guard to let the port go
+_GIVES_WAY = 2.0  # s for another guard to release the port
 
 
 @dataclass(frozen=True)
 class Orders:
-    """What the guard is told: which port, what makes safe, and after how much silence."""
+    """The guard's orders: the port, the safe commands, and the limit of silence."""
 
     address: Address
     safe: tuple[SafeOrder, ...]
@@ -46,11 +46,11 @@ class Orders:
 
     @property
     def url(self) -> str:
-        """The port, as it is called in messages."""
+        """The port, for messages."""
         return self.address.url
 
     def to_json(self) -> bytes:
-        """As bytes for the line to the guard."""
+        """Return the orders as bytes for the guard."""
         plain = {
             **vars(self),
             "address": vars(self.address),
@@ -61,7 +61,7 @@ class Orders:
 
     @classmethod
     def from_json(cls, content: bytes) -> Orders:
-        """Read what `to_json` wrote."""
+        """Read orders written by `to_json`."""
         told = json.loads(content)
         who = told["identify"]
         safe = tuple(_order(plain) for plain in told["safe"])
@@ -94,19 +94,19 @@ class Guard:
         self._clock = clock
         self._reader = FrameReader()
         self._sending = threading.Lock()
-        self._ended = threading.Event()  # it was asked to end
-        self._over = threading.Event()  # nobody listens any more
-        self._acted = False  # and rigctl does not know it yet
+        self._ended = threading.Event()  # an end was requested
+        self._over = threading.Event()  # rigctl no longer listens
+        self._acted = False  # not yet known to rigctl
         self._next_act = 0.0
-        self._left: Outputs | None = None  # in which state rigctl has let the port go; None: it is gone
+        self._left: Outputs | None = None  # state in which rigctl released the port; None: it has ended
 
     @property
     def ended(self) -> bool:
-        """Whether it was asked to end."""
+        """Whether an end was requested."""
         return self._ended.is_set()
 
     def stand(self) -> Outputs | None:
-        """Pass bytes until rigctl lets the port go, in the state that is returned; None when it is gone."""
+        """Pass bytes until rigctl releases the port; return the outputs' state, None if rigctl has ended."""
         listener = threading.Thread(target=self._listen, daemon=True)
         listener.start()
         try:
@@ -119,11 +119,11 @@ class Guard:
         return self._left
 
     def end(self) -> None:
-        """Ask it to make outputs safe and end."""
+        """Request it to make outputs safe and end."""
         self._ended.set()
 
     def _serve(self) -> Outputs | None:
-        """Until rigctl lets the port go, or is gone, or its port is lost while nothing is heard of it."""
+        """Run until rigctl releases the port or ends, or the port is lost while rigctl is silent."""
         self._connection.settimeout(_LOOK)
         heard = time.monotonic()
         while not self._ended.is_set():
@@ -148,14 +148,14 @@ class Guard:
     def _obey(self, frame: Frame, content: bytes) -> None:
         if frame is Frame.RESUME:
             self._acted = False
-        elif frame is Frame.WRITE and not self._acted:  # what rigctl did not yet know it must not undo
+        elif frame is Frame.WRITE and not self._acted:  # rigctl must not undo what it did not know yet
             try:
                 self._port.write(content)
             except PortLost as error:
                 self._tell(Frame.LOST, str(error).encode("utf-8"))
 
     def _act(self, silence: float) -> bool:
-        """Make safe, again and again while nothing is heard of rigctl; False when the port is lost."""
+        """Make safe, repeatedly while rigctl is silent; return False if the port is lost."""
         now = time.monotonic()
         if self._acted and now < self._next_act:
             return True
@@ -177,7 +177,7 @@ class Guard:
         return True
 
     def _listen(self) -> None:
-        """What the device says."""
+        """Forward what the device sends."""
         while not self._over.is_set():
             try:
                 data = self._port.read(self._clock.now() + _READ)
@@ -193,9 +193,9 @@ class Guard:
 
 
 def main() -> int:
-    """Connect to rigctl, open the port that it names, and stand guard."""
+    """Connect to rigctl, open the port that it names, and guard it."""
     secret = sys.stdin.readline().strip()
-    for name in ("SIGINT", "SIGHUP", "SIGBREAK"):  # meant for rigctl; what it does then is heard here
+    for name in ("SIGINT", "SIGHUP", "SIGBREAK"):  # meant for rigctl, whose reaction is received here
         number = getattr(signal, name, None)
         if number is not None:
             signal.signal(number, signal.SIG_IGN)
@@ -228,7 +228,7 @@ def main() -> int:
 
 
 def _open(orders: Orders, clock: Clock) -> tuple[Port, bool]:
-    """The port, and whether another guard was trying to make its device safe; that one gives way."""
+    """Open the port; also return whether another guard was making its device safe, which gives way."""
     give_up = time.monotonic() + _GIVES_WAY
     inherited = False
     while True:
@@ -243,13 +243,13 @@ def _open(orders: Orders, clock: Clock) -> tuple[Port, bool]:
 
 
 def _pursue(guard: Guard, orders: Orders, port: Port, clock: Clock, holding: str) -> bool:
-    """Go on until the device has confirmed that it is safe."""
+    """Continue until the device has confirmed that it is safe."""
     pursuit = Pursuit(orders, clock, lambda: orders.address.open(clock), lambda: guard.ended, holding)
     return pursuit.carry_out(port)
 
 
 def _first(connection: socket.socket) -> bytes:
-    """The orders: the first frame that comes."""
+    """Read the orders, which are the first frame."""
     reader = FrameReader()
     while True:
         data = connection.recv(65536)

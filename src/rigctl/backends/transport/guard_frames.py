@@ -1,4 +1,4 @@
-"""What goes between rigctl and its guard: a letter, a length of four bytes, and the content."""
+"""Frames between rigctl and its guard: a letter, a length of four bytes, and the content."""
 
 from __future__ import annotations
 
@@ -8,32 +8,32 @@ from collections.abc import Iterator
 from enum import Enum
 
 _HEAD = struct.Struct("!cI")
-_LONGEST = 1 << 20  # bytes; more is no frame of ours
+_LONGEST = 1 << 20  # longest valid frame, bytes
 
 
 class Frame(Enum):
-    """What a frame says."""
+    """The kind of a frame."""
 
     CONFIGURE = b"c"  #: to the guard: port, safe commands, watchdog, as JSON
     WRITE = b"w"  #: to the guard: bytes for the device
-    ALIVE = b"a"  #: to the guard: rigctl's loop goes round
+    ALIVE = b"a"  #: to the guard: rigctl's loop is running
     RESUME = b"r"  #: to the guard: rigctl knows that it has acted
-    CLOSE = b"x"  #: to the guard: let the port go; in which state the outputs are, see `Duty`
+    CLOSE = b"x"  #: to the guard: release the port; with the state of the outputs, see `Duty`
     OPENED = b"o"  #: from the guard: the port is open
-    REFUSED = b"e"  #: from the guard: it cannot be opened, and why, as JSON
+    REFUSED = b"e"  #: from the guard: the port cannot be opened, and why, as JSON
     DATA = b"d"  #: from the guard: bytes of the device
     LOST = b"l"  #: from the guard: the port is gone, and why
-    ACTED = b"t"  #: from the guard: it has made outputs safe; after how many s of silence
+    ACTED = b"t"  #: from the guard: it has made outputs safe; with the silence in s
 
 
 class FrameReader:
-    """Bytes in, frames out."""
+    """Parses bytes into frames."""
 
     def __init__(self) -> None:
         self._rest = b""
 
     def feed(self, data: bytes) -> Iterator[tuple[Frame, bytes]]:
-        """The frames that are complete with `data`."""
+        """Return the frames completed by `data`."""
         self._rest += data
         while len(self._rest) >= _HEAD.size:
             letter, length = _HEAD.unpack_from(self._rest)
@@ -47,5 +47,5 @@ class FrameReader:
 
 
 def send_frame(connection: socket.socket, frame: Frame, content: bytes = b"") -> None:
-    """Send a frame whole."""
+    """Send a complete frame."""
     connection.sendall(_HEAD.pack(frame.value, len(content)) + content)

@@ -1,4 +1,4 @@
-"""A port that the guard holds: all that is written and read goes through it, and shows that rigctl lives."""
+"""A port held by the guard: all data pass through it, which also shows that rigctl is alive."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from rigctl.backends.transport.port import PortLost
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 
-_STARTS_WITHIN = 20.0  # s; on a busy computer Python itself takes a while
+_STARTS_WITHIN = 20.0  # s; Python starts slowly on a busy computer
 _SIGN_OF_LIFE = 0.2  # s between two
-_LONGEST_WAIT = 0.2  # s of wall time in one read, so that signs of life go on
+_LONGEST_WAIT = 0.2  # s of wall time in one read, so that signs of life continue
 _ENDS_WITHIN = 3.0  # s
 
 
-#: guards that go on by themselves; nobody waits for them
+#: guards that continue by themselves
 _GOING_ON: list[subprocess.Popen[str]] = []
 
 
 class GuardActed(PortLost):
-    """The guard has made outputs safe, because nothing was heard of this process for `silence` s."""
+    """The guard has made outputs safe, because this process was silent for `silence` s."""
 
     def __init__(self, silence: float) -> None:
         super().__init__(f"rigctl stood still for {silence:.1f} s, and its guard has made the outputs safe")
@@ -36,20 +36,20 @@ class GuardActed(PortLost):
 
 
 class GuardedPort:
-    """A `Port` that lies in the guard's process.
+    """A `Port` in the guard's process.
 
     Parameters
     ----------
-    orders: what the guard is told.
-    clock: what waits are counted on; real.
-    duty: what is known of the outputs when the port is let go.
+    orders: the guard's orders.
+    clock: the clock for waits; real.
+    duty: the known state of the outputs when the port is closed.
 
     Raises
     ------
     PortLost
-        there is no such port now.
+        the port does not exist at present.
     RigctlError
-        it may not be opened, or the guard cannot be started.
+        there is no permission, or the guard cannot be started.
     """
 
     def __init__(self, orders: Orders, clock: Clock, duty: Duty) -> None:
@@ -75,7 +75,7 @@ class GuardedPort:
         self._tell(Frame.WRITE, data)
 
     def read(self, until: float) -> bytes:
-        """What has arrived by bench time `until`, as soon as something has."""
+        """Return what has arrived by bench time `until`, as soon as something has."""
         if self._clock.now() - self._told >= _SIGN_OF_LIFE:
             self._tell(Frame.ALIVE)
         if not self._data:
@@ -87,7 +87,7 @@ class GuardedPort:
         return data
 
     def close(self) -> None:
-        """Let it go, and the guard with it; one that has something left to do goes on by itself."""
+        """Close the port and end the guard, unless it still has to make the device safe."""
         outputs = self._duty.outputs
         with suppress(OSError):
             send_frame(self._connection, Frame.CLOSE, outputs.value)
@@ -102,7 +102,7 @@ class GuardedPort:
                 self._process.kill()
                 self._process.wait()
             else:
-                _GOING_ON.append(self._process)  # it has taken over from one that was trying
+                _GOING_ON.append(self._process)  # it has taken over from a guard that was trying
 
     def _begin(self, orders: Orders) -> None:
         self._tell(Frame.CONFIGURE, orders.to_json())
@@ -125,7 +125,7 @@ class GuardedPort:
                     return
 
     def _take(self, wait: float) -> None:
-        """Take in what the guard has sent, waiting `wait` s of wall time for something."""
+        """Read what the guard has sent, waiting `wait` s of wall time for something."""
         try:
             if not select.select([self._connection], [], [], wait)[0]:
                 return
@@ -143,7 +143,7 @@ class GuardedPort:
                 self._silence = float(content)
 
     def _check(self) -> None:
-        """Say what has become of the port, once that it was acted on."""
+        """Raise the state of the port; that the guard has acted, only once."""
         if self._silence is not None:
             silence, self._silence = self._silence, None
             self._tell(Frame.RESUME)
@@ -160,12 +160,12 @@ class GuardedPort:
 
 
 def _start() -> tuple[socket.socket, subprocess.Popen[str]]:
-    """The guard's process, and the connection to it."""
+    """Start the guard's process, and connect to it."""
     secret = secrets.token_hex(16)
     flags = getattr(subprocess, "CREATE_NO_WINDOW", 0) | getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
     with socket.create_server(("127.0.0.1", 0), backlog=1) as server:
         server.settimeout(_STARTS_WITHIN)
-        # -P: nothing in the folder where rigctl is called is taken for a module
+        # -P: imports nothing from the current folder
         port = str(server.getsockname()[1])
         command = [sys.executable, "-P", "-m", "rigctl.backends.transport.guard", port]
         process = subprocess.Popen(  # noqa: S603 - this Python, this package
@@ -175,7 +175,7 @@ def _start() -> tuple[socket.socket, subprocess.Popen[str]]:
             stderr=subprocess.DEVNULL,
             text=True,
             encoding="ascii",
-            start_new_session=True,  # Ctrl-C at the terminal is not for it
+            start_new_session=True,  # it must not receive Ctrl-C from the terminal
             creationflags=flags,
         )
         try:
@@ -187,7 +187,7 @@ def _start() -> tuple[socket.socket, subprocess.Popen[str]]:
 
 
 def _accept(server: socket.socket, process: subprocess.Popen[str], secret: str) -> socket.socket:
-    """The connection of the process that knows the secret; no other is talked to."""
+    """Accept the connection of the process that knows the secret, and no other."""
     if process.stdin is not None:
         with process.stdin as stdin:
             stdin.write(f"{secret}\n")

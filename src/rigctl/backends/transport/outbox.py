@@ -1,4 +1,4 @@
-"""What a bench has for its runner: samples, receipts and notices, kept until they are fetched."""
+"""A bench's samples, receipts and notices for its runner, stored until they are fetched."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from rigctl.clock import Clock
 
 
 class Outbox:
-    """Filled by whatever reads the bench, emptied by the runner.
+    """Filled by the reader of the bench, emptied by the runner.
 
     Attributes
     ----------
-    samples, receipts, notices: what has not been fetched yet, oldest first.
-    commanded: what each actuator was last commanded to, SI; what the bench reports is entered here as well.
+    samples, receipts, notices: not yet fetched, oldest first.
+    commanded: last command of each actuator, SI, including those reported by the bench.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -26,21 +26,21 @@ class Outbox:
         self.commanded: dict[str, float] = {}
 
     def take_receipts(self) -> list[CommandReceipt]:
-        """The receipts since the last call."""
+        """Return the receipts since the last call."""
         taken, self.receipts = self.receipts, []
         return taken
 
     def take_notices(self) -> list[Notice]:
-        """The notices since the last call."""
+        """Return the notices since the last call."""
         taken, self.notices = self.notices, []
         return taken
 
     def notice(self, kind: str, message: str, *, time: float | None = None, **fields: object) -> None:
-        """Something that belongs into the run's events, now unless another time is given."""
+        """Add an event of the run, now unless another time is given."""
         self.notices.append(Notice(self._clock.now() if time is None else time, kind, message, fields))
 
     def gap(self, missing: int, *, cause: str = "", switched_off: Sequence[str] = ()) -> None:
-        """Samples that will not come, and what went to its safe value meanwhile without being commanded."""
+        """Add a gap of lost samples, with the actuators that went to their safe value without a command."""
         text = f"{missing} sample{'' if missing == 1 else 's'} missing before {self._clock.now():.3f} s"
         if cause:
             text += f": {cause}"

@@ -1,4 +1,4 @@
-"""What a bench needs of a port, real or emulated, and what goes wrong on it."""
+"""The interface of a port, real or emulated, and its errors."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from typing import Protocol
 
 
 class PortLost(Exception):
-    """The port is gone, or nobody answers on it; it may come back."""
+    """The port is gone, or there is no answer; it may return."""
 
 
 class NoAnswer(PortLost):
-    """The port is there, and nobody has answered on it, or somebody who has begun anew."""
+    """The port exists, but there was no answer, or the device has restarted."""
 
 
 class Refused(Exception):
-    """The device answered that it does not do it, or does something else."""
+    """The device refused the command, or did something else."""
 
 
 class Port(Protocol):
@@ -23,7 +23,7 @@ class Port(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is called in messages."""
+        """Its name in messages."""
         ...
 
     def write(self, data: bytes) -> None:
@@ -31,22 +31,22 @@ class Port(Protocol):
         ...
 
     def read(self, until: float) -> bytes:
-        """What has arrived, waiting for something until bench time `until`; raises `PortLost`."""
+        """Return what has arrived, waiting until bench time `until`; raises `PortLost`."""
         ...
 
     def close(self) -> None:
-        """Let it go; never raises."""
+        """Close the port; never raises."""
         ...
 
 
 class OnPort(Protocol):
-    """A device that has answered on a port."""
+    """A connected device on a port."""
 
     @property
     def port(self) -> Port:
-        """The port that it is on."""
+        """Its port."""
         ...
 
 
-#: opens the port; raises `PortLost` where it is not there, `RigctlError` where it never will be
+#: opens the port; raises `PortLost` if it does not exist now, `RigctlError` if it never will
 Connect = Callable[[], Port]

@@ -1,8 +1,8 @@
-"""Making a device safe that could not be reached when it mattered: tried again until it confirms.
+"""Makes an unreachable device safe: repeats the commands until it confirms.
 
-A guard does this once rigctl has left it alone with outputs that may be on. While it lasts, a small file in
-the user's state folder says so, for `rigctl doctor`, `monitor` and `off`; whoever opens the port takes the
-file away, and the guard with that.
+A guard does this after rigctl has ended with outputs that may be on. A small file in the user's state folder
+records it for `rigctl doctor`, `monitor` and `off`; a program that opens the port removes the file, which
+ends the guard.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from rigctl.errors import RigctlError
 
 LASTS = 24 * 3600.0  #: s, after which the guard gives up
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.1, 5.0  # s between two attempts; doubled each time
-_LOOK = 0.05  # s between two looks whether somebody else has taken the port over
+_LOOK = 0.05  # s between two checks whether another program has taken over the port
 _ANSWER = 0.5  # s for an answer
-_OLD = 60.0  # s without a report, after which nobody can tell whether a guard still tries
+_OLD = 60.0  # s without a report after which it is unknown whether a guard is still trying
 
 
 @dataclass(frozen=True)
 class Notice:
-    """What a guard says of itself while it tries: which port, since when, how often, and what is in the way.
+    """A guard's report while it tries: the port, since when, how often, and the obstacle.
 
-    `since` and `newest` are calendar times in s, `given_up` says that it does not try any longer.
+    `since` and `newest` are calendar times in s; `given_up` is true once it has stopped trying.
     """
 
     token: str
@@ -61,7 +61,7 @@ class Notice:
 
 
 class Orders(Protocol):
-    """What a guard is told, as far as it is needed here."""
+    """The part of a guard's orders that is needed here."""
 
     @property
     def url(self) -> str:
@@ -70,17 +70,17 @@ class Orders(Protocol):
 
     @property
     def safe(self) -> tuple[SafeOrder, ...]:
-        """What makes safe."""
+        """The safe commands."""
         ...
 
     @property
     def identify(self) -> SafeOrder | None:
-        """Asked first on a port that was opened anew, so that no other device is sent anything."""
+        """The identity query, sent first on a reopened port, so that nothing is sent to another device."""
         ...
 
     @property
     def reply_ends(self) -> str:
-        """What ends a line of an answer."""
+        """The line end of answers."""
         ...
 
 
@@ -89,11 +89,11 @@ class Pursuit:
 
     Parameters
     ----------
-    orders: what makes safe, and on which port.
-    clock: what the port's waits are counted on; real.
-    open_port: opens the port anew.
-    ended: whether the guard was asked to end; it tries once more then.
-    holding: what `hold` gave the guard when it opened the port; "" where it did not.
+    orders: the safe commands, and the port.
+    clock: the clock for waits; real.
+    open_port: opens the port again.
+    ended: whether an end was requested, after which it tries once more.
+    holding: the guard's token from `hold`; "" without one.
     """
 
     def __init__(
@@ -117,10 +117,10 @@ class Pursuit:
         self._rest = b""
 
     def carry_out(self, port: Port | None) -> bool:
-        """Try until the device has confirmed; False when another program has taken over, or at the limit."""
+        """Try until the device confirms; return False if another program has taken over, or at the limit."""
         give_up = time.monotonic() + LASTS
         pause, known = _FIRST_PAUSE, port is not None
-        self._announce()  # whoever opens the port meanwhile is to know
+        self._announce()  # for any program that opens the port meanwhile
         while True:
             try:
                 if self._taken_over():
@@ -157,7 +157,7 @@ class Pursuit:
             self._exchange(port, order)
 
     def _exchange(self, port: Port, order: SafeOrder) -> None:
-        """Send one command and read what confirms it; without an answer to wait for, sent is all there is."""
+        """Send one command and read its confirmation, if it has one."""
         from rigctl.rig.line_pattern import VALUE, read_number, reply_pattern
 
         while port.read(self._clock.now()):
@@ -187,7 +187,7 @@ class Pursuit:
         return line.decode("utf-8", "replace").strip()
 
     def _pause(self, length: float) -> bool:
-        """Wait before the next attempt; False when another program has taken over."""
+        """Wait before the next attempt; return False if another program has taken over."""
         end = time.monotonic() + length
         while time.monotonic() < end:
             if self._ended() or self._taken_over():
@@ -210,10 +210,10 @@ class Pursuit:
             self._announced = _write(self._path, self._notice) or self._announced
 
     def _taken_over(self) -> bool:
-        """Whether another program has taken the notice away, or left its own there.
+        """Return whether another program has removed or replaced the notice.
 
-        Or whether it has opened the port since the guard did. A notice that could never be written, or cannot
-        be read, was taken away by nobody.
+        Also if it has opened the port since the guard did. A notice that could not be written, or cannot be
+        read, does not count as removed.
         """
         if self._holding and _held_by_another(self._orders.url, self._holding):
             return True
@@ -237,15 +237,15 @@ def _close(port: Port | None) -> None:
 
 
 class _TakenOver(Exception):
-    """Another program has opened the port: what it commands counts from now on."""
+    """Another program has opened the port, so that its commands have precedence."""
 
 
 class _Mute(PortLost):
-    """The port is there, and the device does not confirm; the port stays open."""
+    """The device does not confirm; the port stays open."""
 
 
 def hold(url: str) -> str:
-    """Say that this process has opened a port, so that no earlier guard of it acts any more; its token."""
+    """Record that this process has opened a port, which stops earlier guards; return its token."""
     token = f"{os.getpid()} {uuid4().hex}"
     path = _holder_of(url)
     with suppress(OSError):
@@ -255,7 +255,7 @@ def hold(url: str) -> str:
 
 
 def let_go(url: str, token: str) -> None:
-    """Take back what `hold` said, unless another process has the port by now."""
+    """Remove the record of `hold`, unless another process has the port by now."""
     path = _holder_of(url)
     with suppress(OSError):
         if path.read_text(encoding="utf-8") == token:
@@ -276,12 +276,12 @@ def _holder_of(url: str) -> Path:
 
 
 def pursuits() -> list[Notice]:
-    """Guards that try, or have given up, to make a device safe on this computer."""
+    """Return the guards that are trying, or have given up, to make a device safe on this computer."""
     return sorted(_found(), key=lambda notice: notice.since)
 
 
 def take_over(url: str) -> Notice | None:
-    """End a guard's attempts on a port, which is somebody else's duty from now on; what it had said."""
+    """End a guard's attempts on a port, which the caller takes over; return its notice."""
     path = _path_of(url)
     found = _read(path)
     with suppress(OSError):
@@ -320,7 +320,7 @@ def _read(path: Path) -> Notice | None:
 
 
 def _write(path: Path, notice: Notice) -> bool:
-    """Write a notice; False where the disk does not take it, which must not keep a device from being safe."""
+    """Write a notice; return False if the disk fails, which must not prevent making a device safe."""
     draft = path.with_suffix(".tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""A port that pyserial opens: a device, or any of its URLs."""
+"""A port opened by pyserial: a device, or one of its URLs."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from rigctl.backends.transport.port import PortLost
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 
-#: kinds of pyserial URL that do nothing but connect: 'spy://' writes a file, and 'alt://' runs another class
+#: pyserial URLs that only connect: 'spy://' writes a file, and 'alt://' runs another class
 _SCHEMES = ("socket", "rfc2217", "hwgrep", "loop")
-_LONGEST_WAIT = 0.5  # s of wall time in one read, so that a lost port is noticed
+_LONGEST_WAIT = 0.5  # s of wall time in one read, so that a lost port is detected
 
 
 class PyserialPort:
-    """An open serial port, held so that nobody else can command the bench through it.
+    """An open serial port, locked so that no other program can command the bench through it.
 
     Parameters
     ----------
     url: ``/dev/ttyACM0``, ``COM3``, ``socket://host:port``, …
     baud: bits per second.
-    clock: what waits are counted on; of a real bench, real.
+    clock: the clock for waits; real for a real bench.
     frame: data bits, parity and stop bits.
 
     Raises
     ------
     PortLost
-        there is no such port now.
+        the port does not exist at present.
     RigctlError
-        it may not be opened: rights, somebody else, or no port at all by its name.
+        it cannot be opened: no permission, in use, or not a port.
     """
 
     def __init__(self, url: str, baud: int, clock: Clock, frame: str = "8N1") -> None:
@@ -65,7 +65,7 @@ class PyserialPort:
             raise PortLost(f"{self.name}: {error}") from None
 
     def read(self, until: float) -> bytes:
-        """What has arrived by bench time `until`, as soon as something has."""
+        """Return what has arrived by bench time `until`, as soon as something has."""
         left = (until - self._clock.now()) / self._clock.speed
         try:
             self._serial.timeout = min(max(left, 0.0), _LONGEST_WAIT)
@@ -78,13 +78,13 @@ class PyserialPort:
         return first + rest
 
     def close(self) -> None:
-        """Let it go."""
+        """Close the port."""
         with suppress(*self._lost):
             self._serial.close()
 
 
 def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> PyserialPort:
-    """The port of an `Address`; its settings are ``baud`` and ``frame``."""
+    """Open the port of an `Address`; its settings are ``baud`` and ``frame``."""
     return PyserialPort(url, settings["baud"], clock, settings["frame"])
 
 
@@ -100,7 +100,7 @@ def _require_plain(url: str) -> None:
 
 
 def _refusal(url: str, error: Exception) -> Exception:
-    """Whether it is worth trying again."""
+    """Return the error, depending on whether a retry may help."""
     number = getattr(error, "errno", None)
     text = str(error)
     if number == errno.EACCES or "PermissionError" in text:

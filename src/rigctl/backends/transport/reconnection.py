@@ -1,4 +1,4 @@
-"""Finds a lost bench again, a little at a time, so that whoever waits for a sample is not held up."""
+"""Reconnects a lost bench in small steps, without blocking a caller that waits for a sample."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ Met = TypeVar("Met")
 
 
 class Meeting(Generic[Met]):
-    """The conversation that begins at the other end of a port that has just been opened.
+    """The conversation that identifies the device on a port that has just been opened.
 
     Parameters
     ----------
-    port: where it is held.
-    take: takes in what arrives on it.
-    conversation: asks who is there and what it takes until the bench can be used.
+    port: its port.
+    take: reads what arrives on it.
+    conversation: identifies and sets up the bench.
     """
 
     def __init__(self, port: Port, take: Take, conversation: Conversation[Met]) -> None:
@@ -33,20 +33,20 @@ class Meeting(Generic[Met]):
         self._underway = Underway(_lost_if_refused(conversation))
 
     def go_on(self, until: float) -> Met | None:
-        """Go on up to about bench time `until`; what was met, or None when that takes longer."""
+        """Continue up to about bench time `until`; return the device, or None if it takes longer."""
         if not self._underway.over:
             self._underway.take(self._take, until)
         return self._underway.result if self._underway.over else None
 
     def carry_through(self) -> Met:
-        """Wait until it is over."""
+        """Wait until it has ended."""
         while (met := self.go_on(self._underway.until)) is None:
             pass
         return met
 
 
 def _lost_if_refused(conversation: Conversation[Met]) -> Conversation[Met]:
-    """A device that refuses what it was set up with before may come to its senses."""
+    """Treat a refusal of a set-up that worked before as a loss of contact, which may be temporary."""
     try:
         return (yield from conversation)
     except Refused as error:
@@ -54,18 +54,18 @@ def _lost_if_refused(conversation: Conversation[Met]) -> Conversation[Met]:
 
 
 class Reconnection(Generic[Met]):
-    """Attempts with growing distances, until the bench answers or `limit` has passed.
+    """Attempts with increasing intervals, until the bench answers or `limit` has passed.
 
     Parameters
     ----------
     connect: opens the port.
-    meet: begins to ask who is there.
-    limit: s for it to come back.
+    meet: starts the identification.
+    limit: s allowed for it to return.
 
     Attributes
     ----------
-    since: when the bench was lost, s.
-    why: what is known of the reason.
+    since: time of the loss, s.
+    why: the reason, as far as known.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class Reconnection(Generic[Met]):
         self.why = ""
 
     def begin(self, why: str, still_open: Port | None = None) -> None:
-        """The bench has just been lost; on a port that is `still_open` it is looked for first."""
+        """Start after a loss, first on a port that is `still_open`."""
         self.since = self._next_try = self._clock.now()
         self._pause = _FIRST_RETRY
         self.why = why
@@ -93,12 +93,12 @@ class Reconnection(Generic[Met]):
                 still_open.close()
 
     def attempt(self, until: float) -> Met | None:
-        """What can be done by about bench time `until`: the bench when it can be used, None when not yet.
+        """Try until about bench time `until`; return the bench, or None if it is not ready yet.
 
         Raises
         ------
         BackendLost
-            it has been away for too long, or another device answers.
+            the limit has passed, or another device answers.
         """
         now = self._clock.now()
         if now - self.since > self._limit:
@@ -119,11 +119,11 @@ class Reconnection(Generic[Met]):
             self.drop()
             raise BackendLost(str(error)) from None
         if met is not None:
-            self._meeting = None  # the port is the bench's now
+            self._meeting = None  # the port now belongs to the bench
         return met
 
     def drop(self) -> None:
-        """Let the port go that an attempt has opened."""
+        """Close a port opened by an attempt."""
         if self._meeting is not None:
             self._meeting.port.close()
         self._meeting = None
@@ -133,7 +133,7 @@ class Reconnection(Generic[Met]):
         self._pause = min(2.0 * self._pause, _LONGEST_RETRY)
         try:
             port = self._connect()
-        except RigctlError as error:  # a port that has just come back may not be ours yet, or be looked at
+        except RigctlError as error:  # a new port may lack permissions, or be probed
             raise PortLost(str(error)) from None
         try:
             return self._meet(port)

@@ -1,4 +1,4 @@
-"""Which serial ports this computer has, what is most likely behind each, and whether it may be opened."""
+"""Lists the serial ports of this computer, the probable device on each, and whether it may be opened."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ class PortInfo:
 
     Parameters
     ----------
-    device: what it is opened by.
-    description: what the system calls it.
-    vendor, product: of USB; None for a port that is none.
+    device: the name for opening it.
+    description: the system's description.
+    vendor, product: of USB; None for other ports.
     serial_number: of USB.
-    guess: what is most likely behind it; empty where nothing tells.
+    guess: the probable device; empty if unknown.
     accessible: whether this user may open it.
-    fix: what to do where not.
+    fix: how to get access otherwise.
     """
 
     device: str
@@ -64,12 +64,12 @@ class PortInfo:
 
     @property
     def usb(self) -> str:
-        """Vendor and product as they are usually written."""
+        """Vendor and product in the usual notation."""
         return f"{self.vendor:04X}:{self.product:04X}" if self.vendor is not None else ""
 
 
 def list_ports() -> list[PortInfo]:
-    """Every serial port that the system knows; USB first, then by name."""
+    """List every serial port of the system; USB first, then by name."""
     from serial.tools.list_ports import comports
 
     found = []
@@ -91,14 +91,14 @@ def list_ports() -> list[PortInfo]:
 
 
 def guess(vendor: int | None, product: int | None) -> str:
-    """What a USB device with these numbers most likely is; empty when nothing tells."""
+    """Return the probable device for USB numbers; empty if unknown."""
     if vendor is None:
         return ""
     return _KNOWN.get((vendor, product)) or _KNOWN.get((vendor, None)) or ""
 
 
 def access_to(device: str) -> tuple[bool, str]:
-    """Whether this user may read and write a port, and what to do where not. It is not opened."""
+    """Return whether this user may read and write a port, and how to get access. It is not opened."""
     if sys.platform == "win32" or os.access(device, os.R_OK | os.W_OK):
         return True, ""
     group = _group_of(device)
@@ -110,7 +110,7 @@ def access_to(device: str) -> tuple[bool, str]:
 
 
 def missing_port_fix() -> str:
-    """What to do when a board is plugged in and no port shows up."""
+    """Return what to do if a board is plugged in and no port appears."""
     if sys.platform == "win32":
         return (
             "another cable; a yellow mark in Device Manager > Ports (COM & LPT) wants the driver of its chip"
@@ -121,7 +121,7 @@ def missing_port_fix() -> str:
 
 
 def _group_of(device: str) -> str | None:
-    """The group that owns a port and may use it; None where there is none to join."""
+    """Return the group with access to a port; None if there is none."""
     if sys.platform == "win32":
         return None
     import grp
@@ -137,7 +137,7 @@ def _group_of(device: str) -> str | None:
 
 
 def _is_member(group: str) -> bool:
-    """Whether the user's account is in a group, which this login need not know yet."""
+    """Return whether the user's account is in a group, possibly not yet effective in this login."""
     if sys.platform == "win32":
         return False
     import getpass

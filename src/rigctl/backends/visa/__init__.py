@@ -1,1 +1,1 @@
-"""An instrument that VISA reaches, by network, USB, GPIB or serial line, spoken to in lines."""
+"""A line-based instrument behind VISA, on network, USB, GPIB or a serial line."""

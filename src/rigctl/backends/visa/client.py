@@ -1,6 +1,6 @@
-"""The client of an instrument behind VISA: each line is a message; one with a question mark is answered.
+"""The client of a VISA instrument: each line is a message; one with a question mark has an answer.
 
-PyVISA speaks to the instrument, in the thread of a `ClientPort`, with pyvisa-py or with an installed VISA.
+PyVISA communicates in the thread of a `ClientPort`, with pyvisa-py or an installed VISA.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ _PIECE = 256
 
 
 def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
-    """The port of an `Address`: a VISA resource name.
+    """Open the port of an `Address`: a VISA resource name.
 
     Its settings are ``library`` (``@py`` for pyvisa-py, or empty for an installed VISA), ``timeout`` in s,
-    ``baud`` and ``frame`` of a serial line, and what ends messages: ``send_ends`` and ``reply_ends``.
+    ``baud`` and ``frame`` of a serial line, and the message terminators ``send_ends`` and ``reply_ends``.
     """
     return ClientPort(url, lambda: VisaClient(url, settings), clock)
 
@@ -54,7 +54,7 @@ class VisaClient:
         self._instrument = self._opened()
 
     def answer(self, line: str) -> str | None:
-        """The instrument's answer to a message; None when it gives none in time, or none was asked for."""
+        """Return the instrument's answer to a message; None if there is none in time, or none is expected."""
         try:
             self._discard()
             self._instrument.write(line)
@@ -73,7 +73,7 @@ class VisaClient:
         return None
 
     def close(self) -> None:
-        """Let it go."""
+        """Close the instrument."""
         self._instrument.close()
         self._manager.close()
 
@@ -105,18 +105,18 @@ class VisaClient:
         return name.endswith("::SOCKET") or name.startswith("ASRL")
 
     def _discard(self) -> None:
-        """Throw away what nobody asked for.
+        """Discard unsolicited data.
 
-        On a socket it would be taken for the answer to the next question, and each answer from then on for
-        that to the one after it.
+        On a socket they would be taken for the answer to the next query, and so would shift every later
+        answer.
 
         Raises
         ------
         PortLost
-            it does not stop sending.
+            the instrument does not stop sending.
         """
         if not self._name.upper().endswith("::SOCKET"):
-            return  # other buses discard it themselves, or have been flushed by `_forget`
+            return  # other buses discard them, or have been flushed by `_forget`
         patience = self._instrument.timeout
         self._instrument.timeout = _AT_ONCE
         try:
@@ -153,10 +153,10 @@ class VisaClient:
         return instrument
 
     def _forget(self) -> None:
-        """Let an answer that still comes be that of no later question.
+        """Prevent a late answer from being taken for that to a later query.
 
-        A new connection does not get it; other buses have a command that clears the device. On a serial line
-        only what has arrived by now can be thrown away.
+        A new connection does not receive it; other buses have a command that clears the device. On a serial
+        line only what has already arrived can be discarded.
         """
         from pyvisa.constants import BufferOperation
 

@@ -1,4 +1,4 @@
-"""Make a bench behind VISA from a rig file and the options of a command."""
+"""Makes a VISA bench from a rig file and command options."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from rigctl.errors import RigctlError
 from rigctl.rig import Lines, Rig
 
 OPTIONS = ("port", "baud", "library")
-BAUD = 9600  #: of a serial line, where nothing says it
+BAUD = 9600  #: default of a serial line
 
 
 def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
-    """A bench behind VISA, not yet open.
+    """Make a VISA bench, not yet open.
 
     Parameters
     ----------
-    rig: its ``backend.lines`` says what is sent, and what the answers mean.
+    rig: its ``backend.lines`` gives the messages and the meaning of the answers.
     clock: real.
     options: ``port`` (a VISA resource name), ``baud`` (of a serial line), ``library`` (PyVISA's: ``@py`` for
-        pyvisa-py, which is taken where nothing is said, ``@ivi`` for an installed VISA, or its file).
+        pyvisa-py, the default, ``@ivi`` for an installed VISA, or its file).
 
     Raises
     ------
@@ -35,7 +35,7 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
 
 
 def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
-    """Which instrument, and how its messages end.
+    """Return the address of the instrument, with its message terminators.
 
     Raises
     ------
