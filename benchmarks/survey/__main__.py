@@ -25,7 +25,7 @@ from benchmarks.record import keep, table
 from rigctl.dataset import open_run
 from rigctl.engine.kept.keep import switched_off
 from rigctl.model import load_model
-from rigctl.monitoring.change_point import scan
+from rigctl.monitoring.significance import scan
 from rigctl.monitoring.survey import survey
 from rigctl.tasks import Workers
 from rigctl.validation.bench.campaign import PRESSURES, TEMPERATURES, Campaign, Scatter

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rigctl.monitoring.change_point import best_possible, critical, scan
 from rigctl.monitoring.course import scatter_between, shape_of
 from rigctl.monitoring.ranks import neighbours, normal_scores
+from rigctl.monitoring.significance import best_possible, critical, scan
 
 Floats = NDArray[np.float64]
 ORDER = np.arange(40, dtype=float)

@@ -3,8 +3,7 @@
 The error is the quantity less its target, the ratio that of the root mean squares with and without the
 schedule. If the schedule's error is r times the other, ``|e_with|/r`` and ``|e_without|`` of a pair are
 exchangeable: the largest r for which this is not rejected is the ratio's upper bound, exact for any
-    distribution of the errors
-because the order was randomised (R. A. Fisher, The Design of Experiments, 1935).
+distribution of the errors because the order was randomised (R. A. Fisher, The Design of Experiments, 1935).
 """
 
 from __future__ import annotations

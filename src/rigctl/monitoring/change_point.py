@@ -1,4 +1,4 @@
-"""Does a series of values change? A scan over all change points and end points, with its null distribution.
+"""Does a series of values change? A scan over all change points and end points.
 
 The values x_1 … x_N of one quantity, one for each run, ordered by date or another variable, are replaced by
 normal scores of their ranks, ``q = Φ⁻¹((rank − ½)/N)``, clipped to ±1. For every end n, the scan fits a step
@@ -10,9 +10,9 @@ about their mean, the signed root of the likelihood ratio is
 The statistic is the largest of all. It thus accounts for every run at which a change could have started and
 for every run after which it could have been detected.
 
-The null distribution is simulated (`rigctl.monitoring.chance`), with neighbours that may be correlated. For
-uncorrelated sequences the ranks do not depend on the distribution of the scatter: of an outlier only its side
-counts.
+Its null distribution is simulated (`rigctl.monitoring.significance`), with neighbours that may be correlated.
+For uncorrelated sequences the ranks do not depend on the distribution of the scatter: of an outlier only its
+side counts.
 
 Sources: A. N. Pettitt, Appl. Statist. 28 (1979) 126 (ranks, an unknown change point); the end is scanned too,
 as in sequential detection (D. Siegmund, Sequential Analysis, 1985).
@@ -20,88 +20,70 @@ as in sequential detection (D. Siegmund, Sequential Analysis, 1985).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.monitoring.chance import FINE, chance
-from rigctl.monitoring.ranks import apart_in, neighbours, normal_scores, sizes
-
 Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
+#: True after runs at which a change is possible; None if after any
+Apart = tuple[bool, ...] | None
 
-#: number of clear steps whose median gives the smallest attainable p-value
-_CLEAR: Final = 101
-
-
-@dataclass(frozen=True)
-class Scan:
-    """The result of scanning one series.
-
-    Attributes
-    ----------
-    statistic: the largest size of all.
-    p_value: for this series alone.
-    correlation: estimated autocorrelation at lag 1, with changes removed.
-    ends, at_ends: the end points scanned (numbers of runs), and the largest size up to each.
-    """
-
-    statistic: float
-    p_value: float
-    correlation: float
-    ends: tuple[int, ...]
-    at_ends: tuple[float, ...]
-
-    def first_end(self, least: float) -> int | None:
-        """The number of runs after which the scan first reaches `least`; None if it never does."""
-        return next((n for n, size in zip(self.ends, self.at_ends, strict=True) if size >= least), None)
+#: least number of runs on either side of a change
+FEWEST_BESIDE: Final = 3
+#: largest numbers of ends, and of change points for each, that are scanned
+_ENDS: Final = 120
+_CUTS: Final = 40
 
 
-def scan(values: Floats, over: Floats, *, draws: int = FINE) -> Scan:
-    """Scan a series of values.
-
-    Parameters
-    ----------
-    values: (runs) in the order of `over`, finite.
-    over: (runs) location of each run on the axis; no change is possible between runs at the same location.
-    draws: as in `rigctl.monitoring.chance.chance`.
-    """
-    scores = normal_scores(values)[None, :]
-    apart = apart_in(over)
-    correlation = float(neighbours(values[None, :], scores)[0])
-    ends, found = sizes(scores, apart)
-    largest = float(found.max()) if found.size else 0.0
-    return Scan(
-        statistic=largest,
-        p_value=chance(values.size, apart, draws).p_value(largest, correlation),
-        correlation=correlation,
-        ends=ends,
-        at_ends=tuple(float(size) for size in np.maximum.accumulate(found[0])) if found.size else (),
-    )
+def apart_in(over: Floats) -> Apart:
+    """After which runs a change is possible: before runs at another location; None if after any."""
+    apart = tuple(bool(step > 0.0) for step in np.diff(over))
+    return None if all(apart) else apart
 
 
-def critical(over: Floats, correlation: float, level: float) -> float:
-    """The size exceeded by chance with probability `level`; infinite if there are too few draws."""
-    return chance(over.size, apart_in(over)).critical(level, correlation)
+def sizes(scores: Floats, apart: Apart) -> tuple[tuple[int, ...], Floats]:
+    """The ends that are scanned, and (courses, ends) the largest size at each of them."""
+    count = scores.shape[1]
+    sums, squares = np.cumsum(scores, axis=1), np.cumsum(np.square(scores), axis=1)
+    moments = np.cumsum(scores * np.arange(1, count + 1, dtype=float), axis=1)
+    ends, found = [], []
+    for n in _ends(count):
+        cuts = cuts_of(n, apart)
+        if not cuts.size:
+            continue
+        whole = sums[:, n - 1]
+        spread = np.maximum(squares[:, n - 1] - whole * whole / n, 1e-12)
+        before = sums[:, cuts - 1]
+        difference = (whole[:, None] - before) / (n - cuts) - before / cuts
+        explained = np.max(np.square(difference) / (1.0 / cuts + 1.0 / (n - cuts)), axis=1)
+        line = np.square(moments[:, n - 1] - 0.5 * (n + 1) * whole) / (n * (n * n - 1.0) / 12.0)
+        share = np.minimum(np.maximum(explained, line) / spread, 1.0 - 1e-9)
+        ends.append(n)
+        found.append(np.sqrt(-(n - 1.5) * np.log1p(-share)))
+    return tuple(ends), np.stack(found, axis=1) if found else np.empty((scores.shape[0], 0))
 
 
-def best_possible(over: Floats) -> float:
-    """The p-value of the clearest possible step: every value after the middle exceeds all before it.
+def _ends(count: int) -> list[int]:
+    """The numbers of runs at which the scan ends, including the last."""
+    first = 2 * FEWEST_BESIDE
+    if count < first:
+        return []
+    every = np.linspace(first, count, min(count - first + 1, _ENDS))
+    return sorted({round(float(n)) for n in every})
 
-    Within the halves the order is random; the result is the median over such series.
-    """
-    half, generator = over.size // 2, np.random.Generator(np.random.PCG64(over.size))
-    courses: Floats = np.stack(
-        [
-            np.concatenate([generator.permutation(half), half + generator.permutation(over.size - half)])
-            for _ in range(_CLEAR)
-        ]
-    ).astype(float)
-    scores, apart = normal_scores(courses), apart_in(over)
-    _, found = sizes(scores, apart)
-    if not found.size:
-        return 1.0
-    drawn = chance(over.size, apart)
-    clear = zip(found.max(axis=1), neighbours(courses, scores), strict=True)
-    return float(np.median([drawn.p_value(float(size), float(alike)) for size, alike in clear]))
+
+@lru_cache(maxsize=8192)
+def cuts_of(n: int, apart: Apart) -> Indices:
+    """After which of the first n runs a change is tried, more densely near both ends."""
+    first, last = FEWEST_BESIDE, n - FEWEST_BESIDE
+    if last - first + 1 <= _CUTS:
+        cuts = np.arange(first, last + 1)
+    else:
+        half = np.geomspace(first, 0.5 * n, _CUTS // 2)
+        cuts = np.unique(np.round(np.concatenate([half, n - half])).astype(np.intp))
+    if apart is not None:
+        cuts = cuts[np.array(apart)[cuts - 1]]
+    return cuts

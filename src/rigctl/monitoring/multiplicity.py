@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.decision_levels import SURVEY_ALPHA
-from rigctl.monitoring.chance import COARSE, FINE, STRONGEST
-from rigctl.monitoring.change_point import Scan, best_possible, critical, scan
+from rigctl.monitoring.change_point import FEWEST_BESIDE
 from rigctl.monitoring.course import Shape, left_by, scatter_between, shape_of, standardised, whole_scatter
-from rigctl.monitoring.ranks import FEWEST_BESIDE
 from rigctl.monitoring.reading import Plan, Reading, solved
+from rigctl.monitoring.significance import COARSE, FINE, STRONGEST, Scan, best_possible, critical, scan
 
 Floats = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Series as ranks: their scores, the autocorrelation of neighbours, and the largest change over all ends.
+"""Series as ranks: their scores, and the autocorrelation of neighbours.
 
 All functions take many series at once, (courses, runs): the measured one and the simulated ones undergo the
 same computation.
@@ -12,22 +12,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.intp]
-#: True after runs at which a change is possible; None if after any
-Apart = tuple[bool, ...] | None
+from rigctl.monitoring.change_point import FEWEST_BESIDE, cuts_of
 
-#: least number of runs on either side of a change
-FEWEST_BESIDE: Final = 3
+Floats = NDArray[np.float64]
+
 #: scores of ranks are clipped at this value: of an outlier only its side remains
 _MOST: Final = 1.0
 #: a run is clipped at this multiple of the usual difference of neighbours
 _OFF: Final = 3.0
 #: a larger difference of neighbours, relative to the usual one, is a jump: one in 1400 for normal values
 _JUMP: Final = 5.0
-#: largest numbers of ends, and of change points for each, that are scanned
-_ENDS: Final = 120
-_CUTS: Final = 40
 #: the share of the squared differences that enter the autocorrelation, the smaller ones
 _KEPT: Final = 0.75
 
@@ -49,12 +43,6 @@ def drawn_scores(values: Floats) -> Floats:
     ordered = np.broadcast_to(normal_scores(np.arange(count, dtype=float)), values.shape)
     np.put_along_axis(scores, np.argsort(values, axis=1), ordered, axis=1)
     return scores
-
-
-def apart_in(over: Floats) -> Apart:
-    """After which runs a change is possible: before runs at another location; None if after any."""
-    apart = tuple(bool(step > 0.0) for step in np.diff(over))
-    return None if all(apart) else apart
 
 
 def neighbours(values: Floats, scores: Floats) -> Floats:
@@ -129,53 +117,8 @@ def _left(scores: Floats) -> Floats:
 def _shapes(count: int) -> Floats:
     """(shapes, runs) with zero mean and unit length."""
     places, found = np.arange(count, dtype=float), []
-    for cut in _cuts(count, None).tolist():
+    for cut in cuts_of(count, None).tolist():
         for moved in (places >= cut, np.maximum(places - cut, 0.0), np.minimum(places, cut)):
             centred = moved - np.mean(moved)
             found.append(centred / np.linalg.norm(centred))
     return np.array(found)
-
-
-def sizes(scores: Floats, apart: Apart) -> tuple[tuple[int, ...], Floats]:
-    """The ends that are scanned, and (courses, ends) the largest size at each of them."""
-    count = scores.shape[1]
-    sums, squares = np.cumsum(scores, axis=1), np.cumsum(np.square(scores), axis=1)
-    moments = np.cumsum(scores * np.arange(1, count + 1, dtype=float), axis=1)
-    ends, found = [], []
-    for n in _ends(count):
-        cuts = _cuts(n, apart)
-        if not cuts.size:
-            continue
-        whole = sums[:, n - 1]
-        spread = np.maximum(squares[:, n - 1] - whole * whole / n, 1e-12)
-        before = sums[:, cuts - 1]
-        difference = (whole[:, None] - before) / (n - cuts) - before / cuts
-        explained = np.max(np.square(difference) / (1.0 / cuts + 1.0 / (n - cuts)), axis=1)
-        line = np.square(moments[:, n - 1] - 0.5 * (n + 1) * whole) / (n * (n * n - 1.0) / 12.0)
-        share = np.minimum(np.maximum(explained, line) / spread, 1.0 - 1e-9)
-        ends.append(n)
-        found.append(np.sqrt(-(n - 1.5) * np.log1p(-share)))
-    return tuple(ends), np.stack(found, axis=1) if found else np.empty((scores.shape[0], 0))
-
-
-def _ends(count: int) -> list[int]:
-    """The numbers of runs at which the scan ends, including the last."""
-    first = 2 * FEWEST_BESIDE
-    if count < first:
-        return []
-    every = np.linspace(first, count, min(count - first + 1, _ENDS))
-    return sorted({round(float(n)) for n in every})
-
-
-@lru_cache(maxsize=8192)
-def _cuts(n: int, apart: Apart) -> Indices:
-    """After which of the first n runs a change is tried, more densely near both ends."""
-    first, last = FEWEST_BESIDE, n - FEWEST_BESIDE
-    if last - first + 1 <= _CUTS:
-        cuts = np.arange(first, last + 1)
-    else:
-        half = np.geomspace(first, 0.5 * n, _CUTS // 2)
-        cuts = np.unique(np.round(np.concatenate([half, n - half])).astype(np.intp))
-    if apart is not None:
-        cuts = cuts[np.array(apart)[cuts - 1]]
-    return cuts

@@ -1,4 +1,4 @@
-"""Null distribution of the scan for runs with an unknown autocorrelation.
+"""The significance of a change: the scan's null distribution for runs with an unknown autocorrelation.
 
 Gaussian sequences without a change are simulated with autocorrelations ρ, ρ², … at lags 1, 2, … ρ itself is
 random: zero for half of the sequences, as the runs of most benches are independent, and uniform between 0.1
@@ -26,7 +26,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.monitoring.ranks import Apart, drawn_scores, neighbours, sizes
+from rigctl.monitoring.change_point import Apart, apart_in, sizes
+from rigctl.monitoring.ranks import drawn_scores, neighbours, normal_scores
 
 Floats = NDArray[np.float64]
 
@@ -40,6 +41,8 @@ _OF_ZERO: Final = 4
 _AT_ONCE: Final = 2_000
 #: bandwidth h of the kernel over the estimated autocorrelation
 _WIDTH: Final = 0.1
+#: number of clear steps whose median gives the smallest attainable p-value
+_CLEAR: Final = 101
 
 
 @dataclass(frozen=True)
@@ -105,3 +108,75 @@ def _sequences(generator: np.random.Generator, draws: int, count: int, correlati
     for k in range(1, count):
         noise[:, k] = correlation * noise[:, k - 1] + share * noise[:, k]
     return noise
+
+
+@dataclass(frozen=True)
+class Scan:
+    """The result of scanning one series.
+
+    Attributes
+    ----------
+    statistic: the largest size of all.
+    p_value: for this series alone.
+    correlation: estimated autocorrelation at lag 1, with changes removed.
+    ends, at_ends: the end points scanned (numbers of runs), and the largest size up to each.
+    """
+
+    statistic: float
+    p_value: float
+    correlation: float
+    ends: tuple[int, ...]
+    at_ends: tuple[float, ...]
+
+    def first_end(self, least: float) -> int | None:
+        """The number of runs after which the scan first reaches `least`; None if it never does."""
+        return next((n for n, size in zip(self.ends, self.at_ends, strict=True) if size >= least), None)
+
+
+def scan(values: Floats, over: Floats, *, draws: int = FINE) -> Scan:
+    """Scan a series of values.
+
+    Parameters
+    ----------
+    values: (runs) in the order of `over`, finite.
+    over: (runs) location of each run on the axis; no change is possible between runs at the same location.
+    draws: as in `chance`.
+    """
+    scores = normal_scores(values)[None, :]
+    apart = apart_in(over)
+    correlation = float(neighbours(values[None, :], scores)[0])
+    ends, found = sizes(scores, apart)
+    largest = float(found.max()) if found.size else 0.0
+    return Scan(
+        statistic=largest,
+        p_value=chance(values.size, apart, draws).p_value(largest, correlation),
+        correlation=correlation,
+        ends=ends,
+        at_ends=tuple(float(size) for size in np.maximum.accumulate(found[0])) if found.size else (),
+    )
+
+
+def critical(over: Floats, correlation: float, level: float) -> float:
+    """The size exceeded by chance with probability `level`; infinite if there are too few draws."""
+    return chance(over.size, apart_in(over)).critical(level, correlation)
+
+
+def best_possible(over: Floats) -> float:
+    """The p-value of the clearest possible step: every value after the middle exceeds all before it.
+
+    Within the halves the order is random; the result is the median over such series.
+    """
+    half, generator = over.size // 2, np.random.Generator(np.random.PCG64(over.size))
+    courses: Floats = np.stack(
+        [
+            np.concatenate([generator.permutation(half), half + generator.permutation(over.size - half)])
+            for _ in range(_CLEAR)
+        ]
+    ).astype(float)
+    scores, apart = normal_scores(courses), apart_in(over)
+    _, found = sizes(scores, apart)
+    if not found.size:
+        return 1.0
+    drawn = chance(over.size, apart)
+    clear = zip(found.max(axis=1), neighbours(courses, scores), strict=True)
+    return float(np.median([drawn.p_value(float(size), float(alike)) for size, alike in clear]))
