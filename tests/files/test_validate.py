@@ -13,6 +13,7 @@ from rigctl.files.quantity import AnyQuantity, Q
 from rigctl.files.refusal import refusal
 from rigctl.files.validate import validate
 from rigctl.files.yaml import parse_document
+from rigctl.rig import load_rig
 
 
 class Strict(BaseModel):
@@ -166,3 +167,14 @@ def test_an_unknown_field_without_a_near_one_lists_what_there_is() -> None:
 
 def test_an_empty_document_misses_everything() -> None:
     assert "expected a mapping" in str(complaint(""))
+
+
+@pytest.mark.parametrize("text", ["root:$6$SECRET:19000\n", "SECRET: 1\nSECRET2: 2\n"])
+def test_a_file_of_another_kind_is_not_cited(tmp_path: Path, text: str) -> None:
+    """A procedure names its rig and its parts, and may name any file; messages go to logs."""
+    path = tmp_path / "other.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(RigctlError, match="another kind of file") as caught:
+        load_rig(path)
+    assert "SECRET" not in str(caught.value)
+    assert "other.yaml:1:1" in str(caught.value)

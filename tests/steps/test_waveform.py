@@ -103,6 +103,13 @@ def test_a_table_is_read_from_a_file_with_units(tmp_path: Path) -> None:
         ("ramp: {from: 0 %, to: 50 %, over: 5 s}", ", max_rate: 9 %/s", "faster than 'heater_1' may be"),
         ("steps: {levels: [0 %, 10 %], each: 60 s}", ", max_rate: 9 %/s", "10 % at once"),
         ("steps: {levels: [0 %, 10 %], each: 1 s}", ", min_interval: 2 s", "too often, at 1 s"),
+        ("steps: {levels: [0 %, 10 %], each: 1 ns}", "", "too often, at 1e-09 s.* at least 0.001 s"),
+        ("table: {points: [[0 s, 0 %], [1 us, 1 %]], between: hold}", "", "too often, at 1e-06 s"),
+        (
+            "ramp: {from: 0 %, to: 1 %, over: 1 ms}, rate: 1 MHz",
+            "",
+            "a 'rate' of 1e[+]06 Hz.* at most 1000 Hz",
+        ),
         (
             "ramp: {to: 50 %, over: 5 s}, sine: {mean: 1 %, amplitude: 1 %, frequency: 1 Hz, for: 1 s}",
             "",
@@ -125,6 +132,39 @@ def test_a_course_that_the_rig_cannot_follow_is_refused_before_anything_moves(
     with pytest.raises(RigctlError, match=said) as caught:
         VirtualBench(tmp_path, HEATERS).plan(waveform(text), heaters(extra))
     assert caught.value.where.line == 3
+
+
+def test_the_last_row_of_a_held_table_is_the_first_of_the_next_round(tmp_path: Path) -> None:
+    """It was commanded for no time, and the log said that the host was late."""
+    points = "points: [[0 s, 10 %], [2 s, 30 %], [4 s, 20 %]], between: hold"
+    done = VirtualBench(tmp_path, HEATERS).run(waveform(f"table: {{{points}}}, repeat: 2"), rig=heaters())
+    given = [(time, round(100 * value)) for time, value in done.commands("heater_1") if value]
+    begin = given[0][0]
+    assert [(pytest.approx(time - begin, abs=0.01), level) for time, level in given] == [
+        (0.0, 10),
+        (2.0, 30),
+        (4.0, 10),
+        (6.0, 30),
+        (8.0, 20),
+    ]
+    assert not [note for note in done.messages("note") if "left out" in note]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("root:$6$SECRET:19000:0:99999::SECRET\n", "'time' is expected, got '0 of 1 columns'"),
+        ("-----BEGIN KEY-----\nSECRET\n", "'time' is expected, got '0 of 1 columns'"),
+        (f"time [s],{'SECRET' * 30_000}\n", "cannot read the table: field larger than field limit"),
+    ],
+)
+def test_a_file_that_is_no_table_is_not_cited(tmp_path: Path, content: str, said: str) -> None:
+    """A procedure of somebody else's could name any file, and its first line was in the message."""
+    (tmp_path / "drive.csv").write_text(content, encoding="utf-8")
+    table = f"table: {{file: {(tmp_path / 'drive.csv').as_posix()}}}"
+    with pytest.raises(RigctlError, match=said) as caught:
+        VirtualBench(tmp_path, HEATERS).plan(waveform(table), heaters())
+    assert "SECRET" not in str(caught.value)
 
 
 def test_a_table_that_never_ends_is_not_read(tmp_path: Path) -> None:

@@ -72,11 +72,33 @@ def validate(document: Document, model: type[M], *, keys: Sequence[Key] = ()) ->
     value: Any = document.data
     for key in keys:
         value = value[key]
+    if not keys:
+        _require_kind(value, document, model)
     try:
         return model.model_validate(value)
     except ValidationError as problem:
         errors = list(_translate(problem, document, model, tuple(keys)))
     raise errors[0] if len(errors) == 1 else SeveralErrors(errors)
+
+
+def _require_kind(value: Any, document: Document, model: type[BaseModel]) -> None:
+    """Refuse a file of another kind without citing it: a name in a procedure may lead to any file."""
+    valid = field_names(types_at(model, ()))
+    if isinstance(value, dict):
+        names = [str(name) for name in value]
+        if not names or any(name in valid or nearest_name(name, valid) for name in names):
+            return
+        found = f"{len(names)} other fields"
+    elif isinstance(value, str):
+        found = "a text"
+    else:
+        return
+    raise RigctlError(
+        "this is another kind of file",
+        value=found,
+        expected=f"a mapping (name: value) with {_or(sorted(valid))}",
+        where=document.locate(),
+    )
 
 
 def _translate(

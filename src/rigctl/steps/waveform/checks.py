@@ -13,6 +13,8 @@ from rigctl.units import show
 
 #: most commands of one waveform; more is probably a typing error
 MOST: Final = 1_000_000
+#: s; a host cannot keep a shorter time between two commands
+SHORTEST: Final = 1e-3
 #: relative tolerance within which two rates are equal
 _SLACK: Final = 1e-6
 
@@ -50,11 +52,12 @@ def check_commands(
         low, high = min(low, value), max(high, value)
         if newest is not None and value != newest[1]:
             _check_rate(described, actuator, newest, (time, value), held=held)
-            if time - changed < described.min_interval * (1.0 - _SLACK):
+            shortest = max(described.min_interval, SHORTEST if held else 0.0)
+            if time - changed < shortest * (1.0 - _SLACK):
                 raise RigctlError(
                     f"the waveform commands '{actuator}' too often, at {time:g} s",
                     value=f"after {time - changed:g} s",
-                    expected=f"at least {described.min_interval:g} s between two changes",
+                    expected=f"at least {shortest:g} s between two changes",
                 )
             changed = time
         elif newest is None:

@@ -135,7 +135,9 @@ def commands(shape: Shape, period: float, rounds: int = 1) -> Iterator[tuple[flo
     for number in range(rounds):
         begin = number * shape.duration
         if shape.held:
-            yield from ((begin + edge, shape.at(edge)) for edge in shape.edges)
+            for edge in shape.edges:
+                if edge < shape.duration or number == rounds - 1:  # else the next round begins there
+                    yield begin + edge, shape.at(edge)
             continue
         for index in range(math.ceil(shape.duration / period - 1e-9)):
             yield begin + index * period, shape.at(index * period)

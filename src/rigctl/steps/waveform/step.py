@@ -22,7 +22,7 @@ from rigctl.plan.tree import Leaf
 from rigctl.plan.values import COUNT, PERIOD, RATE, AnyTolerance, AnyValue, Count, Duration, Period, Rate
 from rigctl.project import find_project
 from rigctl.steps.set_ import Command, read_command
-from rigctl.steps.waveform.checks import MOST, check_commands
+from rigctl.steps.waveform.checks import MOST, SHORTEST, check_commands
 from rigctl.steps.waveform.shapes import Ramp, Shape, Sine, Steps, Table, commands, count
 from rigctl.steps.waveform.table_file import read_table
 
@@ -149,6 +149,12 @@ class WaveformStep(Step):
                 raise RigctlError("repeated never", value=str(rounds), expected="at least once")
             if (many := count(shape, action.period, rounds)) > MOST:
                 raise RigctlError("too many commands", value=f"{many:.0f}", expected=f"at most {MOST}")
+            if not shape.held and action.period < SHORTEST:
+                raise RigctlError(
+                    "more commands per second than a host can keep",
+                    value=f"a 'rate' of {1.0 / action.period:g} Hz",
+                    expected=f"at most {1.0 / SHORTEST:g} Hz",
+                )
             if isinstance(shape, Sine) and shape.frequency * action.period >= 0.5:
                 raise RigctlError(
                     "too few commands for a sine of this frequency",

@@ -34,7 +34,10 @@ def read_table(
         the file cannot be read, a column or a number is missing, or a value cannot be taken; with its line.
     """
     text = _text(path)
-    rows = list(csv.reader(io.StringIO(text)))
+    try:
+        rows = list(csv.reader(io.StringIO(text)))
+    except csv.Error as problem:
+        raise RigctlError(f"cannot read the table: {problem}", where=Location(path)) from problem
     if len(rows) > _MOST:
         raise RigctlError(
             "the table is too long", value=f"{len(rows)} rows", expected=f"{_MOST}", where=Location(path)
@@ -82,9 +85,11 @@ def _column(head: Sequence[str], name: str, unit: str, path: Path) -> tuple[int,
     names = [cell.partition("[")[0].strip() for cell in head]
     expected = f"'time [s],{name} [{unit}]'" if name != "time" else "a column 'time [s]'"
     if names.count(name) != 1:
+        # a file without the column of times may be anything; its first line may be for nobody's log
+        shown = ", ".join(head) if "time" in names else f"{names.count(name)} of {len(head)} columns"
         raise RigctlError(
             f"one column '{name}' is expected",
-            value=", ".join(head) or "nothing",
+            value=shown,
             expected=expected,
             where=Location(path, 1),
         )
