@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
+import tempfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +20,7 @@ from rigctl.analysis.fmu_rival import judge_fmu
 from rigctl.analysis.fmu_rival.judge import sign_test
 from rigctl.cli.init import create_project
 from rigctl.dataset import open_run
-from rigctl.errors import RigctlError
+from rigctl.errors import ExitCode, RigctlError
 from rigctl.model import load_model
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fmu import export_fmu
@@ -121,6 +126,52 @@ def test_an_fmu_that_crashes_or_does_not_fit_says_so(project: Path, fits: dict[s
     ):
         with pytest.raises(RigctlError, match=said):
             judge_fmu(project / f"{name}.fmu", fits["right"], "right")
+
+
+def hanging(project: Path, where: bytes) -> Path:
+    """An FMU that prints for ever, and never comes back from a step."""
+    source = project / "right.fmu"
+    with zipfile.ZipFile(source) as archive:
+        (library,) = (name for name in archive.namelist() if name.startswith("binaries/"))
+        files = {name: archive.read(name) for name in archive.namelist()}
+    code = files["sources/slave.c"].replace(where, b'for (;;) puts("7 of 9\\n");', 1)
+    files["sources/slave.c"] = b"#include <stdio.h>\n" + code
+    broken = _compiled(files, Path(library).name)
+    with_text(source, project / "hanging.fmu", library, lambda _: broken)
+    return project / "hanging.fmu"
+
+
+def test_an_fmu_that_never_returns_is_ended_in_the_time_that_is_given_to_it(
+    project: Path, fits: dict[str, FitResult], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It held the command for ten minutes, in silence, and left its files in the temporary folder."""
+    temporary = project / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    progress: list[str] = []
+    fmu = hanging(project, b"s->time = at;")
+    with pytest.raises(RigctlError, match=r"not finished simulation 1 of \d+ in 3 s.* '--rival-timeout'"):
+        judge_fmu(fmu, fits["right"], "right", progress.append, 3.0)
+    assert progress
+    assert {line.partition(" of ")[0] for line in progress} == {"Running hanging.fmu: simulation 1"}
+    assert list(temporary.iterdir()) == []
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is a signal of POSIX")
+def test_ctrl_c_ends_a_comparison_with_an_fmu_that_never_returns(project: Path) -> None:
+    hanging(project, b"s->time = at;")
+    words = ["compare", "latest", "-m", "models/right.yaml", "--rival", "hanging.fmu"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "rigctl", *words], cwd=project, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        while "simulation 1 of" not in (line := process.stderr.readline()):
+            assert line, "it ended by itself"
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=30.0)
+    assert process.returncode == ExitCode.INTERRUPTED
+    assert "Stopped; nothing was saved" in said
+    assert "Traceback" not in said
 
 
 def test_a_hostile_archive_is_refused_before_it_is_unpacked(

@@ -104,6 +104,10 @@ def compare(
             show_default=False,
         ),
     ] = None,
+    rival_timeout: Annotated[
+        str,
+        typer.Option(metavar="TIME", help="Longest time of one simulation of a record by an FMU."),
+    ] = "1 min",
     family: FamilyOption = None,
     no_cache: NoCache = False,
     verbose: Evidence = False,
@@ -128,10 +132,12 @@ def compare(
     from rigctl.cli.tables import print_json
     from rigctl.cli.telling import telling
     from rigctl.command_line import DataOptions
+    from rigctl.files.quantity import Q
     from rigctl.project import find_file
 
     require_page(output, force=force)
     fmus = [find_file(path) for path in rival or ()]
+    patience = Q("s", positive=True).read(rival_timeout)
     models = open_models(model)
     opened = open_runs(runs, models[0], assume)
     with telling("nothing was saved") as on_progress:
@@ -144,7 +150,7 @@ def compare(
             refit=fit,
             on_progress=on_progress,
         )
-        rivals = _rivals(fmus, found, on_progress)
+        rivals = _rivals(fmus, found, on_progress, patience)
     if output is not None:
         from rigctl.report.analysis import comparison_sections, history_sections
 
@@ -159,7 +165,9 @@ def compare(
         _lead_on(found, runs, str(model[-1]), DataOptions(only, hold_out, assume or ()))
 
 
-def _rivals(fmus: Sequence[Path], found: Comparison, on_progress: Callable[[str], None]) -> list[FmuRival]:
+def _rivals(
+    fmus: Sequence[Path], found: Comparison, on_progress: Callable[[str], None], patience: float
+) -> list[FmuRival]:
     """Every FMU beside the last model."""
     from rigctl.analysis.fmu_rival import judge_fmu
 
@@ -167,7 +175,7 @@ def _rivals(fmus: Sequence[Path], found: Comparison, on_progress: Callable[[str]
     for path in fmus:
         on_progress(f"Running {path.name}")
         last = found.models[-1]
-        rivals.append(judge_fmu(path, last.fit, last.name))
+        rivals.append(judge_fmu(path, last.fit, last.name, on_progress, patience))
     return rivals
 
 

@@ -10,7 +10,7 @@ in a record, its own and its part of the shared ones, a fit lowers χ² by k ± 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import in_unit
 from rigctl.analysis.decision_levels import ALPHA, QUANTILE
-from rigctl.analysis.fmu_rival.run import FmuOutputs, run_fmu
+from rigctl.analysis.fmu_rival.run import PATIENCE, FmuOutputs, run_fmu
 from rigctl.errors import RigctlError
 from rigctl.model.fit.errors import ChannelError, channel_errors, whitened_residual
 from rigctl.model.fit.fit import FitResult
@@ -97,8 +97,19 @@ class FmuRival:
         }
 
 
-def judge_fmu(path: Path, fitted: FitResult, model: str) -> FmuRival:
+def judge_fmu(
+    path: Path,
+    fitted: FitResult,
+    model: str,
+    on_progress: Callable[[str], None] = lambda text: None,
+    patience: float = PATIENCE,
+) -> FmuRival:
     """Run an FMU on the records of a fit, and decide which of the two is nearer to the measurements.
+
+    Parameters
+    ----------
+    on_progress: called with a description of the current simulation.
+    patience: longest time of one simulation of a record, s.
 
     Raises
     ------
@@ -108,7 +119,7 @@ def judge_fmu(path: Path, fitted: FitResult, model: str) -> FmuRival:
     problem = fitted.problem
     if problem.measurements.table:
         raise RigctlError("an FMU needs records over time", value="a table")
-    said = run_fmu(path, fitted)
+    said = run_fmu(path, fitted, on_progress, patience)
     indices = fitted.held_out or fitted.fitted
     theirs, ours = _alike(fitted, said)
     names = [name for name in problem.measurements.outputs if name in said.outputs]

@@ -5,10 +5,14 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Sequence
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
@@ -24,8 +28,10 @@ Floats = NDArray[np.float64]
 
 #: shift of an initial value for its derivative, in sigmas
 _BESIDE: Final = 5.0
-#: time allowed to an FMU for all records, s
-_PATIENCE: Final = 600.0
+#: longest time of one simulation of a record by default, s
+PATIENCE: Final = 60.0
+#: s between two checks of whether it is over
+_LOOK: Final = 0.2
 
 
 @dataclass(frozen=True)
@@ -40,7 +46,12 @@ class FmuOutputs:
     begun: frozenset[str]
 
 
-def run_fmu(path: Path, fitted: FitResult) -> FmuOutputs:
+def run_fmu(
+    path: Path,
+    fitted: FitResult,
+    on_progress: Callable[[str], None] = lambda text: None,
+    patience: float = PATIENCE,
+) -> FmuOutputs:
     """Simulate every record of a fit with an FMU, from the initial values at which the FMU fits the readings
     best.
 
@@ -48,10 +59,16 @@ def run_fmu(path: Path, fitted: FitResult) -> FmuOutputs:
     channels whose initial value can be set in the FMU, it is simulated from the first readings and from a
     shifted value of each, and once more from where the whitened error is least by these derivatives.
 
+    Parameters
+    ----------
+    on_progress: called with a description of the current simulation.
+    patience: longest time of one simulation, s.
+
     Raises
     ------
     RigctlError
-        FMPy is not installed, the FMU does not fit the data, it fails, crashes, or takes over ten minutes.
+        FMPy is not installed, the FMU does not fit the data, it fails, crashes, or a simulation takes longer
+        than `patience`.
     """
     if find_spec("fmpy") is None:
         raise RigctlError("running an FMU needs FMPy", hint="pip install 'rigctl[fmu]'")
@@ -63,7 +80,7 @@ def run_fmu(path: Path, fitted: FitResult) -> FmuOutputs:
         [begin, *(begin + step * unit for unit in np.eye(len(names)))]
         for begin, step in zip(starts, steps, strict=True)
     ]
-    said = _asked(path, fitted, tried)
+    said = _asked(path, fitted, tried, on_progress, patience)
     begun = frozenset(said["begun"])
     columns = [place for place, name in enumerate(names) if name in begun]
     outputs = _outputs(said, fitted, len(names) + 1)
@@ -72,7 +89,7 @@ def run_fmu(path: Path, fitted: FitResult) -> FmuOutputs:
             [begin + _shift(problem, index, outputs[index], step, columns)]
             for index, (begin, step) in enumerate(zip(starts, steps, strict=True))
         ]
-        outputs = _outputs(_asked(path, fitted, best), fitted, 1)
+        outputs = _outputs(_asked(path, fitted, best, on_progress, patience), fitted, 1)
     return FmuOutputs(tuple(said["outputs"]), tuple(record[0] for record in outputs), begun)
 
 
@@ -99,23 +116,22 @@ def _shift(
     return found
 
 
-def _asked(path: Path, fitted: FitResult, starts: Sequence[Sequence[Floats]]) -> dict[str, Any]:
+def _asked(
+    path: Path,
+    fitted: FitResult,
+    starts: Sequence[Sequence[Floats]],
+    on_progress: Callable[[str], None],
+    patience: float,
+) -> dict[str, Any]:
     """The outputs of the process for every record from each of its initial values."""
-    with TemporaryDirectory(prefix="rigctl-fmu-") as folder:
+    with TemporaryDirectory(prefix="rigctl-fmu-", ignore_cleanup_errors=True) as folder:
         job, answer = Path(folder) / "job.json", Path(folder) / "answer.json"
         job.write_text(json.dumps(_job(path, fitted, starts)), "utf-8")
         command = [sys.executable, "-m", "rigctl.analysis.fmu_rival.worker", str(job), str(answer)]
-        try:
-            done = subprocess.run(  # noqa: S603 - the user has named this FMU to be run
-                command, capture_output=True, timeout=_PATIENCE, check=False
-            )
-        except subprocess.TimeoutExpired as problem:
-            raise RigctlError(
-                "the FMU did not finish", value=path.name, exit_code=ExitCode.FAILED
-            ) from problem
+        code = _watched(path.name, command, on_progress, patience)
         if not answer.exists():
             raise RigctlError(
-                f"the FMU has crashed (exit code {done.returncode})",
+                f"the FMU has crashed (exit code {code})",
                 value=path.name,
                 exit_code=ExitCode.FAILED,
             )
@@ -125,6 +141,48 @@ def _asked(path: Path, fitted: FitResult, starts: Sequence[Sequence[Floats]]) ->
             f"{path.name}: {said['what']}", value=said["value"], expected=said["expected"], hint=said["hint"]
         )
     return said
+
+
+def _watched(name: str, command: Sequence[str], on_progress: Callable[[str], None], patience: float) -> int:
+    """Run the process to its end, which comes soon after an exception such as that of Ctrl-C; its exit code.
+
+    Raises
+    ------
+    RigctlError
+        a simulation takes longer than `patience` s.
+    """
+    with subprocess.Popen(  # noqa: S603 - the user has named this FMU to be run
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    ) as process:
+        lines: SimpleQueue[bytes] = SimpleQueue()
+        reader = threading.Thread(target=_read_lines, args=(process, lines), daemon=True)
+        reader.start()
+        number, count, since = 0, 0, time.monotonic()
+        try:
+            while process.poll() is None:
+                with suppress(Empty, ValueError):
+                    number, count = map(int, lines.get(timeout=_LOOK).split())
+                    since = time.monotonic()
+                    on_progress(f"Running {name}: simulation {number} of {count}")
+                allowed = patience if number else max(patience, PATIENCE)  # which includes the imports
+                if time.monotonic() - since > allowed:
+                    what = f"finished simulation {number} of {count}" if number else "been loaded"
+                    raise RigctlError(
+                        f"the FMU has not {what} in {allowed:g} s",
+                        value=name,
+                        hint="'--rival-timeout' sets this time, e.g. '10 min'",
+                        exit_code=ExitCode.FAILED,
+                    )
+        finally:
+            process.kill()
+            reader.join()
+        return process.wait()
+
+
+def _read_lines(process: subprocess.Popen[bytes], lines: SimpleQueue[bytes]) -> None:
+    """Pass on what the process says of its progress; the main thread must not wait for a line."""
+    for line in process.stdout or ():
+        lines.put(line)
 
 
 def _outputs(said: dict[str, Any], fitted: FitResult, runs: int) -> list[list[Floats]]:

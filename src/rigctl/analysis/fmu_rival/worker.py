@@ -1,6 +1,7 @@
 """Runs an FMU on records, in a separate process: ``python -m rigctl.analysis.fmu_rival.worker JOB ANSWER``.
 
-An FMU is a compiled program. If it crashes or never returns, only this process is lost.
+An FMU is a compiled program. If it crashes or never returns, only this process is lost. Before each
+simulation a line on stdout says which one it is, ``12 56`` for the twelfth of 56.
 Only FMI 2.0 for co-simulation is supported, through FMPy.
 """
 
@@ -8,13 +9,12 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
+import os
 import sys
 import zipfile
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from tempfile import mkdtemp
 from typing import Any
 
 from rigctl.errors import RigctlError, nearest_name
@@ -122,8 +122,13 @@ def _platforms(path: Path) -> list[str]:
     return sorted({one[1] for one in parts if len(one) > 2 and one[0] == "binaries"})
 
 
-def simulate(job: Mapping[str, Any], folder: str) -> dict[str, Any]:
+def simulate(job: Mapping[str, Any], folder: str, tell: Callable[[str], None]) -> dict[str, Any]:
     """The outputs of every record: by record, by sample, in the order of the FMU's outputs.
+
+    Parameters
+    ----------
+    folder: where it is unpacked.
+    tell: called with the number of each simulation before it, and their total.
 
     Raises
     ------
@@ -148,7 +153,10 @@ def simulate(job: Mapping[str, Any], folder: str) -> dict[str, Any]:
             expected=f"outputs among {', '.join(job['outputs'])}",
         )
     starts = {channel: fmu.start_of(channel) for channel in job["outputs"]}
-    found = [_record(fmu, job, record, inputs, outputs, starts) for record in job["records"]]
+    found = []
+    for number, record in enumerate(job["records"], start=1):
+        tell(f"{number} {len(job['records'])}")
+        found.append(_record(fmu, job, record, inputs, outputs, starts))
     begun = [channel for channel, variable in starts.items() if variable is not None]
     return {"outputs": outputs, "records": found, "begun": begun}
 
@@ -247,16 +255,20 @@ class _Signal:
 
 
 def main(job: str, answer: str) -> None:
-    """Read the job and write the answer: the results, or the error."""
-    folder = mkdtemp(prefix="rigctl-fmu-")
-    try:
+    """Read the job and write the answer, the results or the error; unpack beside it, and leave that there."""
+    folder = Path(answer).with_name("unpacked")
+    folder.mkdir()
+    with os.fdopen(os.dup(1), "w", encoding="ascii") as told, Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), 1)  # an FMU may print what it likes, and is not read
         try:
-            found = simulate(json.loads(Path(job).read_text("utf-8")), folder)
+            found = simulate(
+                json.loads(Path(job).read_text("utf-8")),
+                str(folder),
+                lambda text: print(text, file=told, flush=True),
+            )
         except RigctlError as error:
             found = {"what": error.what, "value": error.value, "expected": error.expected, "hint": error.hint}
-        Path(answer).write_text(json.dumps(found), "utf-8")
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
+    Path(answer).write_text(json.dumps(found), "utf-8")
 
 
 if __name__ == "__main__":
