@@ -196,3 +196,34 @@ def test_cleanup_blocks_stand_in_the_tree_without_counting(previewed: See) -> No
     assert (seen.seconds, seen.records) == (3.0, 0)
     (failure,) = [node for node in seen.walk() if node.path == "1/do/on_failure"]
     assert (failure.counted, failure.seconds) == (False, 50.0)
+
+
+LOOP = """\
+steps:
+  - control: {actuator: relief_valve, channel: supply_pressure, to: 30 bar, gain: 1, rate: 100 Hz, for: 1 s,
+      where: board}
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("hl32-bench", "needs rigctl's board, and the rig file's backend is simulated"),
+        ("oil-circuit-modbus", "needs rigctl's board, and the rig file's backend is modbus"),
+        ("oil-circuit-visa", "the rig file's backend is visa, with a device of lines"),
+        ("hl32-bench-uno", ""),
+    ],
+)
+def test_a_loop_that_only_a_board_runs_is_a_warning_where_there_is_none(
+    previewed: See, name: str, said: str
+) -> None:
+    """It was refused at arming only, after everybody had come to the bench."""
+    path = ROOT / "rigs" / f"{name}.yaml"
+    driven = path.read_text(encoding="utf-8").replace("    by: operator\n", "")
+    driven = driven.replace("    prompt: Turn the relief valve until the supply pressure reads\n", "")
+    driven = driven.replace("  valve: neutral\n", "  valve: neutral\n  relief_valve: 10 bar\n")
+    rig = parse_rig(driven, path)
+    seen = previewed(LOOP, on=rig)
+    assert [str(where) for where, _ in seen.warnings] == ["test.yaml:3:5"] * bool(said)
+    assert all(said in message and "'where: auto'" in message for _, message in seen.warnings)
+    assert previewed(LOOP.replace("where: board", "where: auto"), on=rig).warnings == ()

@@ -10,6 +10,7 @@ from rigctl.notebook import one_line
 from rigctl.plan import Branch, Group, GroupKind, Leaf, Loop, Node, Plan, RecordNode, Visitor
 from rigctl.plan.forecast import Basis, State
 from rigctl.planning.bench import Bench, bench_of, initial_state
+from rigctl.planning.board_loops import not_on_board
 from rigctl.planning.limits import LimitUse, limits_used
 from rigctl.planning.rates import too_fast
 
@@ -183,7 +184,7 @@ class _Walker(Visitor[PreviewNode]):
             expected.basis,
             records=0,
             samples=0,
-            warning=expected.warning,
+            warning=expected.warning or not_on_board(self.bench.rig, node.action),
         )
 
     def group(self, node: Group, *, counted: bool = True) -> PreviewNode:

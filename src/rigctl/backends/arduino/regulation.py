@@ -177,6 +177,11 @@ def cannot_regulate(identity: Mapping[str, str], translation: Translation, loop:
             f"the board's firmware ({firmware.rpartition(' ')[2] or 'unknown'}) has no closed loop; it needs "
             f"{'.'.join(map(str, SINCE))} or later: flash the image that comes with this rigctl"
         )
+    return unfit(translation, loop)
+
+
+def unfit(translation: Translation, loop: LoopSettings) -> str:
+    """Why no board that is wired like this can carry out a loop, one sentence; empty where one can."""
     if not translation.is_pwm(loop.actuator):
         return f"'{loop.actuator}' is not on the board's PWM, which is the one output that its loop drives"
     if (degree := len(translation.calibration(loop.channel)) - 1) > _DEGREE:
