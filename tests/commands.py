@@ -12,7 +12,7 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from json_page import undocumented
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 from rigctl.cli.main import app
 from rigctl.errors import ExitCode, RigctlError
 

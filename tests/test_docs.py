@@ -12,7 +12,7 @@ import pytest
 
 import rigctl
 from doc_page import PageRun, blocks, steps
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 from rigctl.dataset import annotate
 
 pytestmark = pytest.mark.usefixtures("shared_results")

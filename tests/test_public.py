@@ -59,7 +59,7 @@ def test_every_name_is_checked_as_users_would_write_it() -> None:
 @pytest.mark.parametrize("name", ["compare", "diagnose"])
 def test_what_one_does_is_a_function_and_no_package_has_its_name(name: str) -> None:
     program = (
-        f"import rigctl, rigctl.cli.main, rigctl.cli.{name}; from rigctl import {name}; import inspect; "
+        f"import rigctl, rigctl.cli.main, rigctl.cli.commands.{name}, inspect; from rigctl import {name}; "
         f"takes = inspect.signature({name}).parameters; "
         f"print(type({name}).__name__, rigctl.{name} is {name}, 'runs' in takes)"
     )

@@ -22,7 +22,7 @@ def main() -> None:
     from playwright.sync_api import sync_playwright
 
     from report.browser import SWITCHES, find_chromium
-    from rigctl.cli.init import create_project
+    from rigctl.cli.commands.init import create_project
     from web.serving import Window, serving
 
     switches = [one for one in SWITCHES if not one.startswith(("--headless", "--remote"))]

@@ -47,7 +47,7 @@ _DRAG = """async ([label, events]) => {
 
 def project(folder: Path, records: int) -> None:
     """A project with the first so many strokes of the shipped campaign as a run."""
-    from rigctl.cli.init import create_project
+    from rigctl.cli.commands.init import create_project
     from rigctl.dataset.assumptions import read_assumptions
     from rigctl.dataset.importing import import_files
     from rigctl.dataset.importing.options import Options

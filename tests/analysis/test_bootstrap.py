@@ -10,7 +10,7 @@ import pytest
 from commands import answer, refusal, told
 from rigctl.analysis.bootstrap import Bootstrap, bootstrap
 from rigctl.analysis.comparison import compare
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 from rigctl.dataset import open_run
 from rigctl.dataset.importing.bring_in import import_file
 from rigctl.errors import RigctlError

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from commands import answer, told
 from rigctl.analysis.record_level import RecordQuantity, record_level
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 from rigctl.files.shipped import shipped
 from rigctl.model.fit.fit import fit
 from rigctl.model.fit.problem import make_problem

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from commands import answer, told
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 from rigctl.dataset import open_run
 
 pytestmark = pytest.mark.usefixtures("shared_results")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from rigctl.cli.answer_view import show_answer
-from rigctl.cli.model_views import show_errors
-from rigctl.cli.telling import _thinned, telling
+from rigctl.cli.progress import _thinned, telling
+from rigctl.cli.views.answer import show_answer
+from rigctl.cli.views.model import show_errors
 from rigctl.model.history.change import ModelError
 from rigctl.report.answer import Answer
 

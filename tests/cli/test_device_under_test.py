@@ -13,8 +13,8 @@ from junitparser import Error, Failure, JUnitXml
 
 import rigctl
 from commands import call, refusal, told
-from rigctl.cli.identity import identified
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
+from rigctl.cli.options.identity import identified
 from rigctl.cli.plans import open_plan
 from rigctl.errors import RigctlError
 from rigctl.procedure import parse_procedure

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from commands import answer, call, refusal, told
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 from rigctl.dataset import open_run
 
 BOARD = ["--rig", "rigs/heater-board.yaml"]

@@ -7,7 +7,7 @@ from functools import partial
 import pytest
 
 import commands
-from rigctl.cli.quantities import read_quantities
+from rigctl.cli.options.quantities import read_quantities
 from rigctl.errors import RigctlError
 
 answer = partial(commands.answer, "oil")

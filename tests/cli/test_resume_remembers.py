@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from rigctl.cli.commands.resume import _speed_before
 from rigctl.cli.main import app
-from rigctl.cli.resume import _speed_before
 from rigctl.dataset.run_json import read_info
 
 STEPS = """\

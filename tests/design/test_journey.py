@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from commands import MODEL, answer, refusal, told
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 from rigctl.dataset import open_run
 from rigctl.design import search
 from rigctl.design.design import design_experiment

@@ -9,7 +9,7 @@ import pytest
 
 from commands import answer, refusal, told
 from rigctl.analysis.comparison import compare
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 from rigctl.dataset import open_run
 from rigctl.design.rivals import Rival, at_usual_size
 from rigctl.model import load_model

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from commands import answer, refusal, told
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 
 pytestmark = pytest.mark.usefixtures("inside")
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from commands import MODEL, answer, told
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 from rigctl.errors import RigctlError
 from rigctl.rig.load import parse_rig
 

@@ -12,7 +12,7 @@ import pytest
 
 from commands import answer, refusal, told
 from discovery.guided_mass import LEVELS, MASS, nothing, rubbing_spot, worn_spot, write_bench
-from rigctl.cli.discover_views import show_discovery
+from rigctl.cli.views.discover import show_discovery
 from rigctl.dataset import open_run
 from rigctl.discovery.discover import discover
 from rigctl.discovery.hand_over import write_files

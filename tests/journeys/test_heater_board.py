@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from commands import answer, told
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 
 MODEL = "models/heater-board.yaml"
 EVERY_SECOND = " or ".join(f"heater_1 == {level} %" for level in (20, 40, 60, 80, 100))

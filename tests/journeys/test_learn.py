@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from commands import answer, call, refusal, textbook_copy, told
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 
 pytestmark = pytest.mark.usefixtures("small_search", "inside")
 

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from commands import answer, refusal, told
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 
 Floats = NDArray[np.float64]
 

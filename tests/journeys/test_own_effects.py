@@ -10,7 +10,7 @@ import pytest
 
 import flywheel
 from commands import answer, textbook_copy, told
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 
 pytestmark = pytest.mark.usefixtures("inside")
 

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 import rigctl
 from commands import answer, refusal, told
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 from rigctl.dataset import open_run
 from rigctl.files.shipped import shipped
 from rigctl.physics.families import using_families

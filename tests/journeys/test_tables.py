@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from commands import MODEL, answer, told
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 
 OIL = "models/hl32-oil.yaml"
 #: what can turn the sign of the published strokes, and nothing else

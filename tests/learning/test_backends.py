@@ -15,7 +15,7 @@ import pytest
 
 import own_process
 from commands import answer
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 from rigctl.dataset import open_run
 from rigctl.dataset.run_json import read_info
 from tclab_board import Served

@@ -17,8 +17,8 @@ from pathlib import Path
 
 import pytest
 
-from rigctl.cli.init import create_project
-from rigctl.cli.serve import PAGES
+from rigctl.cli.commands.init import create_project
+from rigctl.cli.commands.serve import PAGES
 from rigctl.errors import RigctlError
 from rigctl.project import find_project
 from rigctl.web.parts import PARTS
@@ -142,7 +142,8 @@ def test_the_command_knows_the_pages_that_there_are() -> None:
 
 
 def test_nothing_heavy_is_imported_before_the_address_is_printed() -> None:
-    code = "import sys, rigctl.cli.serve, rigctl.web.app, rigctl.web.server, uvicorn; print(*sys.modules)"
+    imports = "rigctl.cli.commands.serve, rigctl.web.app, rigctl.web.server, uvicorn"
+    code = f"import sys, {imports}; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     heavy = {"numpy", "pandas", "pyarrow", "pydantic", "jinja2", "scipy", "numba", "duckdb", "matplotlib"}
     assert heavy & set(loaded.split()) == set()

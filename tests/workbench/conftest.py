@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from commands import MODEL, told
-from rigctl.cli.init import create_project
+from rigctl.cli.commands.init import create_project
 from rigctl.dataset import open_run
 from rigctl.workbench import Workbench
 

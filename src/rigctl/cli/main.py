@@ -48,7 +48,7 @@ class LazyGroup(TyperGroup):
 def load_command(name: str) -> Any:
     """Import a command's module and make the command from its function or sub-application."""
     module_name, attribute = BY_NAME[name].target.split(":")
-    target = getattr(import_module(module_name), attribute)
+    target = getattr(import_module(f"rigctl.cli.commands.{module_name}"), attribute)
     if not isinstance(target, typer.Typer):
         function, target = target, typer.Typer(add_completion=False)
         target.command(name, no_args_is_help=False)(function)

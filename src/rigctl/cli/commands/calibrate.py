@@ -1,0 +1,278 @@
+"""`rigctl calibrate`: reference values and raw readings become a channel's calibration in the rig file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rigctl.cli.commands.manual import Backend, Port, RigFile, Speed
+from rigctl.cli.echo import echo, echo_json
+from rigctl.errors import RigctlError, unknown_name
+
+if TYPE_CHECKING:
+    from rigctl.rig import Channel, Rig
+    from rigctl.rig.calibration_fit import CalibrationFit, Point
+
+
+def calibrate(
+    channel: Annotated[str, typer.Argument(help="Name in the rig file.", show_default=False)],
+    rig: RigFile = None,
+    points: Annotated[
+        Path | None,
+        typer.Option(help="CSV file 'reference [unit],raw' instead of the bench.", show_default=False),
+    ] = None,
+    run: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RUN", help="Run whose records hold the reference values, instead of the bench."
+        ),
+    ] = None,
+    against: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="With --run: answer or measure that is the reference."),
+    ] = None,
+    degree: Annotated[
+        int, typer.Option(min=1, max=5, help="Degree of the polynomial: 1 for a line, 2 for a parabola, …")
+    ] = 1,
+    readings: Annotated[int, typer.Option(min=1, help="Samples at each reference value.")] = 20,
+    reference: Annotated[
+        str | None, typer.Option(help="Reference instrument, e.g. 'dead-weight tester'.")
+    ] = None,
+    reference_uncertainty: Annotated[
+        str | None, typer.Option(help="Uncertainty of the reference values, 95 %, e.g. '0.05 bar'.")
+    ] = None,
+    valid_for: Annotated[str | None, typer.Option(help="Period of validity, e.g. '365 day'.")] = None,
+    day: Annotated[
+        str | None, typer.Option("--date", help="Date of the calibration; by default today.")
+    ] = None,
+    backend: Backend = None,
+    port: Port = None,
+    speed: Speed = "1x",
+    rate: Annotated[
+        float | None, typer.Option(min=0.01, help="Sampling rate in Hz; by default that of the rig file.")
+    ] = None,
+    *,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Write without asking.")] = False,
+    dry: Annotated[bool, typer.Option("--dry", help="Fit and show, but write nothing.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Calibrate a channel: read it while you apply known values, and fit a line or polynomial.
+
+    The new coefficients are written to the rig file with date and uncertainty; everything else in it,
+    including comments, is unchanged. The previous file, the points and a figure of the residuals are kept in
+    'calibrations/' beside it. Reference values come from the keyboard, from stdin (one per line), from
+    --points together with the raw readings, or from the records of a run, e.g. of
+    'procedures/calibrate-pressure.yaml'.
+
+    Examples:
+
+      rigctl calibrate supply_pressure --reference "dead-weight tester, class 0.05" --valid-for "365 day"
+
+      rigctl calibrate supply_pressure --points points.csv --dry
+
+      rigctl calibrate supply_pressure --run latest --against reference_pressure
+    """
+    from rigctl.cli.commands.manual import open_rig
+    from rigctl.cli.running import typing_possible
+    from rigctl.rig.calibration_fit import fit_calibration
+    from rigctl.rig.calibration_points import read_points
+    from rigctl.units import read_si
+
+    if (points is not None) + (run is not None) > 1:
+        raise RigctlError("points come from one place", value="--points and --run", expected="one of them")
+    bench = open_rig(rig)
+    if channel not in bench.channels:
+        raise unknown_name("channel", channel, bench.channels)
+    part = bench.channels[channel]
+    on = _date(day)
+    if valid_for is not None and read_si(valid_for, "s") <= 0.0:
+        raise RigctlError("--valid-for: must be greater than zero", value=valid_for)
+    of_reference = (
+        part.display.from_si(read_si(reference_uncertainty, part.unit, difference=True), difference=True)
+        if reference_uncertainty
+        else 0.0
+    )
+    taken: Sequence[Point]
+    if points is not None:
+        taken = read_points(points, part)
+    elif run is not None:
+        taken = _from_run(bench, channel, run, against)
+    else:
+        taken = _from_bench(bench, channel, backend, port, speed, rate, readings)
+    fit = fit_calibration(part, taken, degree, reference_uncertainty=of_reference)
+    told = _as_document(channel, part, fit, on)
+    if not as_json:
+        _show(channel, part, fit)
+    if not dry and (
+        yes or as_json or not typing_possible() or typer.confirm("Write it to the rig file?", err=True)
+    ):
+        told |= _write(bench, channel, fit, on, reference, valid_for)
+    _finish(told, as_json=as_json)
+
+
+def _from_run(rig: Rig, channel: str, run: str, against: str | None) -> Sequence[Point]:
+    from rigctl.dataset import open_run
+    from rigctl.runner.calibrate import points_of_run
+
+    if against is None:
+        raise RigctlError(
+            "which value of the records is the reference?", expected="e.g. '--against reference_pressure'"
+        )
+    return points_of_run(open_run(run), rig, channel, against)
+
+
+def _date(written: str | None) -> date:
+    if written is None:
+        return datetime.now(UTC).astimezone().date()
+    try:
+        return date.fromisoformat(written)
+    except ValueError:
+        raise RigctlError("--date: no date", value=written, expected="e.g. 2026-03-14") from None
+
+
+def _from_bench(
+    rig: Rig,
+    channel: str,
+    backend: str | None,
+    port: str | None,
+    speed: str,
+    rate: float | None,
+    readings: int,
+) -> Sequence[Point]:
+    """Take the points; messages for the operator go to stderr."""
+    from rigctl.cli.commands.manual import access_of
+    from rigctl.runner.calibrate import take_points
+    from rigctl.runner.console import Console
+
+    how = access_of(rig, backend, port, speed)
+    with Console("operator") as console:
+        return take_points(
+            rig,
+            channel,
+            how,
+            console,
+            readings=readings,
+            rate=rate or rig.monitor_rate,
+            tell=lambda text: echo(f"  {text}", err=True),
+        )
+
+
+def _write(
+    rig: Rig, channel: str, fit: CalibrationFit, day: date, reference: str | None, valid_for: str | None
+) -> dict[str, Any]:
+    """Write rig file, points and figure; returns their paths."""
+    from rigctl.files.write import write_text
+    from rigctl.report.calibration_figure import calibration_plot
+    from rigctl.report.static import write_figure
+    from rigctl.rig.calibration_file import calibration_entries, with_calibration, write_calibration
+    from rigctl.rig.calibration_points import write_points
+
+    part = rig.channels[channel]
+    entries = calibration_entries(part, fit, day, reference, valid_for)
+    written = write_calibration(rig, with_calibration(rig, channel, entries), datetime.now(UTC))
+    stem = written.backup.with_suffix("").name
+    table = written.backup.with_name(f"{stem}.{channel}.csv")
+    write_text(table, write_points(fit.points, part))
+    title = f"{rig.name}: {channel}, {day.isoformat()}, {reference or 'reference not named'}"
+    plot = calibration_plot(channel, part, fit, title)
+    drawn = write_figure(plot, written.backup.parent)
+    figure = drawn.replace(table.with_suffix(".png"))
+    return {
+        "written": True,
+        "rig": str(written.rig),
+        "backup": str(written.backup),
+        "points_file": str(table),
+        "figure": str(figure),
+        "entries": entries,
+    }
+
+
+def _as_document(name: str, channel: Channel, fit: CalibrationFit, day: date) -> dict[str, Any]:
+    """The result for programs; field names are part of the interface."""
+    return {
+        "channel": name,
+        "unit": channel.unit,
+        "raw_unit": channel.raw_unit,
+        "date": day,
+        "degree": fit.degree,
+        "coefficients": fit.coefficients,
+        "std": fit.std,
+        "residual_std": fit.residual_std,
+        "uncertainty": fit.uncertainty,
+        "curvature_p_value": fit.curvature_p_value,
+        "largest_change": fit.largest_change(channel.calibration.coefficients),
+        "points": [
+            {
+                "reference": point.reference,
+                "raw": point.mean,
+                "scatter": point.scatter,
+                "readings": len(point.raw),
+                "residual": residual,
+            }
+            for point, residual in zip(fit.points, fit.residuals, strict=True)
+        ],
+        "remarks": _remarks(channel, fit),
+        "written": False,
+    }
+
+
+def _remarks(channel: Channel, fit: CalibrationFit) -> list[str]:
+    """Warnings about the calibration."""
+    unit, found = channel.unit, []
+    if fit.residual_std is None:
+        found.append(
+            f"{len(fit.points)} points fix {len(fit.coefficients)} coefficients: nothing is left to see "
+            "whether the curve is right; take more"
+        )
+    if fit.bent:
+        found.append(f"the points are bent: --degree {fit.degree + 1} fits better than chance explains")
+    if channel.range is not None:
+        low, high = (
+            channel.display.from_si(float(end), difference=channel.difference) for end in channel.range
+        )
+        values = [point.reference for point in fit.points]
+        if max(values) - min(values) < 0.5 * (high - low):
+            found.append(
+                f"calibrated from {min(values):g} to {max(values):g} {unit}; the channel may read {low:g} to "
+                f"{high:g} {unit}, and beyond the points the curve is only extended"
+            )
+    return found
+
+
+def _show(name: str, channel: Channel, fit: CalibrationFit) -> None:
+    from rigctl.report.calibration_figure import residual_lines
+    from rigctl.rig.calibration_fit import interval
+
+    for line in residual_lines(channel, fit):
+        echo(line)
+    terms = ("", f"·{channel.raw_unit}", *(f"·{channel.raw_unit}^{k}" for k in range(2, 8)))
+    formula = " ".join(
+        f"{value:+.7g}{term}" for value, term in zip(fit.coefficients, terms, strict=False)
+    ).removeprefix("+")
+    echo(f"{name} [{channel.unit}] = {formula}")
+    spread = f", residuals {interval(channel, fit.residual_std):.3g}" if fit.residual_std is not None else ""
+    change = interval(channel, fit.largest_change(channel.calibration.coefficients))
+    unit = channel.interval_unit
+    echo(
+        f"uncertainty {interval(channel, fit.uncertainty):.3g} {unit} (95 %{spread}); "
+        f"up to {change:.3g} {unit} from the calibration before"
+    )
+    for remark in _remarks(channel, fit):
+        echo(f"note: {remark}")
+
+
+def _finish(told: dict[str, Any], *, as_json: bool) -> None:
+    from rigctl.files.write import to_json
+
+    if as_json:
+        echo_json(to_json(told))
+    elif told["written"]:
+        echo(f"written to {told['rig']}; before it: {told['backup']}")
+        echo(f"points: {told['points_file']}")
+        echo(f"figure: {told['figure']}")
+    else:
+        echo("nothing written")

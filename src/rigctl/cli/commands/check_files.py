@@ -1,0 +1,165 @@
+"""`rigctl check` for files other than procedures: rigs, models, families and effects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rigctl.errors import Location, RigctlError
+
+if TYPE_CHECKING:
+    from rigctl.physics.family import ModelFamily
+
+#: the key that identifies a kind of file; in this order, since a rig file also has `model`
+_KEYS: Mapping[str, str] = {
+    "effect": "effect",  # it names its family too
+    "family": "family",
+    "procedure": "procedure",
+    "steps": "procedure",
+    "channels": "rig",
+    "actuators": "rig",
+    "model": "model",
+}
+
+
+def kind_of(path: Path) -> str:
+    """The kind of a file: procedure, rig, model, family or effect.
+
+    Raises
+    ------
+    RigctlError
+        the file cannot be read, or is none of these.
+    """
+    from rigctl.files.yaml import read_document
+
+    if path.suffix.casefold() not in (".yaml", ".yml") and "@" not in path.name:
+        raise _none_of_ours(path, path.suffix or path.name)
+    content = read_document(path.with_name(path.name.partition("@")[0])).data
+    keys = list(content) if isinstance(content, Mapping) else []
+    for key, kind in _KEYS.items():
+        if key in keys:
+            return kind
+    raise _none_of_ours(path, ", ".join(map(str, keys[:5])) or "nothing")
+
+
+def _none_of_ours(path: Path, found: str) -> RigctlError:
+    return RigctlError(
+        "this is not a file of rigctl",
+        value=found,
+        expected="a procedure ('procedure: name' in it), a rig ('channels:'), a model ('model: FAMILY'), "
+        "a family ('family: name') or an effect ('effect: name')",
+        where=Location(path),
+        hint="'rigctl import' reads data",
+    )
+
+
+def describe(kind: str, path: Path) -> dict[str, Any]:
+    """The file, read and checked: its kind, its name and what is in it.
+
+    Raises
+    ------
+    RigctlError
+        something in it is wrong; with the location.
+    """
+    return {"kind": kind, "path": str(path), **_READERS[kind](path)}
+
+
+def lines(document: Mapping[str, Any]) -> list[str]:
+    """Print the description for people."""
+    listed = [
+        f"  {key.replace('_', ' ')}: {_listed(value)}"
+        for key, value in document.items()
+        if key not in ("kind", "path", "name", "next", "warnings") and value
+    ]
+    article = "an" if document["kind"] == "effect" else "a"
+    text = [f"{document['path']} is {article} {document['kind']}: {document['name']}", *listed]
+    text += [f"warning: {warning}" for warning in document.get("warnings", ())]
+    return [*text, "Nothing is wrong with it.", f"Next: {document['next']}"]
+
+
+def _listed(value: object) -> str:
+    if isinstance(value, Mapping):
+        units = {name: f" [{unit}]" if unit not in ("", "1") else "" for name, unit in value.items()}
+        return ", ".join(f"{name}{unit}" for name, unit in units.items())
+    return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+
+
+def _rig(path: Path) -> dict[str, Any]:
+    from datetime import UTC, datetime
+
+    from rigctl.cli.options.family import check_family_of
+    from rigctl.rig import load_rig
+
+    rig = load_rig(path)
+    check_family_of(rig)
+    return {
+        "name": rig.name,
+        "channels": {name: channel.unit for name, channel in rig.channels.items()},
+        "actuators": {name: actuator.display_unit for name, actuator in rig.actuators.items()},
+        "limits": list(rig.limits),
+        "family": rig.model,
+        "backend": rig.backend.kind if "kind" in rig.backend.model_fields_set else None,
+        "warnings": rig.warnings(datetime.now(UTC).date()),
+        "next": f"rigctl import FILE --rig {path.as_posix()}",
+    }
+
+
+def _model(path: Path) -> dict[str, Any]:
+    from rigctl.model import load_model
+
+    model = load_model(path)
+    fitted = [name for name, value in model.parameters.items() if value.fit]
+    return {
+        "name": path.stem,
+        "family": model.family.name,
+        "rig": model.rig.name if model.rig is not None else None,
+        "parameters": list(model.parameters),
+        "fitted": fitted,
+        "effects": list(model.effects),
+        "next": f"rigctl model show {path.as_posix()}",
+    }
+
+
+def _family(path: Path) -> dict[str, Any]:
+    from rigctl.physics.families import FAMILIES
+    from rigctl.physics.user import load_family
+
+    return family_facts(load_family(path, FAMILIES)) | {
+        "next": f"rigctl effects list --slots --family {path.as_posix()}"
+    }
+
+
+def family_facts(family: ModelFamily) -> dict[str, Any]:
+    """The names and units of a family."""
+    return {
+        "name": family.name,
+        "title": family.title,
+        "states": {item.name: item.unit for item in family.states},
+        "inputs": {item.name: item.unit for item in family.inputs},
+        "parameters": {item.name: item.unit for item in family.parameters},
+        "slots": {item.name: item.unit for item in family.slots},
+        "outputs": {item.name: item.unit for item in family.outputs},
+    }
+
+
+def _effect(path: Path) -> dict[str, Any]:
+    from rigctl.effects.user import load_effect
+
+    effect = load_effect(path)
+    return {
+        "name": effect.name,
+        "summary": effect.summary,
+        "family": effect.family,
+        "slots": list(effect.slots),
+        "parameters": {parameter.name: parameter.unit for parameter in effect.parameters},
+        "next": f"rigctl effects check {path.as_posix()}",
+    }
+
+
+_READERS: Mapping[str, Callable[[Path], dict[str, Any]]] = {
+    "rig": _rig,
+    "model": _model,
+    "family": _family,
+    "effect": _effect,
+}

@@ -1,0 +1,220 @@
+"""`rigctl compare`: how well a model agrees with measurements, and where it fails."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rigctl.cli.options.cache import Evidence, NoCache
+from rigctl.cli.options.family import FamilyOption
+
+if TYPE_CHECKING:
+    from rigctl.analysis.comparison_result import Comparison
+    from rigctl.analysis.fmu_rival import FmuRival
+    from rigctl.command_line import DataOptions
+    from rigctl.dataset import Run
+    from rigctl.model import Model
+
+Runs = Annotated[
+    list[str],
+    typer.Argument(metavar="RUN...", help="Ids, starts of ids, paths, or 'latest'.", show_default=False),
+]
+AsPage = Annotated[
+    Path | None,
+    typer.Option("--page", metavar="PAGE", help="Also write it as one HTML page.", show_default=False),
+]
+OneModel = Annotated[
+    Path,
+    typer.Option("--model", "-m", metavar="M", help="Model file; M@3 is its version 3.", show_default=False),
+]
+HoldOut = Annotated[
+    str | None,
+    typer.Option(
+        "--hold-out",
+        metavar="EXPR",
+        help="Records to hold out of every fit, for evaluation only: 'oil == 60 degC', or by "
+        "number, counted from 1: 'record > 20'.",
+        show_default=False,
+    ),
+]
+Only = Annotated[
+    str | None,
+    typer.Option(
+        "--only",
+        metavar="EXPR",
+        help="Records to analyse, e.g. 'heater_1 > 0 %'; the noise is estimated from all records.",
+        show_default=False,
+    ),
+]
+Assume = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--assume",
+        metavar="NAME=VALUE",
+        help="Value of an input or actuator that the runs did not record, e.g. 'heater=0'; "
+        "repeatable. Otherwise it is estimated for each record.",
+        show_default=False,
+    ),
+]
+Page = Annotated[
+    Path | None,
+    typer.Option(
+        "--output", "-o", metavar="PAGE", help="Also write it as one HTML page.", show_default=False
+    ),
+]
+
+Force = Annotated[
+    bool,
+    typer.Option(
+        "--force", help="Let -o replace a file that is not a page of rigctl, but never one of a run."
+    ),
+]
+
+
+def compare(
+    runs: Runs,
+    model: Annotated[
+        list[Path],
+        typer.Option(
+            "--model",
+            "-m",
+            metavar="M",
+            help="Model file; M@3 is its version 3; repeatable.",
+            show_default=False,
+        ),
+    ],
+    hold_out: HoldOut = None,
+    only: Only = None,
+    *,
+    fit: Annotated[
+        bool,
+        typer.Option(
+            "--fit/--no-fit", help="Fit the model's free parameters first; its file is not changed."
+        ),
+    ] = True,
+    assume: Assume = None,
+    rival: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FMU",
+            help="FMU (FMI 2.0) to compare with the last model; repeatable. Its code is executed.",
+            show_default=False,
+        ),
+    ] = None,
+    rival_timeout: Annotated[
+        str,
+        typer.Option(metavar="TIME", help="Longest time of one simulation of a record by an FMU."),
+    ] = "1 min",
+    family: FamilyOption = None,
+    no_cache: NoCache = False,
+    verbose: Evidence = False,
+    output: Page = None,
+    force: Force = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Compare models with measurements: how well they agree, and where they fail.
+
+    Every error is shown relative to the noise of the data. Three tests decide whether a model agrees within
+    it; if not, the output shows where the error occurs, its trend over the operating variables, and the
+    equation that lacks a term.
+
+    Examples:
+
+      rigctl compare latest --model models/hl32-textbook.yaml --hold-out "oil == 60 degC"
+
+      rigctl compare latest --model models/hl32-textbook.yaml@1 --model models/hl32-textbook.yaml
+    """
+    from rigctl.cli.analysis_page import compare_with_versions, require_page, write_page
+    from rigctl.cli.progress import telling
+    from rigctl.cli.tables import print_json
+    from rigctl.cli.views.compare import show_comparison, show_fmu_rivals
+    from rigctl.command_line import DataOptions
+    from rigctl.files.quantity import Q
+    from rigctl.project import find_file
+
+    require_page(output, force=force)
+    fmus = [find_file(path) for path in rival or ()]
+    patience = Q("s", positive=True).read(rival_timeout)
+    models = open_models(model)
+    opened = open_runs(runs, models[0], assume)
+    with telling("nothing was saved") as on_progress:
+        found, versions = compare_with_versions(
+            opened,
+            models,
+            earlier=output is not None,
+            hold_out=hold_out,
+            only=only,
+            refit=fit,
+            on_progress=on_progress,
+        )
+        rivals = _rivals(fmus, found, on_progress, patience)
+    if output is not None:
+        from rigctl.report.analysis import comparison_sections, history_sections
+
+        last = history_sections(model[-1], versions) if models[-1].path is not None else []
+        write_page(opened, output, [*comparison_sections(found), *last], force=force)
+    if as_json:
+        told = {"rivals": [one.document() for one in rivals]} if rivals else {}
+        print_json({**found.document(), **told})
+    else:
+        show_comparison(found, verbose=verbose)
+        show_fmu_rivals(rivals)
+        _lead_on(found, runs, str(model[-1]), DataOptions(only, hold_out, assume or ()))
+
+
+def _rivals(
+    fmus: Sequence[Path], found: Comparison, on_progress: Callable[[str], None], patience: float
+) -> list[FmuRival]:
+    """Every FMU beside the last model."""
+    from rigctl.analysis.fmu_rival import judge_fmu
+
+    rivals = []
+    for path in fmus:
+        on_progress(f"Running {path.name}")
+        last = found.models[-1]
+        rivals.append(judge_fmu(path, last.fit, last.name, on_progress, patience))
+    return rivals
+
+
+def _lead_on(found: Comparison, runs: list[str], model: str, choice: DataOptions) -> None:
+    """The next command: find what is missing, or make the page."""
+    from rigctl.cli.next_command import page_of, show_next
+    from rigctl.command_line import analysis
+
+    if found.models[-1].adequate and found.models[-1].rows:
+        command = analysis("diagnose", runs, model, choice)
+        show_next(command, "shows what so few values can reveal, and what to measure next")
+    elif found.models[-1].adequacy.below_noise:
+        command = page_of("compare", runs, model, choice)
+        show_next(command, "makes the page of it; measure the noise, then ask again")
+    elif found.models[-1].adequate:
+        command = page_of("compare", runs, model, choice)
+        show_next(command, "makes the page of it; these data require nothing more")
+    else:
+        command = analysis("diagnose", runs, model, choice)
+        show_next(command, "finds the missing effect")
+
+
+def open_runs(
+    written: Sequence[str], model: Model | None = None, assume: Sequence[str] | None = None
+) -> list[Run]:
+    """The runs, each once, with the assumed values of the model's inputs."""
+    from rigctl.dataset import open_run
+
+    runs = list({run.id: run for run in map(open_run, written)}.values())
+    if model is None or not assume:
+        return runs
+    from rigctl.model.measured.assumed import assuming
+
+    return [assuming(run, model, assume) for run in runs]
+
+
+def open_models(written: Sequence[Path]) -> list[Model]:
+    """The named models, from the current folder, the project or the shipped ones."""
+    from rigctl.model import load_model
+    from rigctl.project import find_file
+
+    return [load_model(find_file(path)) for path in written]

@@ -1,0 +1,198 @@
+"""`rigctl compensate`: the set-point that keeps a quantity while conditions drift, and its check."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rigctl.cli.commands.compare import AsPage
+from rigctl.cli.options.cache import Evidence, NoCache
+from rigctl.cli.options.family import FamilyOption
+
+if TYPE_CHECKING:
+    from rigctl.compensation.judge import Verdict
+    from rigctl.compensation.result import Schedule
+
+
+def compensate(
+    runs: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[RUN...]",
+            help="Ids, starts of ids, paths, or 'latest' (default).",
+            show_default=False,
+        ),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model", "-m", metavar="M", help="Model file; M@3 is its version 3.", show_default=False
+        ),
+    ] = None,
+    *,
+    keep: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TARGET", help='Measure to hold and its value: "stroke = 110 mm".', show_default=False
+        ),
+    ] = None,
+    vary: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Set-point to vary: supply_pressure.", show_default=False),
+    ] = None,
+    over: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="Operating variable that it depends on: oil_temperature.", show_default=False
+        ),
+    ] = None,
+    rows: Annotated[
+        int, typer.Option(min=2, max=100, help="Number of operating points in the schedule.")
+    ] = 7,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed for the random order of the records that check it.")
+    ] = 0,
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="File for the schedule as a C header (.h) or a table (.csv), or for the procedure "
+            "that checks it (.yaml); repeatable.",
+            show_default=False,
+        ),
+    ] = None,
+    judge: Annotated[
+        bool,
+        typer.Option(
+            "--judge", help="Evaluate the runs of such a check; exit code 1 if the schedule fails it."
+        ),
+    ] = False,
+    page: AsPage = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Let -o and --page replace an existing file.")
+    ] = False,
+    family: FamilyOption = None,
+    no_cache: NoCache = False,
+    verbose: Evidence = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Calculate the set-point that holds a measured quantity constant over the operating range, and check
+    the result.
+
+    The model is fitted to the runs and solved for the set-point at each operating point; the uncertainty of
+    its parameters is propagated to the set-point. The schedule is checked by pairs of records, with and
+    without it, in random order: it is accepted if the error with it is significantly smaller.
+
+    Examples:
+
+      rigctl compensate latest -m models/hl32-textbook.yaml --keep "stroke = 110 mm" \\
+        --vary supply_pressure --over oil_temperature -o schedule.h -o procedures/check.yaml
+
+      rigctl compensate latest --judge
+    """
+    from rigctl.errors import RigctlError
+
+    chosen = runs or ["latest"]
+    if judge:
+        given = {
+            "--model": model,
+            "--keep": keep,
+            "--vary": vary,
+            "--over": over,
+            "-o": output,
+            "--page": page,
+        }
+        extra = [name for name, value in given.items() if value]
+        if extra:
+            raise RigctlError(
+                "--judge takes what a check was made for from its records", value=", ".join(extra)
+            )
+        _judge(chosen, as_json=as_json)
+        return
+    named = {"--model": model, "--keep": keep, "--vary": vary, "--over": over}
+    missing = [name for name, value in named.items() if not value]
+    if model is None or keep is None or vary is None or over is None:
+        raise RigctlError("a schedule needs more", expected=", ".join(missing))
+    from rigctl.cli.analysis_page import require_page, write_page
+    from rigctl.cli.commands.compare import open_models, open_runs
+    from rigctl.cli.progress import telling
+    from rigctl.cli.tables import print_json
+    from rigctl.cli.views.compensate import show_schedule
+    from rigctl.compensation.schedule import compensate as compensated
+
+    written = output or []
+    _require(written, force=force)
+    require_page(page, force=force)
+    (opened,) = open_models([model])
+    measured = open_runs(chosen, opened)
+    with telling("nothing was saved") as on_progress:
+        found = compensated(
+            measured, opened, keep=keep, vary=vary, over=over, rows=rows, seed=seed, on_progress=on_progress
+        )
+    _write(found, written)
+    if page is not None:
+        from rigctl.report.analysis import compensation_sections
+
+        write_page(measured, page, compensation_sections(found), force=force)
+    if as_json:
+        print_json(found.document())
+    else:
+        show_schedule(found, written, verbose=verbose)
+
+
+def _judge(chosen: list[str], *, as_json: bool) -> None:
+    from rigctl.cli.commands.compare import open_runs
+    from rigctl.cli.tables import print_json
+    from rigctl.cli.views.compensate import show_verdict
+    from rigctl.compensation.judge import judge as judged
+    from rigctl.errors import ExitCode
+
+    found: Verdict = judged(open_runs(chosen))
+    if as_json:
+        print_json(found.document())
+    else:
+        show_verdict(found)
+    if not found.accepted:
+        raise typer.Exit(int(ExitCode.FAILED))
+
+
+def _texts() -> dict[str, Callable[[Schedule, Path], str]]:
+    """The content to write, by the extension of the file."""
+    from rigctl.compensation.check_text import beside
+    from rigctl.compensation.tables import csv_text, header_text
+
+    return {
+        ".h": lambda schedule, _: header_text(schedule),
+        ".csv": lambda schedule, _: csv_text(schedule),
+        ".yaml": lambda schedule, path: beside(schedule, path.parent),
+    }
+
+
+def _require(written: list[Path], *, force: bool) -> None:
+    """Refuse an unknown kind of file, and an existing file."""
+    from rigctl.dataset.outputs import require_output
+    from rigctl.errors import RigctlError
+
+    known = _texts()
+    for path in written:
+        if path.suffix not in known:
+            raise RigctlError(
+                "not a file format for a schedule",
+                value=path.name,
+                expected=f"a name that ends in {', '.join(known)}",
+            )
+        require_output(path, force=force)
+
+
+def _write(found: Schedule, written: list[Path]) -> None:
+    from rigctl.files.write import write_text
+
+    known = _texts()
+    for path in written:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, known[path.suffix](found, path))

@@ -1,0 +1,225 @@
+"""`rigctl design`: what to measure next in order to distinguish the remaining explanations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rigctl.cli.commands.compare import AsPage, Assume, HoldOut, OneModel, Only, Runs
+from rigctl.cli.options.cache import Evidence, NoCache
+from rigctl.cli.options.family import FamilyOption
+from rigctl.cli.options.workers import Cluster
+
+if TYPE_CHECKING:
+    from rigctl.dataset import Run
+    from rigctl.design.result import DesignResult
+
+
+def design(
+    runs: Runs,
+    model: OneModel,
+    hold_out: HoldOut = None,
+    only: Only = None,
+    *,
+    budget: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="Limit on bench time, including heating and settling: 30m, 2h, '90 s'.",
+            show_default=False,
+        ),
+    ] = None,
+    records: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Maximum number of records; by default 4.")
+    ] = None,
+    separate: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A,B",
+            help="Two effects to distinguish, or an effect and 'none', instead of those that the "
+            "diagnosis leaves open.",
+            show_default=False,
+        ),
+    ] = None,
+    sensors: Annotated[
+        bool,
+        typer.Option("--sensors", help="Also consider the channels that the rig file lists as possible."),
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Seed for candidates and draws.")] = 0,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="File to write the procedure to.", show_default=False
+        ),
+    ] = None,
+    page: AsPage = None,
+    sheet: Annotated[
+        Path | None,
+        typer.Option(
+            "--sheet",
+            metavar="FILE",
+            help="Printable work sheet to write, for a bench without rigctl; nothing is overwritten.",
+            show_default=False,
+        ),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Let -o and --page replace a file that rigctl did not write.")
+    ] = False,
+    assume: Assume = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=1,
+            help="Number of processes for simulating candidates and refitting rivals; by default 1.",
+            show_default=False,
+        ),
+    ] = None,
+    cluster: Cluster = None,
+    family: FamilyOption = None,
+    no_cache: NoCache = False,
+    verbose: Evidence = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Design the records, or find the sensor, that would distinguish the remaining explanations.
+
+    Every candidate is a record that the rig can make. It is simulated with every explanation, each refitted
+    against the others, and is rejected if any of them brings it near a limit of the rig. The predicted power
+    is the probability that a diagnosis of old and new records names only the right explanation.
+
+    Examples:
+
+      rigctl design latest --model models/hl32-textbook.yaml -o next.yaml
+
+      rigctl design latest --model models/hl32-textbook.yaml --budget 30m --records 2
+    """
+    from rigctl.cli.analysis_page import require_page
+    from rigctl.cli.commands.compare import open_models, open_runs
+    from rigctl.cli.progress import telling
+    from rigctl.cli.tables import print_json
+    from rigctl.cli.views.design import show_design
+    from rigctl.dataset.outputs import is_designed, require_output
+    from rigctl.design.design import design_experiment
+    from rigctl.tasks import Workers
+
+    at = Workers(workers, cluster=cluster) if workers or cluster else None
+    seconds = None if budget is None else read_budget(budget)
+    pair = None if separate is None else read_pair(separate)
+    if output is not None:
+        require_output(output, replaces=is_designed, force=force)
+    require_page(page, force=force)
+    (opened,) = open_models([model])
+    measured = open_runs(runs, opened, assume)
+    with telling("nothing was saved") as on_progress:
+        found = design_experiment(
+            measured,
+            opened,
+            budget=seconds,
+            records=records,
+            separate=pair,
+            sensors=sensors,
+            seed=seed,
+            hold_out=hold_out,
+            only=only,
+            workers=at,
+            on_progress=on_progress,
+        )
+    if output is not None and found.procedure:
+        _write_procedure(output, found)
+    if sheet is not None and found.records:
+        _write_sheet(sheet, found)
+    if page is not None:
+        _write_page(measured, page, found, force=force)
+    if as_json:
+        print_json(found.as_json())
+    else:
+        show_design(found, verbose=verbose)
+        _lead_on(found, runs, str(model), output)
+
+
+def read_budget(text: str) -> float:
+    """A time in s: ``30m`` are minutes here, as nobody has a budget of metres.
+
+    Raises
+    ------
+    RigctlError
+        not a time, or not greater than zero.
+    """
+    from rigctl.errors import RigctlError
+    from rigctl.units import read_si
+
+    plain = text.strip()
+    minutes = plain[:-1].strip() if plain.endswith("m") else ""
+    try:
+        seconds = 60.0 * float(minutes) if minutes else read_si(plain, "s")
+    except (RigctlError, ValueError):
+        raise RigctlError("--budget: no time", value=text, expected="e.g. 30m, 2h or '90 s'") from None
+    if not 0.0 < seconds < float("inf"):
+        raise RigctlError("--budget: no time is left", value=text, expected="e.g. 30m, 2h or '90 s'")
+    return seconds
+
+
+def read_pair(text: str) -> tuple[str, str]:
+    """Two names with a comma between them.
+
+    Raises
+    ------
+    RigctlError
+        more or fewer.
+    """
+    from rigctl.errors import RigctlError
+
+    names = [name.strip() for name in text.split(",")]
+    if len(names) != 2 or not all(names):
+        raise RigctlError("--separate: two names are needed", value=text, expected="A,B")
+    return names[0], names[1]
+
+
+def _write_procedure(output: Path, found: DesignResult) -> None:
+    from rigctl.cli.echo import echo
+    from rigctl.files.write import write_text
+
+    write_text(output, found.procedure)
+    echo(f"Wrote {output}", err=True)
+
+
+def _write_sheet(sheet: Path, found: DesignResult) -> None:
+    from rigctl.cli.echo import echo
+    from rigctl.design.work_sheet import work_sheet
+    from rigctl.files.write import write_new
+
+    write_new(sheet, work_sheet(found).encode("utf-8"))
+    echo(f"Wrote {sheet}", err=True)
+
+
+def _write_page(runs: list[Run], page: Path, found: DesignResult, *, force: bool) -> None:
+    """The design first, then the diagnosis on which it is based."""
+    from rigctl.cli.analysis_page import write_page
+    from rigctl.report.analysis import design_sections, diagnosis_sections
+    from rigctl.report.section import folded
+
+    sections = design_sections(found)
+    if found.diagnosis is not None:
+        sections += folded(diagnosis_sections(found.diagnosis))
+    write_page(runs, page, sections, force=force)
+
+
+def _lead_on(found: DesignResult, runs: list[str], model: str, output: Path | None) -> None:
+    """The next command: write the procedure, check it, or look for a sensor."""
+    from rigctl.cli.next_command import show_next
+    from rigctl.command_line import analysis, command
+
+    again = analysis("design", runs, model)
+    rows = bool(found.records) and not found.procedure
+    if rows:
+        show_next(analysis("diagnose", runs, model), "shows what other than rows would distinguish them")
+    elif not found.separable and found.aim != "precision" and not found.sensors:
+        show_next(f"{again} --sensors", "shows which sensor would distinguish them")
+    elif not found.procedure:
+        show_next(analysis("diagnose", runs, model), "shows what these data can decide and what not")
+    elif output is None:
+        show_next(f"{again} -o next.yaml", "writes the procedure")
+    else:
+        show_next(command(["check", output.as_posix()]), "shows what it will do before anything moves")

@@ -1,0 +1,293 @@
+"""`rigctl diagnose`: which physical effect a model lacks, how certain that is, and adding it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rigctl.cli.commands.compare import Assume, Force, HoldOut, OneModel, Only, Page, Runs
+from rigctl.cli.options.cache import Evidence, NoCache
+from rigctl.cli.options.family import FamilyOption
+from rigctl.cli.options.workers import Cluster
+
+if TYPE_CHECKING:
+    from rigctl.analysis.comparison_result import Comparison
+    from rigctl.analysis.diagnosis_result import Diagnosis
+    from rigctl.analysis.improve import Improvement
+    from rigctl.command_line import DataOptions
+    from rigctl.dataset import Run
+    from rigctl.design.result import DesignResult
+    from rigctl.tasks import Workers
+
+
+def diagnose(
+    runs: Runs,
+    model: OneModel,
+    hold_out: HoldOut = None,
+    only: Only = None,
+    *,
+    apply: Annotated[
+        bool,
+        typer.Option(
+            "--apply",
+            help="Add what is missing, step by step, until the model agrees or nothing helps. Each "
+            "step is saved as the model's next version.",
+        ),
+    ] = False,
+    most: Annotated[
+        int,
+        typer.Option(
+            "--max-effects",
+            metavar="N",
+            min=1,
+            help="Maximum number of effects to add with --apply; 1 excludes pairs of effects.",
+        ),
+    ] = 4,
+    assume: Assume = None,
+    family: FamilyOption = None,
+    no_cache: NoCache = False,
+    verbose: Evidence = False,
+    laws: Annotated[
+        Path | None,
+        typer.Option(
+            "--laws",
+            metavar="FOLDER",
+            help="Folder for the laws that the data suggest where they differ from those of the "
+            "library, one effect file for each; nothing is overwritten.",
+            show_default=False,
+        ),
+    ] = None,
+    design: Annotated[
+        bool,
+        typer.Option(
+            "--design",
+            help="Also design the next measurement, as 'rigctl design' does, where a question remains open.",
+        ),
+    ] = False,
+    repetitions: Annotated[
+        int,
+        typer.Option(
+            "--bootstrap",
+            metavar="N",
+            min=0,
+            help="Also give confidence intervals that do not depend on the noise model, from N fits "
+            "to resampled data (wild bootstrap); 200 are enough. Not with --apply.",
+        ),
+    ] = 0,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=1,
+            help="Number of processes for it; by default one per core.",
+            show_default=False,
+        ),
+    ] = None,
+    cluster: Cluster = None,
+    output: Page = None,
+    force: Force = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Find out which effect a model lacks, how certain that is, and which effects cannot be distinguished
+    from it.
+
+    The verdict is one of: adequate (nothing is missing), missing_effect, ambiguous (several explain it, and
+    these data cannot distinguish them) and outside_library. It never names a winner that the data do not
+    support.
+
+    Examples:
+
+      rigctl diagnose latest --model models/hl32-textbook.yaml
+
+      rigctl diagnose latest --model models/hl32-textbook.yaml --apply --hold-out "oil == 60 degC"
+    """
+    from rigctl.analysis.diagnosis import diagnose_comparison
+    from rigctl.analysis.improve import improve
+    from rigctl.cli.analysis_page import require_page
+    from rigctl.cli.commands.compare import open_runs
+    from rigctl.cli.progress import telling
+    from rigctl.cli.tables import print_json
+    from rigctl.cli.views.diagnose import show_diagnosis, show_improvement
+    from rigctl.command_line import DataOptions
+    from rigctl.project import own_model
+    from rigctl.tasks import Workers
+
+    _require_no_apply(apply, design=design, bootstrap=bool(repetitions))
+    at = Workers(workers, cluster=cluster)
+    require_page(output, force=force)
+    path = own_model(model) if apply else model
+    choice = DataOptions(only, hold_out, assume or ())
+    kept = "each step that was saved before stays" if apply else "nothing was saved"
+    with telling(kept) as on_progress:
+        compared = _compared(runs, path, choice, on_progress)
+        if apply:
+            done = improve(compared, path, most=most, on_progress=on_progress)
+        else:
+            (before,) = compared.models
+            found = diagnose_comparison(
+                before, compared.runs, compared.held_out, compared.notes, most=most, on_progress=on_progress
+            )
+            found = _with_intervals(found, repetitions, at, on_progress)
+        next_one = None
+        if design:  # which reads what steps there are, and is not asked for often
+            from rigctl.design.design import with_next_experiment
+
+            found, next_one = with_next_experiment(found, open_runs(runs), on_progress=on_progress)
+    if laws is not None:
+        if apply:
+            done = replace(done, last=_with_files(done.last, laws))
+        else:
+            found = _with_files(found, laws)
+    if output is not None:
+        _write_page(open_runs(runs), output, compared, done if apply else found, path, next_one, force=force)
+    if as_json:
+        print_json(done.document() if apply else found.document())
+    elif apply:
+        show_improvement(done, verbose=verbose)
+        _lead_on(done.last, runs, str(model), choice)
+    else:
+        show_diagnosis(found, verbose=verbose)
+        if next_one is not None:
+            from rigctl.cli.views.design import show_design
+
+            show_design(next_one, verbose=verbose)
+        _lead_on(found, runs, str(model), choice)
+
+
+def _require_no_apply(apply: bool, **others: bool) -> None:
+    """Refuse options of a single diagnosis together with one that makes several."""
+    from rigctl.errors import RigctlError
+
+    for name, given in others.items():
+        if apply and given:
+            again = "rigctl design" if name == "design" else f"rigctl diagnose --{name}"
+            raise RigctlError(f"--{name} and --apply do not go together", hint=f"'{again}' after --apply")
+
+
+def _with_intervals(
+    found: Diagnosis, repetitions: int, at: Workers, on_progress: Callable[[str], None]
+) -> Diagnosis:
+    """The diagnosis with intervals for the parameters of its final model, if requested."""
+    from rigctl.analysis.bootstrap import bootstrap
+
+    if not repetitions:
+        return found
+    return replace(
+        found, bootstrap=bootstrap(found.best.fit, repetitions, workers=at, on_progress=on_progress)
+    )
+
+
+def _with_files(found: Diagnosis, folder: Path) -> Diagnosis:
+    """The diagnosis with the effect files of its laws, where it has any."""
+    from rigctl.analysis.laws.effect_file import write_law
+
+    written = tuple(write_law(one, folder, found.runs, found.model) for one in found.laws)
+    return replace(found, laws=written)
+
+
+def _lead_on(found: Diagnosis, runs: list[str], model: str, choice: DataOptions) -> None:
+    """The next command: add what is missing, show where nothing helps, or make the page."""
+    from rigctl.analysis.diagnosis_result import Verdict
+    from rigctl.cli.next_command import page_of, show_next
+    from rigctl.command_line import analysis
+    from rigctl.discovery.gate import gate_of
+
+    again = analysis("diagnose", runs, model, choice)
+    if _law_first(found, runs, model, choice, again):
+        return
+    if found.next_steps and found.verdict is not Verdict.MISSING_EFFECT:
+        command = page_of("diagnose", runs, model, choice)
+        show_next(command, "makes the page of it, with what to measure next")
+    elif found.doubt:
+        command = page_of("compare", runs, model, choice)
+        show_next(command, "makes the page of it; measure the noise, then ask again")
+    elif found.verdict is Verdict.ADEQUATE:
+        command = page_of("compare", runs, model, choice)
+        show_next(command, "makes the page of it; these data require nothing more")
+    elif found.verdict is Verdict.AMBIGUOUS and any(len(names) > 1 for names in found.classes):
+        command = analysis("design", runs, model, choice)
+        show_next(f"{command} -o next.yaml", "designs the records that would distinguish them")
+    elif gate_of(found).open:
+        command = analysis("discover", runs, model, choice)
+        show_next(command, "looks for a formula where no effect of the library fits")
+    elif found.best.candidates:
+        likely = ", the most probable, but these data cannot decide" * (found.verdict is Verdict.AMBIGUOUS)
+        show_next(f"{again} --apply", f"adds {found.best.effects[0]} as the model's next version{likely}")
+    else:
+        command = analysis("compare", runs, model, choice)
+        why = "plots where it fails; 'rigctl effects check FILE' checks your own effect"
+        show_next(f"{command} -o page.html", why)
+
+
+def _law_first(found: Diagnosis, runs: list[str], model: str, choice: DataOptions, again: str) -> bool:
+    """If the data suggest another law of an effect: write it, or add what was written."""
+    from rigctl.cli.next_command import show_next
+    from rigctl.command_line import command
+
+    told = [one for one in found.laws if one.offered]
+    if not told:
+        return False
+    first = told[0]
+    if first.file is None:
+        show_next(f"{again} --laws effects", "writes the law that the data suggest as an effect file")
+        return True
+    present = first.effect in found.before.fit.problem.model.effects
+    shapes = ["--fit-shapes"] if first.offered == "power" else []
+    add = command(["model", "add", model, first.file.as_posix(), *runs, *shapes], choice)
+    remove = command(["model", "remove", model, first.effect])
+    instead = f" in place of {first.effect}" * present
+    fitted = "exponent" if first.offered == "power" else "factor"
+    show_next(
+        f"{remove} && {add}" if present else add,
+        f"adds it{instead} with its {fitted} fitted, and tells the error before and after",
+    )
+    return True
+
+
+def _write_page(
+    runs: list[Run],
+    output: Path,
+    compared: Comparison,
+    found: Diagnosis | Improvement,
+    path: Path,
+    next_one: DesignResult | None,
+    *,
+    force: bool,
+) -> None:
+    """The diagnosis first, with the next measurement or the additions; then the comparison."""
+    from rigctl.analysis.improve import Improvement
+    from rigctl.cli.analysis_page import write_page
+    from rigctl.report.analysis import (
+        comparison_sections,
+        design_sections,
+        diagnosis_sections,
+        improvement_sections,
+    )
+
+    if isinstance(found, Improvement):
+        sections = improvement_sections(compared, found, path)
+    else:
+        designed = [] if next_one is None else design_sections(next_one)
+        sections = [*diagnosis_sections(found), *designed, *comparison_sections(compared, answered=True)]
+    write_page(runs, output, sections, force=force)
+
+
+def _compared(
+    runs: list[str],
+    path: Path,
+    choice: DataOptions,
+    on_progress: Callable[[str], None],
+) -> Comparison:
+    """The model fitted to the runs; one without free parameters is refused before any work."""
+    from rigctl.analysis.comparison import compare
+    from rigctl.analysis.fitting import require_free_parameters
+    from rigctl.cli.commands.compare import open_models, open_runs
+
+    (model,) = open_models([path])
+    require_free_parameters(model)
+    opened = open_runs(runs, model, choice.assume)
+    return compare(opened, [model], hold_out=choice.hold_out, only=choice.only, on_progress=on_progress)

@@ -1,0 +1,177 @@
+"""`rigctl doctor`: what is installed, what is missing, and how to get it."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rigctl.cli.commands.doctor_finding import Finding
+from rigctl.cli.echo import echo_json
+
+if TYPE_CHECKING:
+    from rigctl.backends.transport.serial_ports import PortInfo
+
+
+#: import name, extra, what it is for
+_EXTRAS = (
+    ("nptdms", "tdms", "reads and writes LabVIEW's TDMS files"),
+    ("asammdf", "mdf", "reads and writes MDF4 files"),
+    ("openpyxl", "xlsx", "reads and writes spreadsheets"),
+    ("pyvisa", "visa", "communicates with instruments through VISA: network, USB, GPIB"),
+    ("asyncua", "opcua", "reads and writes the nodes of OPC UA servers"),
+    ("fsspec", "storage", 'keeps runs in object storage: runs = "s3://bucket/runs"'),
+    ("fmpy", "fmu", "runs FMUs beside a model"),
+    ("distributed", "cluster", "sends independent tasks to a Dask cluster: --cluster"),
+    ("pymodbus", "modbus", "communicates with devices that have Modbus registers"),
+    ("starlette", "web", "shows the project in a browser: rigctl serve"),
+)
+
+
+def examine(ports: Sequence[PortInfo] = ()) -> Iterator[Finding]:
+    """Check everything that rigctl depends on, cheapest first. Nothing is opened, nothing moves."""
+    from rigctl.cli.commands.doctor_bench import emulator_finding, guard_findings, port_findings, rig_findings
+    from rigctl.project import find_project
+
+    yield _interpreter()
+    yield from _packages()
+    yield from _extras()
+    yield _engine_cache()
+    yield _project()
+    yield emulator_finding()
+    yield from rig_findings(find_project().root / "rigs")
+    yield from port_findings(ports)
+    yield from guard_findings()
+
+
+def _interpreter() -> Finding:
+    return Finding("Python", "ok", f"{platform.python_version()} on {platform.system()} {platform.machine()}")
+
+
+def _packages() -> Iterator[Finding]:
+    """Every package that rigctl requires, as its own metadata lists them."""
+    for requirement in requires("rigctl") or ():
+        if "extra ==" in requirement:
+            continue
+        name = requirement.partition(">")[0].partition("<")[0].strip()
+        try:
+            yield Finding(name, "ok", version(name))
+        except PackageNotFoundError:
+            yield Finding(name, "broken", "not installed", f"pip install '{requirement}'")
+
+
+def _extras() -> Iterator[Finding]:
+    for module, extra, purpose in _EXTRAS:
+        if find_spec(module):
+            yield Finding(f"{extra} (extra)", "ok", purpose)
+        else:
+            yield Finding(f"{extra} (extra)", "optional", purpose, f"pip install 'rigctl[{extra}]'")
+
+
+def _engine_cache() -> Finding:
+    """The folder that keeps compiled models; without it every start compiles again."""
+    from rigctl.engine.cache import cache_root
+
+    folder = cache_root()
+    if _writable(folder):
+        return Finding("compiled models", "ok", str(folder))
+    return Finding("compiled models", "broken", f"cannot write {folder}", "make the folder writable")
+
+
+def _project() -> Finding:
+    from rigctl.project import find_project
+
+    project = find_project()
+    if not _writable(project.runs):
+        return Finding("runs folder", "broken", f"cannot write {project.runs}", "make the folder writable")
+    return Finding("runs folder", "ok", str(project.runs))
+
+
+def _writable(folder: Path) -> bool:
+    """Whether a file can be made in `folder`, or in the nearest folder above that exists."""
+    import tempfile
+
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def doctor(
+    port: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Port to open and query for its device; repeatable. A board may restart when it is opened."
+        ),
+    ] = None,
+    baud: Annotated[int, typer.Option(min=300, help="Baud rate for the ports that are opened.")] = 115200,
+    rig: Annotated[
+        Path | None,
+        typer.Option(help="Rig file whose device is read, all channels, at its port or at --port."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Report what is installed, what is missing and how to get it, and which serial ports can be used.
+
+    No port is opened unless --port names it. The device is then sent *IDN? or VER, and its line is tested:
+    how many of 50 answers arrive complete, and how fast. Do not name the port of a device that these queries
+    may disturb.
+
+    Examples:
+
+      rigctl doctor
+
+      rigctl doctor --port /dev/ttyACM0
+
+      rigctl doctor --rig rigs/oil-circuit-modbus.yaml --port 192.168.0.20:502
+    """
+    from rigctl.backends.transport.serial_ports import list_ports
+    from rigctl.cli.commands.doctor_bench import ask_port, ask_rig, ports_document
+
+    ports = list_ports()
+    findings = list(examine(ports))
+    if rig is None:
+        asked = [ask_port(url, baud) for url in port or ()]
+        findings += [finding for finding, _ in asked]
+        answers = [answer for _, answer in asked]
+    else:
+        told_by_rig = [ask_rig(rig, url) for url in port or (None,)]
+        findings += [finding for found, _ in told_by_rig for finding in found]
+        answers = [answer for _, answer in told_by_rig]
+    broken = any(finding.state == "broken" for finding in findings)
+    if as_json:
+        told = {
+            "healthy": not broken,
+            "findings": [asdict(finding) for finding in findings],
+            "ports": ports_document(ports),
+            "asked": answers,
+        }
+        echo_json(json.dumps(told, indent=1))
+    else:
+        _show(findings)
+    raise typer.Exit(1 if broken else 0)
+
+
+def _show(findings: list[Finding]) -> None:
+    """Show a line for each finding, and below it the remedy, unwrapped so that it can be copied."""
+    from rich.markup import escape
+
+    from rigctl.cli.tables import console
+
+    out = console(soft_wrap=True)
+    marks = {"ok": "[green]✓[/]", "optional": "[dim]–[/]", "broken": "[red]✗[/]"}
+    width = max(len(finding.subject) for finding in findings)
+    for finding in findings:
+        out.print(f"{marks[finding.state]} {escape(finding.subject.ljust(width))}  {escape(finding.detail)}")
+        if finding.fix:
+            out.print(f"{' ' * (width + 4)}[bold]{escape(finding.fix)}[/]")

@@ -1,0 +1,189 @@
+"""The checks of `rigctl doctor` on the bench: ports, devices that answer, the emulator, the rig files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rigctl.cli.commands.doctor_finding import Finding
+from rigctl.errors import RigctlError
+
+if TYPE_CHECKING:
+    from rigctl.backends.lines.probe import Found
+    from rigctl.backends.lines.reading import OneReading
+    from rigctl.backends.transport.serial_ports import PortInfo
+    from rigctl.rig import Rig
+
+
+def port_findings(ports: Sequence[PortInfo]) -> Iterator[Finding]:
+    """Every port with what is most likely behind it; one of USB that may not be opened is not well."""
+    from rigctl.backends.transport.serial_ports import missing_port_fix
+
+    if not any(port.vendor is not None for port in ports):
+        detail = "there is no USB port: no board is plugged in, or the system does not see it"
+        yield Finding("serial ports", "optional", detail, missing_port_fix())
+    for port in ports:
+        parts = (port.guess or port.description, port.usb, port.serial_number or "")
+        detail = ", ".join(part for part in parts if part and part != "n/a") or "nothing known of it"
+        if port.accessible:
+            yield Finding(port.device, "ok", detail, "")
+        else:
+            # what is no USB is most likely soldered in, and nobody's bench
+            yield Finding(
+                port.device,
+                "broken" if port.vendor is not None else "optional",
+                f"{detail}; you may not open it",
+                port.fix,
+            )
+
+
+def guard_findings() -> Iterator[Finding]:
+    """Guards that are still trying, or have given up, to make a device safe."""
+    from rigctl.backends.transport.pursuit import pursuits
+
+    for notice in pursuits():
+        fix = "switch the device off by hand, at its supply; then 'rigctl off' takes this guard's place"
+        yield Finding("OUTPUTS MAY BE ON", "broken", str(notice), fix)
+
+
+def ports_document(ports: Sequence[PortInfo]) -> list[dict[str, Any]]:
+    """The ports for programs; field names are part of the interface."""
+    return [{**asdict(port), "usb": port.usb} for port in ports]
+
+
+def ask_port(url: str, baud: int) -> tuple[Finding, dict[str, Any]]:
+    """Open a port, identify the device, and measure the quality of the line."""
+    from rigctl.backends.lines.probe import probe
+    from rigctl.backends.transport.port import PortLost
+    from rigctl.backends.transport.pyserial_port import PyserialPort
+    from rigctl.clock import real_clock
+
+    clock = real_clock()
+    asked: dict[str, Any] = {"port": url, "baud": baud}
+    try:
+        found = probe(lambda: PyserialPort(url, baud, clock), clock)
+    except PortLost as error:
+        fix = "is it the right port and --baud? Is the board flashed, and has it power?"
+        return Finding(url, "broken", str(error), fix), {**asked, "error": str(error)}
+    except RigctlError as error:
+        return Finding(url, "broken", str(error), error.hint or ""), {**asked, "error": str(error)}
+    return _heard(url, found), {**asked, **asdict(found)}
+
+
+def ask_rig(path: Path, url: str | None) -> tuple[list[Finding], dict[str, Any]]:
+    """Connect to the device of a rig file, read every channel once and report impossible values; set
+    nothing."""
+    from rigctl.backends.lines.reading import read_once
+    from rigctl.backends.registry import address_of
+    from rigctl.backends.transport.port import PortLost
+    from rigctl.clock import real_clock
+    from rigctl.rig import load_rig
+
+    asked: dict[str, Any] = {"rig": str(path)}
+    try:
+        rig = load_rig(path)
+        address = address_of(rig, url)
+        asked |= {"port": address.url}
+        if rig.lines is None:
+            raise RigctlError("this rig's board is asked by its port alone", expected=f"--port {address.url}")
+        reading = read_once(rig, rig.lines, address, real_clock())
+    except PortLost as error:
+        fix = "is the address right, has the device power, and does a firewall let it through?"
+        return [Finding(path.name, "broken", str(error), fix)], {**asked, "error": str(error)}
+    except RigctlError as error:
+        return [Finding(path.name, "broken", str(error), error.hint or "")], {**asked, "error": str(error)}
+    known = ", ".join(f"{name} {text}" for name, text in reading.identity.items())
+    answers = f"answers in {1e3 * reading.round_trip:.1f} ms" if reading.round_trip >= 0.0 else "answers"
+    found = [Finding(address.url, "ok", f"{rig.name}: {answers}{', ' if known else ''}{known}")]
+    found += [Finding(address.url, "broken", trouble) for trouble in reading.troubles]
+    found += _channel_findings(rig, reading, address.url)
+    return found, {**asked, **asdict(reading)}
+
+
+def _channel_findings(rig: Rig, reading: OneReading, url: str) -> Iterator[Finding]:
+    impossible = reading.impossible(rig)
+    fix = _other_order(rig, impossible, url) if impossible else ""
+    for name, value in reading.values.items():
+        if name not in impossible:
+            yield Finding(name, "ok", _shown(rig, name, value))
+        elif math.isnan(value):
+            yield Finding(name, "broken", "the device gives no number for it", fix)
+        else:
+            shown = _shown(rig, name, value)
+            yield Finding(name, "broken", f"{shown}, which is outside its range", fix)
+
+
+def _shown(rig: Rig, name: str, value: float) -> str:
+    channel = rig.channels[name]
+    return f"{channel.display.from_si(value):.6g} {channel.unit}"
+
+
+def _other_order(rig: Rig, impossible: Sequence[str], url: str) -> str:
+    """The order of bytes and words that would give possible values; empty if none does."""
+    from rigctl.backends.lines.reading import read_once
+    from rigctl.backends.registry import address_of, other_readings
+    from rigctl.backends.transport.port import PortLost
+    from rigctl.clock import real_clock
+
+    for text, other in other_readings(rig):
+        if other.lines is None:
+            continue
+        try:
+            reading = read_once(other, other.lines, address_of(other, url), real_clock())
+        except (PortLost, RigctlError):
+            continue
+        if not reading.impossible(other):
+            values = ", ".join(f"{name} {_shown(rig, name, reading.values[name])}" for name in impossible)
+            return f"with '{text}' in backend.modbus it reads {values}"
+    return "compare the address, type and scale with the device's manual"
+
+
+def _heard(url: str, found: Found) -> Finding:
+    link = found.link
+    quality = (
+        f"{link.answered} of {link.asked} answers whole, round trip {1e3 * link.median:.1f} ms, "
+        f"at most {1e3 * link.slowest:.1f} ms"
+    )
+    if link.answered == link.asked:
+        return Finding(url, "ok", f"{found.name}; {quality}")
+    return Finding(
+        url,
+        "broken",
+        f"{found.name}; {quality}",
+        "a shorter cable, another socket, away from motors and relays",
+    )
+
+
+def emulator_finding() -> Finding:
+    """simavr, for a board without hardware."""
+    from rigctl.backends.emulated.library import load_libraries
+
+    purpose = "the board's firmware without a board ('--backend emulated')"
+    try:
+        load_libraries()
+    except RigctlError as error:
+        return Finding("emulated board", "optional", purpose, (error.hint or "").removeprefix("Install it: "))
+    return Finding("emulated board", "ok", purpose)
+
+
+def rig_findings(folder: Path) -> Iterator[Finding]:
+    """The rig files of a project: mistakes in them, and calibrations that are out of date."""
+    from rigctl.rig import load_rig
+    from rigctl.rig.checks import doubtful_calibrations
+
+    today = datetime.now(UTC).date()
+    for path in sorted(folder.glob("*.yaml")):
+        try:
+            rig = load_rig(path)
+        except RigctlError as error:
+            yield Finding(path.name, "broken", str(error).partition("\n")[0], f"edit {path}")
+            continue
+        doubts = list(doubtful_calibrations(rig, today))
+        for channel, doubt in doubts:
+            yield Finding(path.name, "optional", doubt, f"rigctl calibrate {channel} --rig {path}")
+        if not doubts:
+            yield Finding(path.name, "ok", f"{rig.name}: calibrations are in date")

@@ -1,0 +1,232 @@
+"""`rigctl effects`: the library of effects, and a user's own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rigctl.cli.echo import echo
+from rigctl.cli.options.family import use_family
+from rigctl.errors import Location, RigctlError, SeveralErrors
+
+if TYPE_CHECKING:
+    from rigctl.effects import Effect
+    from rigctl.physics.family import ModelFamily
+    from rigctl.rig import Rig
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    help="List, show and check effects of the library, and your own.\n\n"
+    "An effect is one piece of physics that a model may lack: a term at one location in its equations, with "
+    "parameters whose null values switch it off exactly.",
+)
+
+Json = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+Family = Annotated[
+    str | None,
+    typer.Option(
+        "--family",
+        "-f",
+        callback=use_family,
+        help="Family of models: a name or your own file; by default all families.",
+    ),
+]
+Which = Annotated[
+    str,
+    typer.Argument(
+        metavar="EFFECT", help="Name of an effect in the library, or an effect file.", show_default=False
+    ),
+]
+RigFile = Annotated[
+    Path | None, typer.Option("--rig", help="Rig file whose channels, dimensions and noise are used.")
+]
+Alongside = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--with", metavar="EFFECT[:param=value]", help="Effect that is present in both cases; repeatable."
+    ),
+]
+
+
+@app.command("list")
+def list_(
+    family: Family = None,
+    *,
+    slots: Annotated[
+        bool,
+        typer.Option(
+            "--slots", help="List the slots where effects can act, and the names that their terms may use."
+        ),
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """List the effects of the library, or with --slots the slots where an effect can act.
+
+    A family of your own gets generic effects wherever they fit; the list shows which act where, and why
+    others do not.
+
+    Example: rigctl effects list --family hydraulic_cylinder --slots
+
+    Example: rigctl effects list --family mine.yaml
+    """
+    from rigctl.cli.tables import print_json
+    from rigctl.cli.views.effects import offer_documents, show_list, show_offers, show_slots
+    from rigctl.effects import library
+    from rigctl.effects.document import effect_document, family_document
+    from rigctl.physics.families import FAMILIES, find_family
+
+    families = [find_family(family)] if family is not None else list(FAMILIES.values())
+    if slots:
+        documents = [family_document(each) for each in families]
+        print_json({"families": documents}) if as_json else show_slots(documents)
+        return
+    found = [effect for each in families for effect in library(each).values()]
+    offered = [document for each in families for document in offer_documents(each)]
+    if as_json:
+        print_json({"effects": [effect_document(effect) for effect in found], "generic": offered})
+    else:
+        show_list(found)
+        show_offers(offered)
+
+
+@app.command()
+def show(
+    effect: Which,
+    *,
+    family: Family = None,
+    rig: RigFile = None,
+    alongside: Alongside = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="File for the figure, .png or .svg.", show_default=False)
+    ] = None,
+    picture: Annotated[
+        bool, typer.Option("--picture/--no-picture", help="Simulate and plot its signature.")
+    ] = True,
+    as_json: Json = False,
+) -> None:
+    """Show an effect: equation, slots, parameters, source, and its signature in the readings.
+
+    The standard record of its family is simulated with the effect at its typical size and without it; the
+    figure shows the difference.
+
+    Example: rigctl effects show piston_leakage --figure leakage.svg
+
+    Example: rigctl effects show barus --with piston_leakage
+    """
+    from rigctl.cli.tables import print_json
+    from rigctl.cli.views.effects import show_effect, show_signature, signature_document
+    from rigctl.effects.document import effect_document
+    from rigctl.model.signature import signature
+
+    found, bench, others = _open(effect, family, rig, alongside)
+    record = found.model_family.standard_record is not None
+    drawn = figure is not None or (picture and record)
+    seen = signature(found, bench, alongside=others, progress=_tell) if drawn else None
+    if figure is not None and seen is not None:
+        from rigctl.report.effect_figure import write_effect_figure
+
+        write_effect_figure(seen, found, figure, bench)
+    if as_json:
+        document = effect_document(found)
+        print_json(document | ({"signature": signature_document(seen, bench)} if seen is not None else {}))
+        return
+    show_effect(found)
+    if seen is not None:
+        show_signature(seen, bench)
+    elif picture:
+        echo("\nThe family has no 'standard_record' on which to draw what it changes.")
+    if figure is not None:
+        echo(f"Wrote {figure}")
+
+
+@app.command()
+def check(
+    effect: Which,
+    *,
+    family: Family = None,
+    rig: RigFile = None,
+    alongside: Alongside = None,
+    as_json: Json = False,
+) -> None:
+    """Check your own effect: grammar, dimensions, exact null, smoothness, influence, and similar effects.
+
+    Errors are reported with their position in the file, and the exit code is 2. Warnings, e.g. that no
+    channel of the rig responds to the effect, leave the exit code at 0.
+
+    Example: rigctl effects check my-effect.yaml --rig rigs/hl32-bench.yaml
+    """
+    from rigctl.cli.tables import print_json
+    from rigctl.cli.views.effects import show_trial, trial_document
+    from rigctl.effects.user import is_effect_file
+    from rigctl.effects.user.load import place_of
+    from rigctl.model.effect_preview import faults_on_record, try_effect
+
+    found, bench, others = _open(effect, family, rig, alongside)
+    faults = faults_on_record(found, bench, alongside=others, progress=_tell)
+    if faults:
+        where = _file(effect) if is_effect_file(effect) else None
+        errors = [error.at(place_of(where, part) if where else Location()) for part, error in faults]
+        raise errors[0] if len(errors) == 1 else SeveralErrors(errors)
+    trial = try_effect(found, bench, alongside=others, progress=_tell)
+    print_json(trial_document(trial, bench)) if as_json else show_trial(trial, bench)
+
+
+def _open(
+    written: str, family: str | None, rig_file: Path | None, alongside: Sequence[str] | None
+) -> tuple[Effect, Rig | None, list[tuple[Effect, dict[str, float]]]]:
+    """The effect, the rig and the other effects that a command names."""
+    from rigctl.effects.option import read_effect_option
+    from rigctl.model.rig_family import family_of
+    from rigctl.physics.families import find_family
+
+    rig = _rig(rig_file)
+    effect = _find(written, find_family(family) if family else family_of(rig) if rig is not None else None)
+    if rig is not None and family_of(rig).name != effect.family:
+        raise RigctlError(
+            f"the rig '{rig.name}' is of another family of models than {effect.name}",
+            value=str(rig.model),
+            expected=effect.family,
+        )
+    return effect, rig, [read_effect_option(text, effect.model_family) for text in alongside or ()]
+
+
+def _find(written: str, family: ModelFamily | None) -> Effect:
+    """The effect of a file, or of the first family that has one of this name."""
+    from rigctl.effects import library
+    from rigctl.effects.option import name_or_file
+    from rigctl.effects.user import is_effect_file, load_effect
+    from rigctl.errors import unknown_name
+    from rigctl.physics.families import FAMILIES
+
+    if family is not None:
+        return name_or_file(written, family)
+    if is_effect_file(written):
+        return load_effect(_file(written))
+    known = [library(name) for name in FAMILIES]
+    for effects in known:
+        if written in effects:
+            return effects[written]
+    raise unknown_name("effect", written, {name for effects in known for name in effects})
+
+
+def _file(written: str) -> Path:
+    from rigctl.project import find_file
+
+    return find_file(Path(written))
+
+
+def _rig(path: Path | None) -> Rig | None:
+    if path is None:
+        return None
+    from rigctl.project import find_file
+    from rigctl.rig import load_rig
+
+    return load_rig(find_file(path))
+
+
+def _tell(text: str) -> None:
+    echo(text, err=True)

@@ -1,0 +1,272 @@
+"""`rigctl import`: data measured elsewhere becomes a run."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rigctl.cli.echo import echo, echo_json
+
+if TYPE_CHECKING:
+    from rigctl.dataset.importing import Imported
+    from rigctl.dataset.importing.options import Options
+    from rigctl.rig import Rig
+
+#: most bad rows that are reported one by one
+_TOLD = 20
+#: the rig and the family that a rig or model file names
+_RIG = re.compile(r"^rig:\s*['\"]?([^'\"\s#]+)", re.MULTILINE)
+_FAMILY = re.compile(r"^model:\s*['\"]?([^'\"\s#]+)", re.MULTILINE)
+
+
+def import_(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="CSV, XLSX, Parquet, TDMS, MDF4 or MAT files; several make one run.",
+            show_default=False,
+        ),
+    ],
+    *,
+    rig: Annotated[
+        Path | None,
+        typer.Option(help="Rig file of the bench it was measured on; not needed for a table without time."),
+    ] = None,
+    columns: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="THEIRS=OURS",
+            help="Channel or input that a column holds, where their names differ; repeatable. "
+            "THEIRS=- skips the column.",
+        ),
+    ] = None,
+    assume: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE",
+            help="Constant value of an input that was not recorded, e.g. 'ambient=21 degC'; repeatable.",
+        ),
+    ] = None,
+    missing: Annotated[
+        list[str] | None,
+        typer.Option(metavar="MARK", help="Additional mark for missing values, e.g. -9999; repeatable."),
+    ] = None,
+    dates: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ORDER",
+            help="Order of ambiguous dates such as 03/04/2026: day-first, month-first or iso.",
+        ),
+    ] = None,
+    zone: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ZONE", help="Time zone of times without one, e.g. Europe/Berlin; by default UTC."
+        ),
+    ] = None,
+    times: Annotated[
+        str | None,
+        typer.Option(
+            metavar="POLICY",
+            help="Treatment of rows whose time does not increase: refuse, drop, spread (equal "
+            "times) or split (new record).",
+        ),
+    ] = None,
+    split: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WAY",
+            help="Start of a new record: command, command:NAME, gap, 'gap:10 s' or column:NAME.",
+        ),
+    ] = None,
+    resample: Annotated[
+        str | None,
+        typer.Option(
+            metavar="STEP|NAME",
+            help="Common time base for channels with separate clocks: a step such as '100 ms', or "
+            "the times of a column.",
+        ),
+    ] = None,
+    encoding: Annotated[
+        str | None, typer.Option(help="Encoding of a text file, e.g. cp1252; by default detected.")
+    ] = None,
+    delimiter: Annotated[
+        str | None, typer.Option(metavar="SIGN", help="Character between cells; by default detected.")
+    ] = None,
+    decimal: Annotated[
+        str | None, typer.Option(metavar="SIGN", help="Decimal mark, '.' or ','; by default detected.")
+    ] = None,
+    mapping: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Saved options for files of this logger.")
+    ] = None,
+    save_mapping: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Save all of these options for the next file.")
+    ] = None,
+    keep_good: Annotated[
+        bool, typer.Option("--keep-good", help="Skip bad rows instead of refusing the file.")
+    ] = False,
+    name: Annotated[
+        str | None, typer.Option(help="Name of the records; by default that in the file.")
+    ] = None,
+    dry_run: Annotated[
+        bool,
+        typer.Option(
+            "--dry-run", help="Show what would be read, as a table and a figure, without making a run."
+        ),
+    ] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="With --dry-run: .png or .svg file for the figure."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Import files of samples as a run, and print its id.
+
+    The heading names each column with its unit: time [s], record, valve [1], oil_temperature [degC],
+    supply_pressure [bar], pressure_setpoint [bar], position [mm], and any other channels of the rig. A table
+    without time holds observations, one per row. Either the whole file is imported or nothing. The extension
+    determines the format: .csv (also .csv.gz), .xlsx, .parquet, .tdms (LabVIEW), .mf4 (MDF4), .mat (MATLAB).
+
+    Example: rigctl import strokes.csv --rig rigs/hl32-bench.yaml
+
+    Example: rigctl import log.csv --rig rigs/hl32-bench.yaml --columns "Druck=supply_pressure [bar]"
+
+    Example: rigctl import mon.csv tue.csv --rig rigs/heater-board.yaml --mapping lab.yaml --assume heater_2=0
+    """
+    from rigctl.dataset.importing import import_files
+    from rigctl.dataset.importing.mapping import save_mapping as save
+    from rigctl.files.write import to_json
+    from rigctl.project import find_file, find_project
+    from rigctl.rig import load_rig
+
+    options = _options(
+        columns=columns,
+        assume=assume,
+        missing=missing,
+        choices={
+            "dates": dates,
+            "zone": zone,
+            "times": times,
+            "split": split,
+            "resample": resample,
+            "encoding": encoding,
+            "delimiter": delimiter,
+            "decimal": decimal,
+        },
+        mapping=mapping,
+    )
+    paths = [find_file(file) for file in files]
+    bench = load_rig(find_file(rig)) if rig is not None else None
+    if dry_run:
+        _show(paths, bench, options, output, as_json=as_json)
+        if save_mapping is not None:
+            save(save_mapping, options)
+        return
+    done = import_files(paths, bench, find_project().runs, options, keep_good=keep_good, name=name)
+    if save_mapping is not None:
+        save(save_mapping, options)
+    if not as_json:
+        echo(done.run)
+    _tell(done, paths[0])
+    if as_json:
+        counts = {"records": done.records, "rows": done.rows, "left_out": done.left_out}
+        document = {"run": done.run, "path": str(done.path), **counts, "notes": list(done.notes)}
+        echo_json(to_json(document))
+    else:
+        _lead_on(rig)
+
+
+def _show(
+    paths: list[Path], rig: Rig | None, options: Options, output: Path | None, *, as_json: bool
+) -> None:
+    """Show what would be read; errors in it go to stderr."""
+    from rigctl.cli.views.import_preview import show_preview, write_preview
+    from rigctl.dataset.importing.preview import preview_files
+    from rigctl.files.write import to_json
+
+    preview = preview_files(paths, rig, options)
+    for fault in preview.faults[:_TOLD]:
+        echo(f"bad: {fault.error(paths[0])}", err=True)
+    if preview.bad_rows > _TOLD:
+        echo(f"bad: {preview.bad_rows - _TOLD} more rows", err=True)
+    for note in preview.notes:
+        echo(f"note: {note}", err=True)
+    if output is not None:
+        echo(f"figure: {write_preview(preview, output)}", err=True)
+    if as_json:
+        echo_json(to_json(preview.as_data()))
+    else:
+        show_preview(preview)
+        echo("Nothing was imported.", err=True)
+
+
+def _options(
+    *,
+    columns: list[str] | None,
+    assume: list[str] | None,
+    missing: list[str] | None,
+    choices: Mapping[str, str | None],
+    mapping: Path | None,
+) -> Options:
+    """The options of a file from the command line and a saved mapping; the command line has precedence."""
+    from rigctl.dataset.assumptions import read_assumptions
+    from rigctl.dataset.importing.columns import read_mapping
+    from rigctl.dataset.importing.mapping import load_mapping
+    from rigctl.dataset.importing.options import Options, checked_choices
+    from rigctl.project import find_file
+
+    said = Options(
+        columns=read_mapping(columns or ()),
+        assume=read_assumptions(assume or ()),
+        missing=tuple(missing or ()),
+        **checked_choices(choices),
+    )
+    return said.over(load_mapping(find_file(mapping))) if mapping is not None else said
+
+
+def _lead_on(rig: Path | None) -> None:
+    """Show the next command on stderr: compare with a model of this bench, else show the run."""
+    from rigctl.command_line import analysis
+
+    model = _model_of(rig)
+    command = "rigctl report latest" if model is None else analysis("compare", ["latest"], model)
+    echo(f"Next: {command}", err=True)
+
+
+def _model_of(rig: Path | None) -> str | None:
+    """A model of the project that names this rig file, else one of its family; without a rig, one that names
+    none."""
+    from rigctl.project import find_project
+
+    root = find_project().root
+    family = _named(_FAMILY, rig) if rig is not None and rig.is_file() else None
+    alike = None
+    for path in sorted((root / "models").glob("*.yaml")):
+        if _named(_RIG, path) == (rig.as_posix() if rig is not None else None):
+            return path.relative_to(root).as_posix()
+        if alike is None and family is not None and _named(_FAMILY, path) == family:
+            alike = path.relative_to(root).as_posix()
+    return alike
+
+
+def _named(field: re.Pattern[str], path: Path) -> str | None:
+    """The value of a field at the top of a file."""
+    found = field.search(path.read_text(encoding="utf-8", errors="replace"))
+    return found.group(1) if found else None
+
+
+def _tell(done: Imported, file: Path) -> None:
+    """Show bad rows, notes and the amount of data on stderr."""
+    for fault in done.faults[:_TOLD]:
+        echo(f"left out: {fault.error(file)}", err=True)
+    if done.left_out > _TOLD:
+        echo(f"left out: {done.left_out - _TOLD} more rows, see the run's events", err=True)
+    for note in done.notes:
+        echo(f"note: {note}", err=True)
+    records = f"{done.records} record{'' if done.records == 1 else 's'}"
+    echo(f"{records}, {done.rows} rows in {done.path}", err=True)

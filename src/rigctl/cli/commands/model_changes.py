@@ -1,0 +1,112 @@
+"""Change a model file from a command, and report the change of the error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.markup import escape
+
+from rigctl.analysis.model_change import Changed, Wanted, change_model
+from rigctl.cli.commands.compare import open_runs
+from rigctl.cli.echo import echo
+from rigctl.cli.next_command import show_next
+from rigctl.cli.progress import telling
+from rigctl.cli.tables import console, print_json, table
+from rigctl.cli.views.answer import counted, show_answer
+from rigctl.cli.views.compare import show_departures
+from rigctl.cli.views.history import error_change, held_out_change
+from rigctl.cli.views.model import show_errors, value_texts
+from rigctl.command_line import DataOptions, analysis
+from rigctl.effects import Effect
+from rigctl.effects.option import read_effect_option
+from rigctl.effects.user import is_effect_file
+from rigctl.model import Model, StatedValue, load_model, stated_values
+from rigctl.project import find_file
+from rigctl.report.answer import Answer
+
+#: fitted parameters that the answer tells
+_NAMED = 4
+
+
+def carry_out(
+    path: Path, wanted: Wanted, runs: Sequence[str], *, as_json: bool, verbose: bool = False
+) -> None:
+    """Change the model file `path`, and show the change of the error.
+
+    Raises
+    ------
+    RigctlError
+        the records or the model do not allow it.
+    """
+    with telling("nothing was saved") as on_progress:
+        opened = open_runs(runs, load_model(path), wanted.assume) if runs else []
+        changed = change_model(path, wanted, opened, on_progress=on_progress)
+    print_json(changed.document()) if as_json else _show(changed, verbose=verbose)
+
+
+def read_effect(model: Model, written: str) -> tuple[Effect, dict[str, float], tuple[Path, ...]]:
+    """The effect of ``EFFECT[:param=value,...]``, its parameters in SI, and the files it comes from."""
+    if ":" not in written and not is_effect_file(written):
+        effect = model.effect(written)
+        return effect, {} if effect.base else effect.start, ()
+    parameters = {name: value for name, value in model.values.items() if "." not in name}
+    effect, values = read_effect_option(written, model.family, parameters)
+    own = is_effect_file(written.partition(":")[0])
+    return effect, values, (find_file(Path(written.partition(":")[0])),) if own else ()
+
+
+def _show(changed: Changed, *, verbose: bool) -> None:
+    """What became of the file and of the error, and the values found; with `verbose` bars and a table."""
+    version = changed.version
+    done, head = version.done, version.head
+    old, new = {
+        "fit": ("as it was", "fitted"),
+        "add": (f"without {done.effect}", f"with {done.effect}"),
+        "remove": (f"with {done.effect}", f"without {done.effect}"),
+        "set": ("as it was", "set by hand"),
+    }[done.kind]
+    facts, more = [("note", done.note)], []
+    if done.before is not None and done.after is not None:
+        fitted = [stated for stated in stated_values(changed.model) if stated.fit]
+        facts += [
+            ("error", error_change(done.before, done.after)),
+            ("held out", held_out_change(done.before, done.after)),
+            ("fitted", _in_words(fitted)),
+        ]
+        more = ["every channel's error as bars", *counted(len(fitted), "fitted parameter")]
+    answer = Answer(
+        "good",
+        "",
+        f"{head} is now version {version.number}, {new}.",
+        tuple((name, text) for name, text in facts if text),
+    )
+    show_answer(answer, title="-", more=[] if verbose else more)
+    if verbose and done.before is not None and done.after is not None:
+        show_errors([(old, done.before), (new, done.after)])
+        echo(f"  reduced χ²: {done.before.chi2_reduced:.4g} {old}, {done.after.chi2_reduced:.4g} {new}")
+        _show_values(changed.model)
+    show_departures(changed.outside)
+    echo(f"Version {version.parent} is kept: rigctl model diff {head}@{version.parent} {head}")
+    if done.runs:
+        choice = DataOptions(done.only, done.hold_out, done.assume)
+        command = analysis("compare", done.runs, str(head), choice)
+        show_next(f"{command} --no-fit", "shows whether it agrees with them now")
+
+
+def _show_values(made: Model) -> None:
+    """The parameters that were fitted."""
+    shown = table("fitted parameter", "value", "", "unit")
+    for stated in stated_values(made):
+        if stated.fit:
+            value, spread = value_texts(stated)
+            shown.add_row(stated.name, value, escape(spread), escape(stated.unit))
+    console().print(shown)
+
+
+def _in_words(fitted: Sequence[StatedValue]) -> str:
+    """The first of the fitted parameters with their uncertainty; those of effects before the others."""
+    first = sorted(fitted, key=lambda stated: "." not in stated.name)[:_NAMED]
+    said = [" ".join(part for part in (one.name, *value_texts(one), one.unit) if part) for one in first]
+    left = len(fitted) - len(first)
+    return ", ".join([*said, *([f"and {left} more"] if left else [])])

@@ -1,0 +1,59 @@
+"""The changes requested from `rigctl model set`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rigctl.analysis.model_change import Wanted
+from rigctl.cli.commands.model_changes import read_effect
+from rigctl.cli.plans import read_assignments
+from rigctl.effects import Effect
+from rigctl.errors import RigctlError
+from rigctl.model import Model
+from rigctl.model.setting import read_settings, set_by_hand, words_of
+
+
+@dataclass(frozen=True)
+class _Settings:
+    """Effects out, effects in, then values."""
+
+    values: dict[str, str]
+    add: tuple[tuple[Effect, dict[str, float]], ...]
+    remove: tuple[str, ...]
+
+    def __call__(self, model: Model) -> Model:
+        for name in self.remove:
+            model = model.without_effect(name)
+        for effect, values in self.add:
+            model = model.with_effect(effect, values)
+        return set_by_hand(model, read_settings(model, self.values))
+
+
+def settings_wanted(
+    model: Model,
+    values: Sequence[str],
+    add: Sequence[str],
+    remove: Sequence[str],
+    choice: tuple[str | None, str | None, Sequence[str]],
+) -> Wanted:
+    """The change of a model that sets these values, with and without these effects.
+
+    `choice` are the records held out, those looked at, and what is assumed of them.
+
+    Raises
+    ------
+    RigctlError
+        nothing is set, or a value or an effect is wrong.
+    """
+    if not values and not add and not remove:
+        raise RigctlError("there is nothing to set", expected="NAME=VALUE, --add EFFECT or --remove EFFECT")
+    given = read_assignments(values, "NAME=VALUE")
+    read = [read_effect(model, text) for text in add]
+    files: tuple[Path, ...] = tuple(file for _, _, own in read for file in own)
+    settings = _Settings(given, tuple((effect, found) for effect, found, _ in read), tuple(remove))
+    made = settings(model)
+    note = words_of(made, read_settings(made, given), (effect.name for effect, _, _ in read), remove)
+    hold_out, only, assume = choice
+    return Wanted("set", settings, False, hold_out, only, assume, effect_files=files, note=note)

@@ -1,0 +1,66 @@
+"""`rigctl resume`: resume an interrupted run."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from rigctl.cli.echo import echo
+from rigctl.cli.options.family import FamilyOption
+
+
+def resume(
+    run: Annotated[str, typer.Argument(metavar="RUN", help="Id, start of an id, path, or 'latest'.")],
+    port: Annotated[str | None, typer.Option(help="Serial port, if not the same as before.")] = None,
+    operator: Annotated[str | None, typer.Option(help="Person now in charge.")] = None,
+    speed: Annotated[
+        str | None, typer.Option(help="max, 1x or 10x; by default as before.", show_default=False)
+    ] = None,
+    family: FamilyOption = None,
+    *,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Resume a run at its first incomplete record.
+
+    The port, the speed, the seed and the hidden effects of a simulation are those of the original run.
+
+    Procedure and rig file must not have changed. The set-points that the next record depends on are
+    established again; complete records are kept, and an incomplete one is measured again under the next
+    number.
+
+    Example: rigctl resume latest
+    """
+    from rigctl.cli.running import attended, person_in_charge, tell
+    from rigctl.dataset import find_run
+    from rigctl.dataset.shards import runs_root
+    from rigctl.runner.access import bench_options, clock_for
+    from rigctl.runner.launch import Launch
+    from rigctl.runner.operator import AutomaticOperator
+    from rigctl.runner.relaunch import open_interrupted, relaunch
+
+    before = open_interrupted(find_run(run))
+    header = before.history.header
+    kind = header.backend.get("kind", before.plan.rig.backend.kind)
+    given = bench_options(kind, before.plan.rig, port=port or header.options.get("port"), seed=header.seed)
+    echo(f"{header.id}: {before.left} record{'' if before.left == 1 else 's'} left", err=True)
+    how = Launch(
+        runs=runs_root(before.folder),
+        operator=AutomaticOperator(),
+        backend=kind,
+        options={**header.options, **given},
+        clock=clock_for(speed or _speed_before(header.clock), kind),
+        person=person_in_charge(operator or header.operator),
+        device=header.device,
+        arguments=header.arguments,
+        seed=header.seed,
+        exclusive=kind != "simulated",
+    )
+    with attended(how, before.plan, {}) as ready:
+        result = relaunch(before, ready)
+    tell(result, as_json=as_json)
+
+
+def _speed_before(clock: str) -> str:
+    """The speed that a run's clock had, by the clock's name."""
+    return {"virtual": "max", "real": "1x"}.get(clock, clock)

@@ -1,0 +1,101 @@
+"""`rigctl run`: carry out a procedure on the bench."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rigctl.cli.options.family import FamilyOption
+from rigctl.cli.options.identity import NotesOption, PartOption, SerialNumberOption
+from rigctl.cli.options.serve import ServeOption
+
+
+def run(
+    procedure: Annotated[Path, typer.Argument(help="Procedure file.", show_default=False)],
+    recording: Annotated[
+        str | None, typer.Argument(metavar="RUN", help="With '--backend replay': run to play back.")
+    ] = None,
+    backend: Annotated[
+        str | None,
+        typer.Option(
+            help="serial, modbus, visa, opcua, emulated, simulated or replay; by default that of "
+            "the rig file."
+        ),
+    ] = None,
+    port: Annotated[str | None, typer.Option(help="Serial port or pyserial URL, e.g. /dev/ttyACM0.")] = None,
+    rig: Annotated[
+        Path | None, typer.Option(help="Rig file to use instead of the one that the procedure names.")
+    ] = None,
+    arg: Annotated[
+        list[str] | None,
+        typer.Option("--arg", "-a", metavar="NAME=VALUE", help="Argument of the procedure; repeatable."),
+    ] = None,
+    operator: Annotated[str | None, typer.Option(help="Person in charge; kept with the run.")] = None,
+    serial_number: SerialNumberOption = None,
+    part: PartOption = None,
+    notes: NotesOption = None,
+    answer: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUE", help="Answer to an operator's question, given in advance; repeatable."
+        ),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed for a simulated bench.")] = None,
+    speed: Annotated[str, typer.Option(help="1x; on a bench that is no real one also 10x or max.")] = "1x",
+    family: FamilyOption = None,
+    *,
+    dry: Annotated[bool, typer.Option("--dry", help="Arm and read, but move nothing.")] = False,
+    answer_in_browser: Annotated[
+        bool,
+        typer.Option("--answer-in-browser", help="Have questions answered on the page of 'rigctl serve'."),
+    ] = False,
+    serve: ServeOption = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Carry out a procedure on the bench and record it.
+
+    Keys while it runs: p pause, c continue, a or q end. Ctrl-C also ends it: outputs go to the safe state
+    first, then the cleanup steps run; a second Ctrl-C skips them.
+
+    Examples:
+
+      rigctl run procedures/quick-check.yaml --operator Ada --serial-number HC-0042
+
+      rigctl run procedures/quick-check.yaml --dry
+    """
+    from datetime import UTC, datetime
+
+    from rigctl.cli.options.identity import identified
+    from rigctl.cli.options.serve import shown
+    from rigctl.cli.plans import open_plan, read_assignments
+    from rigctl.cli.running import attended, person_in_charge, say_warnings, tell
+    from rigctl.project import find_project
+    from rigctl.runner.access import bench_options, clock_for
+    from rigctl.runner.launch import Launch, launch
+    from rigctl.runner.operator import AutomaticOperator
+
+    plan = open_plan(procedure, rig, arg or ())
+    runs = find_project().runs
+    kind = backend or plan.rig.backend_named()
+    given = {"serial_number": serial_number, "part": part, "operator": operator, "notes": notes}
+    identity = identified(plan, given)
+    say_warnings(plan.rig.warnings(datetime.now(UTC).date()))
+    how = Launch(
+        runs=runs,
+        operator=AutomaticOperator(),
+        backend=kind,
+        options=bench_options(kind, plan.rig, port=port, seed=seed, recording=recording, runs=runs),
+        clock=clock_for(speed, kind),
+        person=person_in_charge(identity.operator),
+        device=identity.device,
+        arguments=read_assignments(arg or ()),
+        seed=seed,
+        dry=dry,
+    )
+    given_answers = read_assignments(answer or (), "--answer")
+    with shown(wanted=serve):
+        with attended(how, plan, given_answers, remote=answer_in_browser) as ready:
+            result = launch(plan, ready)
+        tell(result, as_json=as_json)

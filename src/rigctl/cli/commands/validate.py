@@ -1,0 +1,163 @@
+"""`rigctl validate`: how often the diagnosis is right, on campaigns of a bench that hides something."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rigctl.cli.options.workers import Cluster, WorkerCount
+from rigctl.errors import RigctlError
+
+if TYPE_CHECKING:
+    from rigctl.tasks import Workers
+    from rigctl.validation.figures import Figures
+    from rigctl.validation.outcome import AnyTrial, TrialOutcome
+    from rigctl.validation.parallel import Standing, Work
+
+#: without a terminal a line is printed this often, s
+_OFTEN = 15.0
+
+
+class TierName(StrEnum):
+    """How many trials."""
+
+    QUICK = "quick"
+    FULL = "full"
+    ANYONE = "anyone"
+    SHAPE = "shape"
+    DISCOVERY = "discovery"
+    DESIGN = "design"
+
+
+def validate(
+    tier: Annotated[
+        TierName,
+        typer.Option(
+            help="quick takes minutes, full hours; anyone: ten small benches; shape: laws other "
+            "than the library's; discovery: terms that are in no library, and formulas for "
+            "them; design: predicted power of designed records, and their results."
+        ),
+    ] = TierName.QUICK,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")] = Path("validation"),
+    first: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", min=1, help="Number of trials, a representative sample of all.", show_default=False
+        ),
+    ] = None,
+    workers: WorkerCount = None,
+    cluster: Cluster = None,
+    *,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue with the existing results.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")] = False,
+) -> None:
+    """Measure how often the diagnosis is right, on campaigns of a separate bench with hidden effects.
+
+    That bench shares no equation and no integrator with the models under test, and its hidden effects have
+    shapes other than the library's. The tier anyone has ten small benches instead, each with family, rig and
+    model as a user writes them, tested from a CSV file to the verdict; the tier shape has effects of up to
+    1000 sigmas with laws far from the library's, alone, in pairs, and removed from the library; the tier
+    discovery plants terms that are in no library, and searches for their formulas; the tier design runs
+    'learn' on that bench, and compares the predicted power of designed records with the results. Every
+    finished trial is kept: after a kill, --resume continues. The tables are also written into the folder, as
+    Markdown.
+
+    Example: rigctl validate --tier quick
+    """
+    from rigctl.cli.tables import print_json
+    from rigctl.files.write import write_text
+    from rigctl.tasks import Workers
+    from rigctl.validation.tables import page
+
+    chosen = Workers(workers, cluster=cluster)
+    found, path = _carried_out(tier, out, first, chosen, resume=resume)
+    command = f"rigctl validate --tier {tier.value}" + (f" --first {first}" if first is not None else "")
+    write_text(out / f"{tier.value}.md", page(found, command))
+    if as_json:
+        print_json({"command": command, "results": str(path), **found.document()})
+    else:
+        _show(found, path)
+
+
+def _carried_out(
+    tier: TierName, out: Path, first: int | None, workers: Workers, *, resume: bool
+) -> tuple[Figures, Path]:
+    """The figures of the tier's trials, and the file that keeps every one of them."""
+    from rigctl.files.write import write_text
+    from rigctl.validation.tier_definition import tier_definition
+
+    path = out / f"{tier.value}.jsonl"
+    definition = tier_definition(tier.value)
+    trials = definition.trials[:first]
+    outcomes = _outcomes(trials, definition.carry_out, path, definition.read, workers, resume=resume)
+    if tier is TierName.DESIGN:
+        from rigctl.validation.designed.picture import calibration_svg
+        from rigctl.validation.designed.rates import promises
+
+        write_text(out / "promises.svg", calibration_svg(tuple(promises(outcomes))))
+    return definition.figures(outcomes), path
+
+
+def _outcomes(
+    trials: Sequence[AnyTrial],
+    work: Work[AnyTrial],
+    path: Path,
+    read: Callable[[Mapping[str, Any]], AnyTrial],
+    workers: Workers,
+    *,
+    resume: bool,
+) -> Sequence[TrialOutcome[AnyTrial]]:
+    from rigctl.method_version import METHOD_VERSION
+    from rigctl.validation.parallel import run_scenarios
+    from rigctl.validation.store import ResultStore
+
+    store = ResultStore(path, f"method {METHOD_VERSION}", read)
+    if not resume and store.outcomes(trials):
+        raise RigctlError(
+            "results of this version are there already",
+            value=str(path),
+            hint="'--resume' goes on with them, another '--out' begins anew",
+        )
+    with _told() as progress:
+        return run_scenarios(trials, work, store, workers=workers, progress=progress)
+
+
+@contextmanager
+def _told() -> Iterator[Callable[[Standing], None]]:
+    """What is told of the progress: a line that changes on a terminal, else one now and then."""
+    from rigctl.cli.progress import telling
+
+    often = 0.0 if sys.stderr.isatty() else _OFTEN
+    last = -math.inf
+    with telling("every finished trial is kept, and '--resume' goes on") as tell:
+
+        def told(standing: Standing) -> None:
+            nonlocal last
+            now = time.monotonic()
+            if now - last >= often or standing.done == standing.total:
+                last = now
+                tell(str(standing))
+
+        yield told
+
+
+def _show(found: Figures, path: Path) -> None:
+    from rich.markup import escape
+
+    from rigctl.cli.tables import console
+    from rigctl.validation.tables import confusion_table, left_out_text, rates_table
+
+    screen = console()
+    screen.print(rates_table(found))
+    screen.print(confusion_table(found))
+    for line in left_out_text(found):
+        screen.print(escape(line), soft_wrap=True)
+    screen.print(f"Every trial: {escape(str(path))}", soft_wrap=True)

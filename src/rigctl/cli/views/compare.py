@@ -1,0 +1,290 @@
+"""How a comparison is printed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from rich.markup import escape
+from rich.table import Table
+
+from rigctl.analysis.adequacy import chance
+from rigctl.analysis.comparison_result import Comparison, ModelComparison
+from rigctl.analysis.fmu_rival import FmuRival
+from rigctl.analysis.localisation import Place
+from rigctl.cli.tables import console, table
+from rigctl.cli.views.answer import counted, show_answer
+from rigctl.cli.views.table import show_rows
+from rigctl.model.validity import Departure
+from rigctl.report.answer import models_answer
+from rigctl.report.bars import draw_bar
+from rigctl.report.numbers import resolved
+
+_ASKS = {
+    "score": "does any effect of the library stand out?",
+    "plane": "does the error change with the operating point?",
+    "chi2": "is the whole misfit more than noise?",
+}
+_KINDS = {
+    "channel": "channel",
+    "phase": "phase",
+    "cell": "channel and phase",
+    "condition": "condition",
+    "state": "range of a channel",
+    "stretch": "worst stretches",
+}
+_MOST = {"condition": 5, "state": 3, "stretch": 3, "cell": 5}
+_BAR = 16
+#: findings on the values of a table that are shown without `-v`
+_MOST_FINDINGS = 2
+
+
+def show_fmu_rivals(rivals: Sequence[FmuRival]) -> None:
+    """Show the errors of each FMU and of the model, channel by channel, and which is smaller."""
+    out = console()
+    for rival in rivals:
+        out.print()
+        out.print(f"{escape(rival.statement)}.", soft_wrap=True)
+        for name in rival.missing:
+            out.print(f"  {escape(name)} is not an output of {escape(rival.name)}: it is not compared")
+        for name in rival.begins:
+            out.print(f"  {escape(rival.name)} cannot be started at {escape(name)}: its own value is used")
+        shown = table("channel", "RMSE/noise of the FMU", "of the model")
+        for name, error in rival.channels.items():
+            shown.add_row(name, f"{error.nrmse:.3g}", f"{rival.beside[name].nrmse:.3g}")
+        out.print(shown)
+
+
+def show_comparison(found: Comparison, *, verbose: bool = False) -> None:
+    """Show the statement on each model and the next command; with `verbose` the figures behind it."""
+    if verbose:
+        _show_evidence(found)
+        return
+    for model in found.models[:-1]:
+        show_statement(model)
+    last = found.models[-1]
+    more = [
+        *counted(len(routine(found.notes)), "note on the data", "notes on the data"),
+        "every test and place",
+    ]
+    show_answer(models_answer(found.models), title="-", more=more)
+    for model in found.models:
+        show_departures(model.outside)
+        for band in model.curve_bands:
+            console().print(f"  {escape(band.statement)}.", soft_wrap=True)
+    show_unusual(found.notes)
+    for finding in last.findings[:_MOST_FINDINGS]:
+        console().print(f"  {escape(finding)}.", soft_wrap=True)
+
+
+#: a note on the spikes of one channel
+_SPIKES = re.compile(r"^\d+ spikes? of \w+ (was|were) masked: ")
+#: how the notes begin, or what is in those, that every comparison has of how its data were taken
+_ROUTINE = ("Noise: ", "Noise of ", "assumed of ", "Commands were written down", " masked: ")
+
+
+def routine(notes: Sequence[str]) -> list[str]:
+    """The notes that only describe how the data were taken, which every answer would repeat."""
+    return [note for note in notes if any(part in note for part in _ROUTINE)]
+
+
+def show_notes(notes: Sequence[str]) -> None:
+    """Show the notes except those on spikes, which the note on the noise and the table of channels state."""
+    for note in notes:
+        if not re.search(_SPIKES, note):
+            console().print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
+
+
+def show_unusual(notes: Sequence[str]) -> None:
+    """The other notes: those that a reader has to know before trusting a verdict."""
+    for note in notes:
+        if note not in routine(notes):
+            console().print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
+
+
+def _show_evidence(found: Comparison) -> None:
+    """Show the statement on each model, and every figure behind it."""
+    out = console()
+    for model in found.models:
+        show_statement(model)
+        show_departures(model.outside)
+        for band in model.curve_bands:
+            out.print(f"  {escape(band.statement)}.", soft_wrap=True)
+        for finding in model.findings:
+            out.print(f"  {escape(finding)}.", soft_wrap=True)
+    show_notes(found.notes)
+    if found.held_out:
+        out.print(f"  held out: {len(found.held_out)} records ({escape(_few(found.held_out))})")
+    if len(found.models) > 1:
+        out.print(_side_by_side(found.models))
+        return
+    (model,) = found.models
+    if model.rows:
+        show_rows(model)
+    out.print(_channels(model))
+    out.print(_tests(model))
+    show_record_level(model)
+    if not model.adequate:
+        places = [place for place in model.where if place.by == "condition"] if model.rows else model.where
+        out.print(_places(places))
+        _show_trends(model)
+        _show_slots(model)
+
+
+def show_statement(model: ModelComparison) -> None:
+    """Show a comparison's one-sentence result: green if it agrees, yellow if it cannot decide."""
+    colour = "yellow" if model.adequacy.below_noise else "green" if model.adequate else "red"
+    console().print(f"[bold {colour}]{escape(model.statement)}[/]", soft_wrap=True)
+
+
+def show_departures(found: Sequence[Departure]) -> None:
+    """Show a warning for each range of validity that the model leaves."""
+    for one in found:
+        console().print(f"  [yellow]warning:[/] {escape(one.statement)}.", soft_wrap=True)
+
+
+def show_record_level(model: ModelComparison) -> None:
+    """Show the record-level parameters, by quantity, and which of them are suspicious."""
+    out = console()
+    if not model.record_level:
+        return
+    made = table("record-level parameter", "prior", "lowest", "mean", "highest", "records")
+    for column in made.columns[2:]:
+        column.justify = "right"
+    for one in model.record_level:
+        values = one.values
+        mark = "[red]" if one.statement else ""
+        cells = [one.shown(float(value)) for value in (values.min(), values.mean(), values.max())]
+        made.add_row(f"{mark}{escape(one.meaning)}", escape(one.prior), *map(escape, cells), str(values.size))
+    out.print(made)
+    for one in model.record_level:
+        if one.statement and one.statement not in model.statement:
+            text = one.statement[0].upper() + one.statement[1:]
+            out.print(f"  {escape(text)}.", soft_wrap=True)
+
+
+def _few(labels: Sequence[str], most: int = 6) -> str:
+    more = len(labels) - most
+    return ", ".join(labels[:most]) + (f" and {more} more" if more > 0 else "")
+
+
+def _channels(model: ModelComparison) -> Table:
+    """Model less measurement, channel by channel."""
+    channels = model.channels()
+    held = any(one["heldout_rmse"] is not None for one in channels.values())
+    heads = ("channel", "RMSE", *(["held out"] if held else []), "bias", "largest", "noise", "unit")
+    made = table(*heads, "RMSE/noise", "χ²", "R²", "noise from", "spikes masked")
+    for column in made.columns[1 : len(heads) - 1]:
+        column.justify = "right"
+    titles = model.fit.problem.measurements.titles
+    for name, one in channels.items():
+        rest = [_shown(one["heldout_rmse"], ".4g")] if held else []
+        share = one["noise_share"]
+        made.add_row(
+            titles.get(name, name),
+            f"{one['rmse']:.4g}",
+            *rest,
+            f"{resolved(one['bias'], one['rmse']):+.2g}",
+            f"{one['max']:+.3g}",
+            f"{100 * share:.2g} %" if share else f"{one['noise']:.3g}",
+            escape(one["unit"]),
+            f"{one['nrmse']:.3f}",
+            f"{one['chi2_reduced']:.3f}",
+            _shown(one["r2"], ".5f"),
+            one["noise_source"],
+            str(one["masked"] or ""),
+        )
+    return made
+
+
+def _shown(value: float | None, form: str) -> str:
+    return "" if value is None else f"{value:{form}}"
+
+
+def _side_by_side(models: Sequence[ModelComparison]) -> Table:
+    """One column for each model."""
+    made = table("", *(escape(model.name) for model in models))
+    channels = [model.channels() for model in models]
+    for name in dict.fromkeys(name for own in channels for name in own):
+        made.add_row(f"[bold]{name}[/]")
+        for label, key in (("RMSE", "rmse"), ("held out", "heldout_rmse"), ("noise", "noise")):
+            cells = [own[name][key] if name in own else None for own in channels]
+            units = [own[name]["unit"] if name in own else "" for own in channels]
+            if any(cell is not None for cell in cells):
+                shown = [
+                    "" if cell is None else f"{cell:.4g} {escape(unit)}"
+                    for cell, unit in zip(cells, units, strict=True)
+                ]
+                made.add_row(f"  {label}", *shown)
+    made.add_row("reduced χ²", *(f"{model.fit.chi2_reduced:.4g}" for model in models))
+    for test in _ASKS:
+        tests = [model.adequacy.tests.get(test) for model in models]
+        if any(tests):
+            made.add_row(f"p of {test} test", *("" if one is None else chance(one.p_value) for one in tests))
+    made.add_row("p of all", *(chance(model.adequacy.p_value) for model in models))
+    made.add_row("adequate", *map(_adequate, models))
+    return made
+
+
+def _adequate(model: ModelComparison) -> str:
+    if model.adequacy.below_noise:
+        return "[yellow]cannot tell[/]"
+    return "[green]yes[/]" if model.adequate else "[red]no[/]"
+
+
+def _tests(model: ModelComparison) -> Table:
+    made = table("test", "what it asks", "statistic", "dof", "p")
+    for name, test in model.adequacy.tests.items():
+        dof = str(test.dof) if test.dof else ""
+        made.add_row(name, _ASKS.get(name, ""), f"{test.statistic:.4g}", dof, chance(test.p_value))
+    made.add_row(
+        "all", "Holm: the smallest p, corrected for three tests", "", "", chance(model.adequacy.p_value)
+    )
+    return made
+
+
+def _places(places: Sequence[Place]) -> Table:
+    """Show where it fails, the worst of each kind first."""
+    made = table("where it fails", "share of the error", "", "error/noise", "p")
+    made.columns[2].justify = "right"
+    kinds = list(dict.fromkeys(place.by for place in places))
+    for kind in kinds:
+        own = [place for place in places if place.by == kind]
+        made.add_row(f"[dim]by {_KINDS[kind]}[/]")
+        for place in own[: _MOST.get(kind, len(own))]:
+            share = max(place.share_of_error, 0.0)
+            made.add_row(
+                f"  {escape(place.label)}",
+                f"[cyan]{draw_bar(share, 1.0, width=_BAR)}[/]",
+                f"{100 * share:.0f} %",
+                f"{place.rmse:.2f}",
+                chance(place.p_value),
+            )
+    return made
+
+
+def _show_trends(model: ModelComparison) -> None:
+    out = console()
+    shown = [trend for trend in model.trends if abs(trend.z) > 3.0][:6]
+    if not shown:
+        return
+    out.print("  [bold]its direction[/]")
+    for trend in shown:
+        wrong = ": [red]the wrong direction[/]" if trend.wrong_sign else ""
+        out.print(f"  {escape(trend.text)} ({abs(trend.z):.0f} sigma){wrong}", soft_wrap=True)
+
+
+def _show_slots(model: ModelComparison) -> None:
+    out = console()
+    shown = [slot for slot in model.slots if slot.log_evidence > 0.0][:6]
+    if not shown:
+        return
+    if model.rows and len(shown[0].alike) > 1:
+        alike = ", ".join((shown[0].slot, *shown[0].alike))
+        out.print(f"  single values do not show which equation lacks a term: {escape(alike)}", soft_wrap=True)
+        return
+    out.print("  [bold]which equation lacks a term[/], log-evidence")
+    width = max(len(slot.slot) for slot in shown)
+    for slot in shown:
+        bar = draw_bar(slot.log_evidence, shown[0].log_evidence, width=2 * _BAR)
+        out.print(f"  {escape(slot.slot):<{width}}  [cyan]{bar}[/] {slot.log_evidence:.4g}", soft_wrap=True)

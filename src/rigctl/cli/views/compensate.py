@@ -1,0 +1,84 @@
+"""How a schedule and its check are printed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.markup import escape
+from rich.table import Table
+
+from rigctl.cli.next_command import show_next
+from rigctl.cli.tables import console, table
+from rigctl.cli.views.answer import counted, show_answer
+from rigctl.compensation.judge import Verdict
+from rigctl.compensation.result import Schedule
+from rigctl.report.answer import Answer
+from rigctl.units import parse_unit, show, with_uncertainty
+
+_POINTS = "operating points with what each comes to"
+
+
+def show_schedule(found: Schedule, written: Sequence[Path], *, verbose: bool = False) -> None:
+    """Show the set-points, their uncertainty and the measured range; with `verbose` also the table."""
+    out = console()
+    more = [] if verbose else [*counted(len(found.rows), "operating point with what it comes to", _POINTS)]
+    show_answer(schedule_answer(found), more=more)
+    if verbose:
+        out.print(_rows(found))
+        if found.off:
+            off = show(found.off, found.unit, difference=True, digits=2)
+            out.print(f"  between two rows a straight line is off by {off} at most", soft_wrap=True)
+    for note in (*found.ends[1:], *found.notes):
+        out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
+    for path in written:
+        out.print(f"  written: {escape(path.as_posix())}", soft_wrap=True)
+    checks = [path for path in written if path.suffix == ".yaml"]
+    if checks:
+        show_next(
+            f"rigctl run {checks[0].as_posix()}",
+            "makes the records that check it, in pairs, with and without",
+        )
+
+
+def schedule_answer(found: Schedule) -> Answer:
+    """The set-point at each operating point, its uncertainty, and the measured range."""
+    reached = found.reached
+    points = [f"{show(row.vary, found.vary_unit)} at {show(row.over, found.over_unit)}" for row in reached]
+    std = show(max(row.std for row in reached), found.vary_unit, difference=True, digits=2)
+    scatter = show(max(row.scatter for row in reached), found.unit, difference=True, digits=2)
+    box = ", ".join(f"{name} {show(low, u)} to {show(high, u)}" for name, low, high, u in found.valid)
+    facts = (
+        ("set", ", ".join(points)),
+        ("how sure", f"± {std} by the fit; {found.quantity} scatters by ± {scatter} from record to record"),
+        ("measured", f"over {box}"),
+    )
+    return Answer("warn" if found.notes else "good", "Schedule", found.statement, facts)
+
+
+def _rows(found: Schedule) -> Table:
+    left = f"left at {show(found.fixed, found.vary_unit)}"
+    made = table(found.over, found.vary, found.quantity, "scatter", left)
+    for column in made.columns:
+        column.justify = "right"
+    unit = parse_unit(found.vary_unit)
+    for row in found.rows:
+        unchanged = show(row.fixed, found.unit)
+        at = show(row.over, found.over_unit)
+        if not row.reached:
+            made.add_row(at, "out of reach", "", "", unchanged)
+            continue
+        made.add_row(
+            at,
+            with_uncertainty(unit.from_si(row.vary), row.std / unit.factor, found.vary_unit),
+            show(row.kept, found.unit),
+            f"± {show(row.scatter, found.unit, difference=True, digits=2)}",
+            unchanged,
+        )
+    return made
+
+
+def show_verdict(found: Verdict) -> None:
+    """Show whether the schedule is accepted, and why."""
+    head = "[bold green]Accepted[/]" if found.accepted else "[bold yellow]Not accepted[/]"
+    console().print(f"{head}: {escape(found.statement)}.", soft_wrap=True)

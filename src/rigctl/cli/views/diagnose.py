@@ -1,0 +1,278 @@
+"""How a diagnosis and the resulting changes are printed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rich.markup import escape
+from rich.table import Table
+
+from rigctl.analysis.adequacy import chance
+from rigctl.analysis.bootstrap import Bootstrap
+from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
+from rigctl.analysis.held_out import Unseen
+from rigctl.analysis.improve import Improvement, Step
+from rigctl.analysis.laws.answer import LawAnswer
+from rigctl.analysis.text import parameters_text
+from rigctl.cli.tables import console, table
+from rigctl.cli.views.answer import counted, show_answer
+from rigctl.cli.views.compare import routine, show_departures, show_notes, show_unusual
+from rigctl.cli.views.model import show_errors
+from rigctl.report.bars import draw_bar
+from rigctl.report.diagnosis_answer import diagnosis_answer, improvement_answer
+from rigctl.units import known_digits, parse_unit
+
+_COLOURS = {
+    Verdict.ADEQUATE: "green",
+    Verdict.MISSING_EFFECT: "yellow",
+    Verdict.AMBIGUOUS: "yellow",
+    Verdict.OUTSIDE_LIBRARY: "red",
+}
+#: findings and next steps of a table that are shown without `-v`
+_MOST_SAID = 2
+#: effects of the ranking that are shown besides those of the verdict
+_RANKED = 8
+
+
+def show_diagnosis(found: Diagnosis, *, verbose: bool = False) -> None:
+    """Show the verdict and the next command; with `verbose` also the ranking and the evidence for and
+    against."""
+    if verbose:
+        _show_whole(found)
+        return
+    show_answer(diagnosis_answer(found), title=_title(found), more=_left_out(found))
+    show_departures(found.outside)
+    for finding in found.before.findings[:_MOST_SAID]:
+        console().print(f"  {escape(finding)}.", soft_wrap=True)
+    for step in found.next_steps[:_MOST_SAID]:
+        console().print(f"  {'next':<11} {escape(step)}", soft_wrap=True)
+    show_unusual(found.notes)
+    _show_intervals(found.bootstrap)
+    _show_files(found.laws)
+
+
+def _left_out(found: Diagnosis) -> list[str]:
+    """What is shown only with ``-v``."""
+    against = sum(one.startswith("against ") for one in found.further_evidence)
+    return [
+        *(["the ranking"] if found.ranking and found.verdict is not Verdict.ADEQUATE else []),
+        *counted(against, "thing against it", "things against it"),
+        *counted(
+            len(found.untestable), "effect that these data cannot test", "effects that these data cannot test"
+        ),
+        *counted(len(routine(found.notes)), "note on the data", "notes on the data"),
+    ]
+
+
+def _title(found: Diagnosis) -> str:
+    return found.title + (f" ({', '.join(found.effects)})" if found.effects else "")
+
+
+def _show_files(found: Sequence[LawAnswer]) -> None:
+    """Show where the files of better laws are."""
+    for one in found:
+        if one.file is not None:
+            console().print(f"  written: {escape(str(one.file))}", soft_wrap=True)
+
+
+def _show_whole(found: Diagnosis) -> None:
+    """Show the verdict, the ranking, the evidence for and against, and what cannot be tested."""
+    out = console()
+    _show_verdict(found)
+    show_departures(found.outside)
+    if found.remainder_text:
+        out.print(f"  {escape(found.remainder_text)}.", soft_wrap=True)
+    show_notes(found.notes)
+    for finding in found.before.findings:
+        out.print(f"  {escape(finding)}.", soft_wrap=True)
+    if found.verdict is Verdict.ADEQUATE:  # how much these data could have shown
+        for line in found.further_evidence:
+            out.print(f"  {escape(line)}", soft_wrap=True)
+    else:
+        if found.ranking:
+            out.print(_ranking(found))
+        _show_evidence(found.further_evidence)
+        _show_classes(found.classes)
+        for line in found.excluded_because:
+            out.print(f"  {escape(line)}", soft_wrap=True)
+        if found.slot and not found.before.rows:
+            out.print(f"  the equation that most probably lacks a term: [bold]{escape(found.slot)}[/]")
+        if any(one.before for one in found.drift):
+            out.print(_drift(found.drift))
+    _show_laws(found.laws)
+    _show_intervals(found.bootstrap)
+    _show_untestable(found.untestable)
+    if found.next_steps:
+        out.print("  [bold]what to measure next[/]")
+    for step in found.next_steps:
+        out.print(f"  {escape(step)}", soft_wrap=True)
+
+
+def _show_intervals(found: Bootstrap | None) -> None:
+    """Show the interval of each parameter over the repetitions, beside the standard deviation of the fit."""
+    if found is None:
+        return
+    out = console()
+    shown = table("parameter", "unit", "value", "interval", "± repeated", "± of the fit")
+    for one in found.parameters:
+        value, spread = known_digits(one.value, one.std)
+        low, high = (known_digits(end, one.std)[0] for end in (one.low, one.high))
+        fit = known_digits(one.value, one.fit_std)[1] if math.isfinite(one.fit_std) else ""
+        shown.add_row(escape(one.name), escape(one.unit), value, f"{low} … {high}", spread, fit)
+    out.print(shown)
+    out.print(f"  {escape(found.statement)}", soft_wrap=True)
+
+
+def _show_laws(found: Sequence[LawAnswer]) -> None:
+    """Show what the data show about the laws of the effects, and where the file of a better one is."""
+    out = console()
+    if found:
+        out.print("  [bold]by which law[/]")
+    for one in found:
+        mark = "[yellow]![/] " if one.differs else "  "
+        out.print(f"  {mark}{escape(one.statement)}", soft_wrap=True)
+        if one.file is not None:
+            out.print(f"    written: {escape(str(one.file))}", soft_wrap=True)
+
+
+def _show_verdict(found: Diagnosis) -> None:
+    colour = "yellow" if found.doubt else _COLOURS[found.verdict]
+    title = f"[bold {colour}]{escape(_title(found))}[/]"
+    console().print(f"{title}: {escape(found.statement)}.", soft_wrap=True)
+
+
+def _ranking(found: Diagnosis) -> Table:
+    """Effects by their probability."""
+    made = table(
+        "effect", "probability", "", "p of score", "ΔmBIC", "unabsorbed", "error", "held out", "parameters"
+    )
+    made.columns[2].justify = made.columns[4].justify = "right"
+    shown = [one for k, one in enumerate(found.ranking) if k < _RANKED or one.effect in found.effects]
+    for one in shown:
+        made.add_row(
+            f"[bold]{one.effect}[/]" if one.effect in found.effects else one.effect,
+            f"[cyan]{draw_bar(one.probability, 1.0, width=16)}[/]",
+            f"{100 * one.probability:.1f} %",
+            chance(one.score_p_value),
+            f"{one.delta_bic:+.1f}",
+            f"{100 * one.kappa:.0f} %",
+            f"{-100 * one.error_drop:+.1f} %" if one.error_drop else "",
+            _held_out(one),
+            escape(parameters_text(one.parameters)),
+        )
+    return made
+
+
+def _held_out(one: Ranked) -> str:
+    if not math.isfinite(one.heldout_before):
+        return ""
+    return f"{one.heldout_before:.4g} to {one.heldout_after:.4g}"
+
+
+def _show_evidence(evidence: Sequence[str]) -> None:
+    """Show a line for each piece of evidence for or against an effect."""
+    out = console()
+    for line in evidence:
+        mark = {"for": "[green]+[/]", "against": "[red]-[/]"}.get(line.partition(" ")[0])
+        if mark is not None:  # what else there is, the parameters' drift, has a table
+            out.print(f"  {mark} {escape(line)}", soft_wrap=True)
+
+
+def _show_classes(classes: Sequence[Sequence[str]]) -> None:
+    for names in classes:
+        if len(names) > 1:
+            console().print(f"  these data cannot tell apart: [bold]{escape(', '.join(names))}[/]")
+
+
+def _drift(found: Sequence[Drift]) -> Table:
+    """The fitted parameters, without and with the effects found."""
+    made = table("fitted parameter", "without", "with it", "unit", "change")
+    for one in found:
+        before, after = known_digits(one.before, one.before_std)[0], known_digits(one.after, one.after_std)[0]
+        made.add_row(one.parameter, before, after, escape(one.unit), _change(one))
+    return made
+
+
+def _change(one: Drift) -> str:
+    """In per cent; for a temperature in kelvin, since a share of degrees Celsius is meaningless."""
+    if parse_unit(one.unit).absolute_temperature:
+        return f"{(one.after - one.before) * parse_unit(one.unit).factor:+.2g} K"
+    return f"{100 * (one.after / one.before - 1):+.1f} %" if one.before else ""
+
+
+def _show_untestable(found: Sequence[tuple[str, str]]) -> None:
+    """Show effects that are not testable with these data, by what would make them testable."""
+    out = console()
+    by_need: dict[str, list[str]] = {}
+    for name, needs in found:
+        by_need.setdefault(needs, []).append(name)
+    if by_need:
+        out.print("  [bold]not testable with these data[/]")
+    for needs, names in by_need.items():
+        out.print(f"  {escape(', '.join(names))}: needs {escape(needs)}", soft_wrap=True)
+
+
+def _show_step(step: Step) -> None:
+    """Show one addition: the effect, the evidence for and against it, and the change of the error."""
+    out = console()
+    head = step.version.head
+    added = ", ".join(step.effects)
+    out.print(f"[bold]Version {step.version.number}[/] of {escape(str(head))}: added [bold]{added}[/]")
+    out.print(f"  {escape(step.reason)}.", soft_wrap=True)
+    gained = f"mBIC falls by {-step.delta_bic:.1f}"  # the reason has said it
+    evidence = step.diagnosis.evidence
+    _show_evidence([one for one in evidence if _subject(one) in step.effects and gained not in one])
+    show_errors([("before", step.before), (f"with {' and '.join(step.effects)}", step.after)])
+    out.print()
+
+
+def _subject(evidence: str) -> str:
+    """The effect that ``for valve_leakage: …`` is about."""
+    return evidence.partition(":")[0].partition(" ")[2]
+
+
+def show_improvement(found: Improvement, *, verbose: bool = False) -> None:
+    """Show how it ended, the additions and the change of the error; with `verbose` every step and its
+    reason."""
+    if verbose:
+        _show_steps(found)
+        return
+    if not found.steps:
+        show_diagnosis(found.last)
+        return
+    show_answer(
+        improvement_answer(found), title="-", more=["every step with its reasons", *_left_out(found.last)]
+    )
+    show_departures(found.last.outside)
+    _show_files(found.last.laws)
+
+
+def _show_steps(found: Improvement) -> None:
+    """Show every step, how it ended, the whole decrease of the error, and what is left."""
+    out = console()
+    for step in found.steps:
+        _show_step(step)
+    out.print(f"[bold]{escape(found.statement[0].upper() + found.statement[1:])}.[/]", soft_wrap=True)
+    if len(found.steps) > 1:
+        steps = [("before", found.steps[0].before)]
+        show_errors([*steps, *((f"with {' and '.join(one.effects)}", one.after) for one in found.steps)])
+    _show_unseen(found.unseen)
+    out.print("[bold]The model as it is now[/]")
+    _show_whole(found.last)
+    if found.steps:
+        head = found.steps[-1].version.head
+        out.print(f"  rigctl model history {escape(str(head))} shows every version")
+
+
+def _show_unseen(found: Sequence[Unseen]) -> None:
+    """Show how good the model is on the records that were left out, and what it misses there."""
+    out = console()
+    if found:
+        out.print("[bold]The records that no fit and no choice saw[/]")
+    for one in found:
+        mark = "[green]+[/]" if one.as_good else "[yellow]-[/]"
+        first, *rest = one.sentences
+        out.print(f"  {mark} {escape(first)}.", soft_wrap=True)
+        for sentence in rest:
+            out.print(f"    {escape(sentence)}.", soft_wrap=True)

@@ -1,0 +1,155 @@
+"""How the search for a formula is printed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from rich.markup import escape
+from rich.table import Table
+
+from rigctl.analysis.adequacy import chance
+from rigctl.cli.tables import console, table
+from rigctl.cli.views.answer import counted, show_answer
+from rigctl.discovery.curve import Curve
+from rigctl.discovery.locate import Located
+from rigctl.discovery.result import Discovery, FoundFormula
+from rigctl.report.answer import Answer, Tone
+from rigctl.report.bars import draw_bar
+from rigctl.report.braille import draw_curve
+from rigctl.units import show
+
+#: places, and lines of a curve, that are shown
+_PLACES, _LINES, _WIDTH = 6, 6, 56
+#: formulas that the answer names
+_FORMULAS = 3
+
+
+def show_discovery(found: Discovery, *, verbose: bool = False) -> None:
+    """Show the statement, the location, the size, and each formula in a line; with `verbose` the evidence."""
+    tone: Tone = "good" if found.gate.reason == "adequate" else "warn"
+    title = "Discovery" if found.gate.open else "No formula"
+    left = [*counted(len(found.located[:_PLACES]), "place"), *counted(len(found.curves[:1]), "curve")]
+    left += [*counted(len(found.formulas), "formula"), *counted(len(found.notes), "note")]
+    show_answer(Answer(tone, title, found.statement, tuple(_facts(found))), more=() if verbose else left)
+    if verbose:
+        _show_evidence(found)
+        return
+    for one in found.formulas:
+        if one.file is not None:
+            console().print(f"  written to {escape(one.file.as_posix())}", soft_wrap=True)
+
+
+def _facts(found: Discovery) -> Iterator[tuple[str, str]]:
+    """The share of the misfit that a term at the best location explains, and each formula with its check."""
+    if found.located:
+        best = found.located[0]
+        yield "misfit", f"{100 * best.share:.0f} % of it, {best.size:.1f} sigma ({chance(best.p_value)})"
+    for one in found.formulas[:_FORMULAS]:
+        held_out = f", error held out {_held_out(one)}" if _held_out(one) else ""
+        accepted = "accepted" if one.accepted else "not accepted"
+        sizes = ", ".join(f"{name} {value}" for name, value in one.parameters.items())
+        yield "formula", f"{one.slot} + {one.term}: {sizes}{held_out}; {accepted}"
+
+
+def _show_evidence(found: Discovery) -> None:
+    out = console()
+    for note in found.notes:
+        out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
+    if found.searched is None:
+        return
+    out.print(_places(found.located[:_PLACES]))
+    independent, tests = found.searched.independent, found.searched.tests
+    out.print(
+        f"  {tests} places and variables were searched, which behave as {independent:.0f} tests; "
+        f"{found.tried} formulas were tried.",
+        soft_wrap=True,
+    )
+    for curve in found.curves[:1]:
+        _show_curve(curve)
+    if found.formulas:
+        out.print(_formulas(found.formulas))
+    for one in found.formulas:
+        _show_formula(one)
+
+
+def _places(located: Sequence[Located]) -> Table:
+    made = table("a term at", "over", "misfit", "", "sigma", "p of all searched", "or at")
+    made.columns[3].justify = made.columns[4].justify = "right"
+    for one in located:
+        made.add_row(
+            escape(one.slot.name),
+            escape(" and ".join(driver.name for driver in one.over)),
+            f"[cyan]{draw_bar(one.share, 1.0, width=12)}[/]",
+            f"{100 * one.share:.0f} %",
+            f"{one.size:.1f}",
+            chance(one.p_value),
+            escape(", ".join(one.alike)),
+        )
+    return made
+
+
+def _show_curve(curve: Curve) -> None:
+    """Show the term over its variable, with its band at some points."""
+    out = console()
+    low, high = float(curve.value.min()), float(curve.value.max())
+    unit = curve.slot.unit
+    out.print(
+        f"  [bold]the term at {escape(curve.slot.name)} over {escape(curve.over)}[/]{_times(curve)}, "
+        f"from {show(low, unit, difference=True)} to {show(high, unit, difference=True)}"
+    )
+    if curve.free:
+        out.print("  [dim]but for a part that the fit takes up, of any size for all that these data say[/]")
+    for line in draw_curve(curve.value.tolist(), width=_WIDTH, height=_LINES, low=low, high=high):
+        out.print(f"    [cyan]{line}[/]")
+    out.print(f"    {show(float(curve.x[0]), curve.shown)} … {show(float(curve.x[-1]), curve.shown)}")
+    made = table(escape(curve.over), "term", "95 % band")
+    for place in range(0, curve.x.size, (curve.x.size - 1) // 4):
+        ends = (show(float(end[place]), unit, difference=True) for end in (curve.low, curve.high))
+        made.add_row(
+            show(float(curve.x[place]), curve.shown),
+            show(float(curve.value[place]), unit, difference=True),
+            " to ".join(ends),
+        )
+    out.print(made)
+
+
+def _times(curve: Curve) -> str:
+    return f" (times {escape(curve.times)})" if curve.times else ""
+
+
+def _formulas(found: Sequence[FoundFormula]) -> Table:
+    made = table("formula", "Δ", "tier", "held out", "accepted", "parameters")
+    made.columns[1].justify = "right"
+    for one in found:
+        made.add_row(
+            escape(one.name),
+            f"{one.delta:.1f}",
+            one.tier.letter,
+            _held_out(one),
+            "[green]yes[/]" if one.accepted else "[yellow]no[/]",
+            escape(", ".join(f"{name} {value}" for name, value in one.parameters.items())),
+        )
+    return made
+
+
+def _held_out(one: FoundFormula) -> str:
+    check = one.check
+    if check is None or not math.isfinite(check.before):
+        return ""
+    return f"{check.before:.4g} to {check.after:.4g}"
+
+
+def _show_formula(one: FoundFormula) -> None:
+    out = console()
+    out.print(f"  [bold]{escape(one.name)}[/]: {escape(one.slot)} + {escape(one.term)}", soft_wrap=True)
+    out.print(f"    tier {one.tier.letter}: {escape(one.tier.statement)}", soft_wrap=True)
+    if one.passive:
+        out.print(f"    it {one.passive}", soft_wrap=True)
+    if one.doubt:
+        out.print(f"    [yellow]not accepted[/]: {one.doubt}")
+    out.print(f"    holds over {escape(one.valid_text)}; nobody knows beyond", soft_wrap=True)
+    if one.alike:
+        out.print(f"    the same here: {escape(', '.join(one.alike))}", soft_wrap=True)
+    if one.file is not None:
+        out.print(f"    written to {escape(one.file.as_posix())}", soft_wrap=True)

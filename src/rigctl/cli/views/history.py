@@ -1,0 +1,161 @@
+"""How the versions of a model are printed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from rich.markup import escape
+
+from rigctl.cli.tables import console, table
+from rigctl.cli.views.answer import counted, show_answer
+from rigctl.cli.views.model import show_errors
+from rigctl.model import Version, VersionError, version_errors
+from rigctl.model.history.change import Change, ModelError
+from rigctl.report.answer import Answer
+from rigctl.report.numbers import number, symbol
+
+#: versions that the answer names, the last ones
+_NAMED = 6
+#: share of the noise: a smaller excess over it is not stated
+_SLIGHT = 0.05
+
+
+def show_history(versions: Sequence[Version], current: Version, *, verbose: bool = False) -> None:
+    """Show the changes, and how the error fell; with `verbose` also a table of the versions, and bars."""
+    found = version_errors(versions)
+    bars = sum(len(each.error.rmse) for each in found)
+    more = [*counted(len(versions), "version with when it was made", "versions with when they were made")]
+    show_answer(
+        history_answer(versions, current),
+        more=[] if verbose else [*more, *(["every error as a bar"] if bars else [])],
+    )
+    if verbose:
+        _show_versions(versions, current)
+        if found:
+            show_errors([(_label(each), each.error) for each in found])
+
+
+def history_answer(versions: Sequence[Version], current: Version) -> Answer:
+    """The version of the file and its origin, the earlier changes, and the change of the error."""
+    kept = "" if current.kept or current.parent is None else ", not kept yet"
+    found = version_errors(versions)
+    facts = [("note", current.done.note), ("done", _done(versions)), *_fall(found)]
+    if len({_basis(each) for each in found}) > 1:
+        facts.append(("beware", "not all were found on the same runs and held-out records"))
+    return Answer(
+        "good",
+        str(current.head),
+        f"version {current.number} of {len(versions)}, {current.done}{kept}",
+        tuple((head, text) for head, text in facts if text),
+    )
+
+
+def _done(versions: Sequence[Version]) -> str:
+    """What made each version, the first ones left out where there are many."""
+    if len(versions) == 1:
+        return ""
+    shown = [f"{one.number} {one.done}" for one in versions[-_NAMED:]]
+    left = len(versions) - len(shown)
+    return ", ".join([*([f"{left} before"] if left else []), *shown])
+
+
+def _basis(each: VersionError) -> tuple[object, ...]:
+    """The data of an error; two errors are compared only on the same data."""
+    return each.runs, each.hold_out, each.only, each.assume
+
+
+def _fall(found: Sequence[VersionError]) -> list[tuple[str, str]]:
+    """The error of the last version that has one, beside the first on the same records."""
+    if not found:
+        return []
+    last = found[-1]
+    first = next((each for each in found if _basis(each) == _basis(last)), last)
+    if first is last:
+        head = f"of version {last.version.number}"
+        return [("error", f"{head}: {_errors(last.error)}{_chi2(last.error)}")]
+    head = f"from version {first.version.number} to {last.version.number}"
+    return [
+        ("error", f"{head}, {error_change(first.error, last.error)}"),
+        ("held out", held_out_change(first.error, last.error)),
+    ]
+
+
+def _beyond(error: ModelError, channel: str) -> str:
+    """A channel's error without the noise; the whole error if the noise is not known."""
+    rmse, noise = error.rmse[channel], error.noise.get(channel, 0.0)
+    left = math.sqrt(max(rmse**2 - noise**2, 0.0))
+    if noise and left < _SLIGHT * noise:
+        return "none"
+    return f"{number(left, 2)} {symbol(error.units.get(channel, ''))}".strip()
+
+
+def _errors(error: ModelError) -> str:
+    known = all(error.noise.get(channel) for channel in error.rmse)
+    said = ", ".join(f"{channel} {_beyond(error, channel)}" for channel in error.rmse)
+    return f"{said}{' beyond the noise' if known else ''}"
+
+
+def error_change(before: ModelError, after: ModelError) -> str:
+    """The common channels that changed, and the reduced chi-squared.
+
+    A change that is small relative to the noise of one reading is not visible in a root mean square, but may
+    be significant over all readings: the chi-squared shows it.
+    """
+    both = {
+        channel: (_beyond(before, channel), _beyond(after, channel))
+        for channel in after.rmse
+        if channel in before.rmse
+    }
+    changed = [f"{channel} {old} to {new}" for channel, (old, new) in both.items() if old != new]
+    known = all(after.noise.get(channel) for channel in both)
+    said = f"{'beyond the noise: ' if known else ''}{', '.join(changed)}" if changed else ""
+    slight = "beside the noise of one reading no channel's error changes"
+    if before.chi2_reduced is None or after.chi2_reduced is None:
+        return said or slight
+    chi2 = f"reduced χ² {before.chi2_reduced:.4g} to {after.chi2_reduced:.4g}"
+    return f"{chi2}; {said or slight}"
+
+
+def held_out_change(before: ModelError, after: ModelError) -> str:
+    """The same on the records that no fit saw; "" where none were held out."""
+    if not before.heldout_rmse or not after.heldout_rmse:
+        return ""
+    errors = (replace(one, rmse=one.heldout_rmse, chi2_reduced=None) for one in (before, after))
+    return error_change(*errors)
+
+
+def _chi2(error: ModelError) -> str:
+    return "" if error.chi2_reduced is None else f"; reduced χ² {error.chi2_reduced:.4g}"
+
+
+def _show_versions(versions: Sequence[Version], current: Version) -> None:
+    out = console()
+    made = table("version", "from", "when (UTC)", "what was done", "fitted to", "held out", "χ²")
+    for version in versions:
+        after = version.done.after
+        made.add_row(
+            f"{version.number}{' (head)' if version.number == current.number else ''}",
+            "" if version.parent is None else str(version.parent),
+            f"{version.time:%Y-%m-%d %H:%M}",
+            escape(f"{version.done}{'' if version.kept or version.parent is None else ', not kept yet'}"),
+            escape(_fitted_to(version.done)),
+            escape(version.done.hold_out),
+            "" if after is None or after.chi2_reduced is None else f"{after.chi2_reduced:.4g}",
+        )
+    out.print(made)
+    for version in versions:
+        if version.done.note:
+            out.print(f"  {version.number}: {escape(version.done.note)}.", soft_wrap=True)
+
+
+def _fitted_to(done: Change) -> str:
+    """The runs, which of their records, and what was assumed of them."""
+    runs = ", ".join(done.runs)
+    only = f", only {done.only}" if done.only else ""
+    return runs + only + "".join(f", {text} assumed" for text in done.assume)
+
+
+def _label(found: VersionError) -> str:
+    return f"{found.version.number} {found.version.done}"

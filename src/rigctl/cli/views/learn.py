@@ -1,0 +1,91 @@
+"""How learning is printed: each proposal before it is carried out, each round, and the summary."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.markup import escape
+
+from rigctl.cli.tables import console, table
+from rigctl.cli.views.design import show_design
+from rigctl.design.result import DesignResult
+from rigctl.design.words import share
+from rigctl.learning.ending import Ended
+from rigctl.learning.result import Learned, Round, round_text
+from rigctl.planning.outline import clock_time
+
+
+def show_proposal(one: Round, design: DesignResult, *, quiet: bool = False, verbose: bool = False) -> None:
+    """Show the proposed records; with `quiet` on stderr, with `verbose` also the predictions for each
+    pair."""
+    out = console(stderr=True)
+    out.print(f"\n[bold]Round {one.number}[/] would be {escape(one.procedure)}", soft_wrap=True)
+    if quiet:
+        out.print(escape(design.statement), soft_wrap=True)
+    else:
+        show_design(design, verbose=verbose)
+
+
+def show_round(one: Round) -> None:
+    """Show a judged round."""
+    out = console()
+    text = round_text(one).partition(": ")[2]
+    out.print(f"[bold]Round {one.number}[/]: {escape(text)}", soft_wrap=True)
+    out.print(f"  {escape(one.statement)}", soft_wrap=True)
+
+
+def show_learned(learned: Learned, folder: Path, page: Path) -> None:
+    """Show how it ended, the predicted beside the achieved separation, and where the page is."""
+    out = console()
+    good = learned.ended is Ended.ADEQUATE
+    out.print(
+        f"\n[bold {'green' if good else 'yellow'}]{learned.ended.heading}[/]: {escape(learned.statement)}",
+        soft_wrap=True,
+    )
+    compared = [one for one in learned.rounds if one.promised and one.promised.aim != "precision"]
+    if any(one.came_out for one in compared):
+        made = table("round", "D predicted", "D achieved", "P predicted", "distinguished")
+        for column in made.columns[1:4]:
+            column.justify = "right"
+        for one in compared:
+            if one.promised is None or one.came_out is None:
+                continue
+            gained = min(one.came_out.gains.values(), default=None)
+            made.add_row(
+                str(one.number),
+                f"{min(one.came_out.expected.values(), default=one.promised.separation):.3g}",
+                "–" if gained is None else f"{gained:.3g}",
+                share(one.promised.probability),
+                "yes" if one.came_out.told else "no",
+            )
+        out.print(made)
+    for one in learned.rounds:
+        if one.came_out is not None and one not in compared:
+            out.print(f"  round {one.number}: {escape(one.came_out.statement)}", soft_wrap=True)
+    added = ", ".join(learned.added) or "nothing"
+    out.print(
+        f"  added {escape(added)}; {escape(learned.model)} is at version {learned.version}", soft_wrap=True
+    )
+    out.print(f"  {clock_time(learned.spent)} of bench time; the page: {escape(str(page))}", soft_wrap=True)
+    if learned.sensor:
+        names = " and ".join(learned.sensor)
+        out.print(f"  with {escape(names)} measured too, they would be distinguished", soft_wrap=True)
+    _lead_on(learned, folder)
+
+
+def _lead_on(learned: Learned, folder: Path) -> None:
+    from rigctl.cli.next_command import show_next
+    from rigctl.command_line import command
+
+    runs = [one.run for one in learned.rounds if one.run]
+    if learned.ended is Ended.OUTSIDE_LIBRARY and runs:
+        discover = command(["discover", *runs, "--model", learned.model])
+        show_next(discover, "looks for a formula where no effect of the library fits")
+    elif learned.ended is Ended.BUDGET:
+        show_next("rigctl learn --resume --budget 1h", "continues with more bench time")
+    elif learned.ended is Ended.ROUNDS:
+        show_next("rigctl learn --resume --max-rounds 10", "continues with more rounds")
+    elif learned.ended is Ended.DECLINED:
+        show_next("rigctl learn --resume", f"asks again; the proposal is kept in {folder}")
+    elif learned.ended is Ended.STOPPED:
+        show_next("rigctl learn --resume", "continues the run that did not finish")

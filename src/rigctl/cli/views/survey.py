@@ -1,0 +1,123 @@
+"""How a survey is printed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.markup import escape
+
+from rigctl.analysis.adequacy import chance_text
+from rigctl.cli.tables import console, table
+from rigctl.cli.views.answer import counted, show_answer
+from rigctl.monitoring.result import Line, Survey
+from rigctl.report.answer import Answer
+from rigctl.report.numbers import plural
+
+#: courses, runs and tests that a terminal shows
+_COURSES, _LINES, _TESTS = 4, 24, 8
+#: changes that are told in full; single runs and failures that are named
+_CHANGES, _NAMED = 4, 3
+_HEADS = {"changed": "Changed", "no_change_seen": "No change seen", "cannot_tell": "Cannot tell"}
+
+
+def show_survey(found: Survey, written: Sequence[Path], *, verbose: bool = False) -> None:
+    """The answer; with `verbose` the runs with what they say, and what was tested."""
+    out = console()
+    more = [
+        *counted(len(found.lines), "run with what it says", "runs with what they say"),
+        *counted(len(found.judged.tested), "quantity's scatter and chance", "quantities' scatter and chance"),
+        *counted(max(len(found.failed) - 1, 0), "more failure", "more failures"),
+    ]
+    show_answer(survey_answer(found), more=[] if verbose else more)
+    if verbose:
+        _show_runs(found)
+        _show_tests(found)
+        for line in found.failed:
+            out.print(f"  [yellow]{escape(line.entry.label)}: {escape(line.failed)}[/]", soft_wrap=True)
+    for note in (*found.named.remarks, *found.notes):
+        out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
+    for path in written:
+        out.print(f"  written: {escape(path.as_posix())}", soft_wrap=True)
+
+
+def survey_answer(found: Survey) -> Answer:
+    """What has changed, what else has, how many runs say so, and which of them say nothing."""
+    first, *others = [found.sentence(change) for change in found.changes] or [found.statement]
+    facts = [("and", sentence) for sentence in others[: _CHANGES - 1]]
+    rest = [change.quantity.name for change in found.changes[_CHANGES:]]
+    if rest:
+        facts.append(("and", f"{', '.join(rest)}"))
+    facts += [("the model", _agreement(found)), ("apart", _apart(found)), ("no answer", _failures(found))]
+    return Answer(
+        "good" if found.verdict == "no_change_seen" else "warn",
+        _HEADS[found.verdict],
+        first,
+        tuple((head, text) for head, text in facts if text),
+    )
+
+
+def _agreement(found: Survey) -> str:
+    agreeing = sum(line.reading is not None and line.reading.adequate for line in found.lines)
+    each = f"{plural(len(found.read), 'run')}" if len(found.read) != 1 else "one run"
+    return f"agrees with {agreeing} of {each}, each fitted by itself" if found.read else ""
+
+
+def _apart(found: Survey) -> str:
+    """Single runs that are far from their neighbours: a mistake perhaps, and no change."""
+    said: dict[str, list[str]] = {}
+    for one in found.judged.tested:
+        for k in one.apart:
+            said.setdefault(found.read[k].entry.label, []).append(one.course.quantity.name)
+    shown = [f"{label} ({', '.join(names)})" for label, names in list(said.items())[:_NAMED]]
+    if len(said) > _NAMED:
+        shown.append(f"and {len(said) - _NAMED} more")
+    return ", ".join(shown)
+
+
+def _failures(found: Survey) -> str:
+    if not found.failed:
+        return ""
+    first = found.failed[0]
+    count = f"{plural(len(found.failed), 'run')} could not be read; " if len(found.failed) > 1 else ""
+    return f"{count}{first.entry.label}: {first.failed}"
+
+
+def _show_runs(found: Survey) -> None:
+    out = console()
+    courses = found.shown()[:_COURSES]
+    heads = [f"{one.quantity.name} [{one.quantity.unit}]" for one in courses]
+    made = table("run", found.axis.name, *map(escape, heads), "agrees")
+    for line in _shown(found.lines):
+        if line is None:
+            made.add_row("…")
+        elif line.reading is None:
+            made.add_row(line.entry.label, found.axis.text(line.entry), "[yellow]could not be read[/]")
+        else:
+            values = [found.bare(c.quantity, c.values[line.index], c.std[line.index]) for c in courses]
+            agrees = "yes" if line.reading.adequate else "no"
+            made.add_row(line.entry.label, found.axis.text(line.entry), *values, agrees)
+    out.print(made)
+
+
+def _shown(lines: Sequence[Line]) -> list[Line | None]:
+    """All lines, or the first and the last of them with None between."""
+    if len(lines) <= _LINES:
+        return list(lines)
+    half = _LINES // 2
+    return [*lines[:half], None, *lines[-half:]]
+
+
+def _show_tests(found: Survey) -> None:
+    out = console()
+    made = table("quantity", "scatter between runs", "chance", "stand apart")
+    for one in found.judged.tested[:_TESTS]:
+        quantity = one.course.quantity
+        between = "not known" if one.between is None else found.amount_difference(quantity, one.between)
+        chance = "not tested" if one.p_value is None else chance_text(one.p_value)
+        apart = ", ".join(found.read[k].entry.label for k in one.apart[:2])
+        made.add_row(quantity.name, between, chance, apart)
+    out.print(made)
+    rest = len(found.judged.tested) - _TESTS
+    if rest > 0:
+        out.print(f"  and {rest} more, none of them surer", soft_wrap=True)
