@@ -24,8 +24,8 @@ void clock_disarm(void);
 
 /* uart.c */
 void uart_start(void);
+#define UART_LOST 0xFF /* stands where received bytes were lost; no command has it */
 bool uart_read(uint8_t *byte);
-bool uart_overrun(void); /* received bytes were lost since the last call */
 void uart_put(char c); /* waits for room */
 bool uart_put_all(const char *data, uint8_t length); /* false, and nothing is sent, when there is no room */
 

@@ -476,6 +476,7 @@ static int16_t dispatch(char *header, char *arg) {
     for (uint8_t i = 0; i < sizeof COMMANDS / sizeof COMMANDS[0]; i++) {
         if (!matches(COMMANDS[i].header, header))
             continue;
+        host_spoke(); /* by a command only: noise has lines too */
         bool needed = pgm_read_byte(&COMMANDS[i].needs_parameter);
         if (needed != (arg != NULL))
             return needed ? E_MISSING : E_NOT_ALLOWED;
@@ -548,6 +549,5 @@ void command_execute(char *line) {
     if (!line || !*line)
         return;
     char *arg = split(line);
-    host_spoke();
     finish(dispatch(line, arg));
 }

@@ -227,7 +227,7 @@ static bool sound(void) {
 int16_t control_start(bool from_here, bool clamped) {
     if (running)
         return E_NONE;
-    if (!sound() || trips())
+    if (!sound())
         return E_CONFLICT;
     bumpless = from_here;
     clamping = clamped;
@@ -239,18 +239,20 @@ int16_t control_start(bool from_here, bool clamped) {
     memset(&jitter, 0, sizeof jitter);
     memset(&delay, 0, sizeof delay);
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
-        to_go = 1;
-        elapsed = ago = 0;
-        TCCR2A = _BV(WGM21);
-        OCR2A = TICK_COUNTS - 1;
-        OCR2B = OUTPUT_COUNT;
-        TCNT2 = 0;
-        TIFR2 = _BV(OCF2A);
-        TCCR2B = _BV(CS22); /* 16 MHz / 64 */
-        running = true;
-        TIMSK2 = _BV(OCIE2A);
+        if (!trips()) { /* one that came just now has halted nothing yet */
+            to_go = 1;
+            elapsed = ago = 0;
+            TCCR2A = _BV(WGM21);
+            OCR2A = TICK_COUNTS - 1;
+            OCR2B = OUTPUT_COUNT;
+            TCNT2 = 0;
+            TIFR2 = _BV(OCF2A);
+            TCCR2B = _BV(CS22); /* 16 MHz / 64 */
+            running = true;
+            TIMSK2 = _BV(OCIE2A);
+        }
     }
-    return E_NONE;
+    return running ? E_NONE : E_CONFLICT;
 }
 
 static uint32_t in_bin(const spread_t *spread, uint8_t bin) {

@@ -9,27 +9,25 @@
 static void receive(void) {
     static char line[LINE];
     static uint8_t length;
-    static bool too_long;
+    static bool damaged; /* part of it is missing: nothing of it is carried out */
     uint8_t byte;
-    if (uart_overrun()) /* part of a command is missing: carry out nothing of it */
-        too_long = true;
     while (uart_read(&byte)) {
         if (byte == '\r')
             continue;
         if (byte != '\n') {
-            if (length < LINE - 1)
+            if (byte != UART_LOST && length < LINE - 1)
                 line[length++] = byte;
             else
-                too_long = true;
+                damaged = true;
             continue;
         }
         line[length] = 0;
-        if (too_long)
+        if (damaged)
             error_add(E_OVERRUN);
         else
             command_execute(line);
         length = 0;
-        too_long = false;
+        damaged = false;
         return; /* one command, then the events and the stream */
     }
 }

@@ -7,18 +7,26 @@
 #define DIVISOR ((F_CPU + BAUD * 4UL) / (BAUD * 8UL) - 1UL) /* double speed */
 
 static volatile uint8_t received[128], to_send[256];
-static volatile uint8_t rx_head, rx_tail, tx_head, tx_tail, lost;
+static volatile uint8_t rx_head, rx_tail, tx_head, tx_tail;
+static volatile bool missing; /* bytes were lost after the newest in the ring */
+
+static bool keep(uint8_t byte) {
+    uint8_t next = (rx_head + 1) & 127;
+    if (next == rx_tail)
+        return false;
+    received[rx_head] = byte;
+    rx_head = next;
+    return true;
+}
 
 ISR(USART_RX_vect) {
-    uint8_t status = UCSR0A, byte = UDR0, next = (rx_head + 1) & 127;
+    uint8_t status = UCSR0A, byte = UDR0;
     if (status & _BV(DOR0))
-        lost = 1;
-    if (next == rx_tail) {
-        lost = 1;
-    } else {
-        received[rx_head] = byte;
-        rx_head = next;
-    }
+        missing = true;
+    if (missing)
+        missing = !keep(UART_LOST);
+    if (!missing)
+        missing = !keep(byte);
 }
 
 ISR(USART_UDRE_vect) {
@@ -44,12 +52,6 @@ bool uart_read(uint8_t *byte) {
     *byte = received[rx_tail];
     rx_tail = (rx_tail + 1) & 127;
     return true;
-}
-
-bool uart_overrun(void) {
-    bool was = lost;
-    lost = 0;
-    return was;
 }
 
 static uint8_t uart_free(void) { return (uint8_t)(tx_tail - tx_head - 1); }

@@ -127,6 +127,20 @@ def test_the_stream_is_regular_and_reports_switches(chip: Chip) -> None:
         assert int(checksum, 16) == crc_hqx(body.encode(), 0)
 
 
+def test_of_a_command_that_lost_characters_nothing_is_carried_out(chip: Chip) -> None:
+    """Long answers keep the board so busy that what arrives meanwhile finds no room."""
+    chip.send("STRM 1")
+    commanded = set()
+    for blanks in range(20):
+        chip.avr.send(b"SYST:CONF?\n" * 3 + b" " * blanks + b"\n" + b"SOUR:PRES 1000\n" * 40)
+        chip.run(0.2)
+        lines = chip.avr.take().decode("latin-1").splitlines()
+        commanded |= {line.split(",")[3].partition("*")[0] for line in lines if line.count(",P,") == 1}
+    assert commanded == {"1000"}
+    chip.send("STRM 0")
+    assert chip.ask("SYST:ERR?") == '-363,"Input buffer overrun"'
+
+
 def test_garbage_does_not_stop_it(chip: Chip) -> None:
     chip.avr.send(bytes(range(128, 256)) * 2 + b"\x00\xff*#@!:" + b"#" * 70 + b"\n#\n# \n*\n:\n?\n,\n")
     chip.run(0.1)

@@ -251,6 +251,21 @@ def test_a_trip_at_any_time_of_an_update_leaves_the_output_off(chip: Chip) -> No
         assert chip.ask("#1 SYST:TRIP:CLE") == "#1 OK"
 
 
+def test_a_trip_while_a_loop_starts_leaves_none_running(chip: Chip) -> None:
+    """A loop that ran with its trip latched would drive the output as soon as the trip is cleared."""
+    tell(chip)
+    for phase in range(0, 600, 20):
+        chip.put(1000, 500, 300)
+        chip.run(phase * 1e-6)
+        chip.send("CONT:STAR BUMP", 0.008)
+        chip.put(200, 500, 300)
+        chip.run(0.003)
+        assert chip.ask("CONT?").startswith("0,")
+        assert chip.ask("#1 SYST:TRIP:CLE") == "#1 OK"
+        chip.run(0.03)
+        assert chip.avr.pwm == 0.0
+
+
 def test_a_silent_host_ends_a_loop_even_while_its_output_is_off(chip: Chip) -> None:
     chip.put(600, 500, 300)  # above the set-point: the output rests at its low end
     begin(chip)

@@ -78,13 +78,19 @@ def test_a_silent_host_with_everything_off_is_none_of_its_business(chip: Chip) -
     assert chip.ask("SYST:TRIP?") == '0,""'
 
 
-def test_garbage_is_no_sign_of_life(chip: Chip) -> None:
+@pytest.mark.parametrize(
+    "garbage",
+    [b"VALV EXT*0000\n" + bytes(range(128, 180)), b"noise\n~ 7\n#1\n", b"#1 VALVES EXT\n"],
+    ids=["damaged", "lines", "no command"],
+)
+def test_garbage_is_no_sign_of_life(chip: Chip, garbage: bytes) -> None:
     chip.send("VALV EXT")
     for _ in range(20):
-        chip.avr.send(b"VALV EXT*0000\n" + bytes(range(128, 180)))
+        chip.avr.send(garbage)
         chip.run(0.1)
     assert not chip.pins["extend"]
-    assert chip.ask("\n#1 SYST:TRIP?").startswith("#1 4")
+    chip.send("")
+    assert chip.ask("#1 SYST:TRIP?").startswith("#1 4")
 
 
 def test_a_program_that_hangs_is_restarted_with_everything_off(chip: Chip) -> None:
