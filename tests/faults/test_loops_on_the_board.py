@@ -140,6 +140,21 @@ def test_between_records_a_loop_begins_again_after_a_loss_of_contact(board: Boar
     assert late[0] == pytest.approx(30.0, abs=4.0)
 
 
+def test_between_records_a_loop_on_the_host_goes_on_after_a_loss_of_contact(board: BoardWorkshop) -> None:
+    done = board.run(alone("rate: 20 Hz, for: 3 s"), faults=["backend_lost@1 s..1.6 s"])
+    assert done.result.status == "finished", done.result.reason
+    late = [value / BAR for time, value in done.commands("relief_valve") if time > 2.5]
+    assert late[0] == pytest.approx(30.0, abs=4.0)
+
+
+def test_after_the_loop_the_output_is_safe_before_the_next_step(board: BoardWorkshop) -> None:
+    done = board.run(f"{alone('rate: 100 Hz, where: board, for: 1 s')}  - wait: 1 s\n", noise="off")
+    assert done.result.status == "finished", done.result.reason
+    (*_, (last, safe)) = done.commands("relief_valve")
+    assert safe / BAR == 10.0
+    assert last < done.result.duration - 0.9
+
+
 def test_lost_and_damaged_lines_do_not_disturb_a_loop(board: BoardWorkshop) -> None:
     chance = random.Random(5)
 

@@ -54,6 +54,12 @@ def test_a_good_end_runs_every_finally_and_nothing_else(do: Do) -> None:
     assert done.states == ["arming", "running", "finishing", "finished"]
 
 
+def test_what_a_step_leaves_on_is_off_at_a_good_end(do: Do) -> None:
+    done = do("steps:\n  - set: {heater: on}\n  - wait: 1 s\n")
+    assert done.result.status == "finished"
+    assert [value for _, value in done.commands("heater")] == [1.0, 0.0]
+
+
 def test_a_failure_unwinds_the_whole_stack_with_outputs_safe_before_it(do: Do) -> None:
     done = do(NESTED.format(step=FAILS))
     assert done.result.status == "failed"

@@ -51,6 +51,24 @@ def test_a_single_bad_sample_is_forgiven(rig: Rig) -> None:
     assert [alarm for alarm in feed(locks, rows) if alarm.action == "stop"] == []
 
 
+def test_the_end_of_the_persistence_counts_whatever_the_rounding_of_times(rig: Rig) -> None:
+    assert 0.95 - 0.9 < 0.05
+    alarms = feed(Interlocks(rig), [row(0.9, pressure=61e5), row(0.95, pressure=61e5)])
+    assert [alarm.time for alarm in alarms] == [0.95]
+
+
+def test_missing_values_do_not_forgive_what_is_outside(rig: Rig) -> None:
+    rows = [row(0.01 * i, pressure=math.nan if i % 2 else 61e5) for i in range(20)]
+    assert [alarm.name for alarm in feed(Interlocks(rig), rows)] == ["over_pressure"]
+
+
+def test_an_alarm_that_comes_again_is_not_cleared_meanwhile(rig: Rig) -> None:
+    locks = Interlocks(rig)
+    warm = 273.15 + 86.0
+    raised = feed(locks, [row(0.5 * i, oil=warm if i < 10 or i == 20 else WARM) for i in range(60)])
+    assert [(alarm.time, alarm.active) for alarm in raised] == [(2.0, True), (10.5 + REARM, False)]
+
+
 def test_a_warning_is_cleared_when_its_cause_has_been_gone_long_enough(rig: Rig) -> None:
     locks = Interlocks(rig)
     warm = 273.15 + 86.0
@@ -79,6 +97,12 @@ def test_a_rate_is_taken_over_its_window(rig: Rig) -> None:
     assert [a.name for a in alarms] == ["moves_too_fast"]
     assert alarms[0].time < 0.2
     assert "0.9 m/s" in alarms[0].message or "900 mm/s" in alarms[0].message
+
+
+def test_no_rate_is_known_before_half_of_its_window(rig: Rig) -> None:
+    """2 m/s for 20 ms: over half a window and more it is above the limit for 16 ms only."""
+    rows = [row(0.001 * i, position=0.05 + 0.002 * min(i, 20)) for i in range(300)]
+    assert feed(Interlocks(rig), rows) == []
 
 
 def test_quantisation_noise_is_no_motion(rig: Rig) -> None:

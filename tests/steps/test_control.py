@@ -118,6 +118,45 @@ def test_whatever_the_numbers_the_output_stays_within_its_limits_and_comes_back(
     assert low == 0.0
 
 
+def controller(
+    bounds: Bounds, anti_windup: AntiWindup = AntiWindup.CLAMPING, gain: float = 0.0, integral: float = 1.0
+) -> Pid:
+    return Pid(Gains(gain, integral, 0.0, 0.1, 0.1, anti_windup), bounds, 0.5, bumpless=True)
+
+
+def test_the_rate_bounds_a_falling_output_as_a_rising_one() -> None:
+    loop = controller(Bounds(0.0, 10.0, 2.0), gain=1.0, integral=0.0)
+    outputs = [loop.update(0.1 * k, 0.0, 5.0 if k < 10 else -5.0, 0.0) for k in range(20)]
+    assert np.diff(outputs) == pytest.approx([0.2] * 9 + [-0.2] * 10)
+
+
+@pytest.mark.parametrize("high", [True, False])
+def test_a_clamped_integral_returns_from_the_limit(*, high: bool) -> None:
+    """It is held only while it would drive the output further out."""
+    sign = 1.0 if high else -1.0
+    loop = controller(Bounds(0.0, 1.0, math.inf))
+    outputs = [loop.update(float(k), 0.0, sign * (0.3 if k < 5 else -0.3), 0.0) for k in range(9)]
+    assert outputs[4] == (1.0 if high else 0.0)
+    assert 0.0 < outputs[-1] < 1.0
+    below = [loop.update(9.0 + k, 0.0, 0.0, 0.0) for k in range(3)]
+    assert below[0] == below[-1], "with no error nothing moves"
+
+
+def test_an_integral_that_would_be_infinite_stays_what_it_was() -> None:
+    for anti_windup in AntiWindup:
+        loop = controller(Bounds(0.0, 1.0, math.inf), anti_windup, integral=1e300)
+        outputs = [loop.update(float(k), 0.0, 1e20 if k < 2 else 0.0, 0.0) for k in range(4)]
+        assert outputs[2:] == [0.5, 0.5]
+
+
+def test_a_late_update_leads_the_integral_back_to_the_limit_and_no_further() -> None:
+    """100 tracking times at once: to the first order it would be led back a hundred times as far."""
+    loop = controller(Bounds(0.0, 1.0, math.inf), AntiWindup.BACK_CALCULATION)
+    for time, setpoint in ((0.0, 3.0), (1.0, 3.0), (2.0, 0.0), (12.0, 0.0)):
+        loop.update(time, 0.0, setpoint, 0.0)
+    assert loop.update(12.1, 0.0, 0.0, 0.0) == pytest.approx(1.0)
+
+
 def test_it_begins_without_a_bump_and_keeps_to_the_rate(press: Callable[..., RunLog]) -> None:
     before = "  - set: {relief_valve: 20 bar}\n  - wait: 3 s\n"
     done = press(
@@ -196,6 +235,35 @@ def test_between_records_the_bench_is_read_as_often_as_the_loop_needs(tmp_path: 
     assert done.result.folder is not None
     kept = {one["name"]: one["value"] for one in open_run(done.result.folder).info["measures"]}
     assert kept["control_jitter_p99"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_after_the_loop_the_output_is_safe_and_the_bench_is_read_as_before(tmp_path: Path) -> None:
+    """Before the next step, not only at the end of the run."""
+    loop = "{actuator: heater_1, channel: temperature_1, to: 40 degC, gain: 5 %/K, rate: 20 Hz, for: 5 s}"
+    steps = f"steps:\n  - control: {loop}\n  - set: {{heater_2: 10 %}}\n  - wait: 9 s\n"
+    done = VirtualBench(tmp_path, HEATERS).run(steps)
+    begin = done.commands("heater_1")[0][0]
+    off = next(time for time, value in done.commands("heater_1") if value == 0.0)
+    assert off - begin == pytest.approx(5.0, abs=0.1)
+    assert done.result.folder is not None
+    times = open_run(done.result.folder).signals("time") - begin
+    slow = 1.0 / load_rig(HEATERS).monitor_rate
+    assert np.diff(times[(times > 0.0) & (times < 4.5)]) == pytest.approx(0.05, abs=1e-6)
+    assert np.diff(times[(times > 6.5) & (times < 13.5)]) == pytest.approx(slow, abs=1e-6)
+
+
+@pytest.mark.parametrize("fault", ["sensor_open", "sensor_out_of_range"])
+def test_an_impossible_reading_moves_nothing_and_is_counted(press: Callable[..., RunLog], fault: str) -> None:
+    done = press(
+        "to: 30 bar, gain: 0.5, integral: 2 1/s, for: 2 s",
+        options={"faults": (f"{fault}:supply_pressure@1 s..1.035 s",)},
+    )
+    assert done.result.status == "finished", done.result.reason
+    (told,) = (
+        text for text in done.messages("note") if "readings of supply_pressure could not be used" in text
+    )
+    assert told.startswith(("3 ", "4 "))
+    assert not [value for time, value in done.commands("relief_valve") if 1.0 < time < 1.035]
 
 
 def test_one_seed_gives_one_run_to_the_byte(tmp_path: Path) -> None:
