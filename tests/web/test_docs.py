@@ -34,7 +34,7 @@ def test_a_page_is_found_by_its_words_and_read(window: Window) -> None:
 
 
 @pytest.mark.parametrize(
-    "path", ["../mkdocs.yml", "..%2f..%2fpyproject.toml", "%2fetc/passwd", "nothing.html", ""]
+    "path", ["../mkdocs.yml", "..%2f..%2fpyproject.toml", "%2fetc/passwd", "nothing.html", "%00", ""]
 )
 def test_only_the_site_is_served(path: str, served: Served, cookie: str) -> None:
     status, _, text = served.ask("GET", f"/docs/{path}", cookie=cookie)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
 import socket
 
 import pytest
 
+from rigctl.web.gate import Gate, Keys, Message, Receive, Scope, Send, set_cookie
 from web.serving import Served, Window
 
 HOSTILE_HOSTS = [
@@ -93,6 +95,71 @@ def test_cookies_of_other_servers_of_this_computer_do_not_matter(
     """A browser sends a host's cookies to all of its ports, and they may have any form."""
     for sent in (f"{others}; {cookie}", f"{cookie}; {others}"):
         assert served.ask("GET", "/api/status", cookie=sent)[0] == 200
+
+
+async def answered(headers: dict[str, str | list[str]], path: str = "/api/status", kind: str = "http") -> int:
+    """The gate alone, without what the server's own protocol refuses before it; 200 where it lets in."""
+    keys = Keys()
+    session = keys.exchange(keys.token)
+    found: list[int] = []
+
+    async def inside(scope: Scope, receive: Receive, send: Send) -> None:
+        found.append(200)
+
+    async def receive() -> Message:
+        return {"type": f"{kind}.connect"}
+
+    async def send(message: Message) -> None:
+        found.append(message.get("status", message.get("code", 0)))
+
+    usual = {"host": "127.0.0.1:8750", "cookie": f"rigctl_8750={session}"}
+    pairs = [
+        (name.encode(), value.encode())
+        for name, values in {**usual, **headers}.items()
+        for value in ([values] if isinstance(values, str) else values)
+    ]
+    gate = Gate(inside, keys=keys, hosts=["127.0.0.1:8750"], secure=False, open_paths={"/live"})
+    scope = {
+        "type": kind,
+        "method": "GET",
+        "path": path,
+        "headers": pairs,
+        "server": ("", 8750),
+        "scheme": "http",
+    }
+    await gate(scope, receive, send)
+    return found[0]
+
+
+@pytest.mark.parametrize(
+    ("headers", "path", "kind", "expected"),
+    [
+        ({}, "/api/status", "http", 200),
+        ({"host": []}, "/api/status", "http", 421),
+        ({"host": ["127.0.0.1:8750", "evil.example"]}, "/api/status", "http", 421),
+        ({"origin": ["http://evil.example", "http://127.0.0.1:8750"]}, "/api/status", "http", 403),
+        ({}, "/api/live/stream", "websocket", 1008),
+        ({"origin": "http://127.0.0.1:8750"}, "/api/live/stream", "websocket", 200),
+        ({"origin": "http://127.0.0.1:8750", "cookie": []}, "/live", "websocket", 1008),
+        ({"cookie": []}, "/live", "http", 200),
+        ({"sec-fetch-site": "cross-site"}, "/live", "http", 200),
+        ({"sec-fetch-site": "cross-site"}, "/api/status", "http", 403),
+        ({"sec-fetch-site": ["same-origin", "cross-site"]}, "/api/status", "http", 403),
+    ],
+)
+def test_the_gate_by_itself(headers: dict[str, str | list[str]], path: str, kind: str, expected: int) -> None:
+    assert asyncio.run(answered(headers, path, kind)) == expected
+
+
+def test_the_oldest_sessions_are_forgotten_and_no_others() -> None:
+    keys = Keys()
+    sessions = [keys.exchange(keys.token) for _ in range(101)]
+    assert [keys.know(str(session)) for session in sessions] == [False, *[True] * 100]
+
+
+def test_over_tls_the_cookie_is_sent_over_tls_only() -> None:
+    for scheme, secure in (("http", False), ("ws", False), ("https", True), ("wss", True)):
+        assert set_cookie({"scheme": scheme, "server": ("", 1)}, "x").endswith("; Secure") is secure
 
 
 @pytest.mark.parametrize("token", ["", "x", "é" * 43, None, 7, ["a"], "A" * 5000], ids=range(7))

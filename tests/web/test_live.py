@@ -136,10 +136,22 @@ def test_a_window_that_does_not_read_costs_nothing(served: Served, cookie: str, 
 
 @pytest.mark.parametrize(
     "sent",
-    ["", "[]", "{}", '{"run": 7}', '{"run": "../x"}', '{"run": "nothing"}', '{"window": 1e999}', "\x00"],
+    [
+        "",
+        "[]",
+        "{}",
+        '{"run": 7}',
+        '{"run": "../x"}',
+        '{"run": "nothing"}',
+        '{"window": 1e999}',
+        "\x00",
+        "[" * 5000,
+        b"\x00\x01",
+    ],
+    ids=range(10),
 )
 def test_what_a_window_must_not_ask_is_left_alone(
-    served: Served, cookie: str, running: InProgress, sent: str
+    served: Served, cookie: str, running: InProgress, sent: str | bytes
 ) -> None:
     with listening(served, cookie, "odd") as odd:
         odd.socket.send(sent)

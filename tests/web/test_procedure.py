@@ -101,6 +101,14 @@ def test_a_file_is_saved_over_what_was_read_alone(served: Served, cookie: str) -
         )
 
 
+@pytest.mark.parametrize("path", ["../elsewhere.yaml", "/etc/x.yaml", "procedures/a\0b.yaml", ""])
+def test_a_text_is_checked_as_a_file_of_the_project_only(served: Served, cookie: str, path: str) -> None:
+    """Its rig is read from beside it."""
+    status, told = served.post("/api/procedure/check", {"path": path, "text": "procedure: x"}, cookie)
+    (error,) = told["errors"]
+    assert (status, error["what"]) == (200, "the project has no such place")
+
+
 def test_a_simulation_is_begun_and_its_run_shown(window: Window) -> None:
     page = window.open("/procedure?file=procedures/quick-check.yaml")
     page.get_by_label("Speed", exact=True).select_option("max")

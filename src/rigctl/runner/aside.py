@@ -26,7 +26,7 @@ class Aside:
         self._control = control
         self._orders: deque[Order] = deque()
         self._answers: deque[tuple[Order, str]] = deque()
-        self._view: View | None = None
+        self._views: deque[View] = deque(maxlen=1)  # another thread takes it: none may be lost in between
         self._wake = threading.Event()
         self._ended = False
         self._thread = threading.Thread(target=self._work, name="requests", daemon=True)
@@ -46,7 +46,7 @@ class Aside:
 
     def publish(self, view: View) -> None:
         """Publish the newest view; one that was not published in time is left out."""
-        self._view = view
+        self._views.append(view)
 
     def close(self) -> None:
         """Publish what is left and end; waits at most two seconds for a disk that hangs."""
@@ -67,9 +67,8 @@ class Aside:
             self._control.close()
 
     def _once(self) -> None:
-        view, self._view = self._view, None
-        if view is not None:
-            self._control.publish(view)
+        if self._views:
+            self._control.publish(self._views.popleft())
         while self._answers:
             self._control.acknowledge(*self._answers.popleft())
         self._orders.extend(self._control.poll())
@@ -84,7 +83,7 @@ class Watching:
 
     def __init__(self, observer: Callable[[View], None]) -> None:
         self._observer = observer
-        self._view: View | None = None
+        self._views: deque[View] = deque(maxlen=1)
         self._error: Exception | None = None
         self._wake = threading.Event()
         self._ended = False
@@ -96,7 +95,7 @@ class Watching:
         error, self._error = self._error, None
         if error is not None:
             raise error
-        self._view = view
+        self._views.append(view)
         self._wake.set()
 
     def close(self) -> None:
@@ -108,10 +107,9 @@ class Watching:
     def _work(self) -> None:
         while True:
             ending = self._ended
-            view, self._view = self._view, None
-            if view is not None:
+            if self._views:
                 try:
-                    self._observer(view)
+                    self._observer(self._views.popleft())
                 except Exception as error:  # noqa: BLE001 - told with the next call
                     self._error = error
             if ending:

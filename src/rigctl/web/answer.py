@@ -66,7 +66,7 @@ class Asked:
         found = self.query.get(name, self.body.get(name, default))
         try:
             return min(max(int(found), low), high)
-        except (TypeError, ValueError) as problem:
+        except (TypeError, ValueError, OverflowError) as problem:
             raise RigctlError(f"{name}: a whole number is needed", value=str(found)) from problem
 
     def texts(self, name: str) -> list[str]:

@@ -57,7 +57,7 @@ def page(asked: Asked) -> Response:
         the site was not built, or has no such file.
     """
     folder, path = site_folder(), asked.text("path") or "index.html"
-    file = folder and (folder / path).resolve()
+    file = folder and (folder / path).resolve() if "\0" not in path else None
     if folder is None or file is None or not file.is_relative_to(folder.resolve()) or not file.is_file():
         raise RigctlError("the documentation has no such page", value=path)
     content = file.read_bytes()

@@ -6,6 +6,7 @@ is not affected. What a window cannot receive in time is dropped for that window
 
 from __future__ import annotations
 
+import logging
 import math
 import struct
 import threading
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     from rigctl.dataset import RunHeader
     from rigctl.live.steps import PlanPlaces
     from rigctl.rig import Layout, Rig
+
+logger = logging.getLogger(__name__)
 
 #: s between two reads of the journal: 20 Hz
 LOOK: Final = 0.05
@@ -226,16 +229,22 @@ class Feed:
     # --- inside -------------------------------------------------------------------------------------------
 
     def _work(self) -> None:
-        next_state = 0.0
+        next_state, faulty = 0.0, False
         while True:
             began = monotonic()
-            with suppress(OSError, RigctlError, ValueError):
+            try:
                 self._read_samples()
                 if began >= next_state:
                     next_state = began + _STATE
                     self._read_events()
                     self._read_state()
                     self._tell_set_points()
+            except (OSError, RigctlError, ValueError):
+                pass  # half written or gone: the next look may read it
+            except Exception:  # windows that watch must not freeze for it
+                if not faulty:
+                    logger.exception("reading %s", self.folder)
+                faulty = True
             with self._lock:
                 if not self._watchers and monotonic() - self._asked > _LINGER:
                     self.over = True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from starlette.routing import BaseRoute
 
     from rigctl.web.feed import Feed, Watcher
+
+logger = logging.getLogger(__name__)
 
 #: s for which a listing of the runs' folders is reused
 _LOOK: Final = 1.0
@@ -237,19 +240,22 @@ class _Window:
         try:
             await asyncio.wait({reader, sender}, return_when=asyncio.FIRST_COMPLETED)
         finally:
+            self._leave()
             for task in (reader, sender):
                 task.cancel()
-                with suppress(asyncio.CancelledError, WebSocketDisconnect, RuntimeError):
-                    await task
-            self._leave()
+            for ended in await asyncio.gather(reader, sender, return_exceptions=True):
+                if isinstance(ended, Exception) and not isinstance(ended, RuntimeError | WebSocketDisconnect):
+                    logger.error("a window of the live page", exc_info=ended)
 
     async def _read(self) -> None:
         """The request of the window: ``{"run", "window", "width"}``; anything else is ignored."""
         with suppress(WebSocketDisconnect):
             while True:
-                text = await self._socket.receive_text()
-                with suppress(ValueError, TypeError):
-                    wanted = json.loads(text)
+                message = await self._socket.receive()
+                if message["type"] == "websocket.disconnect":
+                    return
+                with suppress(ValueError, TypeError, RecursionError):
+                    wanted = json.loads(message.get("text") or "")
                     if isinstance(wanted, dict):
                         self._wanted = wanted
                         self._changed.set()

@@ -71,7 +71,7 @@ class Procedures:
 
         root = self._site.require_project()
         try:
-            plan = _plan(root / asked.text("path"), asked.text("text"))
+            plan = _plan(_within(root, asked.text("path")), asked.text("text"))
             seen = preview(plan)
             warnings = plan.rig.warnings(datetime.now(UTC).date())
         except RigctlError as error:
@@ -183,8 +183,7 @@ class Procedures:
 
     def _writable(self, root: Path, name: str) -> Path:
         """A file in the folder of procedures, which may be new."""
-        path = (root / name).resolve() if "\0" not in name else root
-        home = (root / _FOLDER).resolve()
+        path, home = _within(root, name), (root / _FOLDER).resolve()
         if path.suffix != ".yaml" or not path.is_relative_to(home) or path.is_dir():
             raise RigctlError(
                 "a procedure is kept under procedures/", value=name, expected="procedures/NAME.yaml"
@@ -217,6 +216,20 @@ class _Begun:
         self._over.wait(2.0)
         lines = [line.removeprefix("rigctl: ") for line in self.said.splitlines() if line.strip()]
         return "\n".join(lines[-5:]) or "the run's program has ended without a word"
+
+
+def _within(root: Path, name: str) -> Path:
+    """A path of the project, whether or not there is a file.
+
+    Raises
+    ------
+    RigctlError
+        it leads out of the project.
+    """
+    path = (root / name).resolve() if "\0" not in name else root
+    if not path.is_relative_to(root.resolve()) or path == root.resolve():
+        raise RigctlError("the project has no such place", value=name)
+    return path
 
 
 def _plan(path: Path, text: str) -> Plan:

@@ -111,7 +111,8 @@ async def _from_page(socket: WebSocket, pipe: Connection) -> None:
             await socket.close(1009)
             return
         with suppress(OSError):  # it has ended; the other task says so
-            pipe.send_bytes(text.encode("utf-8"))
+            # a full pipe waits for a process that is busy, and the server must not wait with it
+            await asyncio.to_thread(pipe.send_bytes, text.encode("utf-8", "replace"))
 
 
 def _ended(process: Any) -> None:
