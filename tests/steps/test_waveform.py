@@ -17,7 +17,6 @@ from rigctl.planning import preview
 from rigctl.rig import Rig, parse_rig
 from rigctl.runner.requests import Order, Request
 from rigctl.runner.resume import record_paths, remaining
-from rigctl.steps.waveform.shapes import Table, commands
 from rigctl.testing import ScriptedControl, VirtualBench
 from run_workshop import Workshop
 
@@ -89,18 +88,11 @@ def test_a_table_is_read_from_a_file_with_units(tmp_path: Path) -> None:
         ("time [s],heater_2 [%]\n0,10\n1,20\n", "one column 'heater_1'"),
         ("time [s],heater_1 [%]\n0,10\n0,20\n", "the time does not rise"),
         ("time [s],heater_1 [%]\n0,10\n1,much\n", "no number"),
-        ('time [s],heater_1 [%]\n0,10\n1,"' + "0" * 200_000, "cannot read the table"),
     ]:
         (tmp_path / "drive.csv").write_text(content, encoding="utf-8")
         with pytest.raises(RigctlError, match=said) as caught:
             bench.plan(tmp_path / "p.yaml")
         assert caught.value.where.line in (1, 3)
-
-
-def test_a_held_table_that_is_repeated_has_no_value_for_no_time() -> None:
-    """At the end of a round the first value of the next one counts, as along a line."""
-    table = Table((0.0, 1.0, 2.0), (0.0, 1.0, 5.0), held=True)
-    assert list(commands(table, 0.1, 2)) == [(0.0, 0.0), (1.0, 1.0), (2.0, 0.0), (3.0, 1.0), (4.0, 5.0)]
 
 
 @pytest.mark.parametrize(
