@@ -16,7 +16,7 @@ import numpy as np
 from rigctl.dataset.background import BackgroundWriter
 from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import load_rig
-from rigctl.runner.access import clock_for
+from rigctl.runner.bench_access import clock_for
 from rigctl.runner.launch import Launch, launch
 from rigctl.runner.operator import AutomaticOperator
 

@@ -14,7 +14,7 @@ from rigctl.model.model import Model
 from rigctl.procedure import expand, load_procedure
 from rigctl.project import find_project
 from rigctl.rig import load_rig
-from rigctl.runner.access import UNREAL, bench_options, clock_for
+from rigctl.runner.bench_access import UNREAL, bench_options, clock_for
 from rigctl.runner.launch import Launch, launch
 from rigctl.runner.operator import AutomaticOperator, Operator, ScriptedOperator
 from rigctl.runner.session import Observer, RunResult

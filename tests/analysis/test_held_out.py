@@ -12,7 +12,7 @@ from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import Comparison
 from rigctl.analysis.held_out import Unseen, unseen
 from rigctl.dataset.importing import import_file
-from rigctl.report.analysis.unseen import unseen_sections
+from rigctl.report.analysis.held_out import unseen_sections
 from rigctl.rig import load_rig
 
 ROOT = Path(__file__).parents[2]

@@ -21,7 +21,7 @@ from rigctl.dataset import RunWriter, open_run, verify
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.runner.launch import Launch
 from rigctl.runner.operator import AutomaticOperator
-from rigctl.runner.relaunch import open_interrupted, relaunch
+from rigctl.runner.resume import open_interrupted, relaunch
 from run_workshop import RIG, Workshop
 
 Do = Callable[..., Any]

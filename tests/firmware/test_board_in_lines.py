@@ -15,7 +15,7 @@ from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.procedure import expand, load_procedure
 from rigctl.rig import Rig, load_rig
-from rigctl.runner.access import clock_for
+from rigctl.runner.bench_access import clock_for
 from rigctl.runner.launch import Launch, launch
 from rigctl.runner.operator import AutomaticOperator
 

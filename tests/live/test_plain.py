@@ -7,7 +7,7 @@ import io
 from rigctl.live import view
 from rigctl.live.plain import PlainDisplay, stamp
 from rigctl.plan import Plan
-from rigctl.runner.view import Happening, View
+from rigctl.runner.snapshot import Happening, View
 
 EXTEND = "2/for[oil=40 degC]/2/for[supply=30 bar]/1/call/3/record/2/extend"
 

@@ -11,10 +11,10 @@ import pytest
 
 from report.conftest import RunMaker
 from rigctl.report import write_report
+from rigctl.report.figure_files import FORMATS, write_figure
 from rigctl.report.plot import Look, Mark, Panel, Plot, Span, Trace
 from rigctl.report.run_data import RunData
 from rigctl.report.signals import overview_plot
-from rigctl.report.static import FORMATS, write_figure
 
 X = np.linspace(0.0, 1.0, 11)
 PLOT = Plot(

@@ -19,8 +19,8 @@ from report.conftest import RunMaker
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.dataset import Run
 from rigctl.report import write_report
-from rigctl.report.analysis.answer import Told, answer_section
 from rigctl.report.analysis.maps import channel_maps
+from rigctl.report.analysis.page_top import Told, answer_section
 from rigctl.report.answer import Answer
 from rigctl.report.heat_map import heat_map_table
 from rigctl.report.page import page

@@ -20,7 +20,7 @@ from report.made_campaign import RIG_FILE, STARTED
 from rigctl.dataset import Run, RunHeader, RunWriter, Source, annotate, open_run, source_of_rig
 from rigctl.errors import RigctlError
 from rigctl.report import write_report
-from rigctl.report.interactive import embed
+from rigctl.report.interactive_plots import embed
 from rigctl.report.page import page, policy
 from rigctl.report.run_data import RunData, read_run
 from rigctl.report.section import Section

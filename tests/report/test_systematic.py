@@ -17,7 +17,7 @@ from rigctl.model import load_model
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.record import Measurements
 from rigctl.report.analysis.overlay import fall_plot, running_mean
-from rigctl.report.everyday import everyday
+from rigctl.report.everyday_units import everyday
 from rigctl.report.systematic import falls
 
 TEXTBOOK = Path(__file__).parents[2] / "models" / "hl32-textbook.yaml"

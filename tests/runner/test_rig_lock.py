@@ -21,8 +21,8 @@ from rigctl.runner.manual import watch
 from rigctl.runner.operator import AutomaticOperator
 from rigctl.runner.requests import Request
 from rigctl.runner.rig_lock import RigLock, read_owner
+from rigctl.runner.snapshot import View
 from rigctl.runner.switch_off import switch_off
-from rigctl.runner.view import View
 
 NAME = "HL32 bench"
 RIG = Path(__file__).parents[2] / "rigs" / "hl32-bench.yaml"

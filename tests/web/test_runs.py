@@ -13,10 +13,10 @@ from commands import answer, told
 from rigctl.dataset.catalogue import page_of_runs
 from rigctl.errors import RigctlError
 from rigctl.project import Project
-from rigctl.web.answer import Asked
 from rigctl.web.jobs import Jobs
+from rigctl.web.request_handling import Asked
 from rigctl.web.runs import Catalogue
-from rigctl.web.site import Site
+from rigctl.web.server_state import Site
 from web.serving import Served, Window, serving
 
 MARKUP = "<img src=x onerror=\"document.title='broken in'\"> & <b>worn</b>"

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rigctl.analysis.comparison_result import Comparison, ModelComparison
     from rigctl.dataset import Run
     from rigctl.model import Model
-    from rigctl.report.analysis.answer import Told
+    from rigctl.report.analysis.page_top import Told
     from rigctl.report.section import Section
 
 #: most earlier versions of a model that are fitted again for a page: the first and the newest
@@ -94,7 +94,7 @@ def told_of_versions(runs: Sequence[Run], path: Path, first: int, **choice: Any)
     from rigctl.analysis.fitting import fit_to_data, read_runs
     from rigctl.model.history.save import load_version
     from rigctl.model.history.store import current_version
-    from rigctl.report.analysis.answer import Told
+    from rigctl.report.analysis.page_top import Told
     from rigctl.report.systematic import left_of_fit
 
     numbers = list(dict.fromkeys((first, current_version(path).number)))

@@ -38,7 +38,8 @@ def attended(
             yield ready
         return
     from rigctl.live import view
-    from rigctl.runner.console import HELP, Console
+    from rigctl.runner.console import Console
+    from rigctl.runner.keys import HELP
     from rigctl.runner.operator import AutomaticOperator, Operator, ScriptedOperator
 
     kind = how.backend or plan.rig.backend.kind
@@ -63,8 +64,8 @@ def attended(
 def _remote(how: Launch, plan: Plan) -> Iterator[Launch]:
     """The launch with an operator in a browser."""
     from rigctl.live import view
-    from rigctl.runner.aside import beside
-    from rigctl.runner.remote import RemoteOperator
+    from rigctl.runner.control_thread import beside
+    from rigctl.runner.remote_operator import RemoteOperator
 
     operator = RemoteOperator(how.person, how.runs)
     with view(plan) as display:

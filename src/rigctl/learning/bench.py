@@ -15,7 +15,7 @@ from rigctl.planning import preview
 from rigctl.procedure import expand, load_procedure
 from rigctl.rig import load_rig
 from rigctl.runner.launch import Launch, launch
-from rigctl.runner.relaunch import Interrupted, open_interrupted, relaunch
+from rigctl.runner.resume import Interrupted, open_interrupted, relaunch
 from rigctl.runner.session import RunResult
 
 #: length of the time stamp at the start of a run's id

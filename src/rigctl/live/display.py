@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import Protocol, Self, TextIO
 
 from rigctl.plan import Plan
-from rigctl.runner.view import View
+from rigctl.runner.snapshot import View
 
 
 class Display(Protocol):

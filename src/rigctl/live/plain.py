@@ -10,7 +10,7 @@ from rigctl.live.steps import PlanPlaces
 from rigctl.plan import Plan
 from rigctl.planning.outline import clock_time
 from rigctl.printable import printable
-from rigctl.runner.view import Happening, View
+from rigctl.runner.snapshot import Happening, View
 
 _STEP = 0.1  # of the progress, between two lines
 

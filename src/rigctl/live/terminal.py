@@ -12,7 +12,7 @@ from rigctl.live.steps import PlanPlaces, Stage, StepLine, outline
 from rigctl.plan import Plan
 from rigctl.planning.outline import clock_time
 from rigctl.printable import printable
-from rigctl.runner.view import View
+from rigctl.runner.snapshot import View
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -11,7 +11,7 @@ from rigctl.analysis.improve import Ended, Improvement
 from rigctl.analysis.remainder import share_text
 from rigctl.model.fit.problem import Problem
 from rigctl.report.answer import Answer, Tone, error_text, said
-from rigctl.report.everyday import everyday
+from rigctl.report.everyday_units import everyday
 from rigctl.report.systematic import falls, left_of, left_of_diagnosis
 from rigctl.units import parse_unit
 

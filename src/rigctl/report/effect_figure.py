@@ -8,8 +8,8 @@ from rigctl.dataset.outputs import is_figure, require_output
 from rigctl.effects.declaration import Effect
 from rigctl.errors import RigctlError
 from rigctl.model.signature import Signature
+from rigctl.report.figure_files import FORMATS, write_figure
 from rigctl.report.plot import Look, Panel, Plot, Trace
-from rigctl.report.static import FORMATS, write_figure
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit
 

@@ -1,5 +1,5 @@
-"""The content of a plot, independent of how it is drawn: interactively on the page, or by `static` into a
-file."""
+"""The content of a plot, independent of how it is drawn: interactively on the page, or into a file by
+`figure_files`."""
 
 from __future__ import annotations
 

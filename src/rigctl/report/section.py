@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from rigctl.analysis.adequacy import chance
 from rigctl.report import numbers
-from rigctl.report.interactive import embed, figure
+from rigctl.report.interactive_plots import embed, figure
 from rigctl.report.plot import Plot
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.report.decimation import changes, thin
 from rigctl.report.numbers import setting, symbol
 from rigctl.report.plot import Look, Mark, Panel, Plot, Span, Trace
 from rigctl.report.run_data import Event, RecordData, RunData, Signal
-from rigctl.report.thin import changes, thin
 from rigctl.units import DIMENSIONLESS, Dimension, parse_unit
 
 #: panels from top to bottom; others come between these and the plain numbers

@@ -78,7 +78,7 @@ def write_report(
 
 
 def _draw(plot: Plot | HeatMap, folder: Path, form: str) -> Path:
-    from rigctl.report.static import write_figure
+    from rigctl.report.figure_files import write_figure
 
     return (
         write_heat_map(plot, folder, form) if isinstance(plot, HeatMap) else write_figure(plot, folder, form)

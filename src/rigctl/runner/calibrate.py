@@ -12,7 +12,7 @@ from rigctl.errors import RigctlError, unknown_name
 from rigctl.plan.behaviour import Question
 from rigctl.rig import Channel, Rig, parse_rig
 from rigctl.rig.calibration_fit import Point
-from rigctl.runner.access import Access
+from rigctl.runner.bench_access import Access
 from rigctl.runner.manual import Reading, watch
 from rigctl.runner.operator import Operator, read_answer
 

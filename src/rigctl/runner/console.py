@@ -9,13 +9,11 @@ from typing import Self
 
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.plan.behaviour import Answer, Question
-from rigctl.runner.keys import Keys, open_keys
+from rigctl.runner.keys import KEYS, Keys, open_keys
 from rigctl.runner.operator import read_answer
-from rigctl.runner.requests import Order, Request
-from rigctl.runner.view import View
+from rigctl.runner.requests import Order
+from rigctl.runner.snapshot import View
 
-KEYS = {"p": Request.PAUSE, "c": Request.CONTINUE, "a": Request.ABORT, "q": Request.ABORT}
-HELP = "p pause, c continue, a or q end the run"
 _BACKSPACE = ("\x7f", "\x08")
 _LONGEST = 200
 

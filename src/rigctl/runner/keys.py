@@ -1,4 +1,4 @@
-"""Single keys from a terminal without blocking; whole lines if there is no terminal."""
+"""The keys of a run, read from a terminal without blocking; whole lines if there is no terminal."""
 
 from __future__ import annotations
 
@@ -9,6 +9,12 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Protocol, TextIO
+
+from rigctl.runner.requests import Request
+
+#: what each key requests of a run in progress, and the line that says so
+KEYS = {"p": Request.PAUSE, "c": Request.CONTINUE, "a": Request.ABORT, "q": Request.ABORT}
+HELP = "p pause, c continue, a or q end the run"
 
 
 class Keys(Protocol):

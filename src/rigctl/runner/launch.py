@@ -24,11 +24,11 @@ from rigctl.errors import RigctlError, unknown_name
 from rigctl.plan import Plan
 from rigctl.plan.identity import NAMES, settled
 from rigctl.planning.rates import refuse_rates
-from rigctl.runner.access import Access, held, opened
-from rigctl.runner.aside import beside
+from rigctl.runner.bench_access import Access, held, opened
+from rigctl.runner.control_thread import beside
 from rigctl.runner.operator import Operator
+from rigctl.runner.remaining_plan import Resume
 from rigctl.runner.requests import RESPONSE, Control
-from rigctl.runner.resume import Resume
 from rigctl.runner.rig_lock import RigLock
 from rigctl.runner.session import Observer, RunResult, run
 

@@ -13,8 +13,8 @@ from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
 from rigctl.plan import Plan
 from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import Rig
-from rigctl.runner.access import UNREAL, Access, held, opened
-from rigctl.runner.aside import beside
+from rigctl.runner.bench_access import UNREAL, Access, held, opened
+from rigctl.runner.control_thread import beside
 from rigctl.runner.interlocks import Alarm, Interlocks
 from rigctl.runner.launch import Launch
 from rigctl.runner.recorder import Unrecorded

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 
 from rigctl.plan import Leaf, Loop, Node, Plan, children, walk
-from rigctl.runner.resume import record_paths
+from rigctl.runner.remaining_plan import record_paths
 
 
 class Progress:

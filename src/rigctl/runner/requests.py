@@ -8,7 +8,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from rigctl.runner.view import View
+    from rigctl.runner.snapshot import View
 
 #: longest response time to a key or another terminal, s of wall time
 RESPONSE = 0.1

@@ -1,86 +1,140 @@
-"""The parts of a plan that are left to do, and the preceding steps that have to be repeated."""
+"""Resuming an interrupted run: what must not have changed, and what is already done."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
 
-from rigctl.plan import Leaf, Loop, Node, RecordNode, children, iteration_path
+from rigctl.dataset import RunHeader, RunWriter
+from rigctl.dataset.finalise import recovered_history
+from rigctl.dataset.history import COMPLETE, History
+from rigctl.dataset.judgement import judge
+from rigctl.dataset.writer_lock import in_progress
+from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.plan import Plan
+from rigctl.procedure import expand, load_procedure
+from rigctl.rig import Rig, load_rig
+from rigctl.runner.bench_access import held, opened
+from rigctl.runner.launch import Launch, carry_out, header_of, stored
+from rigctl.runner.remaining_plan import Resume, record_paths
+from rigctl.runner.session import RunResult
+
+#: properties of a bench that must not change within a run; faults and seed may
+_SAME = ("kind", "plant", "noise")
 
 
 @dataclass(frozen=True)
-class Resume:
-    """What an interrupted run has already done.
+class Interrupted:
+    """A run that can be resumed: its original plan, and how far it got."""
 
-    Parameters
-    ----------
-    completed: paths of the records that are complete, with the rounds of their loops.
-    values: measures and operators' answers by name: SI value, unit, and whether it is a difference.
-    missed: measures that were outside their limits, one sentence each.
+    folder: Path
+    plan: Plan
+    history: History
+    done: Resume
+
+    @property
+    def left(self) -> int:
+        """The number of incomplete records."""
+        return sum(path not in self.done.completed for path in record_paths(self.plan.root))
+
+
+def open_interrupted(folder: Path) -> Interrupted:
+    """Read a run that ended early and check that it can be resumed unchanged.
+
+    Raises
+    ------
+    RigctlError
+        it is finished or in progress; its procedure or rig file has changed since; its log is damaged.
     """
+    if in_progress(folder):
+        raise RigctlError("the run is in progress", value=folder.name, exit_code=ExitCode.FAILED)
+    history = recovered_history(folder)
+    if history.header.source != "bench":
+        raise RigctlError("the run was imported, not carried out", value=folder.name)
+    if history.status == "finished":
+        raise RigctlError("the run is finished; there is nothing to go on with", value=folder.name)
+    return Interrupted(folder, plan_of(history.header), history, _done(history))
 
-    completed: frozenset[str]
-    values: dict[str, tuple[float, str, bool]] = field(default_factory=dict)
-    missed: tuple[str, ...] = ()
 
+def plan_of(header: RunHeader) -> Plan:
+    """The plan with which a run was started, from its files.
 
-def record_paths(node: Node) -> list[str]:
-    """The paths of every record below, one for each round of counted loops.
-
-    A loop with a condition counts as one round, since their number is not known.
+    Raises
+    ------
+    RigctlError
+        they have changed since.
     """
-    if isinstance(node, RecordNode):
-        return [node.path]
-    inner = [path for child in children(node) for path in record_paths(child)]
-    if isinstance(node, Loop):
-        rounds = range(1, (node.count if node.count is not None else 1) + 1)
-        return [iteration_path(node, number, path) for number in rounds for path in inner]
-    return inner
+    return _same_plan(header, _same_rig(header))
 
 
-def remaining(nodes: Sequence[Node], done: Callable[[str], bool]) -> list[Node]:
-    """The children of a group that are left to do, with the set-up steps on which they depend.
+def relaunch(run_before: Interrupted, how: Launch) -> RunResult:
+    """Resume at the first incomplete record, in the same folder.
 
-    Parameters
-    ----------
-    nodes: the children in order.
-    done: whether the record of a path is complete.
+    Raises
+    ------
+    RigctlError
+        as `rigctl.runner.launch.launch`; or the bench is not the same as before.
     """
-    records = [[done(path) for path in record_paths(node)] for node in nodes]
-    if not any(any(states) for states in records):
-        return list(nodes)
-    first = next((i for i, states in enumerate(records) if states and not all(states)), len(nodes))
-    if first < len(nodes) and any(records[first]):  # its own first steps are past too
-        return [*_lasting(nodes[:first]), *nodes[first:]]
-    return [*setup_before(nodes, first), *nodes[first:]]
+    plan = run_before.plan
+    with held(plan.rig, f"a run of '{plan.name}'", how) as lock, opened(plan.rig, how) as backend:
+        header = replace(header_of(plan, backend, how), id=run_before.history.header.id)
+        _require_same_bench(run_before.history.header.backend, header.backend)
+        writer = RunWriter.reopen(run_before.folder, header)
+        result = carry_out(plan, backend, writer, lock, how, run_before.done)
+    return stored(result)
 
 
-def setup_before(nodes: Sequence[Node], index: int) -> list[Node]:
-    """The steps before `nodes[index]` on which its conditions depend.
-
-    All steps since the last record before it, and of the earlier ones the last temperature, the last level
-    and the last setting of each actuator.
-    """
-    past = [i for i, node in enumerate(nodes[:index]) if record_paths(node)]
-    since = past[-1] + 1 if past else 0
-    direct = list(nodes[since:index])
-    return [*_lasting(nodes[:since], direct), *direct]
-
-
-def _lasting(nodes: Sequence[Node], later: Sequence[Node] = ()) -> list[Node]:
-    """The last step that sets each actuator permanently, unless a step of `later` does."""
-    settled: set[str] = set()
-    for node in later:
-        settled |= _sets(node)
-    kept: list[Node] = []
-    for node in reversed(nodes):
-        wanted = _sets(node) - settled
-        if wanted:
-            kept.insert(0, node)
-            settled |= wanted
-    return kept
+def _require_same_bench(before: Mapping[str, str], now: Mapping[str, str]) -> None:
+    """Refuse a simulated bench with other equations: all records of a run must come from the same system."""
+    for key in _SAME:
+        if before.get(key) != now.get(key):
+            raise RigctlError(
+                "this is another bench than the run began on",
+                value=f"{key}: {now.get(key, 'none')}",
+                expected=before.get(key, "none"),
+                hint="Begin a new run; a simulated bench is resumed as the rig file describes it",
+            )
 
 
-def _sets(node: Node) -> frozenset[str]:
-    """The actuators whose state a step sets permanently; none for a pulse or a move."""
-    return node.action.lasting() if isinstance(node, Leaf) else frozenset()
+def _same_rig(header: RunHeader) -> Rig:
+    kept = header.rig
+    path = Path(kept.path)
+    rig = load_rig(path)
+    if rig.sha256 != kept.sha256:
+        raise _changed("rig", path)
+    return rig
+
+
+def _same_plan(header: RunHeader, rig: Rig) -> Plan:
+    kept = header.procedure
+    path = Path(kept.path)
+    procedure = load_procedure(path)
+    if procedure.sha256 != kept.sha256:
+        raise _changed("procedure", path)
+    plan = expand(procedure, rig, dict(header.arguments))
+    if plan.digest != header.plan_digest:
+        raise _changed("a procedure that it calls, or rigctl itself,", path)
+    return plan
+
+
+def _changed(what: str, path: Path) -> RigctlError:
+    return RigctlError(
+        f"{what} has changed since the run began",
+        where=Location(path),
+        hint="Undo the change ('rigctl runs show' has the text that was used), or begin a new run",
+    )
+
+
+def _done(history: History) -> Resume:
+    completed = frozenset(record.path for record in history.records if record.outcome == COMPLETE)
+    measures = dict(history.measures)
+    for record in history.records:
+        measures |= record.measures
+    values = {name: (found.value, found.unit, found.difference) for name, found in measures.items()}
+    done = [
+        measure
+        for measure in judge(history).missed
+        if measure.record is None or history.records[measure.taken.record].outcome == COMPLETE
+    ]
+    return Resume(completed, values, tuple(measure.sentence() for measure in done))

@@ -24,7 +24,7 @@ from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.runner.requests import Order, Request
 
 if TYPE_CHECKING:
-    from rigctl.runner.view import View
+    from rigctl.runner.snapshot import View
 
 #: s without a heartbeat after which an owner counts as gone
 OLD = 30.0

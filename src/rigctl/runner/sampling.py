@@ -14,7 +14,7 @@ from rigctl.plan.behaviour import Row
 from rigctl.plan.outcomes import Ending, Lost, SamplesLost, Tripped
 from rigctl.runner.bench import Bench
 from rigctl.runner.interlocks import Alarm, Interlocks
-from rigctl.runner.view import Happening
+from rigctl.runner.snapshot import Happening
 
 #: s of bench time that a repeatable record waits for a lost bench to come back
 RECONNECT = 30.0

@@ -15,23 +15,23 @@ from rigctl.dataset.run_json import read_info
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.plan import Group, Leaf, Plan, cleanup_blocks, walk
 from rigctl.plan.outcomes import Aborted, Ending, SamplesLost, Tripped
-from rigctl.runner.aside import Watching, beside
 from rigctl.runner.bench import Bench
-from rigctl.runner.blame import ending_for
-from rigctl.runner.control import ControlFile
-from rigctl.runner.drive import Driver, Quit
+from rigctl.runner.control_thread import Watching, beside
 from rigctl.runner.history import history_for
 from rigctl.runner.interlocks import Interlocks
+from rigctl.runner.main_loop import Driver, Quit
 from rigctl.runner.operator import Operator
 from rigctl.runner.progress import progress_of
 from rigctl.runner.recorder import Recorder
-from rigctl.runner.remote import RemoteOperator
+from rigctl.runner.remaining_plan import Resume
+from rigctl.runner.remote_control import ControlFile
+from rigctl.runner.remote_operator import RemoteOperator
 from rigctl.runner.requests import RESPONSE, Control
-from rigctl.runner.resume import Resume
 from rigctl.runner.sampling import RunWarning, Sampling
 from rigctl.runner.signals import Signals
+from rigctl.runner.snapshot import View
 from rigctl.runner.states import Lifecycle, RunState
-from rigctl.runner.view import View
+from rigctl.runner.step_errors import ending_for
 from rigctl.runner.walk import Walker
 
 #: s of bench time for trying to reach a lost bench at the end

@@ -14,7 +14,7 @@ from rigctl.plan import Plan
 from rigctl.procedure import expand, load_procedure
 from rigctl.project import find_project
 from rigctl.rig import load_rig
-from rigctl.runner.access import clock_for
+from rigctl.runner.bench_access import clock_for
 from rigctl.runner.launch import Launch, launch
 from rigctl.runner.operator import AutomaticOperator
 from rigctl.runner.session import Observer, RunResult

@@ -14,8 +14,8 @@ from rigctl.dataset.run_json import read_info
 from rigctl.dataset.writer_lock import read_state
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Rig
-from rigctl.runner.access import UNREAL, Access, opened
-from rigctl.runner.control import send
+from rigctl.runner.bench_access import UNREAL, Access, opened
+from rigctl.runner.remote_control import send
 from rigctl.runner.requests import Request
 from rigctl.runner.rig_lock import RigLock
 

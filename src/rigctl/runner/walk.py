@@ -10,10 +10,10 @@ from rigctl.plan import Branch, Group, Leaf, Loop, Node, Plan, RecordNode, Visit
 from rigctl.plan.behaviour import CHECKPOINT, OnPause, Until, Waiting, every_sample
 from rigctl.plan.outcomes import Ending, Lost, Outcome, SamplesLost, StepFailed, Tripped
 from rigctl.runner.bench import Bench
-from rigctl.runner.blame import ending_for
 from rigctl.runner.progress import Progress
-from rigctl.runner.resume import record_paths, remaining, setup_before
+from rigctl.runner.remaining_plan import record_paths, remaining, setup_before
 from rigctl.runner.sampling import Sampling
+from rigctl.runner.step_errors import ending_for
 
 #: longest time of one step of a cleanup block after a failure, s of bench time
 CLEANUP_STEP_LIMIT = 60.0

@@ -22,7 +22,7 @@ from rigctl.plan.shown import shown_time
 from rigctl.plan.step import Step
 from rigctl.plan.tree import Leaf
 from rigctl.plan.values import DURATION, LENGTH_TOLERANCE, Duration, Length, LengthTolerance
-from rigctl.steps.approach import approach
+from rigctl.steps.move_to_position import approach
 from rigctl.steps.readings import seen
 from rigctl.units import show
 

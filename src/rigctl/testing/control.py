@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from rigctl.runner.requests import Order, Request
-from rigctl.runner.view import View
+from rigctl.runner.snapshot import View
 
 
 @dataclass

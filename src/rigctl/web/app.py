@@ -17,11 +17,11 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from rigctl.web.answer import delete, get, post, refusal_text
-from rigctl.web.beginning import fill, is_empty
-from rigctl.web.gate import SESSION_PATH, App, Gate, Keys, set_cookie
+from rigctl.web.access_control import SESSION_PATH, App, Gate, Keys, set_cookie
+from rigctl.web.new_project import fill, is_empty
 from rigctl.web.parts import PARTS
-from rigctl.web.site import Part, Site
+from rigctl.web.request_handling import delete, get, post, refusal_text
+from rigctl.web.server_state import Part, Site
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator

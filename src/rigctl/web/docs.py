@@ -13,8 +13,8 @@ from starlette.responses import Response
 
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
-from rigctl.web.answer import Asked, get
-from rigctl.web.site import Part, Site
+from rigctl.web.request_handling import Asked, get
+from rigctl.web.server_state import Part, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute

@@ -329,7 +329,7 @@ class Feed:
     def _open_plan(self) -> None:
         """If the plan's files have changed since, only the step in progress is named."""
         from rigctl.live.steps import PlanPlaces
-        from rigctl.runner.relaunch import plan_of
+        from rigctl.runner.resume import plan_of
 
         with suppress(RigctlError, OSError):
             places = PlanPlaces(plan_of(self.header))

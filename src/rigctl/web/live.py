@@ -18,9 +18,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.write import to_json
-from rigctl.web.answer import Asked, get, post
 from rigctl.web.lease import Lease
-from rigctl.web.site import Part, Site
+from rigctl.web.request_handling import Asked, get, post
+from rigctl.web.server_state import Part, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute
@@ -92,7 +92,7 @@ class Live:
 
     def request(self, asked: Asked) -> dict[str, Any]:
         """Pause, continue or abort a run, as the commands of these names do."""
-        from rigctl.runner.control import send
+        from rigctl.runner.remote_control import send
         from rigctl.runner.requests import Request
 
         wanted = asked.text("request")
@@ -108,7 +108,7 @@ class Live:
 
     def answer(self, asked: Asked) -> dict[str, Any]:
         """Answer the operator's question of a run that was started from this page."""
-        from rigctl.runner.remote import send_answer
+        from rigctl.runner.remote_operator import send_answer
 
         folder = self._folder(asked.text("run"))
         self._lease.take(asked.viewer, over=False)
@@ -117,7 +117,7 @@ class Live:
 
     def off(self, asked: Asked) -> dict[str, Any]:
         """Everything to the safe state, like `rigctl off`: from any window, whichever has the controls."""
-        from rigctl.runner.access import Access, bench_options
+        from rigctl.runner.bench_access import Access, bench_options
         from rigctl.runner.switch_off import switch_off
 
         rig = self._bench(asked)

@@ -14,9 +14,9 @@ from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.errors import ExitCode, RigctlError, SeveralErrors
-from rigctl.web.answer import Asked, get, post
 from rigctl.web.report import inside, project_files
-from rigctl.web.site import Part, Site
+from rigctl.web.request_handling import Asked, get, post
+from rigctl.web.server_state import Part, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute

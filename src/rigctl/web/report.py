@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Final
 from starlette.responses import HTMLResponse, Response
 
 from rigctl.errors import RigctlError
-from rigctl.web.answer import Asked, get, post
+from rigctl.web.request_handling import Asked, get, post
 from rigctl.web.runs import plain_id
-from rigctl.web.site import Part, Site
+from rigctl.web.server_state import Part, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute

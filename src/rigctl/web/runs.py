@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.errors import RigctlError
-from rigctl.web.answer import Asked, get, post
-from rigctl.web.site import Part, Site
+from rigctl.web.request_handling import Asked, get, post
+from rigctl.web.server_state import Part, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute

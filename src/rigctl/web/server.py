@@ -100,11 +100,11 @@ def serve(settings: Settings, started: Callable[[str], None], ends: Callable[[],
     with one_server(settings.project) as say_address, _listening(settings) as listener:
         import uvicorn
 
+        from rigctl.web.access_control import Keys
         from rigctl.web.app import application
-        from rigctl.web.gate import Keys
         from rigctl.web.jobs import Jobs
-        from rigctl.web.patience import PatientProtocol
-        from rigctl.web.site import Site
+        from rigctl.web.request_timeout import PatientProtocol
+        from rigctl.web.server_state import Site
 
         port = int(listener.getsockname()[1])
         keys = Keys()

@@ -167,7 +167,7 @@ def _write(
     """Write rig file, points and figure; returns their paths."""
     from rigctl.files.write import write_text
     from rigctl.report.calibration_figure import calibration_plot
-    from rigctl.report.static import write_figure
+    from rigctl.report.figure_files import write_figure
     from rigctl.rig.calibration_file import calibration_entries, with_calibration, write_calibration
     from rigctl.rig.calibration_points import write_points
 

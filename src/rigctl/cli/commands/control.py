@@ -55,7 +55,7 @@ def abort(run: Ref = None, *, as_json: Json = False) -> None:
 
 def _ask(run: str | None, request: Request, as_json: bool) -> None:
     from rigctl.dataset import find_run
-    from rigctl.runner.control import send
+    from rigctl.runner.remote_control import send
 
     folder = find_run(run) if run is not None else _in_progress()
     answer = send(folder, request)

@@ -36,7 +36,7 @@ def emulate(
     from rigctl.errors import RigctlError
     from rigctl.project import find_project
     from rigctl.rig import load_rig
-    from rigctl.runner.access import clock_for
+    from rigctl.runner.bench_access import clock_for
     from rigctl.runner.signals import Signals
 
     if speed == "max":

@@ -109,8 +109,8 @@ def _fitted(proposal: Proposal, root: Path, columns: Sequence[str]) -> FitResult
 
 
 def _draw(proposal: Proposal, root: Path, found: FitResult | None) -> Path | None:
+    from rigctl.report.figure_files import write_figure
     from rigctl.report.plot import Plot
-    from rigctl.report.static import write_figure
 
     table = proposal.table
     x, title = _axis(table)

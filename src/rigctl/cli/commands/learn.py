@@ -274,7 +274,7 @@ def _bench(task: Task, person: str) -> LaunchedBench:
 def _require_bench(plan: Plan, bench: Mapping[str, Any]) -> None:
     """Refuse wrong settings of the bench, including hidden effects, before anything is made."""
     from rigctl.backends.registry import create_backend
-    from rigctl.runner.access import UNREAL
+    from rigctl.runner.bench_access import UNREAL
 
     how = _launch(plan, 1, bench, "")
     if how.backend in UNREAL:
@@ -284,7 +284,7 @@ def _require_bench(plan: Plan, bench: Mapping[str, Any]) -> None:
 def _launch(plan: Plan, number: int, bench: Mapping[str, Any], person: str) -> Launch:
     """The access of round `number` to its bench."""
     from rigctl.project import find_project
-    from rigctl.runner.access import bench_options, clock_for
+    from rigctl.runner.bench_access import bench_options, clock_for
     from rigctl.runner.launch import Launch
     from rigctl.runner.operator import AutomaticOperator
     from rigctl.runner.simulation import simulation_launch

@@ -19,7 +19,7 @@ from rigctl.errors import ExitCode, RigctlError
 
 if TYPE_CHECKING:
     from rigctl.rig import Rig
-    from rigctl.runner.access import Access
+    from rigctl.runner.bench_access import Access
     from rigctl.runner.manual import Reading
 
 _NO_ANSWER = 1.5  # s after which somebody has to be told what to do by hand
@@ -244,7 +244,7 @@ def access_of(
 ) -> Access:
     """The settings for operating a bench by hand, besides its rig file."""
     from rigctl.project import find_project
-    from rigctl.runner.access import Access, bench_options, clock_for
+    from rigctl.runner.bench_access import Access, bench_options, clock_for
 
     kind = backend or rig.backend_named()
     return Access(

@@ -34,10 +34,10 @@ def resume(
     from rigctl.cli.running import attended, person_in_charge, tell
     from rigctl.dataset import find_run
     from rigctl.dataset.shards import runs_root
-    from rigctl.runner.access import bench_options, clock_for
+    from rigctl.runner.bench_access import bench_options, clock_for
     from rigctl.runner.launch import Launch
     from rigctl.runner.operator import AutomaticOperator
-    from rigctl.runner.relaunch import open_interrupted, relaunch
+    from rigctl.runner.resume import open_interrupted, relaunch
 
     before = open_interrupted(find_run(run))
     header = before.history.header

@@ -72,7 +72,7 @@ def run(
     from rigctl.cli.plans import open_plan, read_assignments
     from rigctl.cli.running import attended, person_in_charge, say_warnings, tell
     from rigctl.project import find_project
-    from rigctl.runner.access import bench_options, clock_for
+    from rigctl.runner.bench_access import bench_options, clock_for
     from rigctl.runner.launch import Launch, launch
     from rigctl.runner.operator import AutomaticOperator
 

@@ -17,8 +17,8 @@ from rigctl.cli.views.answer import counted, show_answer
 from rigctl.cli.views.table import show_rows
 from rigctl.model.validity import Departure
 from rigctl.report.answer import models_answer
-from rigctl.report.bars import draw_bar
 from rigctl.report.numbers import resolved
+from rigctl.report.terminal_bars import draw_bar
 
 _ASKS = {
     "score": "does any effect of the library stand out?",

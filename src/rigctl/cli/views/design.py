@@ -11,7 +11,7 @@ from rigctl.design.result import DesignResult, ProposedRecord, SensorSet
 from rigctl.design.words import share, title
 from rigctl.planning.outline import clock_time
 from rigctl.report.answer import Answer
-from rigctl.report.bars import draw_bar
+from rigctl.report.terminal_bars import draw_bar
 
 _WIDTH = 12
 #: a probability from which two count as distinguished

@@ -19,8 +19,8 @@ from rigctl.cli.tables import console, table
 from rigctl.cli.views.answer import counted, show_answer
 from rigctl.cli.views.compare import routine, show_departures, show_notes, show_unusual
 from rigctl.cli.views.model import show_errors
-from rigctl.report.bars import draw_bar
 from rigctl.report.diagnosis_answer import diagnosis_answer, improvement_answer
+from rigctl.report.terminal_bars import draw_bar
 from rigctl.units import known_digits, parse_unit
 
 _COLOURS = {

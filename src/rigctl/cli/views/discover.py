@@ -15,8 +15,8 @@ from rigctl.discovery.curve import Curve
 from rigctl.discovery.locate import Located
 from rigctl.discovery.result import Discovery, FoundFormula
 from rigctl.report.answer import Answer, Tone
-from rigctl.report.bars import draw_bar
 from rigctl.report.braille import draw_curve
+from rigctl.report.terminal_bars import draw_bar
 from rigctl.units import show
 
 #: places, and lines of a curve, that are shown

@@ -76,9 +76,9 @@ def write_preview(preview: Preview, path: Path) -> Path:
     """
     from rigctl.dataset.outputs import is_figure, require_output
     from rigctl.errors import RigctlError
+    from rigctl.report.figure_files import write_figure
     from rigctl.report.numbers import symbol
     from rigctl.report.plot import Look, Panel, Plot, Trace
-    from rigctl.report.static import write_figure
 
     form = path.suffix.lower().removeprefix(".")
     if form not in ("png", "svg"):

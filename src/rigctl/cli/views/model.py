@@ -14,7 +14,7 @@ from rigctl.effects.declaration import Effect
 from rigctl.model import Model, StatedValue, Version, stated_values
 from rigctl.model.difference import ModelDifference, ValueDifference
 from rigctl.model.history.change import ModelError
-from rigctl.report.bars import draw_bar
+from rigctl.report.terminal_bars import draw_bar
 from rigctl.units import known_digits, with_uncertainty
 
 #: the source of a value that the model file does not explain

@@ -10,11 +10,11 @@ from markupsafe import Markup
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.record_level import RecordQuantity
-from rigctl.report.analysis.answer import Told, answer_section
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.maps import channel_maps
 from rigctl.report.analysis.overlay import condition_of, overlay_plot, typical_records
-from rigctl.report.analysis.strokes import stroke_plot
+from rigctl.report.analysis.page_top import Told, answer_section
+from rigctl.report.analysis.stroke_over_temperature import stroke_plot
 from rigctl.report.analysis.table_section import TablePart, table_body, table_parts
 from rigctl.report.answer import models_answer, plain_statement
 from rigctl.report.heat_map import heat_map_table

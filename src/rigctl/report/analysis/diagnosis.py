@@ -12,10 +12,10 @@ from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.text import parameters_text
 from rigctl.effects.record_level import RECORD
-from rigctl.report.analysis.answer import Told, answer_section
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.laws import law_plots
 from rigctl.report.analysis.overlay import typical_records
+from rigctl.report.analysis.page_top import Told, answer_section
 from rigctl.report.answer import Answer, plain_statement
 from rigctl.report.diagnosis_answer import diagnosis_answer
 from rigctl.report.model_title import model_title

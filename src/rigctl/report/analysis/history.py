@@ -14,7 +14,7 @@ from rigctl.model.history.errors import version_errors
 from rigctl.model.history.store import versions
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.maps import channel_maps
-from rigctl.report.analysis.strokes import stroke_plot
+from rigctl.report.analysis.stroke_over_temperature import stroke_plot
 from rigctl.report.heat_map import HeatMap, heat_map_table
 from rigctl.report.numbers import symbol
 from rigctl.report.section import Section, plot_slot, render

@@ -10,11 +10,11 @@ from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
 from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.analysis.improve import Improvement
-from rigctl.report.analysis.answer import Told, answer_section
 from rigctl.report.analysis.comparison import comparison_sections
 from rigctl.report.analysis.diagnosis import diagnosis_sections
+from rigctl.report.analysis.held_out import unseen_sections
 from rigctl.report.analysis.history import history_sections
-from rigctl.report.analysis.unseen import unseen_sections
+from rigctl.report.analysis.page_top import Told, answer_section
 from rigctl.report.diagnosis_answer import improvement_answer
 from rigctl.report.section import Section, render
 from rigctl.report.signals import plain_name

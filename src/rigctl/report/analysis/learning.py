@@ -13,9 +13,9 @@ from rigctl.design.words import share
 from rigctl.learning.ending import Ended
 from rigctl.learning.result import Learned, Round
 from rigctl.planning.outline import clock_time
-from rigctl.report.analysis.answer import Told, answer_section
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.history import history_sections
+from rigctl.report.analysis.page_top import Told, answer_section
 from rigctl.report.learning_answer import learning_answer
 from rigctl.report.numbers import words
 from rigctl.report.plot import Look, Panel, Plot, Trace

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from rigctl.report.interactive import arrays, embed, template
+from rigctl.report.interactive_plots import arrays, embed, template
 from rigctl.report.numbers import decimals, duration, fixed, plural, setting, symbol
 from rigctl.report.plot import Plot
 from rigctl.report.run_data import COMPLETE, RecordData, RunData

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rigctl.web.site import Part, Site
+from rigctl.web.server_state import Part, Site
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute

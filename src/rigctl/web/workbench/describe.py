@@ -14,9 +14,9 @@ from rigctl.model.fit.problem import Problem
 from rigctl.model.history.store import current_version
 from rigctl.model.measured.conditions import condition_text
 from rigctl.model.measured.table import curve_variable, curves
+from rigctl.report.decimation import thin
 from rigctl.report.numbers import symbol
 from rigctl.report.signals import plain_name
-from rigctl.report.thin import thin
 from rigctl.units import parse_unit
 from rigctl.web.workbench.frames import frame
 from rigctl.workbench import Picture, State, Workbench

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.command_line import DataOptions, command
 from rigctl.errors import RigctlError, unknown_name
-from rigctl.web.answer import Asked, get, post
-from rigctl.web.site import Site
+from rigctl.web.request_handling import Asked, get, post
+from rigctl.web.server_state import Site
 from rigctl.workbench.commands import Subject
 
 if TYPE_CHECKING:

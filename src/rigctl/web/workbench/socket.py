@@ -11,7 +11,7 @@ from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.web.site import Site
+from rigctl.web.server_state import Site
 from rigctl.web.workbench.process import TEXT, attend
 
 if TYPE_CHECKING:

@@ -186,7 +186,7 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, refused: Refused) 
         await receive()  # the requested upgrade
         await send({"type": "websocket.close", "code": 1008, "reason": str(refused)})
         return
-    from rigctl.web.answer import refusal_text
+    from rigctl.web.request_handling import refusal_text
 
     body = refusal_text(str(refused)).encode("utf-8")
     headers = [(b"content-type", b"application/json"), (b"content-length", str(len(body)).encode("ascii"))]

@@ -1,7 +1,7 @@
 """A remote operator: answers come through the same file as requests.
 
 A run that was started from the web page has no terminal. Its questions are in its heartbeat, visible to all;
-an answer is a line appended to `rigctl.runner.control.CONTROL_NAME`, which names the question that it
+an answer is a line appended to `rigctl.runner.remote_control.CONTROL_NAME`, which names the question that it
 answers.
 """
 
@@ -18,10 +18,10 @@ from rigctl.dataset.writer_lock import read_state
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.plan.behaviour import Answer, Question
 from rigctl.runner.appended_lines import AppendedLines
-from rigctl.runner.control import CONTROL_NAME, sender, write_line
 from rigctl.runner.operator import read_answer
+from rigctl.runner.remote_control import CONTROL_NAME, sender, write_line
 from rigctl.runner.requests import Order
-from rigctl.runner.view import View
+from rigctl.runner.snapshot import View
 
 _ANSWER: Final = "answer"
 

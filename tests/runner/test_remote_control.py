@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from rigctl.errors import RigctlError
-from rigctl.runner.control import CONTROL_NAME, ControlFile, send, write_line
+from rigctl.runner.remote_control import CONTROL_NAME, ControlFile, send, write_line
 from rigctl.runner.requests import Request
-from rigctl.runner.view import View
+from rigctl.runner.snapshot import View
 
 
 @pytest.fixture

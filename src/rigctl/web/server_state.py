@@ -67,7 +67,7 @@ class Part:
     name: its path is ``/name``, its script ``assets/name.js``, and its routes begin with ``/api/name/``.
     title: in the navigation.
     about: one line for the page's description.
-    routes: makes its routes, from `rigctl.web.answer.get` and `post`.
+    routes: makes its routes, from `rigctl.web.request_handling.get` and `post`.
     """
 
     name: str

@@ -16,9 +16,9 @@ from rigctl.procedure import expand, load_procedure
 from rigctl.rig import load_rig
 from rigctl.runner.launch import Launch, launch
 from rigctl.runner.operator import AutomaticOperator
-from rigctl.runner.relaunch import open_interrupted, relaunch
+from rigctl.runner.remaining_plan import record_paths, remaining, setup_before
 from rigctl.runner.requests import Request
-from rigctl.runner.resume import record_paths, remaining, setup_before
+from rigctl.runner.resume import open_interrupted, relaunch
 from run_workshop import RIG, ScriptedControl
 
 CAMPAIGN = """\

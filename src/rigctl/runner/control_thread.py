@@ -10,7 +10,7 @@ from contextlib import suppress
 
 from rigctl.clock import Clock
 from rigctl.runner.requests import Control, Order
-from rigctl.runner.view import View
+from rigctl.runner.snapshot import View
 
 _LOOK = 0.05  # s of wall time between two looks
 _ENDS_WITHIN = 2.0  # s; a disk that hangs must not keep the program from ending

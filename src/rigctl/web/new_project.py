@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.errors import RigctlError
 from rigctl.project import MARKER
-from rigctl.web.answer import Asked
+from rigctl.web.request_handling import Asked
 
 if TYPE_CHECKING:
-    from rigctl.web.site import Site
+    from rigctl.web.server_state import Site
 
 _HOLDS: Final = (MARKER, "rigs", "models", "procedures", "runs", "families")
 

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from rigctl.web.gate import Gate, Keys, Message, Receive, Scope, Send, set_cookie
+from rigctl.web.access_control import Gate, Keys, Message, Receive, Scope, Send, set_cookie
 from web.serving import Served, Window
 
 HOSTILE_HOSTS = [
@@ -196,7 +196,8 @@ def test_every_answer_forbids_what_a_browser_must_not_do_with_it(served: Served,
 
 
 def test_no_file_but_the_page_s_own_is_had(served: Served, cookie: str) -> None:
-    for path in ("/assets/../gate.py", "/assets/%2e%2e/gate.py", "/assets//etc/passwd", "/../rigctl.toml"):
+    inside = ("/assets/../access_control.py", "/assets/%2e%2e/access_control.py")
+    for path in (*inside, "/assets//etc/passwd", "/../rigctl.toml"):
         assert served.ask("GET", path, cookie=cookie)[0] == 404
 
 

@@ -24,7 +24,7 @@ from rigctl.runner.appended_lines import LONGEST_LINE, AppendedLines
 from rigctl.runner.requests import Order, Request
 
 if TYPE_CHECKING:
-    from rigctl.runner.view import View
+    from rigctl.runner.snapshot import View
 
 CONTROL_NAME = "control.jsonl"
 #: s of wall time between two checks of the file

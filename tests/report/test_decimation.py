@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigctl.report.thin import changes, thin
+from rigctl.report.decimation import changes, thin
 
 VALUES = st.lists(st.floats(-1e6, 1e6) | st.just(float("nan")), max_size=400).map(np.array)
 
