@@ -44,7 +44,7 @@ def anchors(path: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_are_valid(page: Path) -> None:
     prose = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
     for link in _LINK.findall(prose):
         if re.match(r"[a-z]+:", link):
@@ -55,7 +55,7 @@ def test_links_lead_somewhere(page: Path) -> None:
         assert not anchor or anchor in anchors(target), f"{named(page)} links to {link}: no such heading"
 
 
-def test_every_page_is_reached_from_the_start_page() -> None:
+def test_every_page_is_reachable_from_the_start_page() -> None:
     start = ROOT / "docs" / "README.md"
     listed = {(start.parent / link).resolve() for link in _LINK.findall(start.read_text(encoding="utf-8"))}
     pages = {path for path in PAGES if path.parent.name in ("tutorial", "how-to", "reference", "explanation")}

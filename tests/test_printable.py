@@ -12,14 +12,14 @@ from rigctl.printable import printable
 
 
 @given(st.text())
-def test_nothing_is_left_that_a_terminal_obeys(text: str) -> None:
+def test_no_terminal_control_sequence_remains(text: str) -> None:
     shown = printable(text)
     assert len(shown) == len(text)
     assert not any(unicodedata.category(character)[0] == "C" for character in shown)
 
 
 @pytest.mark.parametrize("text", ["p = 3 bar", "20 °C", "1\u202f000 rows", "öäü 圧力", "±"])
-def test_what_people_write_stays(text: str) -> None:
+def test_printable_text_is_unchanged(text: str) -> None:
     assert printable(text) == text
 
 

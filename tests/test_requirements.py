@@ -41,12 +41,12 @@ def imported() -> set[str]:
     return imports_of(ROOT / "src" / "rigctl")
 
 
-def test_whatever_is_required_is_imported(imported: set[str]) -> None:
+def test_every_required_package_is_imported(imported: set[str]) -> None:
     required = {name_of(one) for one in PROJECT["dependencies"]}
     assert {name for name in required if IMPORTED.get(name, name) not in imported} == set()
 
 
-def test_an_extra_is_what_doctor_says_and_what_some_code_imports(imported: set[str]) -> None:
+def test_every_extra_is_listed_by_doctor_and_imported(imported: set[str]) -> None:
     offered = {
         extra: {IMPORTED.get(name_of(one), name_of(one)) for one in requirements}
         for extra, requirements in PROJECT["optional-dependencies"].items()

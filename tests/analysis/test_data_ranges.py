@@ -65,7 +65,7 @@ def test_an_absolute_temperature_does_not_count_from_0_kelvin() -> None:
     assert ranges[play.within] == pytest.approx((0.0, 30.0))
 
 
-def test_a_threshold_of_a_temperature_lies_among_its_values() -> None:
+def test_a_temperature_threshold_is_searched_among_its_values() -> None:
     table = parse_family(
         "family: strip\ninputs: {oven: {value: 20 degC}}\n"
         "parameters:\n  rise: {value: 1 V/K, bounds: [0 V/K, 10 V/K]}\n"

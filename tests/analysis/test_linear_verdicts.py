@@ -107,7 +107,7 @@ def stand_in(more: float) -> Design:
 TWO = {"beta": 8.0, "gamma": 8.0}
 
 
-def test_one_effect_that_leaves_nothing_to_see_does_not_stand_in_for_two() -> None:
+def test_one_effect_without_remainder_does_not_replace_two() -> None:
     """alpha leaves 36 in χ² of 189, which no test sees, and is 27 worse in mBIC: it was named for sure."""
     design = stand_in(6.0)
     y = readings_of(design, TWO)
@@ -208,7 +208,7 @@ def strange(design: Design, size: float) -> Floats:
     )
 
 
-def test_what_no_effect_does_is_outside_the_library() -> None:
+def test_a_misfit_that_no_effect_explains_is_outside_the_library() -> None:
     found = diagnosed(made_design(PLAIN, np.eye(6)), {}, strange(made_design(PLAIN, np.eye(6)), 20.0))
     assert found.verdict is Verdict.OUTSIDE_LIBRARY
     assert found.effects == ()
@@ -218,9 +218,7 @@ def test_what_no_effect_does_is_outside_the_library() -> None:
 @pytest.mark.parametrize(
     ("size", "verdict"), [(15.0, Verdict.MISSING_EFFECT), (40.0, Verdict.OUTSIDE_LIBRARY)]
 )
-def test_what_is_left_beside_an_effect_is_said_and_decides_above_three_per_cent(
-    size: float, verdict: Verdict
-) -> None:
+def test_the_remainder_is_reported_and_decides_above_three_percent(size: float, verdict: Verdict) -> None:
     """Excess beyond χ²'s own spread over what alpha explains and that: 2 and 13 %, less the little of it that
     sizes of alpha of each record's own take up."""
     design = made_design(PLAIN, np.eye(6))
@@ -236,7 +234,7 @@ def test_what_is_left_beside_an_effect_is_said_and_decides_above_three_per_cent(
     assert ("The nearest in the library" in found.statement) is (verdict is Verdict.OUTSIDE_LIBRARY)
 
 
-def test_what_the_fitted_parameters_take_over_whole_is_untestable() -> None:
+def test_an_effect_absorbed_by_fitted_parameters_is_untestable() -> None:
     design = made_design([*PLAIN[:2], made_effect("gamma", needs="another load")], np.eye(3))
     hidden = {**design.columns, "gamma.size": 2.0 * design.columns["gain"] - design.columns["slope"]}
     found = diagnosed(replace(design, columns=hidden), {"alpha": 9.0, "gamma": 50.0})

@@ -50,7 +50,7 @@ def misfit(_: int, times: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("source", "worth"), [("rig", 8), ("assumed", 2), ("quiet", 4)])
-def test_a_guess_of_the_noise_is_worth_few_degrees_of_freedom(source: Source, worth: int) -> None:
+def test_guessed_noise_has_few_degrees_of_freedom(source: Source, worth: int) -> None:
     assert _guessed_degrees(made_fit(guessed(source), 2, misfit)) == worth
 
 

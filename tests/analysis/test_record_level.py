@@ -59,7 +59,7 @@ def quantities(room: Callable[[float], float], seed: int) -> dict[str, RecordQua
     return {one.name: one for one in record_level(found)}
 
 
-def test_a_room_that_rises_with_the_heaters_is_evidence() -> None:
+def test_an_ambient_temperature_that_rises_with_the_heaters_is_evidence() -> None:
     room = quantities(lambda power: 25.0 * power, 1)["room"]
     assert room.exceeds
     assert room.follows
@@ -79,7 +79,7 @@ def test_a_room_that_rises_with_the_heaters_is_evidence() -> None:
 
 
 @pytest.mark.parametrize("seed", [2, 3, 4])
-def test_rooms_that_differ_as_rooms_do_are_none(seed: int) -> None:
+def test_ambient_temperatures_that_differ_normally_are_no_evidence(seed: int) -> None:
     generator = np.random.default_rng(seed)
     found = quantities(lambda _: float(generator.normal(0.0, 1.0)), seed)
     assert not any(one.statement for one in found.values())
@@ -137,7 +137,7 @@ def wall_project(folder: Path, start: str) -> None:
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_a_state_that_nobody_measures_may_begin_anywhere_within_its_prior(
+def test_an_unmeasured_state_may_start_anywhere_within_its_prior(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, known: bool
 ) -> None:
     wall_project(tmp_path, "{value: 20 degC, std: 5 K}" if known else "20 degC")

@@ -91,7 +91,7 @@ def hidden(own: list[float], shared: list[float]) -> tuple[float, str]:
     return score.kappa, score.hidden_in
 
 
-def test_what_hides_an_effect_is_the_step_that_takes_most_of_its_square() -> None:
+def test_an_effect_is_hidden_by_the_step_that_absorbs_most_of_it() -> None:
     nothing, last = [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]
     assert hidden(nothing, last) == (pytest.approx(5.0 / 13.0), "convection")
     assert hidden(last, [0.0, 1.0, 0.0]) == (pytest.approx(3.0 / 13.0), "record")

@@ -26,7 +26,7 @@ def test_a_strong_leak_that_is_half_turbulent_is_one_effect() -> None:
     assert not levels["law"]["sure"]  # the data ask for another law
 
 
-def test_knots_stand_where_the_data_are() -> None:
+def test_knots_are_where_the_data_are() -> None:
     at_rest_mostly = np.concatenate([np.zeros(900), np.linspace(-1.0, 1.0, 100)])
     knots = knots_of([at_rest_mostly])
     assert knots is not None
@@ -45,7 +45,7 @@ def test_the_prior_is_smooth_and_of_unit_size() -> None:
     assert abs(covariance[0, -1]) < 1e-3
 
 
-def test_laws_of_one_cause_share_place_and_driver() -> None:
+def test_laws_of_one_cause_share_location_and_driver() -> None:
     coulomb, stribeck, viscous, spring = (
         find_effect(f"{name}", FAMILY)
         for name in ("coulomb_friction", "stribeck_friction", "viscous_friction", "spring_load")
@@ -71,7 +71,7 @@ def test_a_level_is_claimed_where_the_whole_class_agrees_on_it() -> None:
     assert level(["coulomb_friction"], sure=False) == (False, False, False)
 
 
-def test_what_an_answer_leaves_takes_levels_away() -> None:
+def test_residuals_reduce_the_levels_of_an_answer() -> None:
     effects: dict[str, Effect] = {
         name: find_effect(name, FAMILY) for name in ("spring_load", "constant_load", "pump_slip")
     }

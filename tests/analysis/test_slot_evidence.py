@@ -73,14 +73,14 @@ def names(found: tuple[SlotEvidence, ...]) -> list[str]:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_nothing_hidden_wants_no_term(seed: int) -> None:
+def test_without_a_hidden_effect_no_term_is_needed(seed: int) -> None:
     found = slot_evidence(of_campaign(None, 0.0, chambers=False, seed=seed))
     assert found[0].log_evidence < WANTED
     assert not any(one.alike for one in found)
     assert [one.log_evidence for one in found] == sorted((one.log_evidence for one in found), reverse=True)
 
 
-def test_a_leaking_valve_is_a_matter_of_its_four_flows() -> None:
+def test_a_leaking_valve_is_located_in_its_four_flows() -> None:
     first = slot_evidence(of_campaign("valve_leakage", 0.1, chambers=True))[0]
     assert set(first.slot.split(" + ")) == FLOWS
     assert first.log_evidence > WANTED
@@ -88,7 +88,7 @@ def test_a_leaking_valve_is_a_matter_of_its_four_flows() -> None:
     assert first.meaning.startswith("from the supply into the cap side; ")
 
 
-def test_friction_is_a_force_and_the_data_do_not_tell_it_from_a_load() -> None:
+def test_friction_is_located_as_a_force_like_a_load() -> None:
     first = slot_evidence(of_campaign("coulomb_friction", 1.0, chambers=True))[0]
     assert first.slot == "friction"
     assert first.alike == ("load",)
@@ -110,7 +110,7 @@ def test_a_sensor_is_blamed_rather_than_an_equation(effect: str, slot: str, cham
     assert found[0].log_evidence > found[1].log_evidence + WANTED
 
 
-def test_what_cannot_be_told_apart_is_said_alike() -> None:
+def test_inseparable_slots_have_equal_evidence() -> None:
     """A position that reads short when the bench is warm, or hot oil that flows more slowly."""
     found = slot_evidence(of_campaign("position_thermal_drift", 1.0, chambers=True))
     assert "position_reading" in {found[0].slot, *found[0].alike}
@@ -147,7 +147,7 @@ def test_columns_add_up_to_the_engines_own_derivative(nothing: FitResult) -> Non
     assert found.courses[0][:, reading.columns].sum(axis=1) == pytest.approx(1.0)
 
 
-def test_a_model_taken_as_it_is_moves_nothing(nothing: FitResult) -> None:
+def test_without_a_fit_there_are_no_nuisance_parameters(nothing: FitResult) -> None:
     """As in the linearisation: what its parameters could take over is a misfit too."""
     taken = replace(nothing, solution=None)
     columns = disturbance_columns(nothing, nothing.problem, disturbed(nothing.problem, 7))
@@ -190,7 +190,7 @@ def test_the_heaters_warm_each_other(brought_in: Callable[[str, str | None], Pat
     assert all(0.0 <= one.share <= 1.0 for one in found.values())
 
 
-def test_a_table_says_which_of_its_laws_is_wrong(brought_in: Callable[[str, str | None], Path]) -> None:
+def test_the_wrong_law_of_a_table_is_located(brought_in: Callable[[str, str | None], Path]) -> None:
     run = open_run(str(brought_in("hl32-viscosity.csv", None)))
     model = load_model(shipped("models", "hl32-oil.yaml"))
     measurements = read_measurements(model, [run])
@@ -216,7 +216,7 @@ def tank_record(values: np.ndarray, times: np.ndarray, inflow: float) -> Measure
     )
 
 
-def test_a_family_of_ones_own_that_is_warmed_by_the_room(tmp_path: Path) -> None:
+def test_a_user_family_with_ambient_heating(tmp_path: Path) -> None:
     path = tmp_path / "tank.yaml"
     family = shipped("models", "families", "water-tank.yaml")
     (tmp_path / "family.yaml").write_text(family.read_text(encoding="utf-8"), encoding="utf-8", newline="\n")

@@ -62,7 +62,7 @@ def test_the_stroke_does_not_depend_on_the_rate(make_cylinder: MakeBench) -> Non
     assert strokes == pytest.approx([strokes[0]] * 3, abs=2e-6)
 
 
-def test_heaters_and_pump_heat_the_oil_as_the_heat_balance_says(make_cylinder: MakeBench) -> None:
+def test_the_oil_temperature_follows_the_heat_balance(make_cylinder: MakeBench) -> None:
     bench = make_cylinder(22.0)
     bench.command("relief_valve", 50e5).wait()
     bench.command("heater", 1.0).wait()

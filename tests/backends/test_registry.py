@@ -36,7 +36,7 @@ def test_a_wrong_choice_is_refused(rig: Rig, choice: str, options: dict[str, obj
     assert message in str(problem.value)
 
 
-def test_options_of_the_rig_file_hold_until_the_command_says_otherwise(rig: Rig) -> None:
+def test_command_line_options_override_those_of_the_rig_file(rig: Rig) -> None:
     described = rig.model_copy(
         update={"backend": rig.backend.model_copy(update={"options": {"seed": 5, "noise": "off"}})}
     )

@@ -34,7 +34,7 @@ def comport(device: str, vendor: int | None = None, product: int | None = None) 
         (None, None, ""),
     ],
 )
-def test_what_is_behind_a_port(vendor: int | None, product: int | None, guess: str) -> None:
+def test_the_device_on_a_port_is_guessed(vendor: int | None, product: int | None, guess: str) -> None:
     found = ports.guess(vendor, product)
     assert found.startswith(guess)
     assert bool(found) == bool(guess)
@@ -63,7 +63,7 @@ def test_usb_ports_come_first(monkeypatch: pytest.MonkeyPatch) -> None:
         ([], 0o600, "sudo chmod a+rw"),
     ],
 )
-def test_who_may_not_open_it_reads_what_to_type(
+def test_missing_permission_is_reported_with_the_command_to_get_it(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, members: list[str], mode: int, fix: str
 ) -> None:
     import grp
@@ -106,7 +106,7 @@ def test_the_heater_board_is_asked_for_its_version(board: MemoryPort) -> None:
     assert board.closed
 
 
-def test_a_bad_line_is_seen_in_its_answers(board: MemoryPort) -> None:
+def test_a_bad_line_is_detected_from_its_answers(board: MemoryPort) -> None:
     wrong = iter([False] * 8 + [True, False] * 6)
     answer = board.sketch._answer
 
@@ -120,7 +120,7 @@ def test_a_bad_line_is_seen_in_its_answers(board: MemoryPort) -> None:
     assert link.answered == 14
 
 
-def test_nobody_there_is_said_after_the_time_a_board_needs_to_start(board: MemoryPort) -> None:
+def test_no_answer_is_reported_after_the_start_time_of_a_board(board: MemoryPort) -> None:
     board.mute = True
     with pytest.raises(PortLost, match="nobody answers"):
         probe(connect(board), board.clock)
@@ -128,7 +128,7 @@ def test_nobody_there_is_said_after_the_time_a_board_needs_to_start(board: Memor
     assert board.closed
 
 
-def test_a_board_that_starts_late_is_heard(board: MemoryPort) -> None:
+def test_a_slowly_starting_board_is_identified(board: MemoryPort) -> None:
     board.mute = True
     write = board.write
 

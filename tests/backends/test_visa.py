@@ -27,7 +27,7 @@ def settings(server: ScpiServer, **other: Any) -> dict[str, Any]:
     return {**address_of(RIG, {"port": server.port}).settings, **other}
 
 
-def test_a_late_answer_is_that_of_no_later_question() -> None:
+def test_a_late_answer_is_not_taken_for_that_of_a_later_query() -> None:
     with ScpiServer(RIG) as server:
         client = VisaClient(server.port, settings(server, timeout=0.2))
         server.delay = 0.4
@@ -57,7 +57,7 @@ def _talkative(listening: socket.socket) -> None:
                     line.sendall(b'-113,"Undefined header"\n')
 
 
-def test_what_nobody_asked_for_is_no_answer() -> None:
+def test_unsolicited_data_are_not_an_answer() -> None:
     """One line too many made every later reading that of another channel."""
     with ScpiServer(RIG) as server:
         known = settings(server)
@@ -88,7 +88,7 @@ def _answering(listening: socket.socket, answers: list[list[bytes]]) -> None:
                     line.sendall(last)
 
 
-def test_an_answer_counts_when_its_end_has_come() -> None:
+def test_an_answer_counts_only_when_complete() -> None:
     """Half an answer was taken for a whole number, and one without end filled the memory."""
     with ScpiServer(RIG) as server:
         known = settings(server, timeout=0.2)
@@ -106,7 +106,7 @@ def test_an_answer_counts_when_its_end_has_come() -> None:
         thread.join()
 
 
-def test_nobody_there_is_said() -> None:
+def test_no_connection_is_reported() -> None:
     with ScpiServer(RIG) as server:
         port, known = server.port, settings(server)
     with pytest.raises(PortLost, match="TCPIP"):  # when it is opened, or when it is asked
@@ -116,7 +116,7 @@ def test_nobody_there_is_said() -> None:
             address_of(RIG.model_copy(update={"backend": RIG.backend.model_copy(update={"port": name})}), {})
 
 
-def test_how_messages_end_is_the_instruments_business() -> None:
+def test_message_terminators_are_those_of_the_instrument() -> None:
     rig = parse_rig(RIG.text.replace("    timeout: 0.5 s", '    timeout: 0.5 s\n    send_ends: "\\r\\n"'))
     assert rig.lines is not None
     assert rig.lines.send_ends == "\n"

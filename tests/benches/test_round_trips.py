@@ -80,7 +80,7 @@ LOADED = "constant_load:force=300 N"
         ("hl32-bench-instrumented", ONE_STROKE, "parquet", LOADED),
     ],
 )
-def test_a_verdict_is_the_same_after_the_way_through_a_file(
+def test_a_verdict_survives_export_and_import(
     rig: str, steps: tuple[str, ...], ending: str, hidden: str | None
 ) -> None:
     """All rigs with all formats: ``python -m benchmarks.round_trips``."""

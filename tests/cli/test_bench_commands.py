@@ -53,7 +53,7 @@ def told(result: Result) -> dict[str, Any]:
     return answer
 
 
-def test_simulate_says_where_the_run_is(rigctl: Rigctl) -> None:
+def test_simulate_prints_the_folder_of_the_run(rigctl: Rigctl) -> None:
     done = rigctl("simulate", "stroke.yaml", "--json", "--seed", "3", "--arg", "time=0.7 s")
     assert done.exit_code == 0, done.output
     answer = told(done)
@@ -80,7 +80,7 @@ def test_a_fault_ends_in_exit_code_1_and_one_sentence(rigctl: Rigctl) -> None:
     assert "no sample for 1 s" in done.stdout
 
 
-def test_run_takes_answers_given_beforehand_and_replays_what_was_recorded(rigctl: Rigctl) -> None:
+def test_run_accepts_prepared_answers_and_replays(rigctl: Rigctl) -> None:
     first = rigctl(
         "run", "stroke.yaml", "--speed", "max", "--answer", "room=21 degC", "--json", "--operator", "Ada"
     )
@@ -136,7 +136,7 @@ def test_resume_refuses_a_finished_run(rigctl: Rigctl) -> None:
     assert "finished" in str(done.exception)
 
 
-def test_resume_goes_on_with_a_failed_run(rigctl: Rigctl) -> None:
+def test_resume_continues_a_failed_run(rigctl: Rigctl) -> None:
     text = PROCEDURE.replace("  - retract", "  - wait: {until: position > 200 mm, timeout: 1 s}\n  - retract")
     Path("stroke.yaml").write_text(text, encoding="utf-8")
     assert rigctl("simulate", "stroke.yaml").exit_code == 1
@@ -154,19 +154,19 @@ def test_jog_and_off_leave_everything_safe(rigctl: Rigctl) -> None:
     assert told(rigctl("off", "--json"))["rig"] == "HL32 bench"
 
 
-def test_jog_with_nobody_there_ends_at_once(rigctl: Rigctl) -> None:
+def test_jog_without_an_operator_ends_at_once(rigctl: Rigctl) -> None:
     done = rigctl("jog", "heater", "on", "--json")
     assert done.exit_code == 1
     assert told(done)["reason"].startswith("nobody can answer 'heater is at on; Enter brings it back'")
     assert "heater off" in done.stderr
 
 
-def test_jog_of_what_is_turned_by_hand_asks_the_simulated_operator(rigctl: Rigctl) -> None:
+def test_jog_of_a_hand_operated_actuator_asks_the_simulated_operator(rigctl: Rigctl) -> None:
     done = rigctl("jog", "relief_valve", "30 bar", "--speed", "max", "--json")
     assert told(done)["status"] == "finished"
 
 
-def test_the_project_names_the_rig_that_is_meant(rigctl: Rigctl) -> None:
+def test_the_rig_of_the_project_is_the_default(rigctl: Rigctl) -> None:
     Path("rigs/other.yaml").write_text("", encoding="utf-8")
     refused = str(rigctl("off").exception)
     assert "which rig?; expected --rig rigs/bench.yaml or --rig rigs/other.yaml" in refused

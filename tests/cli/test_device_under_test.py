@@ -57,9 +57,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.usefixtures("project")
-def test_a_run_keeps_its_device_and_lists_show_and_sql_tell_it(
-    project: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_device_of_a_run_is_stored_and_listed(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project)
     info = json.loads(told("runs", "show", "latest", "--json"))
     assert info["device"] == {"serial_number": "HB-0042", "part": "two heaters", "notes": "after repair"}
@@ -75,7 +73,7 @@ def test_a_run_keeps_its_device_and_lists_show_and_sql_tell_it(
     assert "HB-0042" in Path("page.html").read_text("utf-8")
 
 
-def test_junit_is_what_readers_expect(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_junit_xml_is_read_by_junitparser(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project)
     told("export", "latest", "-o", "results.xml")
     (suite,) = JUnitXml.fromfile("results.xml")
@@ -98,7 +96,7 @@ def test_junit_is_what_readers_expect(project: Path, monkeypatch: pytest.MonkeyP
     assert "unknown form" in refusal("export", "latest", "--to", "junt")
 
 
-def test_an_aborted_run_is_no_pass(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_aborted_run_does_not_pass(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project)
     text = PROCEDURE.replace("required: true", "required: false").replace("60 %]", "20 %]")
     Path("procedures/broken.yaml").write_text(
@@ -115,7 +113,7 @@ def test_an_aborted_run_is_no_pass(project: Path, monkeypatch: pytest.MonkeyPatc
     assert [type(found) for case in suite for found in case.result] == [Error]
 
 
-def test_what_a_procedure_demands_is_asked_for_until_it_fits(
+def test_a_required_identity_is_asked_for_until_it_is_valid(
     project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(project)
@@ -148,7 +146,7 @@ def test_a_wrong_identity_is_refused_at_its_place(line: str, said: str) -> None:
     assert caught.value.where.line == 4
 
 
-def test_no_way_to_a_bench_goes_round_a_demand(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_command_enforces_the_required_identity(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project)
     known = {"person": "Ada", "device": {"serial_number": "HB-0042"}}
     for said in ({}, {**known, "person": ""}, {**known, "device": {}}):
@@ -158,7 +156,7 @@ def test_no_way_to_a_bench_goes_round_a_demand(project: Path, monkeypatch: pytes
         rigctl.run("procedures/acceptance.yaml", backend="emulated", device={"serial_number": "x"})
 
 
-def test_no_pattern_takes_time_without_end() -> None:
+def test_no_pattern_takes_unbounded_time() -> None:
     """A pattern that backtracking would need centuries for."""
     text = PROCEDURE.replace("HB-[0-9]{4}", "(a+)+b")
     demands = parse_procedure(text).identity

@@ -34,7 +34,7 @@ def test_the_list_has_every_effect_of_every_family() -> None:
     assert "piston_leakage" not in text
 
 
-def test_slots_say_what_a_term_may_name() -> None:
+def test_slots_list_the_variables_of_a_term() -> None:
     (family,) = answer("list", "--slots", "--family", "hydraulic_cylinder")["families"]
     slots = {slot["name"]: slot for slot in family["slots"]}
     assert slots["throttle_area"]["combine"] == "product"
@@ -69,13 +69,13 @@ def test_the_picture_is_data_too() -> None:
     assert "signature" not in answer("show", "position_offset", "--no-picture")
 
 
-def test_base_physics_is_shown_by_taking_it_away() -> None:
+def test_base_physics_is_shown_by_removing_it() -> None:
     text = said("effects", "show", "spool_lag")
     assert "taken away by spool_time = 0.001 (SI)" in text
     assert "position: largest +7." in text
 
 
-def test_an_effect_that_needs_another_is_shown_beside_it() -> None:
+def test_an_effect_that_needs_another_is_shown_with_it() -> None:
     assert "Alone it has no influence on any reading" in said("effects", "show", "barus")
     assert "position: largest -" in said("effects", "show", "barus", "--with", "piston_leakage")
 
@@ -119,7 +119,7 @@ def test_an_effect_without_influence_is_named(tmp_path: Path) -> None:
     assert answer("check", str(file))["signature"]["silent"] is False
 
 
-def test_a_term_that_the_record_breaks_is_told_at_its_place(tmp_path: Path) -> None:
+def test_a_term_undefined_on_the_record_is_reported_with_its_place(tmp_path: Path) -> None:
     file = tmp_path / "root.yaml"
     file.write_text(
         "effect: root\nsummary: A root.\nslot: friction\nterm: size*sqrt((0.05 m/s + velocity)/(1 m/s))\n"
@@ -143,7 +143,7 @@ def test_a_term_that_the_record_breaks_is_told_at_its_place(tmp_path: Path) -> N
         (["list", "-f", "heater_bord"], "did you mean 'heater_board'"),
     ],
 )
-def test_mistakes_are_told_plainly(arguments: list[str], message: str) -> None:
+def test_mistakes_have_clear_messages(arguments: list[str], message: str) -> None:
     with pytest.raises(RigctlError, match=message):
         said("effects", *arguments)
 

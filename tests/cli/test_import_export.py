@@ -21,7 +21,7 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_there_and_back(file: Path) -> None:
+def test_export_and_import_round_trip(file: Path) -> None:
     arguments = ("import", str(file), "--rig", "rigs/hl32-bench.yaml")
     document = answer(*arguments)
     assert (document["records"], document["rows"], document["left_out"]) == (2, 3, 0)
@@ -33,7 +33,7 @@ def test_there_and_back(file: Path) -> None:
     assert "a.parquet: 3 rows" in told("export", "latest", "-o", "a.parquet")
 
 
-def test_bad_rows_are_told_on_stderr(file: Path) -> None:
+def test_bad_rows_are_reported_on_stderr(file: Path) -> None:
     file.write_text(TEXT + "x,1,4\n" * 30, encoding="utf-8")
     arguments = ("import", str(file), "--rig", "rigs/hl32-bench.yaml", "--json")
     assert "not a number" in refusal(*arguments)
@@ -63,7 +63,7 @@ def test_bad_rows_are_told_on_stderr(file: Path) -> None:
         (b"time [s],position [mm]\n", "log.csv: there is nothing to import; expected rows of values"),
     ],
 )
-def test_files_of_other_programs_are_told_what_they_lack(file: Path, content: bytes, says: str) -> None:
+def test_missing_columns_of_foreign_files_are_reported(file: Path, content: bytes, says: str) -> None:
     log = file.with_name("log.csv")
     log.write_bytes(content)
     assert re.search(says, refusal("import", str(log), "--rig", "rigs/hl32-bench.yaml"))

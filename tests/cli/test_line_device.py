@@ -53,7 +53,7 @@ def test_a_step_test_from_the_port_to_the_records(board: Served, tmp_path: Path)
     assert board.sketch.heaters == (0.0, 0.0)
 
 
-def test_over_temperature_is_seen_by_rigctl_and_switches_off(board: Served, tmp_path: Path) -> None:
+def test_over_temperature_is_detected_and_switches_off(board: Served, tmp_path: Path) -> None:
     run = begin(tmp_path, board, "--arg", "rest=2 s")
     while board.sketch.heaters == (0.0, 0.0):
         time.sleep(0.01)
@@ -74,7 +74,7 @@ def test_the_wrong_board_is_named(board: Served, tmp_path: Path) -> None:
     assert "got 'ACME toaster 3'; expected TCLab Firmware {firmware}" in answer["error"]["message"]
 
 
-def test_off_reaches_it_without_a_run(board: Served, tmp_path: Path) -> None:
+def test_off_works_without_a_run(board: Served, tmp_path: Path) -> None:
     board.sketch.model._Q1 = 60
     (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
     command = [sys.executable, "-m", "rigctl", "off", "--rig", "rigs/tclab-board.yaml", "--port", board.url]

@@ -67,7 +67,7 @@ def test_a_misspelt_command_names_the_nearest() -> None:
         (["pause"], 1, "no run is in progress"),
     ],
 )
-def test_a_program_is_told_of_a_mistake_in_json(
+def test_a_mistake_is_reported_in_json(
     tmp_path: Path, words: list[str], exit_code: int, message: str
 ) -> None:
     done = subprocess.run(
@@ -91,14 +91,14 @@ def test_a_mistake_in_a_file_has_its_place_in_json(tmp_path: Path) -> None:
     assert (error["value"], error["nearest"]) == ("rigg", "rig")
 
 
-def test_python_dash_m_is_the_same_program() -> None:
+def test_python_dash_m_runs_the_same_program() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "rigctl", "--version"], capture_output=True, text=True, check=True
     )
     assert done.stdout.startswith("rigctl ")
 
 
-def test_what_scipy_loads_and_nobody_uses_is_loaded_when_it_is_asked_for() -> None:
+def test_unused_modules_of_scipy_are_loaded_only_on_request() -> None:
     program = (
         "import sys\n"
         "from rigctl.cli.late_modules import load_late\n"

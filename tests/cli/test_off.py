@@ -15,7 +15,7 @@ from tclab_board import Served
 from torture import switching_off
 
 
-def test_a_simulation_that_goes_on_is_ended(tmp_path: Path) -> None:
+def test_off_ends_a_simulation_in_progress(tmp_path: Path) -> None:
     (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
     steps = "procedure: p\nrig: rigs/heater-board.yaml\nsteps:\n  - set: {heater_1: 60 %}\n  - wait: 1 h\n"
     (tmp_path / "p.yaml").write_text(steps, encoding="utf-8")
@@ -39,7 +39,7 @@ def test_a_simulation_that_goes_on_is_ended(tmp_path: Path) -> None:
         run.communicate()
 
 
-def test_with_only_a_port_and_no_project_it_finds_out_what_is_there(tmp_path: Path) -> None:
+def test_off_with_only_a_port_identifies_the_device(tmp_path: Path) -> None:
     with Served() as board:
         board.sketch.model._Q1 = 60
         code, out, err = rigctl(tmp_path, "off", "--port", board.url, "--json")
@@ -54,7 +54,7 @@ def test_with_only_a_port_and_no_project_it_finds_out_what_is_there(tmp_path: Pa
         assert "rigctl off" not in err
 
 
-def test_a_run_that_has_the_bench_is_ended_and_says_that_it_is_safe(tmp_path: Path) -> None:
+def test_off_ends_a_run_which_confirms_that_it_is_safe(tmp_path: Path) -> None:
     done = switching_off.running_run(tmp_path / "project")
     assert done.told["known_by"] == "the run that has the bench has made it safe"
 
@@ -64,12 +64,12 @@ def test_rigctls_own_board_is_found_by_its_port_alone(tmp_path: Path) -> None:
     switching_off.board_with_only_a_port(tmp_path / "nowhere")
 
 
-def test_what_to_do_by_hand_is_said_before_a_dead_line_is_given_up(tmp_path: Path) -> None:
+def test_manual_action_is_suggested_before_a_dead_line_times_out(tmp_path: Path) -> None:
     switching_off.dead_line(tmp_path / "project")
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"pid": "x"}', '{"token": 1, "beat": null}', "TYPES"])
-def test_a_corrupt_lock_is_no_obstacle(tmp_path: Path, content: str) -> None:
+def test_a_corrupt_lock_does_not_prevent_off(tmp_path: Path, content: str) -> None:
     from rigctl.runner.rig_lock import RigLock, read_owner
 
     path = tmp_path / "bench.json"
@@ -91,7 +91,7 @@ def test_a_corrupt_lock_is_no_obstacle(tmp_path: Path, content: str) -> None:
         (False, False, False, "sent, not confirmed: heater_1, heater_2; see for yourself whether it is off"),
     ],
 )
-def test_what_is_only_remembered_here_confirms_nothing(
+def test_the_host_s_memory_confirms_nothing(
     tmp_path: Path, reported: bool, answers: bool, confirmed: bool, known_by: str
 ) -> None:
     text = shipped("rigs", "tclab-board.yaml").read_text(encoding="utf-8")

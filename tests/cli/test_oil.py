@@ -62,7 +62,7 @@ def test_points_in_either_viscosity_give_the_same_constants() -> None:
         (["--model", "barius"], "did you mean 'barus'"),
     ],
 )
-def test_mistakes_are_told_plainly(arguments: list[str], message: str) -> None:
+def test_mistakes_have_clear_messages(arguments: list[str], message: str) -> None:
     assert message in commands.refusal("oil", *arguments)
 
 

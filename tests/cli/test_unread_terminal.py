@@ -32,9 +32,7 @@ def status(folder: Path) -> str:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a pipe without waiting is POSIX")
 @pytest.mark.parametrize("speed", ["max", "10x"])
-def test_a_run_ends_and_its_process_exits_though_nobody_reads_what_it_says(
-    tmp_path: Path, speed: str
-) -> None:
+def test_a_run_ends_and_exits_although_its_output_is_not_read(tmp_path: Path, speed: str) -> None:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     with pytest.raises(BlockingIOError):
@@ -49,7 +47,7 @@ def test_a_run_ends_and_its_process_exits_though_nobody_reads_what_it_says(
     assert status(tmp_path) == "finished"
 
 
-def test_an_answer_that_cannot_be_delivered_is_no_success(tmp_path: Path) -> None:
+def test_an_undeliverable_answer_is_a_failure(tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     try:
@@ -76,7 +74,7 @@ class Stuck:
     def flush(self) -> None: ...
 
 
-def test_of_more_than_can_wait_the_newest_is_kept_and_order_too() -> None:
+def test_a_full_queue_keeps_the_newest_output_in_order() -> None:
     stream = Stuck()
     outlet = Outlet(stream)  # type: ignore[arg-type]
     for number in range(300):

@@ -19,13 +19,13 @@ def test_a_true_ratio_is_covered_in_95_of_100_cases(ratio: float) -> None:
     assert np.mean(covered) > 0.92  # 0.95 less two standard deviations of 200
 
 
-def test_a_schedule_that_does_nothing_is_seldom_accepted() -> None:
+def test_a_schedule_without_effect_is_seldom_accepted() -> None:
     rng = np.random.default_rng(8)
     accepted = [upper_bound(rng.normal(size=6), rng.normal(size=6)) < 1.0 for _ in range(200)]
     assert np.mean(accepted) < 0.08
 
 
-def test_four_pairs_bound_nothing_and_five_do() -> None:
+def test_five_pairs_give_a_bound_and_four_do_not() -> None:
     better, worse = np.full(5, 0.01), np.linspace(1.0, 1.4, 5)
     assert math.isinf(upper_bound(better[:4], worse[:4]))
     assert upper_bound(better, worse) < 0.1
@@ -34,7 +34,7 @@ def test_four_pairs_bound_nothing_and_five_do() -> None:
 
 
 @given(st.integers(0, 1000), st.floats(0.1, 10.0), st.floats(1e-6, 1e6))
-def test_the_bound_follows_the_errors_and_knows_no_unit(seed: int, factor: float, unit: float) -> None:
+def test_the_bound_scales_with_the_errors_in_any_unit(seed: int, factor: float, unit: float) -> None:
     rng = np.random.default_rng(seed)
     one, other = rng.normal(size=7), rng.normal(size=7)
     bound = upper_bound(one, other)

@@ -74,7 +74,7 @@ def put(writer: BackgroundWriter, rows: range) -> None:
         writer.append(sample(float(row), writer.record))
 
 
-def test_nothing_waits_for_a_disk_that_hangs_and_all_is_there_afterwards(
+def test_a_hanging_disk_blocks_nothing_and_loses_nothing(
     writer: BackgroundWriter, disk: Disk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(background, "SLOW", 0.05)
@@ -101,7 +101,7 @@ def test_nothing_waits_for_a_disk_that_hangs_and_all_is_there_afterwards(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="open files cannot be deleted there")
-def test_a_folder_that_is_deleted_is_said_and_everything_is_kept_elsewhere(
+def test_a_deleted_folder_is_reported_and_data_are_kept_elsewhere(
     writer: BackgroundWriter, tmp_path: Path
 ) -> None:
     writer.open_record(0.0, "stroke", {}, "1", 100.0)
@@ -128,7 +128,7 @@ def test_a_folder_that_is_deleted_is_said_and_everything_is_kept_elsewhere(
 
 
 @pytest.mark.parametrize("moment", ["measuring", "closing"])
-def test_a_disk_that_hangs_for_good_ends_the_run_and_the_rest_is_kept_elsewhere(
+def test_a_permanently_hanging_disk_ends_the_run_without_loss(
     writer: BackgroundWriter, disk: Disk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moment: str
 ) -> None:
     writer.open_record(0.0, "stroke", {}, "1", 100.0)
@@ -157,7 +157,7 @@ def test_a_disk_that_hangs_for_good_ends_the_run_and_the_rest_is_kept_elsewhere(
     assert (tmp_path / "runs" / ID / "samples.journal").exists()
 
 
-def test_a_full_disk_at_the_end_leaves_a_whole_run_elsewhere(
+def test_a_full_disk_at_the_end_leaves_a_complete_run_elsewhere(
     writer: BackgroundWriter, disk: Disk, tmp_path: Path
 ) -> None:
     writer.open_record(0.0, "stroke", {}, "1", 100.0)

@@ -24,7 +24,7 @@ def test_excluded_records_stay_with_their_reason(make_run: RunMaker) -> None:
     assert verify(folder).condition.value == "whole"
 
 
-def test_included_again_both_statements_stay(make_run: RunMaker, runs: Path) -> None:
+def test_including_a_record_again_keeps_both_annotations(make_run: RunMaker, runs: Path) -> None:
     folder = make_run()
     exclude(folder, [0, 1], "doubtful")
     include(folder, [1], "it was fine")
@@ -35,7 +35,7 @@ def test_included_again_both_statements_stay(make_run: RunMaker, runs: Path) -> 
     assert list_runs(runs)[0].excluded == 2
 
 
-def test_excluded_once_more_after_it_was_included_it_counts(make_run: RunMaker, runs: Path) -> None:
+def test_a_record_excluded_again_is_excluded(make_run: RunMaker, runs: Path) -> None:
     folder = make_run()
     for act in (exclude, include, exclude):
         act(folder, [1], "reason")
@@ -55,7 +55,7 @@ def test_notes_are_kept_with_who_and_when(make_run: RunMaker) -> None:
     assert said[0]["when"].endswith("+00:00")
 
 
-def test_a_record_that_is_not_there_is_told_and_nothing_is_excluded(make_run: RunMaker) -> None:
+def test_a_missing_record_is_reported_and_none_is_excluded(make_run: RunMaker) -> None:
     folder = make_run()
     with pytest.raises(RigctlError, match="no such record") as caught:
         exclude(folder, [0, 3], "reason")
@@ -64,7 +64,7 @@ def test_a_record_that_is_not_there_is_told_and_nothing_is_excluded(make_run: Ru
     assert not (folder / "annotations.jsonl").exists()
 
 
-def test_a_note_on_a_run_in_progress_is_seen_when_it_ends(writer: RunWriter) -> None:
+def test_a_note_on_a_run_in_progress_appears_when_it_ends(writer: RunWriter) -> None:
     measure_strokes(writer)
     annotate(writer.folder, "watch the seal")
     exclude(writer.folder, [0], "door open")

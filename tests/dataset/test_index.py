@@ -57,7 +57,7 @@ def ids(runs: Path, where: str | None = None) -> list[str]:
     return [run.id for run in list_runs(runs, where=where)]
 
 
-def test_new_runs_of_many_lie_by_day_and_are_found_by_every_name(four: list[Path], runs: Path) -> None:
+def test_new_runs_of_a_large_folder_are_stored_by_day_and_found(four: list[Path], runs: Path) -> None:
     assert [folder.relative_to(runs).parent.as_posix() for folder in four] == [
         ".", "2026-11-20", "2026-11-20", "2026-11-21",
     ]  # fmt: skip
@@ -76,7 +76,7 @@ def test_new_runs_of_many_lie_by_day_and_are_found_by_every_name(four: list[Path
     assert counted == tuple(zip(NAMES, (3, 3, 4, 5), strict=True))
 
 
-def test_the_index_says_what_the_folders_say(four: list[Path], runs: Path) -> None:
+def test_the_index_agrees_with_the_folders(four: list[Path], runs: Path) -> None:
     from rigctl.dataset.catalogue import _summaries
 
     annotate(four[1], "new seals")
@@ -87,9 +87,7 @@ def test_the_index_says_what_the_folders_say(four: list[Path], runs: Path) -> No
     assert (list_runs(runs)[1].notes, list_runs(runs)[2].excluded) == (1, 1)
 
 
-def test_runs_are_chosen_by_what_they_are_and_what_their_channels_range_over(
-    four: list[Path], runs: Path
-) -> None:
+def test_runs_are_selected_by_metadata_and_channel_ranges(four: list[Path], runs: Path) -> None:
     assert ids(runs, "started < '2027' AND rows > 3") == list(NAMES[2:])
     hotter = "id IN (SELECT run FROM channels WHERE name = 'position' AND high >= 99 AND unit = 'mm')"
     assert ids(runs, hotter) == list(NAMES)
@@ -121,7 +119,7 @@ def test_a_wrong_condition_is_refused(
     assert ids(runs) == list(NAMES)
 
 
-def test_what_changes_is_seen_and_nothing_else_is_read(
+def test_only_changed_runs_are_read_again(
     four: list[Path], runs: Path, make_run: RunMaker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from rigctl.dataset.index import refresh as refreshing
@@ -161,7 +159,7 @@ def test_a_run_that_ends_or_is_left_behind_while_others_list(
     assert status() == "finished"
 
 
-def test_a_run_that_was_left_behind_is_told_though_no_file_changed(
+def test_an_abandoned_run_is_detected_without_a_file_change(
     four: list[Path], runs: Path, writer: RunWriter
 ) -> None:
     settle(runs)
@@ -192,7 +190,7 @@ def spoil(runs: Path, how: str) -> None:
 
 
 @pytest.mark.parametrize("how", ["newer", "text", "cut", "pages", "tables"])
-def test_a_bad_index_is_made_again_and_that_is_said(
+def test_a_bad_index_is_rebuilt_with_a_warning(
     four: list[Path], runs: Path, caplog: pytest.LogCaptureFixture, how: str
 ) -> None:
     assert ids(runs) == list(NAMES)
@@ -203,7 +201,7 @@ def test_a_bad_index_is_made_again_and_that_is_said(
     assert rows_in(runs) == 4
 
 
-def test_where_no_index_can_be_kept_the_folders_are_read(
+def test_without_a_writable_index_the_folders_are_read(
     four: list[Path], runs: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     (tmp_path / "cache").write_text("a file where a folder should be", encoding="utf-8")
@@ -213,7 +211,7 @@ def test_where_no_index_can_be_kept_the_folders_are_read(
     assert "no index of the runs can be kept" in caplog.text
 
 
-def test_an_index_that_another_program_holds_is_done_without(
+def test_a_locked_index_is_bypassed(
     four: list[Path], runs: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(index_file, "_PATIENCE", 0.05)

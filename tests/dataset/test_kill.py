@@ -50,7 +50,7 @@ def test_at_most_a_second_is_lost(tmp_path: Path, seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_killed_while_it_is_made_a_folder_is_whole_or_not_there(tmp_path: Path, seed: int) -> None:
+def test_a_folder_is_created_atomically_despite_kills(tmp_path: Path, seed: int) -> None:
     runs = tmp_path / "runs"
     program = [sys.executable, str(endless_writer.__file__), str(runs), str(seed)]
     with subprocess.Popen(
@@ -68,9 +68,7 @@ def test_killed_while_it_is_made_a_folder_is_whole_or_not_there(tmp_path: Path, 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the limit of memory is read from /proc")
 @pytest.mark.parametrize("left", [1_000_000, 60_000_000])
-def test_a_run_that_cannot_be_closed_for_want_of_memory_says_so_and_is_made_whole_later(
-    tmp_path: Path, left: int
-) -> None:
+def test_without_memory_a_run_is_reported_and_completed_later(tmp_path: Path, left: int) -> None:
     program = [sys.executable, str(short_of_memory.__file__), str(tmp_path / "runs"), str(left)]
     environment = {**os.environ, "PYTHONPATH": str(TESTS)}
     done = subprocess.run(program, capture_output=True, text=True, env=environment, check=False, timeout=600)

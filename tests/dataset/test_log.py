@@ -35,7 +35,7 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert json.loads(line) == {"a": 0.5, "b": 3, "c": [1.0, None], "d": "x"}
 
 
-def test_a_torn_last_line_is_ignored_and_writing_goes_on_behind_the_last_whole_one(tmp_path: Path) -> None:
+def test_a_truncated_last_line_is_ignored_and_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "log.jsonl"
     path.write_bytes(b'{"n":1}\n{"n":2}\n{"n":3')
     assert read_lines(path) == [{"n": 1}, {"n": 2}]
@@ -47,13 +47,13 @@ def test_a_torn_last_line_is_ignored_and_writing_goes_on_behind_the_last_whole_o
 
 
 @pytest.mark.parametrize("damage", [b"nonsense", b"[1, 2]", b'"text"', b"\xff\xfe"])
-def test_a_damaged_line_is_left_out_in_its_place(tmp_path: Path, damage: bytes) -> None:
+def test_a_damaged_line_is_skipped(tmp_path: Path, damage: bytes) -> None:
     path = tmp_path / "log.jsonl"
     path.write_bytes(b'{"n":1}\n' + damage + b'\n{"n":3}\n')
     assert read_lines(path) == [{"n": 1}, None, {"n": 3}]
 
 
-def test_text_that_is_no_unicode_does_not_stop_the_log(tmp_path: Path) -> None:
+def test_invalid_unicode_does_not_stop_the_log(tmp_path: Path) -> None:
     path = tmp_path / "log.jsonl"
     writer = LogWriter(path)
     writer.append({"file": "caf\udce9"})
@@ -62,7 +62,7 @@ def test_text_that_is_no_unicode_does_not_stop_the_log(tmp_path: Path) -> None:
     assert len(read_lines(path)) == 1
 
 
-def test_a_digit_that_changes_makes_its_line_a_damaged_one(tmp_path: Path) -> None:
+def test_a_changed_digit_makes_its_line_damaged(tmp_path: Path) -> None:
     path = tmp_path / "log.jsonl"
     writer = LogWriter(path)
     for number in range(3):

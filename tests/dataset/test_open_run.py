@@ -22,7 +22,7 @@ def run(make_run: RunMaker) -> Run:
     return open_run(make_run())
 
 
-def test_a_record_is_everything_in_si(run: Run) -> None:
+def test_a_record_is_in_si(run: Run) -> None:
     record = run.record(1)
     assert (record.index, record.name, record.path, record.rate) == (1, "stroke", "1/record", 100.0)
     assert (record.start, record.end, record.outcome, record.usable) == (1.1, 1.5, "complete", True)
@@ -35,7 +35,7 @@ def test_a_record_is_everything_in_si(run: Run) -> None:
     ]
 
 
-def test_columns_and_records_are_read_alone(run: Run) -> None:
+def test_columns_and_records_can_be_read_individually(run: Run) -> None:
     frame = run.samples(["time", "position"], record=2)
     assert frame.columns.tolist() == ["time", "position"]
     assert (len(frame), frame.attrs["units"]) == (20, {"time": "s", "position": "mm"})
@@ -44,7 +44,7 @@ def test_columns_and_records_are_read_alone(run: Run) -> None:
 
 
 @pytest.mark.parametrize("rows", [7, 1000])
-def test_records_one_after_another_are_what_they_are_alone(
+def test_sequential_and_individual_reads_of_records_agree(
     make_run: RunMaker, rows: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also where a record spans parts of the file, and parts hold several records."""
@@ -61,7 +61,7 @@ def test_records_one_after_another_are_what_they_are_alone(
         list(run.each([99]))
 
 
-def test_values_survive_the_way_to_the_disk_and_back(writer: RunWriter) -> None:
+def test_values_survive_writing_and_reading(writer: RunWriter) -> None:
     values = np.random.default_rng(1).uniform(0.0, 0.3, 500)
     for row, value in enumerate(values):
         writer.append(sample(row / 100, position=value))
@@ -77,20 +77,20 @@ def test_a_run_is_read_lazily(run: Run, monkeypatch: pytest.MonkeyPatch) -> None
         opened.samples()
 
 
-def test_a_misspelt_column_is_told_with_the_nearest(run: Run) -> None:
+def test_a_misspelt_column_is_reported_with_the_nearest(run: Run) -> None:
     with pytest.raises(RigctlError) as caught:
         run.signals("positon")
     assert caught.value.nearest == "position"
 
 
 @pytest.mark.parametrize("record", [-1, 3])
-def test_a_record_that_is_not_there_is_told(run: Run, record: int) -> None:
+def test_a_missing_record_is_reported(run: Run, record: int) -> None:
     with pytest.raises(RigctlError, match="no such record") as caught:
         run.record(record)
     assert caught.value.expected == "0 to 2"
 
 
-def test_a_run_in_progress_and_one_never_closed_are_told_apart(writer: RunWriter) -> None:
+def test_running_and_unclosed_runs_are_distinguished(writer: RunWriter) -> None:
     with pytest.raises(RigctlError, match="still in progress"):
         open_run(writer.folder)
     writer._journal.close()
@@ -127,14 +127,14 @@ def test_a_million_samples(writer: RunWriter) -> None:
     assert (folder / "samples.parquet").stat().st_size < 8 * count
 
 
-def test_a_run_shows_itself(run: Run) -> None:
+def test_a_run_has_text_and_notebook_representations(run: Run) -> None:
     assert run.summary() == f"{run.id} finished, 'stroke' on 'bench', 3 records, 63 samples"
     shown = run._repr_html_()
     assert shown.startswith(f"<p>{run.id} finished")
     assert shown.count("<tr") == 1 + len(run.records)
 
 
-def test_what_users_wrote_is_text_in_a_notebook(run: Run) -> None:
+def test_user_text_is_escaped_in_a_notebook(run: Run) -> None:
     exclude(run.folder, [1], "<script>alert(1)</script>")
     info = {**run.info, "reason": "<img src=x>"}
     shown = Run(run.folder, info)._repr_html_()
@@ -155,7 +155,7 @@ def test_what_users_wrote_is_text_in_a_notebook(run: Run) -> None:
         pa.chunked_array([np.arange(10.0)]).slice(2, 5),
     ],
 )
-def test_a_column_of_numbers_is_what_pyarrow_makes_of_it(column: pa.ChunkedArray) -> None:
+def test_numbers_agrees_with_pyarrow(column: pa.ChunkedArray) -> None:
     found, expected = numbers(column), column.to_numpy()
     assert found.dtype == expected.dtype
     np.testing.assert_array_equal(found, expected)

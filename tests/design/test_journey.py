@@ -54,7 +54,7 @@ def designed(bench: Path, run: str) -> dict[str, Any]:
         )
 
 
-def test_a_class_is_told_apart_by_records_that_the_bench_can_make(designed: dict[str, Any]) -> None:
+def test_feasible_records_separate_a_class(designed: dict[str, Any]) -> None:
     names = {one["name"] for one in designed["rivals"]}
     assert {"coulomb_friction", "laminar_throttle"} < names
     (third,) = names - {"coulomb_friction", "laminar_throttle"}
@@ -83,7 +83,7 @@ def test_check_and_run_take_the_procedure_and_the_class_shrinks(designed: dict[s
     assert set(left) <= {"stribeck_friction", "coulomb_friction"}
 
 
-def test_what_is_recorded_next_stands_under_the_same_sweeps(designed: dict[str, Any]) -> None:
+def test_designed_records_use_the_same_sweep_variables(designed: dict[str, Any]) -> None:
     assert "for: {oil: [" in designed["procedure"]
     assert "supply: [" in designed["procedure"]
 
@@ -111,7 +111,7 @@ def test_a_diagnosis_that_leaves_a_class_names_the_next_experiment(run: str) -> 
     assert "rigctl design" in told("diagnose", run, "--model", MODEL)
 
 
-def test_a_law_that_another_one_contains_is_not_promised_to_be_told_from_it(run: str) -> None:
+def test_no_separation_from_a_containing_law_is_predicted(run: str) -> None:
     """Stribeck's friction is Coulomb's where its static value falls to the sliding one. Linearised at its fit
     it cannot go there, and D is 20 and more; refitted it does, and nothing is left."""
     pair = ("coulomb_friction", "stribeck_friction")
@@ -122,7 +122,7 @@ def test_a_law_that_another_one_contains_is_not_promised_to_be_told_from_it(run:
     assert not found.separable
 
 
-def test_a_design_does_not_depend_on_who_works(run: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_design_does_not_depend_on_the_workers(run: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(search, "_AT_ONCE", 4)
     alone, two = (
         design_experiment([open_run(run)], load_model(MODEL), records=1, workers=workers).as_json()
@@ -143,7 +143,7 @@ def result(bench: Path, run: str) -> DesignResult:
         return design_experiment([open_run(run)], load_model(MODEL), records=2)
 
 
-def test_every_prediction_keeps_clear_of_the_limits(result: DesignResult) -> None:
+def test_every_prediction_stays_within_the_limits(result: DesignResult) -> None:
     """Read off the predictions themselves, with other code: no rival comes within three sigmas of a limit."""
     for record in result.records:
         for one in record.predictions:
@@ -163,7 +163,7 @@ def test_one_seed_gives_one_design(designed: dict[str, Any], result: DesignResul
     assert json.loads(to_json(result.as_json())) == designed
 
 
-def test_the_rig_time_is_the_preview_s(result: DesignResult) -> None:
+def test_the_rig_time_is_that_of_the_preview(result: DesignResult) -> None:
     model = load_model(MODEL)
     assert model.rig is not None
     found = preview(expand(parse_procedure(result.procedure), model.rig))
@@ -183,5 +183,7 @@ def test_the_rig_time_is_the_preview_s(result: DesignResult) -> None:
         (("-o", "procedures/campaign.yaml"), "a file of another kind is there already"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_message(run: str, options: tuple[str, ...], words: str) -> None:
+def test_impossible_requests_are_refused_in_one_message(
+    run: str, options: tuple[str, ...], words: str
+) -> None:
     assert words in refusal("design", run, "--model", MODEL, *options)

@@ -90,7 +90,7 @@ def run(bench: Path) -> str:
         return str(answer("runs", "show", "latest")["id"])
 
 
-def test_where_nothing_can_be_set_the_sensor_that_would_tell_is_named(run: str) -> None:
+def test_without_settings_a_sensor_that_would_separate_is_named(run: str) -> None:
     """Whether the air is read wrongly or the water, another thermometer in the water says."""
     told_of = ("--separate", "gain_of_air,gain_of_water")
     said = refusal("design", run, "--model", "models/pond.yaml", *told_of)
@@ -101,7 +101,7 @@ def test_where_nothing_can_be_set_the_sensor_that_would_tell_is_named(run: str) 
     )
 
 
-def test_learning_ends_there_with_the_sensor_and_measures_nothing(run: str) -> None:
+def test_without_settings_learning_names_the_sensor_and_measures_nothing(run: str) -> None:
     learned = answer("learn", "procedures/watch.yaml", "--model", "models/pond.yaml", "--from", run, "--yes")
     assert learned["ended"] == "not_separable"
     assert "no condition of the rig 'pond' can be set" in learned["statement"]
@@ -111,7 +111,7 @@ def test_learning_ends_there_with_the_sensor_and_measures_nothing(run: str) -> N
     assert len(answer("runs", "list")["runs"]) == 1
 
 
-def test_nothing_is_left_to_tell_apart_of_a_table_that_its_model_explains() -> None:
+def test_a_table_explained_by_its_model_needs_no_design() -> None:
     known = answer("import", "data/hl32-viscosity.csv")["run"]
     said = refusal("design", known, "--model", "models/hl32-oil.yaml")
     assert "nothing is left to tell apart: adequate" in said

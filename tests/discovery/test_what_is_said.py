@@ -67,20 +67,22 @@ def diagnosed(verdict: Verdict, **changed: Any) -> Any:
         ),
     ],
 )
-def test_a_closed_gate_says_why(verdict: Verdict, changed: dict[str, Any], reason: str, words: str) -> None:
+def test_a_refused_search_gives_its_reason(
+    verdict: Verdict, changed: dict[str, Any], reason: str, words: str
+) -> None:
     gate = gate_of(diagnosed(verdict, **changed))
     assert not gate.open
     assert gate.reason == reason
     assert words in gate.statement
 
 
-def test_it_opens_where_nothing_of_the_library_is_sure() -> None:
+def test_the_search_starts_if_no_library_effect_is_certain() -> None:
     assert gate_of(diagnosed(Verdict.OUTSIDE_LIBRARY)).open
     # the best of the library fails on what was left out: no class of effects is sure
     assert gate_of(diagnosed(Verdict.AMBIGUOUS, effects=("barus",), classes=(("barus",),))).open
 
 
-def test_too_weak_says_what_would_do() -> None:
+def test_too_weak_evidence_names_what_would_suffice() -> None:
     said = _too_weak(Map((located("friction", 24.0, 0.3),), (), 210, 56.0, 8.0))
     assert "210 places" in said
     assert "friction over velocity" in said
@@ -89,7 +91,7 @@ def test_too_weak_says_what_would_do() -> None:
     assert "at any location" in _too_weak(Map((), (), 0, 0.0, 8.0))
 
 
-def test_one_condition_and_what_only_a_constant_of_each_record_would_be_are_said() -> None:
+def test_single_conditions_and_record_constants_are_reported() -> None:
     lin = SimpleNamespace(regions=SimpleNamespace(groups=(0, 0, 0)))
     before: Any = SimpleNamespace(linearisation=lin)
     hidden = located("position_reading", 0.0, 1.0, 0)
@@ -100,7 +102,7 @@ def test_one_condition_and_what_only_a_constant_of_each_record_would_be_are_said
     assert list(_notes(several, Map((), (), 1, 1.0, 5.0))) == []
 
 
-def test_places_that_explain_as_much_are_rivals_and_others_are_not() -> None:
+def test_locations_that_explain_as_much_are_rivals() -> None:
     found = (
         located("friction", 4000.0),
         located("friction", 3990.0),
@@ -186,7 +188,7 @@ VELOCITY_ONLY = formula("friction", "velocity")
         ),
     ],
 )
-def test_only_what_is_sure_is_claimed(
+def test_only_certain_levels_are_claimed(
     answer: Discovery, slots: list[str], drivers: list[list[str]], said: str
 ) -> None:
     assert list(dict.fromkeys(one.slot for one in answer.where)) == slots

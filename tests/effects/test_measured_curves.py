@@ -47,7 +47,7 @@ def drawn(points: list[tuple[float, float]]) -> Curve:
     return Curve("curve", "1", "1", x, y, beyond="level")
 
 
-def test_a_file_makes_the_curve_that_is_judged_below() -> None:
+def test_the_file_of_the_test_curve_is_read() -> None:
     x, y = (np.array(one) for one in zip(*POINTS, strict=True))
     effect = parse_effect(text())
     for where in (-250.0, -7.0, 0.5, 99.0):
@@ -80,7 +80,7 @@ def test_beyond_its_ends_it_levels_off(points: list[tuple[float, float]], beyond
         assert moved == pytest.approx(furthest * np.tanh(2.0 * beyond / interval), rel=1e-6, abs=1e-4)
 
 
-def test_a_straight_line_goes_on_where_it_is_wanted() -> None:
+def test_linear_extrapolation_is_optional() -> None:
     effect = parse_effect(text([(0.0, 0.0), (100.0, 50.0)], "  beyond: line\n"))
     assert at(effect, 1.0) == pytest.approx(500.0)
     assert at(effect, -1.0) == pytest.approx(-500.0)

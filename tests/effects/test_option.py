@@ -20,7 +20,7 @@ def test_parameters_are_read_with_their_units() -> None:
     assert values == {"force": 120.0, "static_force": 200.0, "stribeck_velocity": 0.02, "presliding": 20e-6}
 
 
-def test_a_gap_is_another_way_to_write_a_conductance() -> None:
+def test_a_gap_can_be_given_instead_of_a_conductance() -> None:
     _, values = parse_effect_option("piston_leakage:clearance=30 um")
     assert values["conductance"] == pytest.approx(math.pi * 0.05 * (30e-6) ** 3 / (12 * 20e-3))
     _, of_a_larger_piston = parse_effect_option("piston_leakage:clearance=30 um", parameters={"bore": 0.1})
@@ -55,6 +55,6 @@ def test_every_effect_can_be_hidden_by_its_name() -> None:
         ("spool_lag", "base physics"),
     ],
 )
-def test_mistakes_are_told_plainly(text: str, message: str) -> None:
+def test_mistakes_have_clear_messages(text: str, message: str) -> None:
     with pytest.raises(RigctlError, match=message):
         parse_effect_option(text)

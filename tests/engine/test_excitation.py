@@ -126,7 +126,7 @@ def test_an_input_that_changes_steadily_acts_as_it_is_drawn() -> None:
     assert found.sensitivity("x", "lag")[0] == pytest.approx(slope, abs=1e-4)
 
 
-def test_knots_start_no_integration_anew() -> None:
+def test_knots_do_not_restart_the_integration() -> None:
     compiled = compile_system(two_inputs())
     steps = [[0.0, 1.0], [1.0, 1.0], [0.0, 1.0]]
     knots = np.arange(61) / 20.0
@@ -148,7 +148,7 @@ def test_knots_start_no_integration_anew() -> None:
         ([0, 0], [0.0], [[1.0, 2.0]], "twice"),
     ],
 )
-def test_ramps_that_cannot_be_are_refused(
+def test_impossible_ramps_are_refused(
     inputs: list[int], knots: list[float], values: list[list[float]], said: str
 ) -> None:
     with pytest.raises(RigctlError, match=said):

@@ -106,7 +106,7 @@ def test_degenerate_systems_are_integrated(make: object, sensitive: bool) -> Non
     assert found.sensitivities[0].shape == (9, len(system.outputs), len(columns) + len(starts))
 
 
-def test_what_is_written_past_an_array_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_write_beyond_an_array_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(DEBUG_VARIABLE, "1")
     sizes = np.zeros(sizing.SIZES, dtype=np.int64)
     sizes[[sizing.N, sizing.GUARD]] = 2, 4
@@ -145,7 +145,7 @@ def test_shipped_systems_are_integrated_with_their_derivatives(name: str) -> Non
     assert found.require().sensitivities[0].shape[2] == len(system.parameter_names[:4])
 
 
-def test_nothing_is_written_past_an_array() -> None:
+def test_nothing_is_written_beyond_an_array() -> None:
     """This file, and what delays and steps the systems, once more with the checks on."""
     environment = {**os.environ, DEBUG_VARIABLE: "1"}
     here = Path(__file__)

@@ -202,7 +202,7 @@ def test_columns_come_in_the_order_asked_for(cylinder: ModuleType, cylinder_comp
     assert first.columns == ("air", "valve_area", "position")
 
 
-def test_record_level_parameters_simply_differ(lag: CompiledSystem) -> None:
+def test_record_level_parameters_may_differ_between_records(lag: CompiledSystem) -> None:
     records = [lag_record(), lag_record(parameters=[1.0, 0.3])]
     result = simulate(lag, records)
     assert result.outputs[0] == pytest.approx(2.0 * result.outputs[1], rel=1e-4, abs=1e-4)
@@ -217,7 +217,7 @@ def test_an_excitation_can_be_varied_but_not_written(lag: CompiledSystem) -> Non
     assert simulate(lag, [varied]).states[0][0, 0] == 0.5
 
 
-def test_a_compiled_system_travels_to_another_process(lag: CompiledSystem) -> None:
+def test_a_compiled_system_can_be_pickled(lag: CompiledSystem) -> None:
     copy = pickle.loads(pickle.dumps(lag))
     assert copy.source.digest == lag.source.digest
     assert np.array_equal(simulate(copy, [lag_record()]).outputs[0], simulate(lag, [lag_record()]).outputs[0])

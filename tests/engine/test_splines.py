@@ -67,7 +67,7 @@ def _difference(drag: BSpline | None, gain: BSpline | None) -> NDArray[np.float6
     return (_by_scipy(drag, gain, step) - _by_scipy(drag, gain, -step)) / (2.0 * step)
 
 
-def test_columns_are_the_derivatives_by_a_splines_coefficients() -> None:
+def test_columns_are_derivatives_with_respect_to_spline_coefficients() -> None:
     over_v, over_x = knots_over(-1.0, 1.0, FUNCTIONS, [-0.2, 0.3]), knots_over(-0.5, 0.8, FUNCTIONS)
     splines = SplineColumns(
         (SplineArgument({"v": 1.0}, over_v), SplineArgument({"x": 1.0}, over_x)),
@@ -134,7 +134,7 @@ def test_a_terms_outputs_do_not_change_by_columns_of_its_shape() -> None:
         ({"v": 1.0}, SplineColumn({"c": 1.0}, (0, 0), (1, 0)), "a function that there is not"),
     ],
 )
-def test_what_there_is_not_is_refused(arguments: dict[str, float], column: SplineColumn, said: str) -> None:
+def test_missing_names_are_refused(arguments: dict[str, float], column: SplineColumn, said: str) -> None:
     with pytest.raises(RigctlError, match=said):
         simulate(
             compile_system(_oscillator()),
@@ -143,7 +143,7 @@ def test_what_there_is_not_is_refused(arguments: dict[str, float], column: Splin
         )
 
 
-def test_knots_rise() -> None:
+def test_knots_increase() -> None:
     knots = knots_over(0.0, 1.0, FUNCTIONS)
     with pytest.raises(RigctlError, match="do not rise"):
         SplineColumns((SplineArgument({"v": 1.0}, knots[::-1].copy()),))

@@ -45,7 +45,7 @@ def test_a_width_in_degc_is_an_interval() -> None:
     assert value("smooth_step(t - 20 degC, 2 degC)", t=295.15) == pytest.approx(0.5 * (1 + math.tanh(1.0)))
 
 
-def test_the_type_is_that_of_what_is_rounded_and_a_switch_is_a_number() -> None:
+def test_smooth_functions_keep_the_type_and_switches_are_numbers() -> None:
     def kind(text: str) -> ValueType:
         return parse(text, functions=ALL_FUNCTIONS).check(TYPES)
 
@@ -72,7 +72,7 @@ def test_mistakes(text: str, message: str) -> None:
     assert message in str(caught.value)
 
 
-def test_conditions_do_not_have_them() -> None:
+def test_conditions_have_no_smooth_functions() -> None:
     with pytest.raises(RigctlError, match="unknown function"):
         parse("smooth_step(x, 1 mm) > 0.5")
 

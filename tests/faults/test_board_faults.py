@@ -81,7 +81,7 @@ def test_without_retries_a_port_that_vanishes_ends_the_run(board: BoardWorkshop)
     kept_until(done, IN_A_RECORD)
 
 
-def test_a_port_that_is_away_for_a_moment_ends_a_record_whose_valve_it_has_closed(
+def test_a_brief_loss_ends_a_record_whose_valve_it_has_closed(
     board: BoardWorkshop,
 ) -> None:
     fault = f"backend_lost@{IN_A_RECORD} s..{IN_A_RECORD + 0.4} s"
@@ -99,7 +99,9 @@ def test_a_port_that_never_returns(board: BoardWorkshop, steps: str) -> None:
     kept_until(done, IN_A_RECORD)
 
 
-def test_garbage_and_half_lines_cost_only_what_they_hit(board: BoardWorkshop, script: Script) -> None:
+def test_garbage_and_incomplete_lines_lose_only_their_own_samples(
+    board: BoardWorkshop, script: Script
+) -> None:
     hit = iter(range(10**6))
 
     def noisy(line: bytes, _time: float) -> list[bytes]:
@@ -145,7 +147,7 @@ def test_a_line_on_which_every_line_is_damaged_is_lost(board: BoardWorkshop, scr
     kept_until(done, IN_A_RECORD)
 
 
-def test_numbers_that_come_twice_are_left_out(board: BoardWorkshop, script: Script) -> None:
+def test_repeated_sequence_numbers_are_dropped(board: BoardWorkshop, script: Script) -> None:
     script.arriving = lambda line, time: [line, line] if line.startswith(b"@") and time > 2.0 else [line]
     done = board.run(STROKES)
     assert done.result.status == "finished", done.result.reason
@@ -180,7 +182,7 @@ def test_numbers_that_are_missing_are_gaps(board: BoardWorkshop, script: Script)
     assert sum(event["samples"] for event in done.events("gap")) == pytest.approx(between, abs=3)
 
 
-def test_numbers_in_another_order_never_turn_time_back(board: BoardWorkshop, script: Script) -> None:
+def test_out_of_order_sequence_numbers_never_reverse_time(board: BoardWorkshop, script: Script) -> None:
     late: list[bytes] = []
 
     def shuffled(line: bytes, time: float) -> list[bytes]:
@@ -248,7 +250,7 @@ def test_a_sensor_that_is_open_or_shorted(board: BoardWorkshop, fault: str) -> N
     assert switched[0] - IN_A_RECORD < 0.02
 
 
-def test_a_storm_of_commands_moves_the_solenoids_no_faster_than_they_bear(board: BoardWorkshop) -> None:
+def test_rapid_commands_switch_the_solenoids_no_faster_than_allowed(board: BoardWorkshop) -> None:
     storm = """\
 steps:
   - record: {name: storm, rate: 100 Hz}

@@ -154,18 +154,18 @@ def test_one_complaint(text: str, expected: str) -> None:
     assert str(complaint(text)) == expected
 
 
-def test_every_mistake_is_said_in_the_order_of_the_file() -> None:
+def test_every_mistake_is_reported_in_file_order() -> None:
     error = complaint("name: 1\ncount: x\nmoed: fast\n")
     assert isinstance(error, SeveralErrors)
     assert [each.where.line for each in error.errors] == [1, 2, 3]
     assert str(error).count("\n") == 2
 
 
-def test_an_unknown_field_without_a_near_one_lists_what_there_is() -> None:
+def test_an_unknown_field_without_a_near_match_lists_all_fields() -> None:
     assert complaint("name: x\nheat: {to: 1 K, zzz: 1}").expected == "one of kind, to, within"
 
 
-def test_an_empty_document_misses_everything() -> None:
+def test_an_empty_document_lacks_every_field() -> None:
     assert "expected a mapping" in str(complaint(""))
 
 

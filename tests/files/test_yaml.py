@@ -74,7 +74,7 @@ def test_every_part_is_located() -> None:
     assert document.locate() == Location(Path("p.yaml"), 1, 1)
 
 
-def test_what_is_missing_is_located_at_the_mapping_that_misses_it() -> None:
+def test_a_missing_field_is_located_at_its_mapping() -> None:
     document = parse_document("a:\n  b: {c: 1}\n")
     assert document.locate(("a", "b", "nothing")) == Location(None, 2, 6)
 
@@ -110,13 +110,13 @@ def test_the_scalar_is_kept_as_written() -> None:
         ("a: " * 3, 1, 5, "not valid YAML"),
     ],
 )
-def test_what_is_refused_and_where(text: str, line: int, column: int, what: str) -> None:
+def test_refusals_have_their_location(text: str, line: int, column: int, what: str) -> None:
     error = refused(text)
     assert what in error.what
     assert error.where == Location(Path("x.yaml"), line, column)
 
 
-def test_a_file_that_explodes_is_refused_before_it_does() -> None:
+def test_an_exponentially_growing_file_is_refused_before_expansion() -> None:
     bomb = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n"
     bomb += "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]\n" for i in range(1, 30))
     error = refused(bomb)
@@ -167,17 +167,17 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
         read_document(tmp_path / "none.yaml")
 
 
-def test_a_folder_is_no_file(tmp_path: Path) -> None:
+def test_a_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RigctlError, match="expected a YAML file"):
         read_document(tmp_path)
 
 
-def test_a_name_that_is_no_path() -> None:
+def test_an_invalid_path_is_refused() -> None:
     with pytest.raises(RigctlError, match="cannot read"):
         read_document(Path("a\0b"))
 
 
-def test_an_empty_file_is_nothing() -> None:
+def test_an_empty_file_is_none() -> None:
     document = parse_document("# only a comment\n")
     assert document.data is None
     assert document.locate(("a",)) == Location(None, 1, 1)

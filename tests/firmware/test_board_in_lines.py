@@ -52,14 +52,14 @@ def test_the_quick_check_gives_the_strokes_of_the_simulated_bench(rig: Rig, tmp_
     assert info["backend"]["firmware"].startswith("1.")
 
 
-def test_a_trip_on_the_board_ends_the_run_in_its_own_words(rig: Rig, tmp_path: Path) -> None:
+def test_a_trip_on_the_board_ends_the_run_with_its_message(rig: Rig, tmp_path: Path) -> None:
     code, reason, _ = carried_out(rig, "emulated", tmp_path, faults=["sensor_open:oil_temperature@4 s"])
     assert code == ExitCode.FAILED
     assert reason is not None
     assert "sensor open or shorted" in reason or "oil_temperature" in reason
 
 
-def test_what_the_board_refuses_is_quoted(rig: Rig) -> None:
+def test_a_refusal_by_the_board_is_quoted(rig: Rig) -> None:
     clock = VirtualClock()
     bench = create(rig, clock, {"faults": ["sensor_open:oil_temperature@0.6 s"], "noise": "off"})
     assert isinstance(bench, LineBench)
@@ -74,7 +74,7 @@ def test_what_the_board_refuses_is_quoted(rig: Rig) -> None:
     bench.close()
 
 
-def test_a_board_that_falls_silent_in_between_comes_back(rig: Rig) -> None:
+def test_a_temporarily_silent_board_is_reconnected(rig: Rig) -> None:
     clock = VirtualClock()
     bench = create(rig, clock, {"faults": ["backend_lost@1.5 s..2.5 s"], "noise": "off"})
     bench.open()

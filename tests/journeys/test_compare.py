@@ -40,7 +40,7 @@ def test_a_model_agrees_once_it_is_fitted() -> None:
         assert words in told
 
 
-def test_one_model_is_told_with_its_noise_and_its_places() -> None:
+def test_one_model_is_reported_with_noise_and_places() -> None:
     told = call("compare", "latest", "--model", MODEL, "--no-fit", "--hold-out", "oil == 60 degC", "-v")
     assert told.exit_code == 0
     for words in (
@@ -65,7 +65,7 @@ def test_one_model_is_told_with_its_noise_and_its_places() -> None:
         ("supply == 20 degC", "cannot compare"),
     ],
 )
-def test_a_choice_of_records_that_cannot_be_meant_is_refused(written: str, says: str) -> None:
+def test_a_contradictory_choice_of_records_is_refused(written: str, says: str) -> None:
     assert says in refusal("compare", "latest", "--model", MODEL, "--hold-out", written)
 
 
@@ -83,7 +83,7 @@ def test_too_few_values_name_the_parameters(tmp_path: Path) -> None:
     assert "vogel_a, vogel_b, vogel_c" in told
 
 
-def test_a_model_that_has_nothing_to_fit_is_refused() -> None:
+def test_a_model_without_free_parameters_is_refused() -> None:
     fixed = textbook_copy("fixed", ("fit: true", "fit: false"))
     assert "no free parameters" in refusal("diagnose", "latest", "--model", fixed)
     assert "no free parameters" in refusal("model", "fit", fixed, "latest")

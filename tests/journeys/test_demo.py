@@ -34,7 +34,7 @@ def test_the_plain_demo_ends_with_a_page_of_the_published_campaign(
             assert record["stroke"] == pytest.approx(expected, abs=1.0)
 
 
-def test_the_demo_asks_the_bench_what_it_hides_and_adds_it(
+def test_the_demo_identifies_the_hidden_effect_and_adds_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The campaign leaves a class; the records that it asks for tell what is hidden from the others."""

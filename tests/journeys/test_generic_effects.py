@@ -210,7 +210,7 @@ HIDDEN: dict[str, tuple[Bench, Hidden, set[str]]] = {
 
 
 @pytest.mark.parametrize("name", HIDDEN)
-def test_what_is_hidden_is_named_or_its_class(
+def test_the_hidden_effect_or_its_class_is_named(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench, hidden, right = HIDDEN[name]

@@ -48,7 +48,7 @@ def only_run(folder: Path) -> Path:
     return found.parent
 
 
-def test_a_round_on_lines_that_is_interrupted_ends_safely_and_goes_on(bench: Path) -> None:
+def test_an_interrupted_round_on_a_line_device_ends_safely_and_resumes(bench: Path) -> None:
     model = ("--model", "models/tclab-board.yaml")
     with Served() as board:
         times = ("-a", "rest=2 s", "-a", "dwell=3 s", "--port", board.url)

@@ -21,7 +21,7 @@ def told(plan: Plan, *views: View) -> list[str]:
     return stream.getvalue().splitlines()
 
 
-def test_each_change_of_state_and_each_alarm_is_told_once(plan: Plan) -> None:
+def test_each_state_change_and_alarm_is_printed_once(plan: Plan) -> None:
     arming = Happening(0.0, "state", "arming")
     running = Happening(0.5, "state", "running")
     alarm = Happening(61.0, "alarm", "The oil is hot")
@@ -51,7 +51,7 @@ def test_each_record_is_named_with_its_conditions(plan: Plan) -> None:
     assert lines == ["0:01:40  record 10 of 28: stroke at oil=40 degC, supply=30 bar"]
 
 
-def test_every_tenth_of_the_way_is_told(plan: Plan) -> None:
+def test_progress_is_printed_in_tenths(plan: Plan) -> None:
     views = [
         View("r", "running", 10.0 * i, progress=i / 100, time_left=1000.0 - 10.0 * i) for i in range(100)
     ]
@@ -66,7 +66,7 @@ def test_a_failure_says_why(plan: Plan) -> None:
     assert lines == ["0:00:09  failed: heat timed out"]
 
 
-def test_nothing_that_a_terminal_would_obey_is_written(plan: Plan) -> None:
+def test_no_control_sequence_is_printed(plan: Plan) -> None:
     lines = told(plan, View("r", "running", 0.0, happenings=(Happening(0.0, "note", "\x1b[2J\x07bell"),)))
     assert lines == ["0:00:00  note: \ufffd[2J\ufffdbell"]
 

@@ -31,12 +31,12 @@ def both(written: str) -> list[float]:
         ("heater_2=0.3", 0.3),
     ],
 )
-def test_both_read_the_same(written: str, value: float) -> None:
+def test_import_and_analysis_parse_assumptions_alike(written: str, value: float) -> None:
     assert both(written) == pytest.approx([value, value])
 
 
 @pytest.mark.parametrize("which", [0, 1], ids=["import", "analysis"])
-def test_a_bare_number_is_no_temperature(which: int) -> None:
+def test_a_number_without_a_unit_is_not_a_temperature(which: int) -> None:
     model = load_model(shipped("models") / "heater-board.yaml")
     with pytest.raises(RigctlError) as caught:
         if which:

@@ -67,7 +67,7 @@ def test_spikes_and_edges_are_counted_in_the_records_that_were_chosen() -> None:
 @pytest.mark.parametrize(
     ("values", "sigma"), [([0.0, 0.0, 4.0], 0.02), ([0.0, 0.0, 0.0], 0.005), ([2.0, 2.0, 4.0], 0.01)]
 )
-def test_a_short_column_of_zeros_is_not_without_noise(values: list[float], sigma: float) -> None:
+def test_a_short_column_of_zeros_has_noise(values: list[float], sigma: float) -> None:
     """Half a per cent of a typical value, of the largest where that is 0, of 1 where all are."""
     rows = [record(k, np.array([value]), row=True) for k, value in enumerate(values)]
     (channel,) = noise_of(measured(rows)).model.channels
@@ -75,7 +75,7 @@ def test_a_short_column_of_zeros_is_not_without_noise(values: list[float], sigma
     assert channel.sigma == pytest.approx(sigma)
 
 
-def test_spikes_in_motion_show_beside_a_model_and_only_where_the_channel_has_spikes() -> None:
+def test_spikes_in_motion_are_found_after_subtracting_a_model() -> None:
     rng = np.random.default_rng(2)
     moving = np.sin(np.arange(600) / 12.0)
     clean = [moving + 1e-2 * rng.standard_normal(600) for _ in range(3)]
@@ -100,7 +100,7 @@ def test_spikes_in_motion_show_beside_a_model_and_only_where_the_channel_has_spi
         assert f"{found.model.channels[0].masked} spikes masked" in found.model.statement
 
 
-def test_noise_of_a_bench_that_never_rests_is_learned_from_what_its_model_leaves() -> None:
+def test_noise_without_rest_is_estimated_from_residuals() -> None:
     rng = np.random.default_rng(3)
     sigma, at = 1e-2, np.arange(400)
     moving = [np.sin(at / 6.0 + 2.0 * k) + 0.5 * np.sin(at / 3.3 + k) for k in range(4)]
@@ -123,7 +123,7 @@ def test_noise_of_a_bench_that_never_rests_is_learned_from_what_its_model_leaves
     assert with_noise_off_model(noise, measurements, wrong) is None
 
 
-def test_growth_that_fast_motion_hides_is_learned_at_the_levels_of_the_model() -> None:
+def test_noise_growth_hidden_by_motion_is_estimated_from_residuals() -> None:
     """Five samples to a period: σ goes from a half to twice 1 %, in a straight line from the lowest level."""
     rng = np.random.default_rng(4)
     at = np.arange(300)
@@ -143,7 +143,7 @@ def test_growth_that_fast_motion_hides_is_learned_at_the_levels_of_the_model() -
     assert "grows with the level" in found.model.statement
 
 
-def test_heavy_tails_are_as_wide_as_their_differences_say() -> None:
+def test_heavy_tails_have_the_width_of_their_differences() -> None:
     rng = np.random.default_rng(5)
     tails = [1e-2 / np.sqrt(3.0) * rng.standard_t(3.0, 600) for _ in range(6)]
     measurements = measured([record(k, values) for k, values in enumerate(tails)])
@@ -157,7 +157,7 @@ def test_heavy_tails_are_as_wide_as_their_differences_say() -> None:
     assert found.model.channels[0].degrees < 0.45 * left.size  # fewer than those of normal noise
 
 
-def test_a_spike_beside_the_end_of_a_record_or_a_switch_shows_beside_a_model() -> None:
+def test_spikes_near_ends_and_switches_are_found_in_residuals() -> None:
     rng = np.random.default_rng(6)
     errors = [rng.standard_normal((200, 1)) for _ in range(4)]
     spikes = [(0, 198), (0, 60), (1, 105), (1, 20), (2, 160), (3, 20)]

@@ -45,7 +45,7 @@ def test_a_fit_changes_the_value_and_not_what_was_known_before() -> None:
         ("{value: 12 kg}", "std"),
     ],
 )
-def test_a_prior_that_makes_no_sense_is_refused(written: str, said: str, tmp_path: Path) -> None:
+def test_an_invalid_prior_is_refused(written: str, said: str, tmp_path: Path) -> None:
     text = TEXTBOOK.read_text(encoding="utf-8").replace("{value: 12 kg, std: 2 kg}", written)
     with pytest.raises(RigctlError, match=said):
         parse_model(text, TEXTBOOK)
@@ -64,7 +64,7 @@ def beats(shared: np.ndarray, _: Sequence[np.ndarray], derivatives: bool) -> lis
     return [Block(residual, columns if derivatives else None, np.zeros((residual.size, 0)))]
 
 
-def test_a_bad_start_of_one_parameter_does_not_lead_the_others_astray() -> None:
+def test_a_bad_start_of_one_parameter_does_not_affect_the_others() -> None:
     """However far off the level is, what is known of the frequency keeps it near its minimum."""
     unknowns = [
         Unknown("level", 10.0, 0.0, 1e3),

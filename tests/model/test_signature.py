@@ -62,7 +62,7 @@ def _resized(parameter: EffectParameter, start: float) -> EffectParameter:
     return EffectParameter(**{**vars(parameter), "start": start})
 
 
-def test_taking_base_physics_away_is_a_signature_too() -> None:
+def test_removing_base_physics_has_a_signature_too() -> None:
     seen = signature(cylinder("spool_lag"))
     place = seen.output_names.index("position")
     assert np.abs(seen.difference[:, place]).max() == pytest.approx(7.4e-3, rel=0.1)
@@ -77,7 +77,7 @@ def test_every_effect_of_the_library_shows_on_the_standard_record(family: str) -
     assert {name for name, effect in library(family).items() if signature(effect).silent} == alone
 
 
-def test_what_acts_only_with_another_effect_shows_beside_it() -> None:
+def test_an_effect_that_needs_another_is_shown_together_with_it() -> None:
     leakage = cylinder("piston_leakage")
     beside = signature(cylinder("barus"), alongside=[(leakage, leakage.start)])
     assert not beside.silent
@@ -100,12 +100,12 @@ def test_the_eccentric_piston_looks_like_the_leaking_one() -> None:
     assert [each.likeness for each in alike] == sorted((each.likeness for each in alike), reverse=True)
 
 
-def test_the_library_can_be_told_apart_where_all_is_measured() -> None:
+def test_the_library_is_separable_if_everything_is_measured() -> None:
     effect = cylinder("valve_close_delay")
     assert lookalikes(signature(effect), effect)[0].likeness < SAME
 
 
-def test_a_trial_says_what_a_user_should_know() -> None:
+def test_a_trial_reports_its_warnings() -> None:
     bench = load_rig(shipped("rigs", "hl32-bench.yaml"))
     good = try_effect(load_effect(EXAMPLE), bench)
     assert faults_on_record(good.effect, bench) == ()
@@ -125,7 +125,7 @@ def test_a_trial_says_what_a_user_should_know() -> None:
     assert "coulomb_friction" in tiny.warnings[1]
 
 
-def test_the_record_leads_a_term_where_it_has_no_value() -> None:
+def test_the_record_reaches_a_point_where_a_term_is_undefined() -> None:
     # positive at rest, but a retracting piston is faster than that
     faults = faults_on_record(own("size*sqrt((0.05 m/s + velocity)/(1 m/s))"))
     assert [fault.part for fault in faults] == [("terms", "friction")]

@@ -59,7 +59,7 @@ def test_rows_go_channel_after_channel_and_name_their_samples() -> None:
     assert errors[2, 0] == 3.0
 
 
-def test_no_columns_are_no_reason_to_crash() -> None:
+def test_whitening_accepts_no_columns() -> None:
     """LAPACK's `dgttrs` writes past its array without right-hand sides: seen as late as the process ends."""
     script = (
         "import numpy as np\n"
@@ -99,12 +99,12 @@ def test_a_channel_without_samples_gives_no_rows() -> None:
     assert whiten(noise, np.arange(3.0), ok)(np.ones((3, 2))).tolist() == [0.5, 0.5, 0.5]
 
 
-def test_times_that_stand_still_are_refused() -> None:
+def test_equal_times_are_refused() -> None:
     with pytest.raises(ValueError, match="increase"):
         whiten(model((1.0, 0.0, 0.0)), np.array([0.0, 0.0]), np.ones((2, 1), bool))
 
 
 @pytest.mark.parametrize(("sigma", "rho", "white"), [(0.0, 0.0, 0.0), (1.0, 1.0, 0.0), (1.0, 0.5, 1.5)])
-def test_noise_that_cannot_be_is_refused(sigma: float, rho: float, white: float) -> None:
+def test_impossible_noise_is_refused(sigma: float, rho: float, white: float) -> None:
     with pytest.raises(ValueError, match="must"):
         ChannelNoise("x", sigma, rho, white=white)

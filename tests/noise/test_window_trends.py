@@ -29,7 +29,7 @@ def swinging(samples_per_radian: float, correlation: float, seed: int) -> list[N
 
 @pytest.mark.parametrize("correlation", [0.0, 0.6])
 @pytest.mark.parametrize("samples_per_radian", [15.0, 30.0])
-def test_a_swinging_signal_is_not_taken_for_noise(samples_per_radian: float, correlation: float) -> None:
+def test_an_oscillating_signal_is_not_taken_for_noise(samples_per_radian: float, correlation: float) -> None:
     found = estimate_noise(swinging(samples_per_radian, correlation, 1), ["position"]).channels[0]
     assert not found.guessed
     # with coloured noise a little of the signal may pass for it: on the safe side

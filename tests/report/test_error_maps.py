@@ -18,7 +18,7 @@ def marked(fit: FitResult) -> list[int]:
     return [sum(any(row) for row in one.strong) for one in maps]
 
 
-def test_noise_that_remembers_is_not_marked() -> None:
+def test_autocorrelated_noise_is_not_marked() -> None:
     for seed in range(10):
         assert marked(made_fit(made_noise(0.9), seed)) == [0, 0, 0, 0]
 

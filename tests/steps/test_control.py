@@ -88,7 +88,7 @@ def test_an_oscillating_loop_ends_with_outputs_safe(press: Callable[..., RunLog]
     assert done.result.duration < 6.0
 
 
-def test_noise_and_a_decaying_ringing_are_no_oscillation() -> None:
+def test_noise_and_decaying_ringing_are_not_oscillation() -> None:
     random = np.random.default_rng(3)
     noise, ringing = OscillationDetector(2.5), OscillationDetector(2.5)
     for index in range(20_000):
@@ -105,7 +105,7 @@ def test_noise_and_a_decaying_ringing_are_no_oscillation() -> None:
 @pytest.mark.parametrize(
     ("gain", "integral", "ahead"), [(1e308, 1e308, 0.0), (1.0, 1.0, math.inf), (1e308, 0.0, -math.inf)]
 )
-def test_whatever_the_numbers_the_output_stays_within_its_limits_and_comes_back(
+def test_the_output_stays_within_limits_and_recovers_for_any_numbers(
     anti_windup: AntiWindup, gain: float, integral: float, ahead: float
 ) -> None:
     """Infinite minus infinite is no number, and one that has entered the integral would stay there."""
@@ -157,7 +157,7 @@ def test_a_late_update_leads_the_integral_back_to_the_limit_and_no_further() -> 
     assert loop.update(12.1, 0.0, 0.0, 0.0) == pytest.approx(1.0)
 
 
-def test_it_begins_without_a_bump_and_keeps_to_the_rate(press: Callable[..., RunLog]) -> None:
+def test_it_starts_without_a_bump_and_respects_the_rate(press: Callable[..., RunLog]) -> None:
     before = "  - set: {relief_valve: 20 bar}\n  - wait: 3 s\n"
     done = press(
         "to: 30 bar, ramp: 10 bar/s, gain: 1, integral: 5 1/s, derivative: 0.01 s, max_rate: 15 bar/s, "
@@ -176,7 +176,7 @@ def heat(tmp_path: Path, fields: str, before: str = "", **options: object) -> Ru
     return VirtualBench(tmp_path, HEATERS).run(f"steps:\n{text}", options=options)
 
 
-def test_feed_forward_from_a_model_takes_away_what_a_gain_alone_leaves(tmp_path: Path) -> None:
+def test_feed_forward_from_a_model_removes_the_remaining_error(tmp_path: Path) -> None:
     model = tmp_path / "m.yaml"
     model.write_text("parameters:\n  loss: {value: 16 mW/K, fit: true}\n  power: 1 W\n", encoding="utf-8")
     formula = f"feed_forward: loss*(setpoint - ambient_temperature)/power, parameters_of: {model}"
@@ -212,7 +212,7 @@ def test_a_feed_forward_without_a_value_is_not_zero(press: Callable[..., RunLog]
     assert len(notes) == 1
 
 
-def test_it_settles_or_says_what_it_saw(tmp_path: Path) -> None:
+def test_it_settles_or_reports_its_readings(tmp_path: Path) -> None:
     pi = "gain: 10 %/K, integral: 0.1 %/(K*s)"
     done = heat(tmp_path, f"to: 35 degC, {pi}, within: 0.5 K, settle: 30 s, timeout: 15 min")
     assert done.result.status == "finished"
@@ -298,7 +298,7 @@ def test_a_loop_that_does_not_fit_the_rig_is_refused(tmp_path: Path, fields: str
     assert caught.value.where.line == 3
 
 
-def test_a_loop_is_no_faster_than_its_record_and_check_says_how_long(tmp_path: Path) -> None:
+def test_a_loop_is_limited_to_its_record_rate_and_forecast(tmp_path: Path) -> None:
     loop = "control: {actuator: heater_1, channel: temperature_1, to: 40 degC, gain: 1 %/K, for: 90 s}"
     bench = VirtualBench(tmp_path, HEATERS)
     with pytest.raises(RigctlError, match="faster than the record's samples"):

@@ -53,7 +53,7 @@ def waveform(text: str) -> str:
         ),
     ],
 )
-def test_what_is_commanded_is_the_course(
+def test_the_commands_follow_the_waveform(
     tmp_path: Path, text: str, expected: Callable[[np.ndarray], np.ndarray]
 ) -> None:
     bench = VirtualBench(tmp_path, HEATERS)
@@ -177,14 +177,14 @@ def test_a_table_that_never_ends_is_not_read(tmp_path: Path) -> None:
             VirtualBench(tmp_path, HEATERS).plan(waveform(table), heaters())
 
 
-def test_positions_take_steps_only_and_hands_none(steps: Callable[..., Plan]) -> None:
+def test_positions_allow_steps_only_and_manual_actuators_no_waveform(steps: Callable[..., Plan]) -> None:
     with pytest.raises(RigctlError, match="positions and nothing between"):
         steps("- waveform: {actuator: valve, ramp: {from: neutral, to: extend, over: 1 s}}")
     with pytest.raises(RigctlError, match="turned by hand"):
         steps("- waveform: {actuator: relief_valve, ramp: {from: 20 bar, to: 30 bar, over: 1 s}}")
 
 
-def test_a_set_point_is_held_against_the_limits_of_its_channel(tmp_path: Path) -> None:
+def test_a_set_point_is_checked_against_the_limits_of_its_channel(tmp_path: Path) -> None:
     written = shipped("rigs", "oil-circuit-modbus.yaml").read_text(encoding="utf-8")
     rig = parse_rig(written.replace("above: 65 bar", "above: 50 bar"))
     text = "steps:\n  - waveform: {actuator: relief_valve, ramp: {from: 10 bar, to: 59 bar, over: 2 s}}\n"
@@ -192,7 +192,7 @@ def test_a_set_point_is_held_against_the_limits_of_its_channel(tmp_path: Path) -
         VirtualBench(tmp_path).plan(text, rig)
 
 
-def test_the_way_to_the_first_value_is_no_faster_than_allowed(tmp_path: Path) -> None:
+def test_the_approach_to_the_first_value_respects_the_rate(tmp_path: Path) -> None:
     bench = VirtualBench(tmp_path, HEATERS)
     done = bench.run(
         waveform("steps: {levels: [40 %], each: 1 s}") + "  - waveform: {actuator: heater_1, "
@@ -241,7 +241,7 @@ class Person(ScriptedControl):
         return super().poll()
 
 
-def test_after_a_pause_it_begins_again(tmp_path: Path) -> None:
+def test_it_restarts_after_a_pause(tmp_path: Path) -> None:
     text = waveform("ramp: {from: 10 %, to: 60 %, over: 20 s}")
     done = VirtualBench(tmp_path, HEATERS).run(text, control=Person([(10.0, Request.PAUSE)]))
     assert done.result.status == "finished"
@@ -252,7 +252,7 @@ def test_after_a_pause_it_begins_again(tmp_path: Path) -> None:
     assert max(values) == pytest.approx(0.6)
 
 
-def test_a_resumed_run_repeats_what_lasts(tmp_path: Path) -> None:
+def test_a_resumed_run_repeats_lasting_settings(tmp_path: Path) -> None:
     record = "  - record: {name: r}\n    do:\n      - wait: 1 s\n"
     lasting = waveform("ramp: {to: 60 %, over: 20 s}")
     passing = waveform("ramp: {to: 60 %, over: 20 s}, then: safe")

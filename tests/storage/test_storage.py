@@ -96,9 +96,7 @@ def address_of(kind: str, bucket: Any, tmp_path: Path) -> str:
 
 
 @pytest.mark.parametrize("kind", ["s3", "memory", "file"])
-def test_a_run_that_was_sent_is_read_where_it_lies(
-    kind: str, bucket: Any, tmp_path: Path, make_run: MakeRun
-) -> None:
+def test_an_uploaded_run_is_read_in_place(kind: str, bucket: Any, tmp_path: Path, make_run: MakeRun) -> None:
     address = address_of(kind, bucket, tmp_path)
     first, second = make_run(), make_run("20261122-000000-heat")
     done = [upload(folder, Store(address)) for folder in (first, second)]
@@ -131,7 +129,7 @@ def test_a_run_that_was_sent_is_read_where_it_lies(
     assert caught.value.nearest == NAME
 
 
-def test_what_was_interrupted_is_seen_by_nobody_and_gone_on_with(
+def test_an_interrupted_upload_is_invisible_and_continued(
     bucket: Any, make_run: MakeRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store, folder, sending = Store(f"s3://{bucket.name}/runs"), make_run(), StoredFile.send
@@ -151,9 +149,7 @@ def test_what_was_interrupted_is_seen_by_nobody_and_gone_on_with(
     assert (upload(folder, store).there, len(list_runs(store.address))) == (2, 1)
 
 
-def test_a_note_is_sent_after_it_and_another_run_is_never_written_over(
-    bucket: Any, make_run: MakeRun
-) -> None:
+def test_later_notes_are_uploaded_and_other_runs_never_overwritten(bucket: Any, make_run: MakeRun) -> None:
     store, folder = Store(f"s3://{bucket.name}/runs"), make_run()
     upload(folder, store)
     annotate(folder, "new seals")
@@ -193,7 +189,7 @@ def test_an_object_that_arrives_short_is_sent_again(
     assert verify(worse).good
 
 
-def test_a_short_and_a_missing_object_are_told(bucket: Any, make_run: MakeRun) -> None:
+def test_truncated_and_missing_objects_are_reported(bucket: Any, make_run: MakeRun) -> None:
     store = Store(f"s3://{bucket.name}/runs")
     upload(make_run(), store)
     whole = bucket.Object(f"runs/{NAME}/samples.parquet").get()["Body"].read()
@@ -311,7 +307,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 @pytest.mark.parametrize("kind", ["s3", "memory", "file"])
-def test_only_what_has_changed_in_storage_is_read_again(
+def test_only_changed_objects_are_read_again(
     kind: str, bucket: Any, tmp_path: Path, make_run: MakeRun, asked: list[str]
 ) -> None:
     store = Store(address_of(kind, bucket, tmp_path))
@@ -343,7 +339,7 @@ def test_only_what_has_changed_in_storage_is_read_again(
 
 
 @pytest.mark.parametrize("harm", ["garbage", "another version", "a table is missing"])
-def test_an_index_of_storage_that_cannot_be_used_is_made_again_and_that_is_said(
+def test_an_unusable_storage_index_is_rebuilt_with_a_warning(
     harm: str, bucket: Any, make_run: MakeRun, asked: list[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     store = Store(f"s3://{bucket.name}/runs")
@@ -367,7 +363,7 @@ def test_an_index_of_storage_that_cannot_be_used_is_made_again_and_that_is_said(
 
 
 @pytest.mark.parametrize("broken", [refusing, stalling])
-def test_what_is_known_of_a_storage_that_does_not_answer_is_no_answer(
+def test_old_index_contents_do_not_replace_a_silent_storage(
     broken: Callable[[], socket.socket], bucket: Any, make_run: MakeRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     address = f"s3://{bucket.name}/runs"
@@ -417,7 +413,7 @@ class Cutting(BaseHTTPRequestHandler):
 
 
 @pytest.mark.parametrize("claims_all", [False, True])
-def test_an_answer_that_is_cut_short_is_not_kept(
+def test_a_truncated_answer_is_not_stored(
     claims_all: bool, server: str, bucket: Any, make_run: MakeRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     address = f"s3://{bucket.name}/runs"

@@ -16,7 +16,7 @@ PLACES = [Workers(1), Workers(3, "threads"), Workers(2)]
 
 
 @pytest.mark.parametrize("workers", PLACES)
-def test_what_comes_of_a_piece_does_not_depend_on_where_or_in_which_order(workers: Workers) -> None:
+def test_results_do_not_depend_on_worker_or_order(workers: Workers) -> None:
     told: list[tuple[int, int]] = []
     found = dict(map_tasks(drawn, range(8), workers, on_progress=lambda *done: told.append(done)))
     assert found == {piece: (piece, seed_of(7, "piece", piece)) for piece in range(8)}
@@ -31,7 +31,7 @@ def test_no_two_pieces_share_a_seed() -> None:
 
 
 @pytest.mark.parametrize("workers", PLACES[:2])
-def test_a_piece_that_fails_ends_the_work_and_those_before_it_are_there(workers: Workers) -> None:
+def test_a_failing_task_ends_the_map_and_earlier_results_are_kept(workers: Workers) -> None:
     found = []
     with pytest.raises(ValueError, match="piece 3"):
         for _, result in map_tasks(refused, range(100), workers):
@@ -40,7 +40,7 @@ def test_a_piece_that_fails_ends_the_work_and_those_before_it_are_there(workers:
     assert len(found) < 100
 
 
-def test_whoever_has_enough_stops_it() -> None:
+def test_the_consumer_can_stop_early() -> None:
     done: list[int] = []
     lock = threading.Lock()
 
@@ -59,7 +59,7 @@ def test_a_process_that_dies_loses_nothing(tmp_path: Path) -> None:
     assert found == {piece: piece * piece for piece in range(12)}
 
 
-def test_a_piece_that_kills_every_worker_is_named_and_the_others_are_kept(tmp_path: Path) -> None:
+def test_a_task_that_kills_every_worker_is_named(tmp_path: Path) -> None:
     found = []
     with pytest.raises(RigctlError, match="killed, 3 times at the same piece"):
         for index, _ in map_tasks(partial(deadly, str(tmp_path), 99), range(12), Workers(2)):
@@ -69,6 +69,6 @@ def test_a_piece_that_kills_every_worker_is_named_and_the_others_are_kept(tmp_pa
 
 
 @pytest.mark.parametrize("address", ["local:0", "local:x", "10.0.0.1:8786", "http://host", ""])
-def test_an_address_that_is_none_is_refused(address: str) -> None:
+def test_an_invalid_address_is_refused(address: str) -> None:
     with pytest.raises(RigctlError, match="no cluster's address"):
         Workers(cluster=address)

@@ -20,5 +20,5 @@ def test_a_run_that_ends_at_a_random_moment_is_safe_keeps_its_samples_and_says_s
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="simavr is packaged for Linux only")
-def test_samples_that_wait_while_a_lost_bench_is_looked_for_at_the_end_are_kept(tmp_path: Path) -> None:
+def test_samples_received_while_reconnecting_at_the_end_are_kept(tmp_path: Path) -> None:
     one(tmp_path, "1-115", "emulated", Tally())  # noise on the line: 0.68 s of them were thrown away

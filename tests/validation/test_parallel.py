@@ -32,7 +32,7 @@ def test_processes_end_with_the_one_that_started_them(tmp_path: Path) -> None:
         assert parent.communicate(timeout=600)[0] == ""
 
 
-def test_ctrl_c_ends_a_process_at_once_and_without_a_word() -> None:
+def test_ctrl_c_ends_a_process_at_once_and_silently() -> None:
     """In a process of its own, as the terminal sends it to each of them."""
     code = (
         "import signal, time; from rigctl.tasks.pools import begin_worker; "

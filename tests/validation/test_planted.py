@@ -24,7 +24,7 @@ FAMILY = find_family("hydraulic_cylinder")
 PLAIN = Campaign(temperatures=(30.0,), pressures=(40.0,), chamber_pressures=True)
 
 
-def test_there_are_twenty_terms_and_the_library_has_none_of_their_names() -> None:
+def test_planted_terms_are_not_in_the_library() -> None:
     assert len(PLANTED) >= 20
     assert len({one.name for one in PLANTED}) == len(PLANTED)
     assert not {one.name for one in PLANTED} & set(library(FAMILY))
@@ -33,7 +33,7 @@ def test_there_are_twenty_terms_and_the_library_has_none_of_their_names() -> Non
 
 
 @pytest.mark.parametrize("term", PLANTED, ids=lambda term: term.name)
-def test_what_is_planted_shows_on_the_bench(term: PlantedTerm) -> None:
+def test_a_planted_term_has_an_effect_on_the_bench(term: PlantedTerm) -> None:
     with_it = hide(PLAIN, [(term.hidden, 20.0 * term.typical)], "other")
     ((_, plain),), ((_, changed),) = clean_outputs(PLAIN), clean_outputs(with_it)
     shown = {name for name in plain if not np.array_equal(plain[name], changed[name])}
@@ -43,7 +43,7 @@ def test_what_is_planted_shows_on_the_bench(term: PlantedTerm) -> None:
 
 
 @pytest.mark.parametrize("term", PLANTED, ids=lambda term: term.name)
-def test_the_grammar_has_the_words_for_it(term: PlantedTerm) -> None:
+def test_the_grammar_can_express_the_planted_terms(term: PlantedTerm) -> None:
     assert all(FAMILY.slot(slot) for slot in term.slots)
     names = {state.name for state in FAMILY.states} | {"oil_temperature", "supply_pressure"}
     for form in term.forms:
@@ -57,7 +57,7 @@ def test_the_grammar_has_the_words_for_it(term: PlantedTerm) -> None:
             assert kind in {one.name for one in kinds}
 
 
-def test_every_trial_is_there_once_and_a_part_holds_both_kinds() -> None:
+def test_every_trial_occurs_once_and_samples_have_both_kinds() -> None:
     trials = planted_trials()
     assert len({trial.name for trial in trials}) == len(trials)
     assert {trial.term for trial in trials} == {"", *(one.name for one in PLANTED)}
@@ -71,7 +71,7 @@ def outcome(term: str, **found: object) -> TrialOutcome[PlantedTrial]:
     return TrialOutcome(trial, searched=Searched(**found))  # type: ignore[arg-type]
 
 
-def test_rates_count_what_was_looked_for() -> None:
+def test_rates_refer_to_the_planted_terms() -> None:
     truth = "load: bump of position"
     made = [
         outcome("", gate="adequate"),
@@ -90,7 +90,7 @@ def test_rates_count_what_was_looked_for() -> None:
     assert found[every, "held out within 10 % of the noise"] == (1, 2)
 
 
-def test_an_outcome_comes_back_from_its_file() -> None:
+def test_an_outcome_is_read_back_from_its_file() -> None:
     made = outcome("groove", gate="outside_library", places=("load",), formulas=("a", "b"), in_set=True)
     text = json.dumps(made.document()).replace("NaN", "null")
     again = TrialOutcome.read(json.loads(text), PlantedTrial.read)

@@ -24,7 +24,7 @@ def ended(job: Job) -> Job:
     return job
 
 
-def test_what_work_returns_is_kept(jobs: Jobs) -> None:
+def test_the_result_of_a_job_is_kept(jobs: Jobs) -> None:
     folder = str(jobs._folder.resolve())
     job = ended(jobs.start("Measure", "rigctl measure", measured, folder))
     told = jobs.find(job.id).document()
@@ -34,7 +34,7 @@ def test_what_work_returns_is_kept(jobs: Jobs) -> None:
     assert told["share"] == 1.0
 
 
-def test_mistakes_faults_and_deaths_are_said(jobs: Jobs) -> None:
+def test_errors_faults_and_crashes_of_jobs_are_reported(jobs: Jobs) -> None:
     wrong, broken, dead = (jobs.start("x", "x", work) for work in (mistaken, faulty, dying))
     assert ended(wrong).state == "failed"
     assert (wrong.error or {})["nearest"] == "y"
@@ -43,7 +43,7 @@ def test_mistakes_faults_and_deaths_are_said(jobs: Jobs) -> None:
     assert "ended without a word" in str((dead.error or {})["what"])
 
 
-def test_work_is_stopped_and_no_more_is_begun_than_is_good(jobs: Jobs) -> None:
+def test_jobs_can_be_stopped_and_are_limited_in_number(jobs: Jobs) -> None:
     first = [jobs.start("x", "x", endless) for _ in range(3)]
     with pytest.raises(RigctlError, match="3 pieces of work"):
         jobs.start("x", "x", endless)
@@ -52,7 +52,7 @@ def test_work_is_stopped_and_no_more_is_begun_than_is_good(jobs: Jobs) -> None:
     wait_for(lambda: not jobs._processes)
 
 
-def test_a_command_answers_refuses_or_dies(jobs: Jobs) -> None:
+def test_a_command_job_succeeds_fails_or_crashes(jobs: Jobs) -> None:
     listed = jobs.start_command("Runs", ["runs", "list"])
     wrong = jobs.start_command("Runs", ["runs", "show", "nothing"])
     killed = jobs.start_command("Runs", ["runs", "list"])

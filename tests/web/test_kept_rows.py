@@ -21,7 +21,7 @@ def filled(step: float, blocks: int, rows: int, *, seconds: float = 900.0, most:
 
 @pytest.mark.parametrize("blocks", [1, 100, 2_001, 4_500, 20_001])
 @pytest.mark.parametrize(("step", "rows"), [(0.01, 10), (0.1, 1), (0.01, 3000)])
-def test_as_much_of_the_past_is_kept_as_is_promised(step: float, rows: int, blocks: int) -> None:
+def test_the_promised_history_is_kept(step: float, rows: int, blocks: int) -> None:
     blocks = min(blocks, 300_000 // rows)
     kept = filled(step, blocks, rows, most=100_000)
     seen = kept.last(900.0)
@@ -33,7 +33,7 @@ def test_as_much_of_the_past_is_kept_as_is_promised(step: float, rows: int, bloc
     assert held == kept._count <= min(900.0 / step, 100_000) + 2 * max(rows, 2000)
 
 
-def test_a_fast_run_is_kept_as_far_as_there_is_room() -> None:
+def test_the_history_of_a_fast_run_is_limited_by_memory() -> None:
     kept = filled(1e-3, 1_000, 1_000, most=150_000)
     assert len(kept.last(900.0)) == 150_000
     assert kept.last(10.0)[0, 0] == pytest.approx(kept.newest - 10.0, abs=1e-3)

@@ -35,7 +35,7 @@ def test_a_report_is_shown_and_cannot_reach_the_server(window: Window) -> None:
     assert f"rigctl report {run}" in page.locator(".command").inner_text()
 
 
-def test_what_a_report_is_made_of_stays_inside_the_project(served: Served, cookie: str) -> None:
+def test_a_report_reads_only_files_of_the_project(served: Served, cookie: str) -> None:
     run = newest(served)
     for body in (
         {"runs": []},
@@ -58,7 +58,7 @@ def test_what_a_report_is_made_of_stays_inside_the_project(served: Served, cooki
     assert served.ask("GET", "/report/made/none")[0] == 401
 
 
-def test_a_job_can_be_stopped_and_is_said_to_be(served: Served, cookie: str) -> None:
+def test_a_stopped_job_is_reported_as_stopped(served: Served, cookie: str) -> None:
     status, job = served.post("/api/report", {"runs": [newest(served)]}, cookie)
     assert status == 200
     status, _, text = served.ask(

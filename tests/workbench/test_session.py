@@ -34,7 +34,7 @@ def errors(picture: Picture, bench: Workbench) -> dict[str, dict[str, float]]:
     return picture.document(units)["channels"]
 
 
-def test_the_model_as_it_is_has_the_errors_that_compare_says(textbook: Workbench) -> None:
+def test_the_initial_model_has_the_errors_of_compare(textbook: Workbench) -> None:
     said = answer("compare", "latest", "--model", "models/hl32-textbook.yaml", "--no-fit")
     picture = textbook.exact
     assert picture.exact
@@ -45,7 +45,7 @@ def test_the_model_as_it_is_has_the_errors_that_compare_says(textbook: Workbench
     assert picture.chi2_reduced == pytest.approx(said["chi2_reduced"], rel=SAME)
 
 
-def test_what_is_kept_is_what_was_seen_and_what_the_command_writes(shared_results: Path) -> None:
+def test_a_kept_version_is_the_displayed_state(shared_results: Path) -> None:
     clicked, typed = textbook_copy("clicked"), textbook_copy("typed")
     bench = Workbench.open([open_run("latest")], Path(clicked), named=clicked)
     state = switched_on(bench)
@@ -76,7 +76,7 @@ def test_what_is_kept_is_what_was_seen_and_what_the_command_writes(shared_result
     assert "valve_leakage" in again.start.on
 
 
-def test_a_picture_while_a_slider_moves_is_that_of_its_release_but_for_what_records_have_of_their_own(
+def test_moving_slider_pictures_differ_only_in_record_level_values(
     textbook: Workbench,
 ) -> None:
     exact = textbook.exact
@@ -95,7 +95,7 @@ def test_a_picture_while_a_slider_moves_is_that_of_its_release_but_for_what_reco
     assert not np.allclose(moved.outputs[3], exact.outputs[3])
 
 
-def test_what_nobody_waits_for_is_left_and_the_picture_before_stays(textbook: Workbench) -> None:
+def test_obsolete_requests_are_skipped(textbook: Workbench) -> None:
     before = textbook.exact
     with pytest.raises(Unwanted):
         textbook.settle(switched_on(textbook), wanted=lambda: False)
@@ -112,7 +112,7 @@ def test_base_physics_is_switched_off_by_its_null_values(textbook: Workbench) ->
     assert f"--remove {friction.name}" in textbook.command(off)
 
 
-def test_every_parameter_has_a_slider_that_holds_its_value(textbook: Workbench) -> None:
+def test_every_parameter_has_a_slider_whose_range_contains_it(textbook: Workbench) -> None:
     fixed = {one.name for one in textbook.model.family.parameters if one.fixed}
     assert {one.name for one in textbook.sliders} == set(textbook.model.values) - fixed
     for one in (*textbook.sliders, *(s for switch in textbook.switches for s in switch.sliders)):
@@ -127,7 +127,7 @@ def test_effects_that_contradict_one_another_are_refused(textbook: Workbench) ->
         textbook.model_of(textbook.start.switched([one, other], on=True))
 
 
-def test_nothing_to_keep_is_said_and_nothing_is_written(textbook: Workbench) -> None:
+def test_keeping_an_unchanged_state_writes_nothing(textbook: Workbench) -> None:
     assert textbook.command(textbook.start) == ""
     with pytest.raises(RigctlError, match="nothing differs"):
         textbook.keep(textbook.start)

@@ -42,9 +42,7 @@ def before(one: Any, rows: int, degrees: int) -> Any:
 
 @pytest.mark.parametrize("z", [2.6, 3.0, 3.4])
 @pytest.mark.parametrize(("rows", "degrees"), [(8, 4), (13, 10)])
-def test_so_many_repeats_show_the_effect_nine_times_in_ten_and_fewer_do_not(
-    z: float, rows: int, degrees: int
-) -> None:
+def test_the_suggested_repeats_have_a_power_of_90_percent(z: float, rows: int, degrees: int) -> None:
     (said,) = next_against_chance(before(score(z), rows, degrees))
     found = re.fullmatch(
         r"read each condition (\d+) times: leak, if it is as large as it seems, would then stand out by "
@@ -67,11 +65,11 @@ def test_so_many_repeats_show_the_effect_nine_times_in_ten_and_fewer_do_not(
 @pytest.mark.parametrize(
     ("one", "degrees"), [(score(2.4), 10), (score(3.0, kappa=0.04), 10), (score(3.0), 0)]
 )
-def test_what_is_small_or_hidden_or_of_unknown_noise_asks_for_no_repeats(one: Any, degrees: int) -> None:
+def test_no_repeats_are_suggested_for_undetectable_effects(one: Any, degrees: int) -> None:
     assert next_against_chance(before(one, 10, degrees)) == []
 
 
-def test_nothing_is_fitted_where_there_is_no_point_to_look_at(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_fitted_without_a_point(monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*_: Any, **__: Any) -> None:
         raise AssertionError("a fit that nobody needs")
 
@@ -79,7 +77,7 @@ def test_nothing_is_fitted_where_there_is_no_point_to_look_at(monkeypatch: pytes
     assert len(next_against_chance(before(score(3.0), 10, 10))) == 1
 
 
-def test_beyond_the_ends_of_a_table_an_effect_does_what_is_said(tmp_path: Path) -> None:
+def test_predictions_beyond_a_table_are_correct(tmp_path: Path) -> None:
     """The same by the usual way: a model's file with the effect, and the point as a row that no fit sees."""
     table = shipped("data", "hl32-viscosity.csv").read_text(encoding="utf-8")
     table += "100,6,6,0.0049094,0.0049094\n"

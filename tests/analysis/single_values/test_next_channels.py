@@ -47,12 +47,12 @@ def said(monkeypatch: pytest.MonkeyPatch):
     return sentences
 
 
-def test_a_channel_in_which_all_differ_is_said_to_tell_all(said: Any) -> None:
+def test_a_channel_in_which_all_rivals_differ_separates_all(said: Any) -> None:
     (text,) = said(leak=(1e-3, 1e5), friction=(1e-3, 6e5), air=(1e-3, -4e5))
     assert text == "record pressure_a over time: it distinguishes all of them, by up to 10 bar"
 
 
-def test_one_that_differs_from_two_others_is_told_from_them_and_the_two_are_never_parted(said: Any) -> None:
+def test_a_channel_separates_one_rival_from_two_alike(said: Any) -> None:
     text, never = said(leak=(1e-3, 1e5), friction=(1e-3, 1.5e5), air=(5e-3, 1e5))
     assert text == (
         "record position over time instead of one number: it distinguishes air from the others, by up to 4 mm"
@@ -63,19 +63,19 @@ def test_one_that_differs_from_two_others_is_told_from_them_and_the_two_are_neve
     )
 
 
-def test_each_channel_may_tell_another_pair(said: Any) -> None:
+def test_each_channel_may_separate_a_different_pair(said: Any) -> None:
     found = said(leak=(1e-3, 1e5), friction=(1e-3, 9e5), air=(5e-3, 1e5))
     assert [text.partition(" over")[0] for text in found] == ["record position", "record pressure_a"]
     assert "distinguishes air from the others" in found[0]
     assert "distinguishes friction from the others" in found[1]
 
 
-def test_what_differs_by_less_than_ten_times_the_noise_is_not_told(said: Any) -> None:
+def test_differences_below_ten_times_the_noise_do_not_separate(said: Any) -> None:
     (never,) = said(leak=(1e-3, 1e5), friction=(1.9e-3, 1.9e5))
     assert never.endswith("leak and friction cannot be distinguished by any channel of the bench")
 
 
-def test_nothing_is_said_without_rivals_a_trend_or_a_record_to_try() -> None:
+def test_no_suggestion_without_rivals_trend_or_record() -> None:
     two = cast("Any", {"leak": None, "friction": None})
     assert next_channels(before(), TREND, cast("Any", {"leak": None})) == []
     assert next_channels(before(), None, two) == []

@@ -22,7 +22,7 @@ def before(conditions: Sequence[dict[str, float]], guessed: bool = False) -> Any
     )
 
 
-def test_a_variable_that_never_changes_is_to_be_varied_and_one_of_two_values_needs_more() -> None:
+def test_constant_and_two_valued_variables_need_more_values() -> None:
     conditions = [{"oil": 293.15, "load": load} for load in (10.0, 10.0, 40.0)]
     assert next_rows(before(conditions)) == [
         "vary oil: every row is at 20 degC",
@@ -34,7 +34,7 @@ def test_three_values_of_a_variable_are_enough() -> None:
     assert next_rows(before([{"load": load} for load in (10.0, 20.0, 40.0)])) == []
 
 
-def test_noise_that_is_only_guessed_asks_for_repeats() -> None:
+def test_guessed_noise_requires_repeats() -> None:
     conditions = [{"load": load} for load in (10.0, 20.0, 40.0)]
     (said,) = next_rows(before(conditions, guessed=True))
     assert said == "repeat each condition three times: so far the noise is only guessed"

@@ -56,7 +56,7 @@ def test_a_right_law_is_seldom_called_wrong(table: Callable[[str], Table]) -> No
     assert wrong <= 3
 
 
-def test_noise_in_shares_is_a_share_of_the_model_once_it_is_fitted(table: Callable[[str], Table]) -> None:
+def test_relative_noise_refers_to_the_fitted_model(table: Callable[[str], Table]) -> None:
     model, measured = table("viscosity")
     fit = fit_model(model, measured, noise_of(measured))
     share = fit.problem.noise.channels[0].share

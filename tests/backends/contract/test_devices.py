@@ -84,7 +84,7 @@ class Watched:
         return any(one.kind == kind and text in one.message for one in self.notices)
 
 
-def test_what_is_read_is_what_the_plant_has_and_nothing_where_it_has_none(device: Subject) -> None:
+def test_readings_are_those_of_the_plant(device: Subject) -> None:
     server = device.server
     assert server is not None
     with opened(device) as bench:
@@ -115,7 +115,7 @@ def test_what_is_read_is_what_the_plant_has_and_nothing_where_it_has_none(device
         watched.until(lambda: not math.isnan(pressure()))
 
 
-def test_a_device_that_is_lost_is_found_again_with_outputs_off(device: Subject) -> None:
+def test_a_lost_device_is_reconnected_with_outputs_off(device: Subject) -> None:
     server = device.server
     assert server is not None
 
@@ -146,7 +146,7 @@ def test_a_device_that_is_lost_is_found_again_with_outputs_off(device: Subject) 
     assert server.circuit.off
 
 
-def test_a_late_answer_is_not_taken_for_that_of_another_question(device: Subject) -> None:
+def test_a_late_answer_is_not_taken_for_that_of_another_query(device: Subject) -> None:
     server = device.server
     assert server is not None
     with opened(device) as bench:
@@ -167,7 +167,7 @@ def test_a_late_answer_is_not_taken_for_that_of_another_question(device: Subject
         assert pressure < 30.2
 
 
-def test_an_output_that_the_device_sets_by_itself_ends_the_samples(device: Subject) -> None:
+def test_an_output_changed_by_the_device_ends_sampling(device: Subject) -> None:
     server = device.server
     assert server is not None
     with opened(device) as bench:
@@ -180,9 +180,7 @@ def test_an_output_that_the_device_sets_by_itself_ends_the_samples(device: Subje
     assert server.circuit.off
 
 
-def test_a_host_that_is_killed_or_stands_still_leaves_the_outputs_off(
-    device: Subject, tmp_path: Path
-) -> None:
+def test_a_killed_or_suspended_host_leaves_the_outputs_off(device: Subject, tmp_path: Path) -> None:
     ending = "SIGSTOP" if device.kind == "modbus" else "SIGKILL"  # what a guard does is the same for all
     if not hasattr(signal, ending):
         ending = "SIGTERM"  # on Windows all there is is to end it

@@ -103,7 +103,7 @@ def test_groups_that_are_parts_of_one_measurement(tmp_path: Path, board: Rig, en
     step=st.floats(0.05, 0.4),
 )
 @settings(max_examples=30)
-def test_straight_lines_stay_straight_and_nothing_is_made_up(
+def test_linear_signals_stay_linear_and_are_not_extrapolated(
     tmp_path_factory: pytest.TempPathFactory, board: Rig, slow: list[float], fast: list[float], step: float
 ) -> None:
     """Both channels are straight in time, so interpolation is exact; outside their samples is nothing."""
