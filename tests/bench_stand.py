@@ -1,4 +1,4 @@
-"""One run on each kind of bench, in virtual time, with a witness of its own of what the outputs really did.
+"""One run on each kind of bench, in virtual time, with an independent record of the outputs.
 
 The witness shares nothing with what is judged: the emulated chip's pins, the lines that the stand-in of the
 two-heater board got, the plant's own switch.

@@ -25,7 +25,7 @@ Filter = Callable[[bytes, float], list[bytes]]
 
 @dataclass
 class Script:
-    """What happens to the board and to its line."""
+    """The scheduled faults of the board and its line."""
 
     actions: list[tuple[float, Callable[[EmulatedBoard], object]]] = field(default_factory=list)
     arriving: Filter = field(default=lambda line, _: [line])
@@ -109,7 +109,7 @@ class BoardWorkshop:
         return creation.create(self.rig(), VirtualClock(), {"plant": "roles", "seed": 1, **options})
 
     def run(self, steps: str, **options: object) -> Done:
-        """A whole run; data are whole and outputs off afterwards, whatever has happened."""
+        """A complete run, after which data are complete and outputs off in every case."""
         bench = self.bench(**options)
         bench.open()
         done = self.workshop.run(steps, rig=self.rig(), backend=bench)

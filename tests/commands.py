@@ -24,21 +24,21 @@ def call(*arguments: str) -> Result:
 
 
 def told(*arguments: str) -> str:
-    """What a command that succeeds prints; an error goes through."""
+    """Return the output of a successful command; errors are raised."""
     done = CliRunner().invoke(app, list(arguments), catch_exceptions=False)
     assert done.exit_code == 0, done.output
     return done.stdout
 
 
 def answer(*arguments: str) -> dict[str, Any]:
-    """What a command answers to a program, in which no name is missing on the page of answers."""
+    """Return the JSON answer of a command, and check that all its names are documented."""
     document: dict[str, Any] = json.loads(told(*arguments, "--json"))
     assert undocumented(arguments, document) == set()
     return document
 
 
 def refusal(*arguments: str, exit_code: ExitCode = ExitCode.USAGE) -> str:
-    """What a command that is refused says."""
+    """Return the message of a refused command."""
     with pytest.raises(RigctlError) as caught:
         CliRunner().invoke(app, list(arguments), catch_exceptions=False)
     assert caught.value.exit_code == exit_code

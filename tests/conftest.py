@@ -1,4 +1,4 @@
-"""What every test shares: a state folder of its own, and no guard of a device left behind."""
+"""Fixtures of all tests: a separate state folder, and no guard of a device left running."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Carries out a page of the documentation: its commands, its Python and the files it writes, in order.
+"""Executes a page of the documentation: its commands, its Python and its files, in order.
 
 A page is read as Markdown with four kinds of fenced block, and everything else is prose:
 

@@ -1,4 +1,4 @@
-"""The page that documents the answers to programs, and which names of an answer it does not have."""
+"""The page that documents JSON answers, and the names of an answer that it lacks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A fit that was not made by fitting: records whose noise and misfit a test chooses."""
+"""A synthetic fit: records whose noise and misfit a test chooses."""
 
 from __future__ import annotations
 

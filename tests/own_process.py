@@ -1,4 +1,4 @@
-"""Commands in a process of their own, as a user's shell starts them."""
+"""Commands in separate processes, as started by a user's shell."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Real servers of the protocols that instruments speak, each with the simulated bench of a rig behind it.
+"""Real servers of instrument protocols, each connected to the simulated bench of a rig.
 
 They know nothing of rigctl's clients; what they offer is written down once more here, as a manual would.
 """

@@ -1,4 +1,4 @@
-"""What a record has of its own takes up no more than its bounds allow, in the tests as in the fit."""
+"""Record-level unknowns are limited to their bounds in the tests as in the fit."""
 
 from __future__ import annotations
 
@@ -43,5 +43,5 @@ def test_a_record_that_no_allowed_push_explains_fails_every_test(tmp_path: Path)
     for found in (compared(far, model, refit=True), compared(far, known, refit=False)):
         tests = found.adequacy.tests
         assert tests["chi2"].p_value < 1e-6
-        # what the fit leaves, and not what its unknowns would take if nothing held them
+        # the residuals of the fit, not those with unbounded unknowns
         assert tests["chi2"].statistic == pytest.approx(found.fit.chi2_reduced * tests["chi2"].dof, rel=0.02)

@@ -1,4 +1,4 @@
-"""A test that rejects an error below the noise tells neither that all is explained nor that it is not."""
+"""If a test rejects an error below the noise, the verdict is undecided."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def member(name: str) -> Candidate:
 def searched(
     adequacy: Adequacy, chosen: tuple[Candidate, ...], fit: Any = None
 ) -> tuple[Search, RefittedSet]:
-    """A search whose set of 600 in χ² leaves what these tests say."""
+    """A search whose best set explains 600 in χ² and leaves residuals with these test results."""
     before: Any = SimpleNamespace(adequacy=Adequacy(REJECTS), adequate=False)
     search = Search(before, cast("Any", None))
     search.none = RefittedSet((), cast("FitResult", None), 1500.0, 0)
@@ -56,7 +56,7 @@ def searched(
         adequacy=adequacy,
         linearisation=SimpleNamespace(candidates=()),
         screening=SimpleNamespace(scores=()),
-        view=lambda _: here,  # no law of it bends
+        view=lambda _: here,  # no law is changed by the shape tolerance
     )
     search.tolerance, search.start = 0.1, before
     search.at = lambda _: here  # type: ignore[method-assign]
@@ -132,7 +132,7 @@ def test_a_member_whose_rest_cannot_be_fitted_is_said_with_its_own_parameters() 
 
 @pytest.mark.parametrize("verdict", [Verdict.ADEQUATE, Verdict.OUTSIDE_LIBRARY])
 def test_nothing_is_added_where_it_is_not_decided_whether_anything_is_missing(verdict: Verdict) -> None:
-    """The set pays, there is room, and yet no version is saved on data that cannot tell."""
+    """The set improves the fit, but no version is saved on inconclusive data."""
     doubt = "the error of every channel is within its noise"
     found = cast("Diagnosis", SimpleNamespace(verdict=verdict, doubt=doubt, best=None, before=None))
     assert _plan(found, 4) == []
@@ -142,7 +142,7 @@ def test_nothing_is_added_where_it_is_not_decided_whether_anything_is_missing(ve
 
 
 def test_a_noise_three_times_too_large_is_no_agreement() -> None:
-    """20 sigmas of an effect stay below it: the answer was "Adequate", with what would have been seen."""
+    """An effect of 20 sigmas is below it; the verdict used to be "Adequate", with detection limits."""
     scenario = Scenario("nothing", repeated=1, temperatures=(20.0, 60.0), pressures=(50.0,), seed=3)
     campaign = hide(scenario.plain, [(find_hidden("valve_leakage"), LEAKS)], "other")
     model = load_model(shipped("models", "hl32-textbook.yaml"))

@@ -1,4 +1,4 @@
-"""Intervals by repetition: as wide as the scatter that there is, whatever the noise was taken for."""
+"""Bootstrap intervals: as wide as the actual scatter, independent of the noise model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rigctl.model.fit.fit import FitResult
 from rigctl.model.load import load_model
 from rigctl.tasks import Workers
 
-#: an oil by Vogel's law, cSt over degC, as the shipped table has about
+#: an oil by Vogel's law, cSt over degC, similar to the shipped table
 TEMPERATURES = np.arange(10.0, 90.0, 10.0)
 READINGS = 3
 
@@ -44,7 +44,7 @@ def fitted(folder: Path, shared: float, each: float) -> FitResult:
 
 
 def ratios(found: Bootstrap) -> list[float]:
-    """By how much the repetitions scatter more than the fit says."""
+    """Ratio of the bootstrap's scatter to the standard deviations of the fit."""
     return [one.std / one.fit_std for one in found.parameters]
 
 

@@ -1,4 +1,4 @@
-"""Does an effect predict what it was not fitted on? Records made by hand, one column for each unknown."""
+"""Prediction of held-out records by an effect; synthetic records, one column for each unknown."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_an_effect_whose_size_differs_between_conditions_is_not_passed(seed: int
 
 
 def test_a_fold_that_is_lost_by_slopes_is_asked_by_refits() -> None:
-    """Only the lost ones are, and what the refits say counts; without one the linear answer stands."""
+    """Only failed folds are refitted, and the refit decides; without one the linear result is used."""
     acts = noise(100)
     residual = noise(0) + (np.array([3.0, -1.0] * 4)[:, None] - 1.0) * acts
     asked: list[tuple[int, ...]] = []

@@ -1,4 +1,4 @@
-"""Over what range thresholds of an input are looked for."""
+"""The range in which thresholds of an input are searched."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a diagnosis answers to programs."""
+"""The JSON answer of a diagnosis."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def fits(project: Path) -> dict[str, FitResult]:
-    """Both models on the run, taken as they are but for what each record has of its own."""
+    """Both models on the run, with only the record-level unknowns fitted."""
     run = open_run("latest", project / "runs")
     found = {}
     for name in ("right", "wrong"):
@@ -78,7 +78,7 @@ def test_the_one_that_the_bench_obeys_is_nearer(project: Path, fits: dict[str, F
 
 
 def test_the_command_tells_no_model_from_itself(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a fit of each record's own unknowns takes up makes a model no better than its own FMU."""
+    """Fitting record-level unknowns does not make a model better than its own FMU."""
     monkeypatch.chdir(project)
     (found,) = answer("compare", "latest", "-m", "models/right.yaml", "--rival", "right.fmu")["rivals"]
     assert "do not show which of the two is better" in found["statement"]
@@ -206,7 +206,7 @@ def test_a_hostile_archive_is_refused_before_it_is_unpacked(
 
 
 def test_what_is_no_number_is_no_output_without_an_error(project: Path, fits: dict[str, FitResult]) -> None:
-    """NaN stands for channels that an FMU does not have, and those count as if they were right."""
+    """NaN marks channels that an FMU does not have, which would count as exact."""
     source = project / "wrong.fmu"
     with zipfile.ZipFile(source) as archive:
         (library,) = (name for name in archive.namelist() if name.startswith("binaries/"))

@@ -1,4 +1,4 @@
-"""A model on records that no fit saw: as good, or what it misses there and what would make up for it."""
+"""A model on held-out records: whether it is as good there, and otherwise what it lacks."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_as_good_is_said_with_the_errors_beside_the_noise(found: list[Unseen]) -
 
 
 def test_a_start_that_is_not_at_rest_is_what_cooling_lacks(found: list[Unseen]) -> None:
-    """The heater's element is warm when a cooling record begins, and the model begins it cold."""
+    """The heating element is warm at the start of a cooling record, but cold in the model."""
     cooling = found[1]
     assert cooling.worse[0] == "temperature_1"
     stretches = cooling.course["temperature_1"]
@@ -111,7 +111,7 @@ def test_the_page_says_it_first_and_draws_the_record_that_is_worst(found: list[U
 
 
 def test_a_setting_of_a_table_that_was_held_out_is_judged_without_a_course(tmp_path: Path) -> None:
-    """Its rows have no course in time, and its setting a level of its own that the others do not have."""
+    """Its rows are not a time series, and its setting has a level that the others do not share."""
     rig = ROOT / "rigs" / "hl32-bench.yaml"
     done = import_file(ROOT / "data" / "hl32-strokes.csv", load_rig(rig), tmp_path / "runs")
     model = rigctl.load_model(ROOT / "models" / "hl32-textbook.yaml")

@@ -1,4 +1,4 @@
-"""Scores, p-values and power on a linear bench, where all of them have a closed form."""
+"""Scores, p-values and power on a linear problem, where all have a closed form."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ def test_a_right_model_is_called_wrong_once_in_a_hundred_times() -> None:
 
 @pytest.mark.parametrize("signs", [0, 1])
 def test_the_family_wise_level_of_independent_scores_is_that_of_the_best_of_them(signs: int) -> None:
-    """p = 1 − (1 − p₁)^K as drawn; beyond what draws tell, K·p₁."""
+    """p = 1 − (1 − p₁)^K from simulated draws; below their resolution, K·p₁."""
     effects = [
         made_effect(name, parameters=(made_parameter("size", low=-1e4 if not signs else 0.0),))
         for name in NAMES

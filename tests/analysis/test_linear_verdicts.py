@@ -1,4 +1,4 @@
-"""Search, separability and verdicts on a linear bench, where enumeration says which set is the best."""
+"""Search, separability and verdicts on a linear problem, where enumeration gives the best set."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ TWO = {"beta": 8.0, "gamma": 8.0}
 
 
 def test_one_effect_without_remainder_does_not_replace_two() -> None:
-    """alpha leaves 36 in χ² of 189, which no test sees, and is 27 worse in mBIC: it was named for sure."""
+    """alpha leaves an undetectable 36 in χ² of 189, and is 27 worse in mBIC; it used to be named alone."""
     design = stand_in(6.0)
     y = readings_of(design, TWO)
     alone = compared(replace(design, effects=design.effects[:1]), y)
@@ -180,7 +180,7 @@ def test_however_large_an_effect_its_shape_may_be_off_by_a_tenth(cos: float, tol
 
 
 def test_the_probabilities_are_the_shares_of_mbic() -> None:
-    """Of the sets that were looked at, none among them; 36 in χ² is too little for shapes to differ by."""
+    """Over all sets examined, including the empty one; 36 in χ² is too small for shapes to matter."""
     design = made_design(PLAIN, alike(0.8))
     y = readings_of(design, {"alpha": 6.0})
     found = diagnose_comparison(compared(design, y))
@@ -310,7 +310,7 @@ def test_the_loop_adds_first_what_gains_most_and_ends_when_nothing_is_left(
 def test_two_that_pay_only_together_are_added_at_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They nearly cancel: each alone gains two in χ², both together two hundred."""
+    """They nearly cancel: each alone gains 2 in χ², both together 200."""
     found = improved(made_design(PLAIN, alike(0.98)), {"alpha": 71.0, "beta": -71.0}, tmp_path, monkeypatch)
     assert [sorted(step.effects) for step in found.steps] == [["alpha", "beta"]]
     assert "only together" in found.steps[0].reason

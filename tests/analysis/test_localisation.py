@@ -1,4 +1,4 @@
-"""Where a model fails: a place is called more than chance no oftener than chance allows."""
+"""Localisation of a misfit: false alarms occur at the nominal rate."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rigctl.analysis.localisation import CellMap, Place, ranges, worst_stretches
 from rigctl.noise import ChannelNoise, NoiseModel
 
 TRIALS = 150
-#: of TRIALS at 1 %, more than this are there by chance in less than one case of a thousand
+#: number of alarms at 1 % in TRIALS that chance exceeds in less than one case in a thousand
 MOST = 6
 
 
@@ -58,7 +58,7 @@ def test_noise_that_is_poorly_known_makes_a_stretch_less_sure() -> None:
 
 
 def test_a_part_that_a_whole_quiet_stretch_has_in_common_is_no_misfit() -> None:
-    """A converter with coarse steps: while nothing moves, its error is one number for all the samples."""
+    """With a coarse converter, the error is the same for all samples at rest."""
     fine = ChannelNoise("pressure", 0.1)
     coarse = NoiseModel((ChannelNoise("position", 0.1, step=0.2, bias=0.2), fine), 1.0)
     assert smallest(worst_stretches(made_fit(coarse, 3, in_hold(0.2), still=True))) > 0.01

@@ -1,4 +1,4 @@
-"""A law whose fit has become the one that is nested in it is not told from it."""
+"""A law whose fit has reduced to a nested one is not distinguished from it."""
 
 from __future__ import annotations
 

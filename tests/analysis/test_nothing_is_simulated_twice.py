@@ -1,4 +1,4 @@
-"""What a fit and its linearisation integrate: each point once, and effects in their shapes together."""
+"""A fit and its linearisation integrate each point once, and the shapes of an effect together."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def fitted(problem: Problem) -> FitResult:
 def test_a_fit_integrates_no_point_twice(
     problem: Problem, fitted: FitResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Neither to see which parameters act on nothing, nor for the outputs at its end."""
+    """Neither to find parameters without influence, nor for the final outputs."""
     points: list[tuple[object, ...]] = []
 
     def counted(compiled: Any, excitations: Sequence[Any], columns: Sequence[str], *more: Any) -> Any:

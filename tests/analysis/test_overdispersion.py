@@ -1,4 +1,4 @@
-"""What is left beyond the noise makes differences count less; noise alone does not."""
+"""A misfit beyond the noise reduces the weight of differences; noise alone does not."""
 
 from __future__ import annotations
 

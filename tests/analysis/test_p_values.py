@@ -1,4 +1,4 @@
-"""P-values as they are read."""
+"""Display of p-values."""
 
 from __future__ import annotations
 

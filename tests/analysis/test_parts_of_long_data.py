@@ -1,4 +1,4 @@
-"""More data than fits into memory at once: gone through in parts, to the same end."""
+"""Data that do not fit into memory are processed in parts, with the same result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each record has of its own is shown, and is evidence where it is more than its prior allows."""
+"""Record-level unknowns are shown, and count as evidence if they exceed their prior."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NOISE = NoiseModel(
 
 
 def quantities(room: Callable[[float], float], seed: int) -> dict[str, RecordQuantity]:
-    """Eight records of two lumps, solved by hand, in rooms of 23 degC and `room` K of the mean command."""
+    """Eight records of two lumps, solved analytically, at 23 degC ambient plus `room` K per mean command."""
     model = load_model(Path(str(shipped("models", "heater-board.yaml"))))
     generator = np.random.default_rng(seed)
     times, records = np.arange(0.0, 900.0, 5.0), []
@@ -119,7 +119,7 @@ parameters:
 
 
 def wall_project(folder: Path, start: str) -> None:
-    """A body before a wall that nobody measures, and that begins elsewhere in every record."""
+    """A body in front of an unmeasured wall, whose temperature starts differently in every record."""
     create_project(folder)
     for name, text in (("families", FAMILY.format(start=start)), ("rigs", RIG), ("models", MODEL)):
         (folder / name).mkdir(exist_ok=True)

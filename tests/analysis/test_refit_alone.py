@@ -1,4 +1,4 @@
-"""Effects one at a time: what a table excludes is excluded at every size, not at the one a fit stayed at."""
+"""Refits with one effect each: an effect is excluded at every size, not only at that of one fit."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NEVER, UNFIT = "at any usual size", "at the size that fits best"
 
 @pytest.fixture(scope="module")
 def strokes(tmp_path_factory: pytest.TempPathFactory) -> ModelComparison:
-    """The published strokes beside the textbook model, which turns them the wrong way."""
+    """The published strokes and the textbook model, whose trend has the wrong sign."""
     folder = Path(tmp_path_factory.mktemp("strokes"))
     run = import_file(
         shipped("data", "hl32-strokes.csv"), load_rig(shipped("rigs", "hl32-bench.yaml")), folder

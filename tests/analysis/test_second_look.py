@@ -1,4 +1,4 @@
-"""A diagnosis looks again where its refits show that the noise was wrong, or the fit in a false minimum."""
+"""A diagnosis is repeated if its refits show that the noise was wrong, or the fit in a local minimum."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Separation of effects, and fits that beat one another in some records only."""
+"""Separation of effects, and fits that are better in some records only."""
 
 from __future__ import annotations
 

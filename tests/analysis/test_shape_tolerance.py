@@ -1,4 +1,4 @@
-"""Laws that are not the library's: bent they leave little, and their name, place and driver stay."""
+"""Laws that differ from the library's: with the shape tolerance, name, location and driver are right."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FAMILY = "hydraulic_cylinder"
 
 
 def test_a_strong_leak_that_is_half_turbulent_is_one_effect() -> None:
-    """300 sigmas: without a tolerance it was named with a pump's slip that there is not."""
+    """300 sigmas: without a tolerance, a pump slip that does not exist was named with it."""
     found = diagnosed("valve_leakage", 2.57e-14)
     assert found.effects == ("valve_leakage",)
     assert found.verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)

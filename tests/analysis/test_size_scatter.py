@@ -1,4 +1,4 @@
-"""An effect that nothing drives has no law to be bent: its size may differ from record to record."""
+"""An effect without a driver has no law with a tolerance: its size may vary between records."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_each_record_has_a_column_of_its_own_with_what_the_effect_does_there() -
 
 
 def test_a_delay_that_jitters_from_switch_to_switch_is_named_with_its_place() -> None:
-    """By 30 %: it was outside the library, as one delay for all switches leaves more than a shape may."""
+    """By 30 %: it used to be outside the library, as a single delay leaves more than the tolerance."""
     found = diagnosed("valve_open_delay", 6e-3)
     assert found.verdict is Verdict.MISSING_EFFECT
     assert found.effects == ("valve_open_delay",)

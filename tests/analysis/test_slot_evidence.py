@@ -1,4 +1,4 @@
-"""The equation that wants a term is named, on data of the separate bench and of benches of other kinds."""
+"""The equation that lacks a term is named, on data of the separate bench and of other benches."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def test_columns_add_up_to_the_engines_own_derivative(nothing: FitResult) -> Non
 
 
 def test_without_a_fit_there_are_no_nuisance_parameters(nothing: FitResult) -> None:
-    """As in the linearisation: what its parameters could take over is a misfit too."""
+    """As in the linearisation, what its parameters could absorb remains a misfit."""
     taken = replace(nothing, solution=None)
     columns = disturbance_columns(nothing, nothing.problem, disturbed(nothing.problem, 7))
     free, held = (disturbance_normals(fit, nothing.problem, columns) for fit in (nothing, taken))
@@ -178,7 +178,7 @@ def brought_in(tmp_path: Path) -> Callable[[str, str | None], Path]:
 
 
 def test_the_heaters_warm_each_other(brought_in: Callable[[str, str | None], Path]) -> None:
-    """Real measurements: heater 1 was stepped, and heater 2, which was off, got warm."""
+    """Real measurements: heater 1 was stepped, and heater 2, which was off, became warm."""
     run = open_run(str(brought_in("heater-board-steps.csv", "heater-board.yaml")))
     model = load_model(shipped("models", "heater-board.yaml"))
     measurements = read_measurements(model, [run]).only(range(0, 20, 5))

@@ -1,4 +1,4 @@
-"""Effects far above the noise, made by the separate bench: what decides there is shape, bounds and parts."""
+"""Effects far above the noise on the separate bench: shape, bounds and remainders decide."""
 
 from __future__ import annotations
 

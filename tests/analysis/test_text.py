@@ -1,4 +1,4 @@
-"""What a diagnosis says in words: what is seen, how large, and what would look like it."""
+"""The text of a diagnosis: what was detected, how large it is, and what it resembles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a quantity changes over the operating point, in words that mean something."""
+"""The description of a quantity's change over the operating point."""
 
 from __future__ import annotations
 

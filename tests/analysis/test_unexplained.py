@@ -1,4 +1,4 @@
-"""How large a change of the readings is to a fitted model, and what it looks like."""
+"""The size of a change of the readings relative to a fitted model, and the effects that it resembles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A bench to test with: the shipped rig file on the plain plant, so that every number has a closed form."""
+"""A test bench: the shipped rig file on the simple plant, where every number has a closed form."""
 
 from __future__ import annotations
 

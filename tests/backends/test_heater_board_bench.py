@@ -1,4 +1,4 @@
-"""The simulated heater board against its equations written a second time and solved by SciPy."""
+"""The simulated heater board against independently written equations solved by SciPy."""
 
 from __future__ import annotations
 

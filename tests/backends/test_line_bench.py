@@ -1,4 +1,4 @@
-"""The bench of a device that is spoken to in lines: the two-heater board in memory, on a virtual clock."""
+"""The bench of a line-based device: the two-heater board in memory, on a virtual clock."""
 
 from __future__ import annotations
 

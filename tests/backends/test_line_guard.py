@@ -1,4 +1,4 @@
-"""The guard of a device that protects nothing: outputs go off when rigctl dies, hangs, or lets go."""
+"""The guard of a device without a watchdog: outputs go off if rigctl dies, hangs, or closes the port."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from tclab_board import Served
 
 SHIPPED = load_rig(shipped("rigs", "tclab-board.yaml"))
 assert SHIPPED.backend.lines is not None
-#: with patience for a computer that has a dozen other processes to run meanwhile
+#: allows for a computer with a dozen other processes
 PATIENT = SHIPPED.backend.lines.model_copy(update={"timeout": 2.0, "tries": 3})
 TCLAB = SHIPPED.model_copy(update={"backend": SHIPPED.backend.model_copy(update={"lines": PATIENT})})
 
-#: heats, says so, and then does what is to be survived
+#: heats, reports it, and then fails in the given way
 HOST = """
 import sys, time
 from pathlib import Path
@@ -50,7 +50,7 @@ while True:
 
 @pytest.fixture(autouse=True)
 def no_collection() -> Iterator[None]:
-    """Host and device are threads of this process, and the guard takes a long pause for a standstill."""
+    """Disable garbage collection: a long pause of this process, which has host and device, is a standstill."""
     gc.disable()
     yield
     gc.enable()

@@ -1,4 +1,4 @@
-"""A guard that goes on trying to make a device safe, and what it leaves for others to read."""
+"""A guard that keeps trying to make a device safe, and its notices."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def place(**fields: Any) -> Place:
 def test_a_number_is_read_as_it_was_packed(
     kind: str, swap_bytes: bool, swap_words: bool, data: st.DataObject
 ) -> None:
-    """The registers are made here, by the standard's words, and not by what reads them."""
+    """The registers are packed independently of the reading code, according to the standard."""
     if kind.startswith("float"):
         width = int(kind[5:])
         number: float = data.draw(
@@ -218,7 +218,7 @@ def test_a_guard_goes_on_until_a_device_that_was_away_is_off(tmp_path: Path) -> 
 
 @pytest.mark.parametrize("broken", ["function", "address"])
 def test_an_answer_to_something_else_confirms_no_output(broken: str) -> None:
-    """A gateway that mixes up its clients: the transaction is right, what is answered is not."""
+    """A gateway that confuses its clients: the transaction number is right, the answer is not."""
 
     def answer(listening: socket.socket) -> None:
         line, _ = listening.accept()

@@ -1,4 +1,4 @@
-"""OPC UA: values that are bad or old are none, clocks may differ, refusals and mistakes are said."""
+"""OPC UA: bad and old values count as missing, clocks may differ, refusals and mistakes are reported."""
 
 from __future__ import annotations
 

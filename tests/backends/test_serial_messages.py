@@ -1,4 +1,4 @@
-"""Lines of the board: whatever arrives, only whole lines count."""
+"""Lines of the board: only complete lines count."""
 
 from __future__ import annotations
 

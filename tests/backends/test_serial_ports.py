@@ -1,4 +1,4 @@
-"""Serial ports: what is most likely behind them, who may open them, and who answers."""
+"""Serial ports: the probable device, permissions, and the identity."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Faults on demand: their grammar, and that each of them does what it says."""
+"""Injected faults: their grammar and their behaviour."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The stand-in of the heater board is no invention: the board's own Python client works with it."""
+"""The stand-in of the heater board is faithful: the board's own Python client works with it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Instruments behind VISA: late answers belong to nobody, ends of messages are theirs, silence is said."""
+"""VISA instruments: late answers are discarded, terminators are configurable, silence is reported."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _talkative(listening: socket.socket) -> None:
 
 
 def test_unsolicited_data_are_not_an_answer() -> None:
-    """One line too many made every later reading that of another channel."""
+    """One additional line used to shift every later reading to another channel."""
     with ScpiServer(RIG) as server:
         known = settings(server)
     with socket.create_server(("127.0.0.1", 0)) as listening:
@@ -89,7 +89,7 @@ def _answering(listening: socket.socket, answers: list[list[bytes]]) -> None:
 
 
 def test_an_answer_counts_only_when_complete() -> None:
-    """Half an answer was taken for a whole number, and one without end filled the memory."""
+    """Incomplete answers used to be taken for numbers, and one without end filled the memory."""
     with ScpiServer(RIG) as server:
         known = settings(server, timeout=0.2)
     answers = [[b"1\n"], [b"1", b"2.5\n"], [b"3\n"], [b"+1.234E+01,"]]

@@ -1,4 +1,4 @@
-"""Anyone's bench from a log to a mended model, by documented commands alone.
+"""A user's bench from a log to a corrected model, with documented commands only.
 
 Ten benches that are no hydraulic cylinders. The log of each comes from a generator that shares no code with
 what judges it; family, rig and model are files as a user writes them.

@@ -1,4 +1,4 @@
-"""A run of a shipped rig that goes out to a file and comes in again: same samples, same judgement."""
+"""Export and import of a run of a shipped rig: same samples, same verdict."""
 
 from __future__ import annotations
 

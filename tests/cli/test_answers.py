@@ -1,4 +1,4 @@
-"""What is printed first, and what progress says where nobody watches a terminal."""
+"""The first lines of output, and progress without a terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands at the bench, as a person types them; on the simulated bench, with the plain plant."""
+"""The commands at the bench, on the simulated bench with the simple plant."""
 
 from __future__ import annotations
 

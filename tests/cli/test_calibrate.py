@@ -1,4 +1,4 @@
-"""`rigctl calibrate`: from points, or from a bench that is read, to the rig file; nothing of it lost."""
+"""`rigctl calibrate`: from points or a bench to the rig file, without loss of its other content."""
 
 from __future__ import annotations
 

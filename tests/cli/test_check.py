@@ -1,4 +1,4 @@
-"""`rigctl check` and `rigctl schema` as they are called."""
+"""The commands `rigctl check` and `rigctl schema`."""
 
 from __future__ import annotations
 

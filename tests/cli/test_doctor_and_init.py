@@ -1,4 +1,4 @@
-"""`rigctl init` makes a project that works; `rigctl doctor` says what there is and how to get the rest."""
+"""`rigctl init` makes a working project; `rigctl doctor` lists what is installed and how to get the rest."""
 
 from __future__ import annotations
 

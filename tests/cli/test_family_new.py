@@ -1,4 +1,4 @@
-"""`rigctl family new` by strangers: files made by SciPy, then only what the command says to type next."""
+"""`rigctl family new` on files made by SciPy, following only the commands that it suggests."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def pump_curve(path: Path) -> None:
 
 
 def follow(commands: list[str]) -> None:
-    """Type what was said to type next."""
+    """Run the suggested next command."""
     for command in commands:
         words = shlex.split(command)
         assert words[0] == "rigctl"

@@ -1,4 +1,4 @@
-"""What `check` expects is what `simulate` takes."""
+"""The duration expected by `check` is that of `simulate`."""
 
 from __future__ import annotations
 

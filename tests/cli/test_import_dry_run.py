@@ -1,4 +1,4 @@
-"""`rigctl import`: what would be read, several files, and a mapping that is used again."""
+"""`rigctl import`: dry run, several files, and a reusable mapping."""
 
 from __future__ import annotations
 

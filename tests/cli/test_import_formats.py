@@ -1,4 +1,4 @@
-"""Every format there and back again, through the commands."""
+"""Export and import of every format with the commands."""
 
 from __future__ import annotations
 

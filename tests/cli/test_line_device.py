@@ -1,4 +1,4 @@
-"""`rigctl run` on a device that is spoken to in lines: the two-heater board, its protocol on a TCP port."""
+"""`rigctl run` on a line-based device: the two-heater board, with its protocol on a TCP port."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The command line as a whole: quick to answer, and one clear message for every mistake."""
+"""The command line as a whole: fast start, and one clear message for every mistake."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an answer says to type next."""
+"""The next command suggested by an answer."""
 
 from __future__ import annotations
 

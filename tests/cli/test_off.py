@@ -1,4 +1,4 @@
-"""`rigctl off` is the emergency switch: it ends what goes on, reads back, and works when little else does."""
+"""`rigctl off`, the emergency switch: it ends runs, reads outputs back, and works despite damage."""
 
 from __future__ import annotations
 

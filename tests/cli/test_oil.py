@@ -1,4 +1,4 @@
-"""`rigctl oil`: what it prints, what it answers in JSON, and what it says to a mistyped quantity."""
+"""`rigctl oil`: its output, its JSON, and its messages for mistyped quantities."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rigctl resume` needs nothing said again: port, speed, seed and what hides in a simulated bench."""
+"""`rigctl resume` restores port, speed, seed and the hidden effects of a simulated bench."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A terminal that nobody reads holds up neither a run nor its end."""
+"""A terminal that is not read blocks neither a run nor its end."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_an_undeliverable_answer_is_a_failure(tmp_path: Path) -> None:
 
 
 class Stuck:
-    """A stream that takes its first text only when it is let."""
+    """A stream that blocks on its first text until released."""
 
     encoding = "utf-8"
 

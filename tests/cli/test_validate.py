@@ -1,4 +1,4 @@
-"""`rigctl validate`: its tables, and going on with what is there."""
+"""`rigctl validate`: its tables, and resuming from stored results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The upper bound of an error ratio from pairs whose order was drawn: it covers, and few pairs give none."""
+"""The upper bound of an error ratio from randomised pairs: its coverage, and its minimum number of pairs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A small bench and runs of it, for the tests of what is measured."""
+"""A small bench and its runs, for the tests of the dataset."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measures strokes until it is killed; says on stdout what it has been told is kept.
+"""Measures strokes until it is killed; prints which data were reported as stored.
 
 Run as a program: ``endless_writer.py RUNS SEED``.
 """

@@ -1,4 +1,4 @@
-"""Measures a little, and closes the run with so much memory left; run as a program: ``RUNS BYTES``."""
+"""Program that measures briefly and closes the run with limited memory: ``RUNS BYTES``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A disk that is slow, hangs, is full or gone: whoever measures goes on, and nothing measured is lost."""
+"""A disk that is slow, hangs, is full or gone: measurement continues, and no data are lost."""
 
 from __future__ import annotations
 

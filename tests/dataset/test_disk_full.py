@@ -1,4 +1,4 @@
-"""A disk with a limit, in a program of its own: the error is plain and what was measured is kept."""
+"""A disk with a limit, in a separate program: the error is clear and measured data are kept."""
 
 from __future__ import annotations
 

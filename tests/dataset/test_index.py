@@ -1,4 +1,4 @@
-"""Many runs: the index, folders of days, and what becomes of a bad index."""
+"""Many runs: the index, folders of days, and recovery from a bad index."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs as a crate, opened by the reader that the makers of RO-Crate publish."""
+"""Runs as a crate, read by the library of the authors of RO-Crate."""
 
 from __future__ import annotations
 

@@ -218,7 +218,7 @@ def test_a_folder_with_nothing_in_it_is_broken(tmp_path: Path) -> None:
 
 
 def test_a_changed_run_json_is_refused_and_made_again(make_run: RunMaker) -> None:
-    """Millimetres that become metres would pass every checksum of the samples."""
+    """A unit changed from mm to m would not be detected by the checksums of the samples."""
     folder = make_run()
     path = folder / "run.json"
     whole = path.read_bytes()

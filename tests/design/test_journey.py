@@ -1,4 +1,4 @@
-"""From an ambiguous campaign to the records that resolve it, by the commands alone."""
+"""From an ambiguous campaign to the records that resolve it, with commands only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A bench that is set to levels: two heaters whose loss the model does not know."""
+"""A bench with level actuators: two heaters with a loss that the model lacks."""
 
 from __future__ import annotations
 

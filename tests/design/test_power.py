@@ -1,4 +1,4 @@
-"""The promised power against experiments that are made again and again."""
+"""The predicted power against repeated simulated experiments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A bench of a user's own on which nothing can be set: what a design says of it, and learning after it."""
+"""A user's bench without settings: the answers of design and learning."""
 
 from __future__ import annotations
 

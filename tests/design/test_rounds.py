@@ -1,4 +1,4 @@
-"""Whatever a search may propose on a shipped rig, carried out: no interlock trips.
+"""No proposal of the search on a shipped rig trips an interlock.
 
 The ten thousand rounds of `python -m benchmarks.rounds`, a few of each kind of rig.
 """

@@ -1,4 +1,4 @@
-"""What may be varied on a rig, and that what is written is what was simulated."""
+"""The variables of a design, and the agreement of the written procedure with the simulation."""
 
 from __future__ import annotations
 

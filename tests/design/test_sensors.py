@@ -1,4 +1,4 @@
-"""Sensors that a bench could have: which pairs they would tell apart, and for what money."""
+"""Possible sensors: the pairs of rivals that they would separate, and their cost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sheet that an operator works through: every setting and step of the design, in its order."""
+"""The work sheet for an operator: every setting and step of the design, in order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Formulas say in the effect file what they are scored as, and what is searched is paid for."""
+"""Formulas in effect files are those that were scored, and p-values account for the search."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a search says where it does not look, where it cannot tell, and where the place is not sure."""
+"""The answers of a search that is refused, undecided, or uncertain of the location."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a log to a held-out error within the noise with a law that is in no library, by what the tool says."""
+"""From a log to a held-out error within the noise, with a law that is in no library."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an effect is driven by, read from its own equations."""
+"""The drivers of an effect, from its equations."""
 
 from __future__ import annotations
 

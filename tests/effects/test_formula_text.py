@@ -1,4 +1,4 @@
-"""Terms written out as the grammar has them, and read again: the same values, whatever they name."""
+"""Terms written in the grammar and read again have the same values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Effects for any family: what applies where, and that each of them is sound."""
+"""Generic effects: where each applies, and that each is valid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The cache of machine code: kept, shared, never in the way, never trusted when damaged."""
+"""The cache of machine code: persistent, shared, optional, and never trusted if damaged."""
 
 from __future__ import annotations
 

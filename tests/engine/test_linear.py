@@ -1,4 +1,4 @@
-"""Small linear systems: eliminated in order where that is exact, with row exchanges where it is not."""
+"""Small linear systems: elimination in order if that is accurate, otherwise with row exchanges."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The kernels that come with the package: of the present Python and of no one computer, or made anew."""
+"""The shipped kernels: for the current Python and independent of the computer, or else rebuilt."""
 
 from __future__ import annotations
 

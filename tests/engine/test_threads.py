@@ -1,4 +1,4 @@
-"""Work on records side by side."""
+"""Parallel work on records."""
 
 from __future__ import annotations
 

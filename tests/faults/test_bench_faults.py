@@ -1,4 +1,4 @@
-"""What breaks on the bench ends the run safely, or is noticed; on the simulated bench, in virtual time."""
+"""Faults of the bench end the run safely or are reported; on the simulated bench, in virtual time."""
 
 from __future__ import annotations
 

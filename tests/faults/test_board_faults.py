@@ -1,4 +1,4 @@
-"""What breaks on the board and on its line ends the run safely and by name; real firmware, virtual time."""
+"""Faults of the board and its line end the run safely with their name; real firmware, virtual time."""
 
 from __future__ import annotations
 

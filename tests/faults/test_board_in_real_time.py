@@ -1,4 +1,4 @@
-"""`rigctl` as a process on the emulated board's port: killed, doubled, at the wrong speed, after a trip."""
+"""`rigctl` as a process on the emulated board's port: killed, run twice, at the wrong speed, after a trip."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A command whose answer never came: what it may have left switched on is named, whoever gave it.
+"""Commands without an answer: outputs that may still be on are named for every kind of step.
 
 The two-heater board in memory, on a virtual clock; its heaters are the witness.
 """

@@ -1,4 +1,4 @@
-"""What breaks on the host: disk, folder, clock, signals, a second run, a kill at any moment."""
+"""Faults of the host: disk, folder, clock, signals, a second run, a kill at any moment."""
 
 from __future__ import annotations
 

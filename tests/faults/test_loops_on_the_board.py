@@ -1,4 +1,4 @@
-"""A `control` step whose loop the board runs: what is recorded of it, and that every ending is safe."""
+"""A `control` step with its loop on the board: its data, and its safe endings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Answers that a line loses or damages hold up neither samples nor interlocks nor an ending.
+"""Lost or damaged answers delay neither samples, interlocks nor an ending.
 
 The witness is the emulated chip's pins, or the lines that the stand-in of the two-heater board got.
 """

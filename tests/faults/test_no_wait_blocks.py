@@ -1,4 +1,4 @@
-"""No wait of any kind keeps interlocks, samples or endings from running; on every kind of bench."""
+"""No kind of wait blocks interlocks, samples or endings; on every kind of bench."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A runs folder that is deleted under a run in real time: said at once, and the samples go elsewhere."""
+"""A runs folder deleted during a real-time run is reported at once, and samples are kept elsewhere."""
 
 from __future__ import annotations
 

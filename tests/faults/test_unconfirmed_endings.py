@@ -1,4 +1,4 @@
-"""A device without a watchdog whose line is dead at the end of a run: said, and its guard goes on trying.
+"""A device without a watchdog and with a dead line at the end: it is reported, and its guard keeps trying.
 
 Real processes on the stand-in of the two-heater board, whose heaters are the witness.
 """

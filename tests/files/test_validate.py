@@ -1,4 +1,4 @@
-"""Complaints about a document, in the user's words and place."""
+"""Errors in a document, with their location and the user's names."""
 
 from __future__ import annotations
 

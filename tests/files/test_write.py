@@ -1,4 +1,4 @@
-"""Writing whole files or none."""
+"""Atomic writing of files."""
 
 from __future__ import annotations
 

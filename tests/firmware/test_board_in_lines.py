@@ -1,4 +1,4 @@
-"""The board's own firmware behind a rig file that describes its lines: nothing of rigctl knows it there."""
+"""The board's firmware as a generic line-based device, described only by a rig file."""
 
 from __future__ import annotations
 

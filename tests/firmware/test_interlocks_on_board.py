@@ -1,4 +1,4 @@
-"""What the board guards without any host."""
+"""The board's interlocks without a host."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the documentation says of the board is what the board does."""
+"""The documentation of the board agrees with its behaviour."""
 
 from __future__ import annotations
 

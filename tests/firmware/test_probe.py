@@ -1,4 +1,4 @@
-"""Asking a port who is there, with the board's own firmware at its end."""
+"""Identification of a port with the board's firmware."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the journeys share: each module makes a project of its own, its `bench`."""
+"""Fixtures of the journeys: each module makes a separate project, its `bench`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An effect whose exponent is wrong: named, its law corrected, by following only what the tool says next.
+"""An effect with a wrong exponent is named and corrected by following only the suggested commands.
 
 The bench is a flywheel that SciPy integrates; its air drags with the speed to the power 1.6, and the library
 that its user wrote knows the square.

@@ -1,4 +1,4 @@
-"""What is wrong with measured data, or with the choice of it: each told plainly, by the commands alone."""
+"""Faulty measured data, or a faulty choice of them, get clear messages from the commands."""
 
 from __future__ import annotations
 

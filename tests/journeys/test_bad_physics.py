@@ -1,4 +1,4 @@
-"""What a user can get wrong about physics, or a bench do to it: each told plainly, by the commands alone."""
+"""Mistakes in the physics of a model get clear messages from the commands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A sensor that only resolves steps: it is said, and nothing that lies inside a step is called an effect."""
+"""A sensor with coarse resolution is reported, and nothing within a step is called an effect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a run to how well a model agrees with it, by the commands alone."""
+"""From a run to the agreement of a model with it, with commands only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A hidden effect, from the run to the model that has it, by the commands alone."""
+"""A hidden effect, from the run to the model that has it, with commands only."""
 
 from __future__ import annotations
 

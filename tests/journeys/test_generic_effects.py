@@ -1,4 +1,4 @@
-"""A textbook family without one effect, and a log of a bench that hides something: the diagnosis names it.
+"""A textbook family without effects, and a log of a bench with a hidden effect: the diagnosis names it.
 
 The logs are made by SciPy from equations written out here, which share nothing with the engine.
 """

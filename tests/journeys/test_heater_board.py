@@ -1,4 +1,4 @@
-"""Measured heating of a real board: what the linear model lacks is found and added, and judged elsewhere."""
+"""Measured heating of a real board: the missing effects are found, added, and tested on other records."""
 
 from __future__ import annotations
 

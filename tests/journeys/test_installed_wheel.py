@@ -1,4 +1,4 @@
-"""rigctl from a wheel, in an empty folder, with no checkout in sight."""
+"""rigctl from a wheel, in an empty folder, without a checkout."""
 
 from __future__ import annotations
 

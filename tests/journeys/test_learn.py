@@ -1,4 +1,4 @@
-"""A bench that learns, by the commands alone: declined where nobody can say yes, gone on with, and told."""
+"""Learning with commands only: declined without confirmation, resumed, and reported."""
 
 from __future__ import annotations
 

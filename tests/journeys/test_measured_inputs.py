@@ -1,4 +1,4 @@
-"""Inputs that were measured, or that nobody recorded: benches made with NumPy and SciPy alone."""
+"""Measured and unrecorded inputs, on benches made with only NumPy and SciPy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One command after the other on the same data: what was fitted is fitted once; no answer depends on it."""
+"""Consecutive commands on the same data reuse fits, without a change of any answer."""
 
 from __future__ import annotations
 

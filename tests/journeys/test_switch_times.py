@@ -1,4 +1,4 @@
-"""Commands that a logger wrote beside its samples: SciPy's heaters and motor, with nothing hidden."""
+"""Commands logged with samples: heaters and motor simulated by SciPy, without hidden effects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One procedure file on three benches: simulated, through the board's firmware, and played again.
+"""One procedure on three benches: simulated, with the board's firmware, and replayed.
 
 The campaign is the shipped one with its own arguments: a temperature one kelvin above the bench's and two
 pressures instead of seven and four, since the emulated board passes through the heating at no more than ten

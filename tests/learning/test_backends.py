@@ -1,4 +1,4 @@
-"""Learning on a board that is spoken to in lines and on the emulated one; ended, killed, and gone on with."""
+"""Learning on a line-based board and on the emulated one; ended, killed, and resumed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What learning keeps: read as it was written, gone on with where that makes sense, refused where not."""
+"""The stored state of learning: read back, resumed if that is sensible, otherwise refused."""
 
 from __future__ import annotations
 

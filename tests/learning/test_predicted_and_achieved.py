@@ -1,4 +1,4 @@
-"""What came of a promise: margins before and after, and a bench that answers otherwise than anybody said."""
+"""Predictions and results: margins before and after, and a bench that contradicts every rival."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the channels read."""
+"""Display of the channels' readings."""
 
 from __future__ import annotations
 

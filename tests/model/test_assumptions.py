@@ -1,4 +1,4 @@
-"""An assumption means the same at an import and in an analysis: a number without a unit is never SI."""
+"""Assumptions have the same meaning in imports and analyses: a number without a unit is never SI."""
 
 from __future__ import annotations
 

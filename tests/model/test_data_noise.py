@@ -1,4 +1,4 @@
-"""The noise of measurements: what was left out is counted in the records chosen, and no value has none."""
+"""The noise of measurements: omitted readings are counted in the chosen records, and noise is never zero."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Models as FMUs, run by FMPy and held against the engine at a tighter tolerance."""
+"""Models as FMUs, run by FMPy and compared with the engine at a tighter tolerance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Versions of a model file: none is ever changed or lost, whoever writes, and whatever is edited by hand."""
+"""Versions of a model file are never changed or lost, despite concurrent writers and manual edits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records chosen by a condition, and what tells records apart."""
+"""Selection of records by a condition, and the variables that distinguish records."""
 
 from __future__ import annotations
 

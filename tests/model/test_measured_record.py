@@ -1,4 +1,4 @@
-"""What a record says of its own commands."""
+"""The commands of a record."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a model file says is known beforehand: read, kept by fits, and weighed with the data."""
+"""Priors of a model file: read, preserved by fits, and weighted with the data."""
 
 from __future__ import annotations
 

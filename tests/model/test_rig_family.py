@@ -1,4 +1,4 @@
-"""A rig file and its family of models mean the same by the same name, or the rig's user is told."""
+"""The names in a rig file and its family have the same meaning, or the user gets an error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The model files that come with rigctl: each is whole, and says what its comments say."""
+"""The shipped model files are complete and agree with their comments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an effect does on the standard record: against closed forms, and what looks like it."""
+"""The signatures of effects on the standard record: closed forms, and similar effects."""
 
 from __future__ import annotations
 

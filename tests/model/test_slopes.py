@@ -1,4 +1,4 @@
-"""Derivatives that an integration has spoilt in one record of many."""
+"""Derivatives that are inaccurate in one record of many."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the shipped textbook model a fit finds the opening that the simulated bench really has."""
+"""From the shipped textbook model a fit finds the true opening of the simulated bench."""
 
 from __future__ import annotations
 

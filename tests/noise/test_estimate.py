@@ -1,4 +1,4 @@
-"""Sigma and correlation come out as they were put in, on data of a bench that shares no code with this."""
+"""Sigma and correlation are recovered from data of a bench that shares no code with this."""
 
 from __future__ import annotations
 

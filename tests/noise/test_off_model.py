@@ -1,4 +1,4 @@
-"""The width of the noise by differences of what a model leaves: nothing smooth, or sharp and rare, is in it.
+"""The width of the noise from differences of residuals, unaffected by smooth or rare sharp misfits.
 
 The generators are NumPy and SciPy alone.
 """

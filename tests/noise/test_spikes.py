@@ -1,4 +1,4 @@
-"""Spikes are found; strokes, steps, ramps, peaks at a switch and a converter's toggling are none."""
+"""Spikes are found; strokes, steps, ramps, peaks at a switch and toggling converters are not spikes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Families by name, by file, given for a while, and from installed packages; and when Python may run."""
+"""Families by name, file, context and installed package; and when Python may run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A user's family file: what it becomes, and what its user reads when it is wrong."""
+"""A user's family file: its result, and its error messages."""
 
 from __future__ import annotations
 

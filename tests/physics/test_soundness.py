@@ -1,4 +1,4 @@
-"""What is wrong with a family is found before anything uses it."""
+"""Errors in a family are found before it is used."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""No file, however broken, gives anything but a plan or one clear error."""
+"""Any file gives a plan or one clear error."""
 
 from __future__ import annotations
 

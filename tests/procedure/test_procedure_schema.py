@@ -1,4 +1,4 @@
-"""The JSON Schema that editors check with agrees with what is read."""
+"""The JSON Schema for editors agrees with the reader."""
 
 from __future__ import annotations
 

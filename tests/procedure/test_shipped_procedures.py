@@ -1,4 +1,4 @@
-"""The procedures that come with rigctl do what their comments say."""
+"""The shipped procedures do what their comments say."""
 
 from __future__ import annotations
 

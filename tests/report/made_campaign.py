@@ -1,4 +1,4 @@
-"""Runs of the published bench that are made up: shaped like the real ones, and made in a moment."""
+"""Synthetic runs of the published bench: similar to real ones, and made quickly."""
 
 from __future__ import annotations
 

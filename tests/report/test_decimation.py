@@ -1,4 +1,4 @@
-"""Fewer points that look the same."""
+"""Decimation of curves without a visible change."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page as a file: whole, small, escaped, and needing nothing from elsewhere."""
+"""The page as a file: complete, small, escaped, and self-contained."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is left of an error when the noise is taken off, and what parameters come to on a bench."""
+"""Errors without the noise, and parameters in everyday units of a bench."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an actuator can be told."""
+"""Valid commands of an actuator."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A calibration from points: the polynomial, and how far a calibrated value may be off."""
+"""A calibration from points: the polynomial and its uncertainty."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The part of a rig file for a device that is spoken to in lines: what is wrong is said with its place."""
+"""The part of a rig file for a line-based device: errors have their location."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rig files that come with rigctl: the published bench, and nothing forgotten."""
+"""The shipped rig files: the published bench, complete."""
 
 from __future__ import annotations
 

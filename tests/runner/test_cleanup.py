@@ -1,4 +1,4 @@
-"""Every ending passes the same cleanup: outputs safe first, cleanup blocks, safe again, data closed."""
+"""Every ending has the same cleanup: outputs safe first, cleanup blocks, safe again, data closed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The person at the terminal: answers and keys, from a pseudo-terminal where there are any."""
+"""The operator at the terminal: answers and keys, from a pseudo-terminal where available."""
 
 from __future__ import annotations
 

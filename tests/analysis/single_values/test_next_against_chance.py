@@ -1,4 +1,4 @@
-"""Readings that would tell an effect from chance: as many as do, and points at which it does what is said."""
+"""Suggested readings: enough to detect an effect, at points where its prediction is correct."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def score(z: float, kappa: float = 0.5) -> Any:
 
 
 def before(one: Any, rows: int, degrees: int) -> Any:
-    """Rows with unknowns of their own, so that nothing is looked for beyond their ends."""
+    """Rows with their own unknowns, so that no point beyond their ends is searched."""
     problem = SimpleNamespace(
         records=(None,) * rows,
         local=((object(),),) * rows,
@@ -54,7 +54,7 @@ def test_the_suggested_repeats_have_a_power_of_90_percent(z: float, rows: int, d
     assert float(found[2]) == pytest.approx(z * np.sqrt(repeats), abs=0.06)
 
     def shown(count: int) -> float:
-        """Power of Student's test at 1 %, its noise known from the repeats too."""
+        """Power of Student's test at 1 %, with the noise estimated from the repeats as well."""
         known = degrees + rows * (count - 1)
         return float(nct.sf(t.isf(0.005, known), known, z * np.sqrt(count)))
 
@@ -78,7 +78,7 @@ def test_nothing_is_fitted_without_a_point(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_predictions_beyond_a_table_are_correct(tmp_path: Path) -> None:
-    """The same by the usual way: a model's file with the effect, and the point as a row that no fit sees."""
+    """Compared with a model file that has the effect, and the point as a held-out row."""
     table = shipped("data", "hl32-viscosity.csv").read_text(encoding="utf-8")
     table += "100,6,6,0.0049094,0.0049094\n"
     (tmp_path / "more.csv").write_text(table, encoding="utf-8", newline="\n")

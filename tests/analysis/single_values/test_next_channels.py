@@ -1,4 +1,4 @@
-"""Channels that would part rivals: those in which they differ by far more than the noise, and no others."""
+"""Suggested channels: those in which rivals differ by far more than the noise, and no others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What rows lack: points in between, points at all, and repeats."""
+"""Suggested rows: intermediate points, more values of a variable, and repeats."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A table beside a model: every row is the file's, and what the model says there is the law's."""
+"""A table beside a model: the rows are those of the file, and the predictions those of the law."""
 
 from __future__ import annotations
 

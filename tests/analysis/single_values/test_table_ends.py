@@ -1,4 +1,4 @@
-"""The ends of a table: the rows that are left out of a fit are those at its ends, of whichever quantity."""
+"""The ends of a table: the rows that a fit leaves out are those at the ends, of any quantity."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_what_is_left_out_of_a_table_of_two_quantities_is_its_ends(
     hot, cold = end_left_out(*mixed)
     assert "the 3 values from 70 degC to 80 degC" in hot
     assert "the 3 values from 20 degC to 30 degC" in cold
-    # the law of the density is not fitted: wherever the rest leads, it is off by what was read wrongly
+    # the law of the density is not fitted, so that the wrong reading remains its error
     assert f"{100 * (1 / OFF - 1):.1f} % (" in hot
     assert "above the measured density at 80 degC" in hot
 

@@ -1,4 +1,4 @@
-"""Tables of single values: how often a right law is called wrong, and what rows that were set alike share."""
+"""Tables of single values: false alarms for a right law, and the shared level of rows with equal settings."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Table]:
 
 
 def test_a_right_law_is_seldom_called_wrong(table: Callable[[str], Table]) -> None:
-    """13 values, noise of 0.7 % that is read from the same 13: at 1 % nominal, 5 % at most."""
+    """13 values with 0.7 % noise, estimated from the same 13: at most 5 % at a nominal 1 %."""
     model, measured = table("viscosity")
     truth = fit_model(model, measured, noise_of(measured)).outputs
     rng = np.random.default_rng(8)

@@ -1,4 +1,4 @@
-"""The benches that the contract holds for."""
+"""The benches that must fulfil the contract."""
 
 from __future__ import annotations
 
@@ -23,5 +23,5 @@ def subject(request: pytest.FixtureRequest) -> Iterator[Subject]:
 
 @pytest.fixture(params=REAL)
 def device(request: pytest.FixtureRequest) -> Iterator[Subject]:
-    """Each kind of bench that has a device at the end of a port."""
+    """Each kind of bench with a device on a port."""
     yield from served(request.param, real_clock())

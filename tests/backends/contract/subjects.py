@@ -1,4 +1,4 @@
-"""The benches that the contract holds for, each on a plant that it really switches."""
+"""The benches that must fulfil the contract, each with a plant that it switches."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PLAIN = {"plant": "roles", "noise": "off", "quantised": "off", "seed": 1}
 
 @dataclass
 class Subject:
-    """A kind of bench, and what is known of its plant without it.
+    """A kind of bench, with independent access to its plant.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def unreal(kind: str, name: str) -> Subject:
 
 
 def patient(rig: Rig) -> Rig:
-    """Connecting may take as long as busy cores let a server in Python take for it."""
+    """Allow for a slow Python server on busy cores."""
     if rig.backend.opcua is None:
         return rig
     return parse_rig(rig.text.replace("  opcua:\n", "  opcua:\n    wake: 60 s\n"))

@@ -1,4 +1,4 @@
-"""What every bench does, whatever it is reached by: the simulated one, the emulated board, real protocols."""
+"""The contract of every bench: simulated, on the emulated board, and with real protocols."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def off(subject: Subject) -> bool:
 
 
 def until_a_receipt(bench: Backend, actuator: str) -> CommandReceipt:
-    """The next switch of an actuator that nobody waits for."""
+    """The next switch of an actuator without a pending command."""
     for _ in range(200):
         bench.next_sample(1.0)
         for receipt in bench.take_receipts():
@@ -27,7 +27,7 @@ def until_a_receipt(bench: Backend, actuator: str) -> CommandReceipt:
 
 
 def refuses_what_cannot_be(subject: Subject, bench: Backend) -> None:
-    """Before anything moves, and without a word to the device."""
+    """Before anything moves, and without communication with the device."""
     asked = subject.server.asked if subject.server is not None else 0
     for actuator, value, duration in (
         ("heatr", 1.0, None),

@@ -1,4 +1,4 @@
-"""What a device at the end of a port may do: fall silent, vanish, refuse, answer nonsense, act by itself."""
+"""Faults of a device on a port: silence, disconnection, refusals, nonsense, changes by itself."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from backends.contract.subjects import Subject, samples, value
 from rigctl.backends.errors import BackendLost
 from rigctl.backends.protocol import Backend, Notice, Sample
 
-#: opens a bench, switches its heater on, says so, and goes on sampling
+#: opens a bench, switches its heater on, reports it, and continues sampling
 HOST = """
 import sys
 from pathlib import Path
@@ -181,7 +181,7 @@ def test_an_output_changed_by_the_device_ends_sampling(device: Subject) -> None:
 
 
 def test_a_killed_or_suspended_host_leaves_the_outputs_off(device: Subject, tmp_path: Path) -> None:
-    ending = "SIGSTOP" if device.kind == "modbus" else "SIGKILL"  # what a guard does is the same for all
+    ending = "SIGSTOP" if device.kind == "modbus" else "SIGKILL"  # the guard is the same for all
     if not hasattr(signal, ending):
         ending = "SIGTERM"  # on Windows all there is is to end it
     server = device.server

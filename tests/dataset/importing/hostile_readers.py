@@ -1,4 +1,4 @@
-"""Readers that do what native libraries do over damaged files; run apart, by the tests of hostile files."""
+"""Readers that fail as native libraries do on damaged files; used in separate processes by the tests."""
 
 from __future__ import annotations
 

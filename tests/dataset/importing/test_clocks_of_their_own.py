@@ -1,4 +1,4 @@
-"""Channels sampled at times of their own: long files, a time beside each channel, rasters of MDF."""
+"""Channels with separate times: long format, a time for each channel, rasters of MDF."""
 
 from __future__ import annotations
 

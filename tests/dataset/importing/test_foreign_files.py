@@ -1,4 +1,4 @@
-"""Files as LabVIEW, MDF tools and MATLAB write them, and what is said of those that cannot be understood."""
+"""Files in the formats of LabVIEW, MDF tools and MATLAB, and messages for those that cannot be read."""
 
 from __future__ import annotations
 

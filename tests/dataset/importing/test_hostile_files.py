@@ -1,4 +1,4 @@
-"""Files that would bring a reader down: each ends in one message, soon, and leaves no run."""
+"""Files that would crash a reader: each gives one message quickly, and leaves no run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files as loggers and spreadsheets write them: dates, zones, decimal commas, encodings, marks, headings."""
+"""Files of loggers and spreadsheets: dates, zones, decimal commas, encodings, marks, headings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records that a file calls by name, conditions of rigs without oil, and parts that end inside a record."""
+"""Named records, conditions of rigs without oil, and parts that end inside a record."""
 
 from __future__ import annotations
 

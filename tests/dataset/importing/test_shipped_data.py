@@ -1,4 +1,4 @@
-"""The data that ships with rigctl, brought in as its README says."""
+"""The shipped data, imported as described in its README."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Spreadsheets as people keep them, written by pandas and by openpyxl."""
+"""Typical spreadsheets, written by pandas and by openpyxl."""
 
 from __future__ import annotations
 
