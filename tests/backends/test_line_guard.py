@@ -50,7 +50,7 @@ while True:
 
 @pytest.fixture(autouse=True)
 def no_collection() -> Iterator[None]:
-    """Disable garbage collection: a long pause of this process, which has host and device, is a standstill."""
+    """Disable garbage collection: a long pause of this process, host and device, is a standstill."""
     gc.disable()
     yield
     gc.enable()
