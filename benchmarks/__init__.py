@@ -1,1 +1,1 @@
-"""Speed, as ratios side by side in one run; one command each, results kept with machine and versions."""
+"""Benchmarks: speed as ratios within one run; one command each; results stored with machine and versions."""

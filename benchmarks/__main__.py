@@ -1,4 +1,4 @@
-"""Every benchmark that needs no peer of its own: ``make bench``."""
+"""Every benchmark without external peers: ``make bench``."""
 
 from __future__ import annotations
 

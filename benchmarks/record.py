@@ -1,4 +1,4 @@
-"""What every benchmark shares: medians of repeated runs, the machine, and where results are kept."""
+"""Common parts of the benchmarks: medians of repeated runs, the machine, and storage of results."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import Any
 
 
 def machine() -> dict[str, Any]:
-    """The machine a figure was measured on."""
+    """The machine of a measurement."""
     return {
         "processor": platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
@@ -25,7 +25,7 @@ def machine() -> dict[str, Any]:
 
 
 def versions(*packages: str) -> dict[str, str]:
-    """Installed versions of the packages that were compared."""
+    """Installed versions of the compared packages."""
     found = {}
     for name in ("rigctl", *packages):
         try:
@@ -36,7 +36,7 @@ def versions(*packages: str) -> dict[str, str]:
 
 
 def median_seconds(work: Callable[[], object], runs: int = 5, warm_up: int = 1) -> float:
-    """Median wall time of `work` after `warm_up` calls that are not counted."""
+    """Median wall time of `work` after `warm_up` calls."""
     for _ in range(warm_up):
         work()
     times = []
@@ -61,7 +61,7 @@ def keep(
     name: str = "results",
     elsewhere: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write the results beside the benchmark, with machine and versions.
+    """Store the results beside the benchmark, with machine and versions.
 
     `elsewhere` are versions of packages in other environments.
     """

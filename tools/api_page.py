@@ -15,7 +15,7 @@ _HEAD = """\
 
 Importing `rigctl` imports nothing heavy; each name is loaded when it is first used.
 """
-#: what a heading of a docstring is called on the page
+#: headings on the page for the sections of a docstring
 _SECTIONS = {"Parameters": "Takes", "Attributes": "Has", "Returns": "Gives", "Raises": "Raises"}
 _WIDTH = 100
 
@@ -51,7 +51,7 @@ def _entry(room: str, name: str, thing: object) -> str:
 
 
 def signature_text(name: str, signature: inspect.Signature) -> str:
-    """The signature as one would write it, one parameter on a line where it is long."""
+    """Format the signature, with one parameter per line if it is long."""
     shown = [_parameter(one) for one in signature.parameters.values()]
     kinds = [one.kind for one in signature.parameters.values()]
     if inspect.Parameter.KEYWORD_ONLY in kinds and inspect.Parameter.VAR_POSITIONAL not in kinds:
@@ -79,7 +79,7 @@ def _type(annotation: object) -> str:
 
 
 def _docstring(text: str) -> Iterator[str]:
-    """Sections become lists; what follows a name and a colon belongs to it."""
+    """Convert sections to lists of names with their descriptions."""
     section = ""
     lines = text.splitlines()
     for number, line in enumerate(lines):
@@ -103,12 +103,12 @@ def _docstring(text: str) -> Iterator[str]:
 
 
 def _code(line: str) -> str:
-    """Double backquotes of docstrings are single ones on a page."""
+    """Replace double backquotes by single ones."""
     return line.replace("``", "`")
 
 
 def _members(kind: type) -> Iterator[str]:
-    """The public methods and properties that the class itself defines, with their first lines."""
+    """Return the public methods and properties defined by the class, with their first lines."""
     fields = {one.name for one in dataclasses.fields(kind)} if dataclasses.is_dataclass(kind) else set()
     rows = []
     for name, member in vars(kind).items():

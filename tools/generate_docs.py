@@ -1,4 +1,4 @@
-"""Write the pages of the documentation that can be generated; a test fails when one is out of date.
+"""Write the generated pages of the documentation; a test fails if one is out of date.
 
 python tools/generate_docs.py            write them
 python tools/generate_docs.py --check    say which would change
@@ -16,7 +16,7 @@ DOCS = ROOT / "docs"
 
 
 def pages() -> Iterator[tuple[Path, str]]:
-    """Every generated page with its text."""
+    """Return every generated page with its text."""
     sys.path[:0] = [str(ROOT), str(ROOT / "tools")]  # benchmarks and tools are no installed packages
     from api_page import api_page
     from benchmarks.engine.page import with_figures
@@ -43,7 +43,7 @@ def pages() -> Iterator[tuple[Path, str]]:
 
 
 def commands_page() -> str:
-    """The help of every command, as the terminal shows it."""
+    """Return a page with the help of every command, as in the terminal."""
     from rigctl.cli.catalogue import ENTRIES
     from rigctl.cli.main import load_command
 
@@ -63,7 +63,7 @@ def commands_page() -> str:
 
 
 def _help_of(command: object, title: str) -> str:
-    """Plain help text at a fixed width: no colours, no boxes."""
+    """Return plain help text at a fixed width, without colours and boxes."""
     command.rich_markup_mode = None  # type: ignore[attr-defined]
     with command.make_context(title, [], resilient_parsing=True, terminal_width=100) as context:  # type: ignore[attr-defined]
         text = command.get_help(context)  # type: ignore[attr-defined]
@@ -71,7 +71,7 @@ def _help_of(command: object, title: str) -> str:
 
 
 def main() -> int:
-    """Write or check; the exit status is 1 when a checked page is out of date."""
+    """Write or check the pages; the exit status is 1 if a checked page is out of date."""
     stale = [(path, text) for path, text in pages() if _read(path) != text]
     for path, text in stale:
         print(("out of date: " if "--check" in sys.argv else "written: ") + str(path))

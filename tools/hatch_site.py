@@ -1,6 +1,6 @@
-"""Puts the site of the documentation into a wheel; `make wheel` asks for it.
+"""Adds the documentation site to a wheel, for `make wheel`.
 
-Not by default: who installs from a checkout would wait for the builder of the site, and has `make site`.
+Not by default: an installation from a checkout would need the site's builder, and has `make site`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 
 class SiteHook(BuildHookInterface):  # type: ignore[type-arg, misc]
-    """Builds the site and lays it beside the other shipped files."""
+    """Builds the site and adds it to the other shipped files."""
 
     PLUGIN_NAME = "custom"
 

@@ -1,7 +1,7 @@
-"""Write the kernels of the engine in LLVM's language, from their Python: ``python tools/make_kernels.py``.
+"""Write the kernels of the engine as LLVM code, from their Python source: ``python tools/make_kernels.py``.
 
-Whoever changes a module of `rigctl.engine.kernels` runs it, and commits what it writes. Its output is for any
-processor: what a computer still does is to optimise it, see `rigctl.engine.kernels.portable`.
+Run it after a change of `rigctl.engine.kernels`, and commit its output. The code is for any processor, and
+only has to be optimised on each computer, see `rigctl.engine.kernels.portable`.
 """
 
 from __future__ import annotations

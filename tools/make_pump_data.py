@@ -7,12 +7,13 @@ TS1 [degC]``.
 STATES: a row for each cycle: ``record, cooler_efficiency [%], valve_switching [%], pump_leakage,
 accumulator_pressure [bar], unstable``.
 
-Of each pump state the last stable cycle of every state of cooler and accumulator is taken, with the sound
-valve; of a cycle the four stretches of five seconds in which the pressure has settled. Nothing is averaged.
+For each pump state the last stable cycle of every state of cooler and accumulator is used, with the intact
+valve; of each cycle, the four stretches of five seconds in which the pressure has settled. Nothing is
+averaged.
 
-``pump-cycles.csv`` has a row for each of 133 cycles in a row, as they were run: means over seconds 14 to 17
-of pressure, oil temperature and delivery, and the pressure behind the valve in the second in which it opens and
-after it.
+``pump-cycles.csv`` has a row for each of 133 consecutive cycles: means over seconds 14 to 17 of pressure, oil
+temperature and flow rate, and the pressure downstream of the valve in the second in which it opens and after
+it.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ import pandas as pd
 #: seconds of a cycle at which a settled stretch begins, and how long it is; the first level has not settled
 STARTS, LENGTH = (24, 34, 44, 54), 5
 NAMES = {0: "sound", 1: "worn", 2: "badly-worn"}
-#: bar; a stretch over which the pressure changes by more lies elsewhere in its cycle than the others
+#: bar; a stretch with a larger change of pressure is at another position in its cycle than the others
 MOST = 0.5
 #: l/min; below it the valve is closed
 LEAST = 5.0
@@ -33,7 +34,7 @@ HEADING = "time [s],record,pressure [bar],oil_temperature [degC],flow [l/min]"
 
 
 def lines_of(cycles: pd.DataFrame) -> list[str]:
-    """The rows of the settled stretches, each a record."""
+    """Return the rows of the settled stretches, each of which is a record."""
     found = []
     for _, alike in cycles.groupby(["cooler_efficiency [%]", "accumulator_pressure [bar]"]):
         number = alike["record"].max()
@@ -48,7 +49,7 @@ def lines_of(cycles: pd.DataFrame) -> list[str]:
     return found
 
 
-#: cycles in a row with the cooler and the accumulator as good as new, and the seconds that are averaged
+#: consecutive cycles with cooler and accumulator as new, and the averaged seconds
 CYCLES, LEVEL = range(1664, 1797), range(14, 18)
 #: seconds in which the valve opens, and in which the pressure behind it has settled
 OPENS, OPEN = 9, 11
@@ -58,7 +59,7 @@ CYCLE_HEADING = (
 
 
 def cycle_lines(cycles: pd.DataFrame) -> list[str]:
-    """A row for each cycle."""
+    """Return a row for each cycle."""
     found = []
     for number in CYCLES:
         one = cycles[cycles["record"] == number].reset_index(drop=True)

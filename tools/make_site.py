@@ -1,8 +1,8 @@
-"""The site of the documentation, written by ``make site`` into ``build/site`` unless a link leads nowhere.
+"""The documentation site, written by ``make site`` to ``build/site`` unless a link is broken.
 
-The pages are those of ``docs``, in the order in which its start page names them; files outside of ``docs``
-that they link to are taken along. They are copied with these links changed, and built from the copy: the
-builder needs nothing of ours but a folder of Markdown and ``mkdocs.yml``, and can be exchanged.
+The pages are those of ``docs``, in the order of its start page, and linked files outside of ``docs``. They
+are copied with adapted links, and built from the copy: the builder needs only a folder of Markdown and
+``mkdocs.yml``, and can be replaced.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 #: folder of docs -> its tab, in this order
 TABS = {"tutorial": "Tutorials", "how-to": "How-to", "reference": "Reference", "explanation": "Explanation"}
-#: pages outside of docs -> where they stand on the site
+#: pages outside of docs -> their place on the site
 OUTSIDE = {
     "CHANGELOG.md": "project/changelog.md",
     "CONTRIBUTING.md": "project/contributing.md",
     "data/README.md": "project/data.md",
     "firmware/README.md": "project/firmware.md",
 }
-#: a folder has no page of its own
+#: a folder has no page
 FOLDERS = {"docs/decisions": "docs/decisions/index.md"}
 _LINK = re.compile(r"\]\(([^)\s#]+)(#[^)\s]*)?\)")
 _ADDRESS = re.compile(r"[a-z]+:")
@@ -36,18 +36,18 @@ _FENCE = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)
 
 
 def linked(text: str, written: str) -> list[str]:
-    """The files of the repository that the Markdown of the file ``written`` links to."""
+    """Return the repository files linked from the Markdown of the file ``written``."""
     links = [link for part in _FENCE.split(text)[::2] for link, _ in _LINK.findall(part)]
     return [meant(link, written) for link in links if not _ADDRESS.match(link)]
 
 
 def meant(link: str, written: str) -> str:
-    """The file of the repository that a relative link in the file ``written`` leads to."""
+    """Return the repository file of a relative link in the file ``written``."""
     return posixpath.normpath(posixpath.join(posixpath.dirname(written), link))
 
 
 def led(text: str, written: str) -> str:
-    """The Markdown of the file ``written``, its links leading to where the linked files stand on the site."""
+    """Return the Markdown of the file ``written``, with links to the places on the site."""
     folder = posixpath.dirname(on_site(written)) or "."
 
     def lead(match: re.Match[str]) -> str:
@@ -61,7 +61,7 @@ def led(text: str, written: str) -> str:
 
 
 def on_site(path: str) -> str:
-    """Where a file of the repository stands on the site."""
+    """Return the place of a repository file on the site."""
     path = FOLDERS.get(path, path)
     if path.startswith("docs/"):
         return re.sub(r"(^|/)README\.md$", r"\1index.md", path.removeprefix("docs/"))
@@ -69,10 +69,10 @@ def on_site(path: str) -> str:
 
 
 def copy_pages(folder: Path) -> None:
-    """Every page, picture and linked file as it stands on the site."""
+    """Copy every page, picture and linked file to its place on the site."""
     left = [path.relative_to(ROOT).as_posix() for path in (ROOT / "docs").rglob("*") if path.is_file()]
     left += OUTSIDE
-    for written in left:  # grows by what is linked
+    for written in left:  # extended by linked files
         place = folder / on_site(written)
         place.parent.mkdir(parents=True, exist_ok=True)
         if written.endswith(".md"):
@@ -96,7 +96,7 @@ def decisions() -> list[str]:
 
 
 def navigation() -> list[object]:
-    """Tabs and their pages, in the order in which the start page names these."""
+    """Return tabs and their pages, in the order of the start page."""
     start = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
     named = [link for link, _ in _LINK.findall(start) if link.endswith(".md")]
     named = list(dict.fromkeys(named))
@@ -108,12 +108,12 @@ def navigation() -> list[object]:
 
 
 def make_site(into: Path) -> None:
-    """Write the site into a folder; `subprocess.CalledProcessError` where a link leads nowhere."""
+    """Write the site to a folder; raises `subprocess.CalledProcessError` for a broken link."""
     with tempfile.TemporaryDirectory(prefix="rigctl-site-") as folder:
         pages, config = Path(folder) / "docs", Path(folder) / "mkdocs.yml"
         copy_pages(pages)
         added = {"docs_dir": str(pages), "site_dir": str(into), "nav": navigation()}
-        rows = [f"{name}: {json.dumps(value)}\n" for name, value in added.items()]  # what is JSON is YAML
+        rows = [f"{name}: {json.dumps(value)}\n" for name, value in added.items()]  # JSON is valid YAML
         settings = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
         config.write_text(settings + "".join(rows), encoding="utf-8")
         build = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--config-file", str(config)]
@@ -124,7 +124,7 @@ def make_site(into: Path) -> None:
 
 
 def main() -> int:
-    """Write the site; 1 where a link leads nowhere, which the builder has said."""
+    """Write the site; return 1 for a broken link, which the builder reports."""
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("--into", type=Path, default=ROOT / "build" / "site", help="the folder of the site")
     try:

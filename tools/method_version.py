@@ -1,12 +1,12 @@
-"""Say whether code that decides has changed since the method's version was declared.
+"""Check whether deciding code has changed since the method's version was declared.
 
 python tools/method_version.py             says what the fingerprint is, and whether it is the declared one
 python tools/method_version.py --changed   verdicts may come out differently: the next version
 python tools/method_version.py --same      they cannot (a rewording, a renaming): the fingerprint alone
 
-The fingerprint is of the syntax trees of every function, class and constant of the packages that a verdict
-goes through, without docstrings, comments, imports and annotations, in an order that does not depend on the
-files they stand in.
+The fingerprint is that of the syntax trees of every function, class and constant of the packages that affect
+a verdict, without docstrings, comments, imports and annotations, in an order that does not depend on their
+files.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent / "src" / "rigctl"
 DECLARED = ROOT / "method_version.py"
-#: packages that a verdict goes through, from the file that was imported to the words of the answer
+#: packages that affect a verdict, from the import of a file to the text of the answer
 PACKAGES = (
     "analysis",
     "dataset/importing",
@@ -36,7 +36,7 @@ PACKAGES = (
 
 
 def fingerprint(root: Path = ROOT) -> str:
-    """Twelve digits that stay the same until deciding code changes."""
+    """Return twelve digits that change only with deciding code."""
     found = sorted(
         sha256(text.encode()).hexdigest()
         for package in PACKAGES
@@ -47,7 +47,7 @@ def fingerprint(root: Path = ROOT) -> str:
 
 
 def _statements(path: Path) -> Iterator[str]:
-    """Each statement of a module that does something, as its syntax tree."""
+    """Yield each effective statement of a module, as its syntax tree."""
     for statement in ast.parse(path.read_text(encoding="utf-8")).body:
         if not isinstance(statement, ast.Import | ast.ImportFrom) and not _for_types(statement) | _is_text(
             statement
@@ -68,7 +68,7 @@ def _is_text(statement: ast.stmt) -> bool:
 
 
 class _Bare(ast.NodeTransformer):
-    """Takes docstrings, imports and annotations out of functions and classes."""
+    """Removes docstrings, imports and annotations from functions and classes."""
 
     def visit(self, node: ast.AST) -> ast.AST:
         body = getattr(node, "body", None)
@@ -85,7 +85,7 @@ class _Bare(ast.NodeTransformer):
 
 
 def declare(*, changed: bool) -> str:
-    """Write the fingerprint, and with `changed` the next version; returns the line that stands there now."""
+    """Write the fingerprint, and with `changed` the next version; return the new line."""
     text = DECLARED.read_text(encoding="utf-8")
     version = int(re.search(r"^METHOD_VERSION = (\d+)$", text, re.MULTILINE)[1]) + int(changed)  # type: ignore[index]
     text = re.sub(r"^METHOD_VERSION = \d+$", f"METHOD_VERSION = {version}", text, flags=re.MULTILINE)
@@ -95,7 +95,7 @@ def declare(*, changed: bool) -> str:
 
 
 def main() -> int:
-    """Say it, or write it."""
+    """Print or write the fingerprint."""
     parser = argparse.ArgumentParser(description="The version of the method that verdicts are reached by.")
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--changed", action="store_true", help="verdicts may come out differently")

@@ -1,8 +1,8 @@
 """The pictures of the workbench that the documentation shows: ``python tools/workbench_pictures.py``.
 
-Does the tutorial of the hidden effect in Chromium, on all of its records, and writes what is seen on the way
-into ``docs/tutorial``, with the page's headings, buttons and labels in each picture: ``tests/web`` does the
-same steps on a few records, and fails where the page says something else by now. It takes some minutes.
+Runs the tutorial of the hidden effect in Chromium, on all of its records, and writes screenshots to
+``docs/tutorial``, with the page's headings, buttons and labels in each picture: ``tests/web`` runs the same
+steps on a few records, and fails if the page has changed. It takes some minutes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _COLOURS = 96
 
 
 def main() -> None:
-    """Do the tutorial and keep its pictures."""
+    """Run the tutorial and store its pictures."""
     sys.path.insert(0, str(_ROOT / "tests"))
     from playwright.sync_api import sync_playwright
 
@@ -85,7 +85,7 @@ def tutorial(page: Any) -> None:
 
 
 def keep(picture: bytes, name: str, place: Any) -> None:
-    """As a small PNG that says what was on the page."""
+    """Store a small PNG with the text of the page."""
     import json
     from io import BytesIO
 

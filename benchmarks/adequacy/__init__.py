@@ -1,1 +1,1 @@
-"""How often `compare` calls a model adequate that is, and one that is not."""
+"""How often `compare` calls an adequate model, and an inadequate one, adequate."""

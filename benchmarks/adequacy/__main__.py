@@ -1,9 +1,9 @@
 """How often is ``adequate`` right? ``python -m benchmarks.adequacy``
 
-200 campaigns of the separate bench with nothing hidden, and 200 with one hidden effect of at least 30 sigmas,
-the effects in turn. Each has 32 records, 28 conditions and four of them twice; noise correlated from sample
-to sample (0.6), read by a ten-bit converter; the relief valve is set to within 0.2 %. The comparison has to
-find all that out by itself. Half of the campaigns have the chambers' pressures too.
+200 campaigns of the separate bench without a hidden effect, and 200 with one of at least 30 sigmas, all
+effects in turn. Each has 32 records: 28 conditions, four of them repeated; noise correlated between samples
+(0.6), a ten-bit converter, and a relief valve set to within 0.2 %. The comparison must determine all this by
+itself. Half of the campaigns have the chamber pressures too.
 """
 
 from __future__ import annotations

@@ -15,13 +15,13 @@ from rigctl.validation.scenario import Scenario, Wanted
 from rigctl.validation.tiers import acting
 from rigctl.validation.work import bench_model, hidden_amplitudes
 
-SIZE = 31.5  # amplitudes are found to 5 %, so that each is 30 at least
+SIZE = 31.5  # amplitudes are solved to 5 %, so that each is at least 30
 REPEATED = 4
 
 
 @dataclass(frozen=True)
 class Judged:
-    """One campaign: what was hidden, and what was said."""
+    """One campaign: the hidden effect and the verdict."""
 
     hidden: str
     chambers: bool
@@ -31,7 +31,7 @@ class Judged:
 
 
 def nothing(count: int) -> Iterator[Scenario]:
-    """Campaigns that hide nothing."""
+    """Campaigns without a hidden effect."""
     for seed in range(count):
         yield Scenario(
             "nothing", noise="all", repeated=REPEATED, chamber_pressures=bool(seed % 2), seed=90_000 + seed
@@ -39,7 +39,7 @@ def nothing(count: int) -> Iterator[Scenario]:
 
 
 def one(count: int) -> Iterator[Scenario]:
-    """Campaigns that hide one effect each, every effect as often."""
+    """Campaigns with one hidden effect each, all effects equally often."""
     effects = acting()
     for place in range(count):
         effect, turn = effects[place % len(effects)], place // len(effects)
@@ -62,7 +62,7 @@ def carry_out(scenario: Scenario) -> Judged:
 
 
 def attempt(scenario: Scenario) -> Judged | str:
-    """The same; what cannot be judged is told."""
+    """Carry out one campaign, and report a failure."""
     try:
         return carry_out(scenario)
     except RigctlError as problem:

@@ -1,1 +1,1 @@
-"""Fit, compare and diagnose: their time on the standard campaign, how it grows, and their memory."""
+"""Fit, compare and diagnose: their time on the standard campaign, its scaling, and their memory."""

@@ -1,17 +1,17 @@
-"""Compare and diagnose, and how they grow: ``python -m benchmarks.analysis [--steps] [--slow]``.
+"""Compare and diagnose, and their scaling: ``python -m benchmarks.analysis [--steps] [--slow]``.
 
-Whole commands as a user types them, with nothing kept but compiled code, and once more with what the same
-command has fitted before: on the standard campaign of 28 strokes, with a leaking valve that the textbook
-model does not know, and on the eight published strokes. Every time is the shortest of several; beside it
-stand the processor's seconds, which other work on the machine does not lengthen as much, and what was asked
-for on two quiet cores. ``--steps`` times their parts in one process. ``--slow`` compares up to a thousand
-records, and imports and compares ten million rows, each in a process of its own: that takes half an hour.
+Whole commands, with only compiled code cached, and again with cached fits: on the standard campaign of 28
+strokes, with a leaking valve that the textbook model lacks, and on the eight published strokes. Every time is
+the shortest of several, given with its CPU time, which other work on the machine affects less, and with the
+requirement for two idle cores. ``--steps`` times their parts in one process. ``--slow`` compares up to a
+thousand records, and imports and compares ten million rows, each in a separate process, which takes half an
+hour.
 ``--own`` diagnoses a user's own bench instead, as a whole command, compiled for the first time and again;
 ``--apply`` adds three hidden effects to the model of 28 strokes, and ``--discover`` looks for a formula of
 what is in no library, each once, as a whole command.
 
-Python keeps its bytecode where these commands run, as of an installed package: a setting that forbids it
-would have every command compile the sources of the whole package again.
+Python's bytecode is cached for these commands, as for an installed package: otherwise every command would
+compile the sources of the whole package again.
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ from benchmarks.engine.timing import best
 from benchmarks.record import keep, table
 
 HERE = Path(__file__).parent
-#: wall seconds of whole commands on two quiet cores
+#: required wall time of whole commands on two idle cores, s
 ASKED_OF_COMMANDS = {"rigctl compare": 4.0, "rigctl diagnose": 8.0}
 TIMES = 2
-#: wall seconds on two cores, warm
+#: required wall time on two cores, warm, s
 ASKED = {"fit": 4.0, "compare beside it": 3.0, "diagnose, singles": 8.0, "diagnose, pairs": 20.0}
-#: the same of a user's own bench, as a whole command
+#: the same for a user's bench, as a whole command
 OWN = {"compiled for the first time": 20.0, "afterwards": 5.0}
-#: what the results of an option are called
+#: names of the results of each option
 OF_LONGER = {"--own": "own bench", "--apply": "apply", "--discover": "discover"}
-#: the same of the longer commands
+#: the same for the longer commands
 APPLY, DISCOVER = 30.0, 60.0
 RECORDS = (28, 100, 300, 1000)
 #: times the standard campaign's 28 records of ten thousand samples
@@ -61,13 +61,13 @@ ASKED_MEGABYTES = 1000.0
 
 
 def main() -> None:
-    os.environ["RIGCTL_RESULTS"] = "off"  # what is timed is done, not found
+    os.environ["RIGCTL_RESULTS"] = "off"  # the work must be done, not found in the cache
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     kept: dict[str, Any] = {}
     path = HERE / "results.json"
     if path.exists():
         kept = json.loads(path.read_text("utf-8"))["results"]
-        kept.pop("note", None)  # on how busy the machine was then
+        kept.pop("note", None)  # depends on the load of the machine
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         os.environ["PYTHONPYCACHEPREFIX"] = str(folder / "bytecode")
@@ -157,7 +157,7 @@ def own_bench(folder: Path) -> dict[str, dict[str, float]]:
         command = [sys.executable, "-m", "rigctl", "diagnose", "latest", "--model", "model.yaml"]
         subprocess.run(command, check=True, capture_output=True, cwd=folder, env=environment)
         wall, after = time.perf_counter() - began, os.times()
-        cpu = sum(after[2:4]) - sum(before[2:4])  # of the children, not counted on Windows
+        cpu = sum(after[2:4]) - sum(before[2:4])  # of child processes, not available on Windows
         found[name] = {"wall": wall, "cpu": cpu}
         rows.append((name, f"{wall:.1f}", f"{cpu:.1f}", f"{asked:g}"))
     table("each with no result of an earlier command at hand", rows)
@@ -165,7 +165,7 @@ def own_bench(folder: Path) -> dict[str, dict[str, float]]:
 
 
 def apply(folder: Path) -> dict[str, float]:
-    """``rigctl diagnose --apply`` of 28 strokes of a bench that hides three effects."""
+    """``rigctl diagnose --apply`` of 28 strokes of a bench with three hidden effects."""
     run = str(run_of_three(folder / "runs").folder)
     model = folder / "model.yaml"
     model.write_bytes(MODEL.read_bytes())
@@ -181,7 +181,7 @@ def apply(folder: Path) -> dict[str, float]:
 
 
 def discover(folder: Path) -> dict[str, float]:
-    """``rigctl discover`` of 32 strokes with a friction in one spot, which no effect of the library is."""
+    """``rigctl discover`` of 32 strokes with friction at one position, which is not in the library."""
     run = str(write_tight(folder / "runs"))
     took, said = _once(folder, ["discover", run, "--model", str(MODEL), "--json"])
     rows = [
@@ -205,7 +205,7 @@ def _once(folder: Path, command: list[str]) -> tuple[dict[str, float], dict[str,
 
 
 def growing(folder: Path) -> dict[str, dict[str, float]]:
-    """Compare, fit included, over more and more records of the standard kind."""
+    """Compare, including the fit, for increasing numbers of standard records."""
     found = {}
     rows = [("records", "seconds", "of processor", "of processor, a record", "MB of memory")]
     for count in RECORDS:

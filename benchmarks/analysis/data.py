@@ -1,4 +1,4 @@
-"""What the analysis is timed on: campaigns of the separate bench with a worn spool."""
+"""The data of the timings: campaigns of the separate bench with a worn spool."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[2]
 RIG = ROOT / "rigs" / "hl32-bench.yaml"
 CHAMBERS_RIG = ROOT / "rigs" / "hl32-bench-instrumented.yaml"
 MODEL = ROOT / "models" / "hl32-textbook.yaml"
-#: the published campaign, 28 records of 376 samples, with a valve that leaks
+#: the published campaign, 28 records of 376 samples, with a leaking valve
 STANDARD = Campaign(bench=Bench(spool_leak=8e-15), seed=1)
 #: hidden at once, each of its typical size
 THREE = ("valve_leakage", "coulomb_friction", "flow_area_thermal_drift")
@@ -37,28 +37,28 @@ OWN_RECORDS, OWN_SAMPLES = 12, 600
 
 
 def run_of(records: int, folder: Path) -> Run:
-    """A run of so many standard records, at four pressures and as many temperatures as that takes."""
+    """A run of standard records, at four pressures and as many temperatures as necessary."""
     hot = np.linspace(20.0, 80.0, records // 4)
     path = make_run(replace(STANDARD, temperatures=tuple(hot.tolist())), RIG, folder)
     return open_run(path)
 
 
 def run_of_three(folder: Path) -> Run:
-    """The standard campaign on a bench that hides three effects of the library, in shapes of its own."""
+    """The standard campaign on a bench with three hidden effects of the library, with its own shapes."""
     hidden = [(find_hidden(name), find_hidden(name).typical) for name in THREE]
     return open_run(make_run(hide(Campaign(seed=1), hidden, "other"), RIG, folder))
 
 
 def write_tight(folder: Path) -> Path:
-    """The run of `docs/tutorial/nothing-fits.md`: 32 strokes of a rod that is tight in one place."""
+    """The run of `docs/tutorial/nothing-fits.md`: 32 strokes of a rod that is tight at one position."""
     hidden = [(find_planted("tight").hidden, 80.0)]
     campaign = Campaign(chamber_pressures=True, repeated=4)
     return make_run(hide(campaign, hidden, "other"), CHAMBERS_RIG, folder)
 
 
 def write_own_bench(folder: Path) -> Path:
-    """A user's own bench of three states that hides an effect, as a log of 12 records of 600 samples: its
-    eight records, of which four were taken twice; returns the log."""
+    """Write a user's bench with three states and a hidden effect, and a log of 12 records of 600 samples
+    (eight conditions, four of them repeated); return the log."""
     campaign = BenchCampaign(find_bench("chain"), 0.03, noise="none", seed=1)
     log = write_bench(campaign, folder)
     clean = pd.read_csv(log)

@@ -1,4 +1,4 @@
-"""One piece of work in a process of its own, so that its memory is its own: ``… process WORK ARGUMENTS``."""
+"""One task in a separate process, so that its memory can be measured: ``… process WORK ARGUMENTS``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from benchmarks.engine.timing import peak_memory_mb
 
 @dataclass(frozen=True)
 class Used:
-    """What a process took: wall and processor seconds, megabytes at the most, and what it says."""
+    """The cost of a process: wall and CPU time, peak memory in MB, and its output."""
 
     wall: float
     cpu: float
@@ -26,14 +26,14 @@ class Used:
 
 
 def in_a_process(work: str, *arguments: str) -> Used:
-    """Carry out ``import FILE RUNS`` or ``compare RUN`` elsewhere."""
+    """Carry out ``import FILE RUNS`` or ``compare RUN`` in a separate process."""
     command = [sys.executable, "-m", "benchmarks.analysis.process", work, *arguments]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     return Used(*json.loads(done.stdout))
 
 
 def in_a_command(command: Sequence[str], environment: Mapping[str, str], times: int) -> dict[str, float]:
-    """Wall and processor seconds of a whole command: the shortest, after one that is not counted."""
+    """Wall and CPU time of a whole command: the shortest, after a warm-up."""
     walls, cpus = [], []
     for _ in range(1 + times):
         wall, before = time.perf_counter(), os.times()

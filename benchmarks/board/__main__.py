@@ -1,8 +1,8 @@
-"""The board and its line against what they must reach: ``python -m benchmarks.board``.
+"""The board and its line against their requirements: ``python -m benchmarks.board``.
 
-The firmware runs on the emulated microcontroller. What depends on it and on the line alone is measured in
-the board's own time, faster than real: that is `results.json`. What depends on the host as well, round trips
-of queries and the arrival of samples, needs real time: ``python -m benchmarks.board --real-time`` runs a host
+The firmware runs on the emulated microcontroller. Figures that depend only on it and on the line are measured
+in board time, faster than real time: `results.json`. Those that also depend on the host, round trips of
+queries and the arrival of samples, need real time: ``python -m benchmarks.board --real-time`` runs a host
 and an emulated board as two processes on a pseudo-terminal for ten minutes, into `real_time.json`, and
 ``--one-process`` leaves the terminal driver out, into `one_process.json`.
 

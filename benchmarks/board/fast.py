@@ -1,4 +1,4 @@
-"""What board and line reach, in board time: whole samples, full lines, and how soon outputs are off."""
+"""Performance of board and line, in board time: complete samples, full lines, and switch-off times."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TITLE = "the board and its line, in board time"
 RATE = 100.0  # Hz
 BITS = 11  # of an emulated character
 OVER = (680, 500, 300)  # counts of A0, A1, A2: over-pressure
-#: bauds, and rates from what always fits to what does not
+#: baud rates, and sampling rates from one that always fits to one that does not
 RATES = {115200: (100, 200, 283, 285, 290, 293, 300), 500000: (500, 1000, 1170, 1180, 1200, 1210, 1250)}
 WARM_UP = 10.6  # s; from then on the board's microseconds have eight digits, and lines their full length
 
@@ -59,7 +59,7 @@ def measure(seconds: float) -> tuple[list[tuple[str, str, str]], dict[str, Any]]
 
 
 def samples(seconds: float) -> dict[str, Any]:
-    """A bench that is read for so long: what is missing, and how evenly the board sampled."""
+    """Read a bench for some time: missing samples, and the jitter of sampling."""
     bench = create(
         load_rig(shipped("rigs", "hl32-bench-uno.yaml")), VirtualClock(), {"plant": "roles", "noise": "off"}
     )
@@ -90,13 +90,13 @@ def samples(seconds: float) -> dict[str, Any]:
 
 
 def _jitter(delays: list[float]) -> float:
-    """What 99 % of the distances from the median are within."""
+    """The 99 % quantile of the deviations from the median."""
     middle = statistics.median(delays)
     return sorted(abs(delay - middle) for delay in delays)[int(0.99 * (len(delays) - 1))]
 
 
 def capacity(baud: int, seconds: float = 10.0) -> dict[str, Any]:
-    """Rates with the load that they put on the line, and how many of their samples did not come."""
+    """Sampling rates with their load of the line, and the number of missing samples."""
     found = []
     for rate in RATES[baud]:
         chip = chip_at(baud)
@@ -123,7 +123,7 @@ def capacity(baud: int, seconds: float = 10.0) -> dict[str, Any]:
 
 
 def baud_of(baud: int) -> float:
-    """What the board's divider makes of a speed: 117647 of 115200, as on every Uno."""
+    """The actual baud rate from the board's divider: 117647 for 115200, as on every Uno."""
     chip = chip_at(baud)
     real = chip.avr.baud
     chip.avr.close()
@@ -160,7 +160,7 @@ def over_limit() -> float:
 
 
 def chip_at(baud: int) -> Chip:
-    """A chip that has begun, with nothing wrong on its inputs."""
+    """A running chip with valid inputs."""
     chip = Chip(shipped_image(baud))
     chip.run(0.03)
     return chip

@@ -1,6 +1,6 @@
-"""When samples are in a host's hands, in real time, with nothing but board, line and host program between.
+"""The latency of samples in real time, with only board, line and host program.
 
-The emulated board and the host are one process, so that no terminal driver of a busy computer adds its own.
+The emulated board and the host are one process, which excludes the terminal driver of a busy computer.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a host sees in real time: round trips, arrivals, whole samples, and outputs after it was killed."""
+"""A host in real time: round trips, arrivals, complete samples, and outputs after it is killed."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def measure(seconds: float) -> tuple[list[tuple[str, str, str]], dict[str, Any]]
 
 
 def go_first() -> str:
-    """Let other work on the computer wait, where that is allowed: a bench's computer has none."""
+    """Raise the priority if that is permitted, as a bench's computer has no other work."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(20))
     except (AttributeError, PermissionError):
@@ -81,7 +81,7 @@ def go_first() -> str:
 
 
 def round_trips(baud: int) -> dict[str, dict[str, float]]:
-    """ms from sending a query to its whole answer, by pyserial alone; with the stream at 100 Hz too."""
+    """ms from sending a query to its complete answer, with pyserial only; also with the stream at 100 Hz."""
     import serial
 
     found = {}
@@ -101,12 +101,12 @@ def _asked(port: Any, query: str) -> float:
     while port.readline()[:1] in (b"@", b"!"):
         pass
     took = time.perf_counter() - began
-    time.sleep(_PAUSES.uniform(0.0, 0.01))  # not in step with the stream
+    time.sleep(_PAUSES.uniform(0.0, 0.01))  # not synchronous with the stream
     return took * 1e3
 
 
 def arrivals(seconds: float) -> dict[str, Any]:
-    """Samples of so long a time: none lost, and when each was in the host's hands after it was taken."""
+    """Samples over some time: none lost, and the latency of each."""
     with emulated(115200) as name:
         bench = create(load_rig(RIG), real_clock(), {"port": name})
         bench.open()
@@ -140,7 +140,7 @@ def arrivals(seconds: float) -> dict[str, Any]:
 
 
 def _by_minute(jitter: Sequence[float], loads: Sequence[float]) -> list[dict[str, float]]:
-    """What 99 % of each minute's arrivals are within, beside how busy the computer was."""
+    """The 99 % quantile of each minute's latencies, with the load of the computer."""
     minutes = [jitter[k * _MINUTE : (k + 1) * _MINUTE] for k in range(len(loads))]
     return [
         {"jitter_ms_p99": figures(minute)["p99"], "load_average": load}
@@ -172,7 +172,7 @@ def _killed_after(seconds: float) -> float:
 
 @contextmanager
 def emulated(baud: int) -> Iterator[str]:
-    """A board in another process; the name of its port."""
+    """Start a board in another process; yield the name of its port."""
     with tempfile.TemporaryDirectory() as folder:
         name = str(Path(folder) / "ttyRIG")
         command = [sys.executable, "-m", "rigctl", "emulate", "--rig", str(RIG), "--link", name]

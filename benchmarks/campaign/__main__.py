@@ -1,6 +1,6 @@
-"""Whole commands, as a user types them: ``python -m benchmarks.campaign``.
+"""Whole commands: ``python -m benchmarks.campaign``.
 
-The published campaign on the simulated bench beside the bench's own time, and its page.
+The published campaign on the simulated bench compared with bench time, and its page.
 """
 
 from __future__ import annotations

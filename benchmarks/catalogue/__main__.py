@@ -1,8 +1,8 @@
 """Many runs: ``python -m benchmarks.catalogue [--runs 100000] [--rows 1000000]``.
 
-Writes so many folders of runs by day, each with a ``run.json`` of its own and one and the same
-``samples.parquet`` by a hard link; measures how fast the index is made from them, and the commands as a user
-types them. The filter is asked of an index of so many rows, which are copies of those.
+Writes runs in folders by day, each with its own ``run.json`` and a hard link to one ``samples.parquet``;
+measures the time to build the index, and whole commands. The filter is timed on an index with the given
+number of rows, copied from these.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ FILTER = (
 
 
 def write_runs(runs: Path, count: int) -> None:
-    """Folders as `RunWriter` leaves them behind, as far as the catalogue reads them."""
+    """Folders as written by `RunWriter`, as far as the catalogue reads them."""
     header = RunHeader("20200101-000000-x", Source("stroke"), Source("bench A"), LAYOUT, BEGAN)
     writer = RunWriter.create(runs.parent / "one", header)
     writer.open_record(0.0, "x", {}, "1", 100.0)
@@ -58,7 +58,7 @@ def write_runs(runs: Path, count: int) -> None:
         info["rig"] = {**info["rig"], "name": RIGS[number % len(RIGS)]}
         text = json.dumps({**info, "checksum": checksum(info)}, indent=2)
         (folder / "run.json").write_text(text, encoding="utf-8")
-        if number % LINKS == 0:  # more than a file may have names
+        if number % LINKS == 0:  # the file system limits the number of links
             samples = folder / "samples.parquet"
             shutil.copy(one / "samples.parquet", samples)
         else:
@@ -66,7 +66,7 @@ def write_runs(runs: Path, count: int) -> None:
 
 
 def filter_seconds(index: Path, rows: int) -> tuple[float, int]:
-    """Of an index of so many rows: copies of those that are there."""
+    """Time of the filter on an index extended with copies to some number of rows, s."""
     with closing(sqlite3.connect(index)) as base:
         (there,) = base.execute("SELECT max(key) FROM run").fetchone()
         rest = [name for name in (*RUN_COLUMNS, *INNER_COLUMNS) if name != "shard"]

@@ -1,8 +1,8 @@
-"""How evenly a closed loop runs, on this computer and on the board: ``python -m benchmarks.control_loop``.
+"""The jitter of a closed loop on this computer and on the board: ``python -m benchmarks.control_loop``.
 
-On the computer: a whole run with its recording, interlocks and log, of a simulated bench in real time: the
-heater board, 100 updates a second. The jitter is the one that the run itself keeps; a real line adds its own.
-On the board: `benchmarks.control_loop.board`; ``--board`` measures that alone.
+On the computer: a whole run with recording, interlocks and log on the simulated heater board in real time,
+100 updates per second. The jitter is that stored with the run; a real line adds to it. On the board:
+`benchmarks.control_loop.board`; ``--board`` measures only that.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def main() -> None:
 
 
 def on_host() -> None:
-    """Thirty seconds as any process, and thirty at the head of the scheduler's queue."""
+    """Thirty seconds at normal priority, and thirty at the highest."""
     results: dict[str, Any] = {"updates": 100 * SECONDS}
     bench_file = shipped("rigs", "heater-board.yaml")
     for name, first in (("as any process", False), ("at the head of the queue", True)):

@@ -1,7 +1,7 @@
-"""How evenly the loop runs on the board: its own firmware, instruction by instruction on the emulated chip.
+"""The jitter of the loop on the board: its firmware on the emulated chip.
 
-The clock is the emulated one: what is counted are the processor's cycles between two writes to the PWM's
-register, 16 a microsecond, while the stream fills most of the line and a host asks twenty times a second.
+Time is emulated: the processor cycles between two writes to the PWM register are counted, 16 per microsecond,
+while the stream fills most of the line and a host sends twenty queries per second.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rigctl.backends.emulated.board import millivolt
 from rigctl.backends.emulated.image import read_intel_hex, shipped_image
 
 SECONDS = 20
-#: PID with all its terms and a curved calibration, in counts: the most that an update can have to compute
+#: PID with all terms and a curved calibration, in counts: the longest computation of an update
 SETTINGS: dict[str, float] = {
     "C0": 1.0,
     "C1": 0.9,
@@ -42,7 +42,7 @@ LOADS = ((115200, 10, 230), (115200, 1, 230), (500000, 1, 1000))
 
 
 def measured(baud: int, period_ms: int, stream: int) -> dict[str, Any]:
-    """A loop under load: by the cycles, and as the board says itself; us."""
+    """A loop under load: from the cycles, and as reported by the board; us."""
     written: list[int] = []
     avr = Avr(read_intel_hex(shipped_image(baud)), lambda *_: None)
     try:
@@ -57,7 +57,7 @@ def measured(baud: int, period_ms: int, stream: int) -> dict[str, Any]:
         begun, steps = avr.cycle, SECONDS * 1000 // period_ms
         written.clear()
         for step in range(steps):
-            avr.put_voltage(0, millivolt(280 + (step * 37) % 41))  # as a noisy reading: every update differs
+            avr.put_voltage(0, millivolt(280 + (step * 37) % 41))  # noisy, so that every update differs
             if step * period_ms % 50 < period_ms:
                 avr.send(b"#1 MEAS:ALL?\n")
             avr.run_to(begun + (step + 1) * period_ms * FREQUENCY // 1000)
@@ -81,21 +81,21 @@ def measured(baud: int, period_ms: int, stream: int) -> dict[str, Any]:
 
 
 def _ask(avr: Avr, line: str) -> str:
-    """What comes back within 50 ms."""
+    """The answer within 50 ms."""
     avr.send(line.encode() + b"\n")
     avr.run_to(avr.cycle + FREQUENCY // 20)
     return avr.take().decode("latin-1").strip()
 
 
 def rows(found: dict[str, dict[str, Any]]) -> list[tuple[str, ...]]:
-    """A table of what was found."""
+    """A table of the results."""
     shown = ("updates", "left_out", "jitter_p99", "jitter_max", "jitter_max_own", "delay_max_own")
     head = ("us, emulated clock", *(name.replace("_", " ") for name in shown))
     return [head, *((load, *(f"{one[name]:g}" for name in shown)) for load, one in found.items())]
 
 
 def all_loads() -> dict[str, dict[str, Any]]:
-    """Every load, by what it is called."""
+    """Every load, by name."""
     return {
         f"{1000 // period} Hz, {stream} samples/s at {baud} baud": measured(baud, period, stream)
         for baud, period, stream in LOADS

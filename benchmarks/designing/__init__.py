@@ -1,1 +1,1 @@
-"""What designing the next records takes."""
+"""The cost of designing the next records."""

@@ -1,7 +1,7 @@
-"""What a design of five rivals and three hundred candidates takes: ``python -m benchmarks.designing``.
+"""The cost of a design with five rivals and three hundred candidates: ``python -m benchmarks.designing``.
 
-Two strokes of the simulated cylinder whose seals stick: the diagnosis leaves a class, and records are
-designed. Seconds of processor beside the clock's: a design works in one process, with the engine's threads.
+Two strokes of the simulated cylinder with sticking seals: the diagnosis leaves a class, and records are
+designed. CPU time and wall time are given: a design runs in one process, with the engine's threads.
 """
 
 from __future__ import annotations
@@ -74,14 +74,14 @@ def main() -> None:
 
 
 def timed(work: Callable[[], T]) -> tuple[T, tuple[float, float]]:
-    """What it returns, and its seconds of processor and of the clock."""
+    """The result, with its CPU and wall time, s."""
     cpu, wall = time.process_time(), time.perf_counter()
     found = work()
     return found, (time.process_time() - cpu, time.perf_counter() - wall)
 
 
 def shown(seconds: tuple[float, float]) -> tuple[str, str]:
-    """As a table has them."""
+    """Format the figures for a table."""
     return f"{seconds[0]:.1f}", f"{seconds[1]:.1f}"
 
 

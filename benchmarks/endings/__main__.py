@@ -1,6 +1,6 @@
-"""How soon a signal ends all, and what a slow disk does to the loop: ``python -m benchmarks.endings``.
+"""Time from a signal to safe outputs, and effect of a slow disk: ``python -m benchmarks.endings``.
 
-Both in real time. The witness of the first is the emulated board's pins, sampled by the emulation itself.
+Both in real time. The first is measured at the emulated board's pins.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ steps:
       - retract: {for: 0.3 s}
 """
 HEATING = (
-    "procedure: heating\nsteps:\n  - set: {heater: on}\n  - wait: 1 h\n"  #: read ten times a second only
+    "procedure: heating\nsteps:\n  - set: {heater: on}\n  - wait: 1 h\n"  #: read only ten times per second
 )
 
 
@@ -59,7 +59,7 @@ def carry_out(text: str, rig: Rig, backend: Backend, folder: Path) -> None:
 
 
 def ending(seed: int, folder: Path) -> tuple[float, int]:
-    """s from a signal to the last output off, and how many outputs went on again once all were off."""
+    """s from a signal to the last output off, and the number of outputs that were switched on again."""
     clock = real_clock()
     edges: list[tuple[float, tuple[bool, bool, bool]]] = []
     before = EmulatedBoard._switch  # noqa: SLF001 - the pins are the witness
@@ -88,7 +88,7 @@ def ending(seed: int, folder: Path) -> tuple[float, int]:
 
 
 def periods(folder: Path, delay: float) -> list[float]:
-    """s between two samples in the loop, with a disk that takes `delay` s for each write and each sync."""
+    """s between two samples in the loop, with a disk that needs `delay` s for each write and sync."""
     rig = load_rig(shipped("rigs", "heater-board.yaml"))
     backend = create_backend(rig, "simulated", real_clock(), {"plant": "roles"})
     backend.open()

@@ -1,1 +1,1 @@
-"""The engine beside what people use instead of it."""
+"""The engine compared with its alternatives."""

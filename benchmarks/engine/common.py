@@ -1,6 +1,6 @@
-"""What every way of simulating the benchmark's campaign shares.
+"""Common parts of all peers that simulate the benchmark's campaign.
 
-All read the printed equations of the one model, so they solve the same problem.
+All use the printed equations of one model, so that they solve the same problem.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ OURS = "rigctl"
 
 @dataclass(frozen=True)
 class Entry:
-    """The package that a peer needs, and where it is."""
+    """The package of a peer, and its environment."""
 
     package: str
     module: str

@@ -1,7 +1,7 @@
 """The benchmark's model: a hydraulic cylinder with its pump and tank; 7 states, 28 parameters.
 
-Written out once and frozen, apart from the models that rigctl ships, so that figures of different days
-compare. SI throughout.
+Frozen, and independent of the models that rigctl ships, so that results of different dates can be compared.
+SI throughout.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ AREA_ROD = AREA_CAP - math.pi / 4 * 0.025**2
 STROKE = 0.25
 BAR = 1e5
 
-#: name: (unit, value, size); an effect is off at 0, and `size` is what it typically is
+#: name: (unit, value, size); an effect is off at 0, and `size` is its typical value
 NUISANCES: dict[str, tuple[str, float, float]] = {
     "pump_flow": ("m^3/s", 14 / 6e4, 14 / 6e4),
     "pump_leakage": ("m^3/s/Pa", 1e-12, 1e-12),

@@ -17,7 +17,7 @@ from benchmarks.engine.common import Floats, equations, shown
 class DiffraxPeer:
     """Kvaerno3 on all records at once, with forward-mode derivatives.
 
-    Without the largest step `dtmax` the derivatives come out as nan although the outputs are right.
+    Without the maximum step `dtmax` the derivatives are NaN although the outputs are right.
     """
 
     packages = ("diffrax", "jax")

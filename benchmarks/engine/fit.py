@@ -1,4 +1,4 @@
-"""The benchmark's fit: 8 parameters on 28 records with noise, from 30 % off."""
+"""The benchmark's fit: 8 parameters on 28 records with noise, started 30 % off."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NAMES = list(cylinder.NUISANCES)
 
 
 def results(seeds: Sequence[int] = (0, 1, 2)) -> dict[str, Any]:
-    """Of several starts, the better of two runs each and its end, and SciPy's fit from the first of them."""
+    """For several starts, the faster of two runs and its optimum, and SciPy's fit from the first start."""
     compiled = compile_system(cylinder.build())
     random = np.random.default_rng(5)
     truth = simulate(compiled, cylinder.campaign()).require().outputs

@@ -1,4 +1,4 @@
-"""From equations to compiled derivatives: this engine's own graph beside SymPy and SymEngine.
+"""From equations to compiled derivatives: this engine's graph compared with SymPy and SymEngine.
 
     python -m benchmarks.engine.front_ends [--runs 3]
 
@@ -65,7 +65,7 @@ def builds(work: Callable[[], object], runs: int) -> float:
 
 
 def front_end(name: str, system: System) -> Callable[[], object]:
-    """Derive and share subexpressions with SymPy's interface, which SymEngine has too."""
+    """Differentiate and share subexpressions with SymPy's interface, which SymEngine also has."""
     library = __import__(name)
     names = [*system.state_names, *system.input_names, *system.parameter_names]
     texts = [to_text(expr) for expr in system.rhs]
@@ -85,7 +85,7 @@ def front_end(name: str, system: System) -> Callable[[], object]:
 
 
 def in_fresh_process(way: str, runs: int) -> float:
-    """Median seconds to compile a model's functions, as a process that has no cache does it."""
+    """Median seconds to compile a model's functions in a process without a cache."""
     program = f"from benchmarks.engine.front_ends import compile_{way}; print(compile_{way}())"
     found = [
         subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
@@ -101,7 +101,7 @@ def compile_straight_line() -> float:
     from rigctl.engine.straight_line import module_of
 
     smallest = "define void @nothing() {\n  ret void\n}\n"
-    loaded(compiled(smallest, ["nothing"]))  # LLVM sets itself up, which the first function pays for
+    loaded(compiled(smallest, ["nothing"]))  # initialises LLVM, outside the timing
     text = source_of(cylinder.build()).text
     start = time.perf_counter()
     assert all(loaded(compiled(module_of(text), ARGUMENTS)).values())
@@ -109,7 +109,7 @@ def compile_straight_line() -> float:
 
 
 def compile_statements() -> float:
-    """Seconds for the same through Python statements, as numba is mostly used."""
+    """Seconds for the same with Python statements, the usual way to use numba."""
     import math
 
     import numba
@@ -157,7 +157,7 @@ def statements(text: str, name: str, arguments: str) -> str:
 
 
 def warm_up() -> None:
-    """Let numba set itself up, which the first function pays for."""
+    """Initialise numba, which would otherwise count for the first function."""
     import numba
 
     double = numba.types.float64

@@ -1,8 +1,8 @@
-"""One way to simulate the campaign, in a process of its own: times, memory, and what it computed.
+"""One peer that simulates the campaign, in a separate process: times, memory and results.
 
     python -m benchmarks.engine.measure NAME RUNS SLOW FILE
 
-Runs in the environment of the peer, which has NumPy and what the peer needs.
+Runs in the peer's environment, which has NumPy and the peer's packages.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def main() -> None:
 
 
 def stacked(records: Sequence[Floats] | Floats) -> Floats:
-    """All records in one array; done after the clock was read, whoever returns them one by one."""
+    """All records in one array; outside the timing for peers that return them individually."""
     return np.stack(list(records))
 
 

@@ -1,4 +1,4 @@
-"""What the equations' solution is, by other people's methods: Radau at 1e-9, CVODES with its own derivatives.
+"""The solution of the equations by independent methods: Radau at 1e-9, CVODES with sensitivities.
 
 Two records of the campaign, all 28 columns. CVODES integrates the variational equations, written down with
 CasADi's derivatives, at 1e-8.

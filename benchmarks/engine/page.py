@@ -1,4 +1,4 @@
-"""The kept figures of the engine, put into its page of the documentation."""
+"""Inserts the stored figures of the engine into its page of the documentation."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ Python {python}, with {versions}.
 
 
 def with_figures(page: Path) -> str:
-    """The page's text with the kept results between its marks."""
+    """The page's text with the stored results between its marks."""
     text = page.read_text(encoding="utf-8")
     before, rest = text.split(BEGIN)
     return before + BEGIN + figures() + END + rest.split(END)[1]
 
 
 def figures() -> str:
-    """All tables of the kept results, each under a heading."""
+    """All tables of the stored results, each with a heading."""
     path = Path(__file__).parent / "results.json"
     kept = json.loads(path.read_text(encoding="utf-8"))
     versions = ", ".join(f"{name} {version}" for name, version in kept["versions"].items())

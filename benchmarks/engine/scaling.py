@@ -1,8 +1,8 @@
-"""Time and memory as records and columns grow, on the whole library: up to 1000 records and 60 columns.
+"""Time and memory over records and columns, with the whole library: up to 1000 records and 60 columns.
 
     python -m benchmarks.engine.scaling records|columns
 
-Each row of figures comes from a process of its own, as the most memory a process had never falls.
+Each row is measured in a separate process, as the peak memory of a process never decreases.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from benchmarks.engine.common import Floats, equations, shown
 
 
 class ScipyPeer:
-    """LSODA on compiled equations, and forward differences: what people do."""
+    """LSODA on compiled equations, and forward differences, the usual approach."""
 
     packages = ("scipy", "numba")
 

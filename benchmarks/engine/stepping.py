@@ -1,4 +1,4 @@
-"""A bench watched at 10 Hz for nearly two hours: 65 000 calls of a stepper."""
+"""A bench sampled at 10 Hz for nearly two hours: 65 000 calls of a stepper."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shipped cylinder on the shipped rig with its whole library at null: what a diagnosis differentiates."""
+"""The shipped cylinder and rig with the whole library at null, as differentiated by a diagnosis."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from rigctl.rig.load import load_rig
 FAMILY = "hydraulic_cylinder"
 RIG = "hl32-bench-instrumented.yaml"
 BAR = 1e5
-#: what a column's parameter changes in a reading is rounding below this share of it
+#: relative changes of a reading below this are rounding
 ROUNDING = 1e-12
 SEGMENTS = ((0.0, 1.0), (2.5, 0.0), (4.5, -1.0))
 CONDITIONS = [(celsius, bar) for celsius in range(20, 51, 5) for bar in range(20, 51, 10)]
@@ -60,7 +60,7 @@ def campaign(system: System, records: int = len(CONDITIONS)) -> list[Excitation]
 
 
 def results(runs: int = 5) -> dict[str, Any]:
-    """Seconds of a simulation and of all columns, and what the tolerances come to here."""
+    """Seconds of a simulation and of all columns, and the errors at each tolerance."""
     compiled = compile_system(build())
     system = compiled.system
     records, columns = campaign(system), list(system.parameter_names)

@@ -1,4 +1,4 @@
-"""The kept results as tables, for the terminal and for the documentation."""
+"""The stored results as tables, for the terminal and the documentation."""
 
 from __future__ import annotations
 

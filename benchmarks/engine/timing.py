@@ -9,10 +9,10 @@ from pathlib import Path
 
 
 def best(work: Callable[[], object], runs: int) -> dict[str, float]:
-    """Wall and processor seconds, the shortest of several calls after one that is not counted.
+    """Wall and CPU time, the shortest of several calls after a warm-up.
 
-    On a machine that does other things meanwhile, a median compares the other things. A call of more than
-    ten seconds is not repeated.
+    On a machine with other load, a median would measure the other load. A call of more than ten seconds is
+    not repeated.
     """
     work()
     walls, cpus = [], []
@@ -27,7 +27,7 @@ def best(work: Callable[[], object], runs: int) -> dict[str, float]:
 
 
 def peak_memory_mb() -> float:
-    """The most memory this process has had at once, where the system says."""
+    """Peak memory of this process, if the system reports it."""
     status = Path("/proc/self/status")
     if status.exists():  # getrusage() there also counts what the parent had before the process began
         line = next(line for line in status.read_text("ascii").splitlines() if line.startswith("VmHWM"))

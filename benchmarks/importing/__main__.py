@@ -1,6 +1,6 @@
 """Import a million rows in every format, and ten million: ``python -m benchmarks.importing``.
 
-Each import is a process of its own, so that its memory is its own (as Linux counts it). Beside it stands
+Each import is a separate process, so that its memory can be measured (on Linux). It is compared with
 `pandas.read_csv`, which only reads the same file.
 """
 

@@ -1,1 +1,1 @@
-"""Recording: rows and events a second, and bytes a row, beside Python's own csv writer."""
+"""Recording: rows and events per second, and bytes per row, compared with Python's csv writer."""

@@ -26,7 +26,7 @@ Row = tuple[float, ...]
 
 
 def adc_rows() -> list[Row]:
-    """Eight floats a row: noisy channels behind converters of 10 bits, read on a clock of microseconds."""
+    """Eight floats per row: noisy channels with 10-bit converters, and a clock in microseconds."""
     chance = random.Random(1)
 
     def converted(value: float, span: float) -> float:
@@ -55,7 +55,7 @@ def begin(folder: Path) -> RunWriter:
 
 
 def rate(folder: Path, count: int, work: Callable[[RunWriter], object]) -> float:
-    """How many of `count` a second a writer takes, flushed to the system; making it is not counted."""
+    """Rows per second of a writer, flushed to the system, without its creation."""
     writers: Iterable[RunWriter] = iter([begin(folder) for _ in range(6)])
 
     def once() -> None:

@@ -1,1 +1,1 @@
-"""How right are the exponents that a diagnosis claims?"""
+"""Accuracy of the exponents claimed by a diagnosis."""

@@ -1,8 +1,8 @@
-"""How right are the exponents that a diagnosis claims? ``python -m benchmarks.laws``
+"""Accuracy of the exponents claimed by a diagnosis: ``python -m benchmarks.laws``
 
-A flywheel whose air drags with a power of its speed, integrated by SciPy and written as a log; the model's
-only effect has the square. Printed of each draw of the noise: how large the effect is, in sigmas, the
-exponent by the linear problem and by the fit, and how far off the fit is in its own standard deviations.
+A flywheel with air drag that is a power of its speed, integrated by SciPy and written as a log; the model's
+only effect is quadratic. Printed for each draw of the noise: the size of the effect in sigmas, the exponent
+by the linear problem and by the fit, and the error of the fit in its standard deviations.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What sequencers and data-acquisition tools people use today cost, measured the same way as ours."""
+"""The cost of other sequencers and data-acquisition tools, measured in the same way as rigctl."""

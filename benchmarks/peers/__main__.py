@@ -1,8 +1,8 @@
-"""Start-up, cost of a step, and recording of rows: rigctl beside its peers, in one run.
+"""Start-up, cost of a step, and recording of rows: rigctl and its peers, in one run.
 
     python -m benchmarks.peers --venvs DIR [--install] [--runs 3]
 
-Each peer lives in a virtual environment of its own under DIR; `--install` makes those that are missing.
+Each peer has a virtual environment under DIR; `--install` makes missing ones.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ HERE = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Peer:
-    """A tool that is measured: what to install, what to import, how much work it is given."""
+    """A peer: packages to install, modules to import, amount of work."""
 
     name: str
     packages: tuple[str, ...]
@@ -81,7 +81,7 @@ def measure_rigctl(runs: int) -> dict[str, Any]:
 
 
 def measure(peer: Peer, folder: Path, runs: int) -> dict[str, Any]:
-    """One peer from its own environment; what it cannot do is left out."""
+    """Measure one peer in its environment, without what it does not support."""
     python = folder / "bin" / "python"
     script = HERE / f"{peer.name}_peer.py"
     found: dict[str, Any] = {"version": installed(python, peer.packages[0])}
@@ -94,7 +94,7 @@ def measure(peer: Peer, folder: Path, runs: int) -> dict[str, Any]:
 
 
 def bare(python: Path, runs: int) -> float:
-    """Seconds of an interpreter that does nothing: taken off every start-up."""
+    """Seconds of an idle interpreter, subtracted from every start-up."""
     return command_seconds([str(python), "-c", "pass"], runs)
 
 

@@ -1,4 +1,4 @@
-"""rigctl, measured like its peers: steps through the whole runner, rows into journal and Parquet."""
+"""rigctl, measured like its peers: steps with the whole runner, rows to journal and Parquet."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ KINDS = {
 
 
 def steps(count: int) -> dict[str, float]:
-    """Events written, interlocks served, time asked for at every step; start-up taken off by a short run."""
+    """With events, interlocks and timing for every step; start-up is subtracted with a short run."""
     folder = Path(tempfile.mkdtemp())
     found = {}
     for name, step in KINDS.items():
         times = []
-        for rounds in (10, 10, count):  # the first one loads what is loaded late
+        for rounds in (10, 10, count):  # the first one triggers late imports
             file = folder / "steps.yaml"
             file.write_text(
                 STEPS.format(rig=shipped("rigs", "hl32-bench.yaml"), count=rounds, step=step),
@@ -45,7 +45,7 @@ def steps(count: int) -> dict[str, float]:
 
 
 def rows(count: int, folder: Path) -> float:
-    """Row by row into the journal, then closed into Parquet: all of it counts."""
+    """Row by row to the journal, then to Parquet; everything is timed."""
     layout = Layout(channels=CHANNELS, commands=(), units=("s", "1", *("1" for _ in CHANNELS)))
     header = RunHeader("20260101-000000-rows", Source("rows"), Source("rows"), layout, datetime.now(UTC))
     writer = RunWriter.create(folder, header)

@@ -1,4 +1,4 @@
-"""testium: generated test files run by its own command; start-up is taken off by a run of ten steps.
+"""testium: generated test files run by its command; start-up is subtracted with a run of ten steps.
 
 It has no Python interface, so this script runs with any Python: TESTIUM names the command.
 """

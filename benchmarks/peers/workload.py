@@ -1,4 +1,4 @@
-"""The work every peer is given: the same eight floats a row, so that text formats pay their full price."""
+"""The workload of every peer: eight floats per row, with enough digits for a fair cost of text formats."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ CHANNELS = tuple(f"ch{k}" for k in range(8))
 
 
 def row(i: int) -> tuple[float, ...]:
-    """Eight channels with mantissas that do not end early."""
+    """Eight channels with full mantissas."""
     x = i * 0.001
     return (x, 20.0 + x / 7, 100.0 - x / 3, x * x / 11, 1.0 / (1.0 + x), x / 13, x / 17, x / 19)
 

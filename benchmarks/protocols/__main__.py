@@ -1,7 +1,7 @@
-"""Modbus TCP as a run polls it, 20 registers for each sample: ``python -m benchmarks.protocols``.
+"""Modbus TCP polled by a run, 20 registers per sample: ``python -m benchmarks.protocols``.
 
-The server is pymodbus' own, in a process of its own on this computer; the bench is the whole way that a run
-takes: runner's side, guard's process, client, connection. The network between two computers comes on top.
+The server is that of pymodbus, in a separate process on this computer; the bench has all parts of a run:
+backend, guard process, client and connection. A network between two computers adds to it.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ asyncio.run(main())
 
 
 def rig_text() -> str:
-    """A device of twenty numbers in neighbouring registers, and one output that is read back."""
+    """A device with twenty numbers in adjacent registers, and one output that is read back."""
     names = [f"channel_{index}" for index in range(REGISTERS)]
     registers = "\n".join(f"      {name}: {{table: input, address: {at}}}" for at, name in enumerate(names))
     channels = "\n".join(f"  {name}: {{unit: V, quantity: voltage}}" for name in names)
@@ -75,13 +75,13 @@ def polled(bench: Backend, rate: float) -> list[Sample]:
 
 
 def missing(bench: Backend) -> int:
-    """Samples that could not be taken in their time."""
+    """Samples that could not be taken in time."""
     gaps = [notice.fields for notice in bench.take_notices() if notice.kind == "gap"]
     return sum(int(str(fields["samples"])) for fields in gaps)
 
 
 def main() -> None:
-    scheduling = go_first()  # of server and guard too, which are started from here
+    scheduling = go_first()  # including server and guard, which are child processes
     with socket.create_server(("127.0.0.1", 0)) as free:
         number = free.getsockname()[1]
     with subprocess.Popen([sys.executable, "-c", _SERVER, str(number)]) as server:

@@ -1,1 +1,1 @@
-"""How long a page about the whole campaign takes, and how large it is, beside plotly's own writer."""
+"""Time and size of a page about the whole campaign, compared with plotly's writer."""

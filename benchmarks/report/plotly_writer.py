@@ -1,4 +1,4 @@
-"""What people do: one plotly figure per record and one of the whole run, written by ``to_html``."""
+"""The usual approach: one plotly figure per record and one of the whole run, written by ``to_html``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rigctl.dataset import Run
 
 
 def write_page(run: Run, page: Path) -> int:
-    """The same samples as our page, thinned by nothing; returns the number of bytes."""
+    """Write the same samples as our page, without decimation; return the number of bytes."""
     samples = run.samples()
     parts = [_figure(run, samples[samples["record"] == index]) for index in range(run.info["records"])]
     parts.append(_figure(run, samples))

@@ -1,8 +1,8 @@
-"""Every shipped rig through every format and back: ``python -m benchmarks.round_trips [RIG ...]``.
+"""Export and import of every shipped rig in every format: ``python -m benchmarks.round_trips [RIG ...]``.
 
-Runs with nothing and with one effect hidden are diagnosed, exported, imported and diagnosed again. A file
-says when a command acted to within one sample only, so that what is seen weakly may become ambiguous; nothing
-else may change. It takes some ten minutes of one core, and keeps its figures beside this file.
+Runs without and with a hidden effect are diagnosed, exported, imported and diagnosed again. In a file, switch
+times are known only to within one sample, so that a weak effect may become ambiguous; nothing else may
+change. It takes some ten minutes on one core, and stores its figures beside this file.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ FORMATS = ("csv", "xlsx", "parquet", "tdms", "mf4", "mat")
 
 @dataclass(frozen=True)
 class Campaign:
-    """A procedure, the model that is judged by it, and what is hidden in the bench."""
+    """A procedure, the model, and the hidden effect of the bench."""
 
     procedure: str
     arguments: tuple[str, ...]
@@ -55,7 +55,7 @@ RIGS = {
 
 
 def rigctl(*arguments: str) -> dict[str, Any]:
-    """What a command answers; one that fails ends the benchmark with what it said."""
+    """The answer of a command; a failure ends the benchmark with its message."""
     command = [sys.executable, "-m", "rigctl", *arguments, "--json"]
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     if done.returncode != 0:
@@ -65,14 +65,14 @@ def rigctl(*arguments: str) -> dict[str, Any]:
 
 
 def judged(run: str, model: str) -> dict[str, Any]:
-    """The verdict of a run, the effects that it names and what could be taken for them."""
+    """The verdict of a run, the named effects and those that are indistinguishable from them."""
     found = rigctl("diagnose", run, "--model", model)
     named = {name for group in found["classes"] for name in group}
     return {key: found[key] for key in ("verdict", "effects")} | {"class": sorted(named)}
 
 
 def likeness(own: dict[str, Any], one: dict[str, Any]) -> str:
-    """How a verdict compares with that of the run itself; weaker is ambiguous, with the same effect named."""
+    """Compare a verdict with that of the original run; weaker means ambiguous with the same effect."""
     if all(one[key] == own[key] for key in ("verdict", "effects")):
         return "same"
     weaker = one["verdict"] == "ambiguous" and set(own["effects"]) & {*one["effects"], *one["class"]}
@@ -80,7 +80,7 @@ def likeness(own: dict[str, Any], one: dict[str, Any]) -> str:
 
 
 def judgements(rig: str, hidden: str | None) -> Iterator[tuple[str, dict[str, Any]]]:
-    """The verdicts of a run and of what comes back from each kind of file, in a project of their own."""
+    """The verdicts of a run and of its import from each kind of file, in a separate project."""
     campaign = RIGS[rig]
     arguments = [word for argument in campaign.arguments for word in ("-a", argument)]
     hide = ("--with", hidden) if hidden else ()

@@ -1,1 +1,1 @@
-"""Designed rounds on every shipped rig: does one of ten thousand trip an interlock?"""
+"""Designed rounds on every shipped rig: how many of ten thousand trip an interlock."""

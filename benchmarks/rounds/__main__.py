@@ -1,8 +1,8 @@
 """Ten thousand rounds that a design may propose, carried out: ``python -m benchmarks.rounds``.
 
-On every rig that comes with rigctl, after a few records of its simulated bench: records at random points of
-all that may be varied, each carried out with one of the explanations as the truth. Counted are those in which
-an interlock of the runner trips; `tests/design/test_rounds.py` carries out a few of the same.
+On every shipped rig, after a few records of its simulated bench: records at random points of all variables,
+each carried out with one of the explanations as the truth. Those that trip an interlock of the runner are
+counted; `tests/design/test_rounds.py` carries out a few of the same.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ HERE = Path(__file__).parent
 
 
 def main() -> None:
-    """Carry them out, print what came of them, and keep it beside this file."""
+    """Carry them out, and print and store the results."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -60,7 +60,7 @@ def main() -> None:
 
 
 def _before(asked: dict[str, int]) -> dict[str, object]:
-    """What was kept of as many rounds with the same seed, of other rigs."""
+    """Stored results of as many rounds with the same seed, for other rigs."""
     path = HERE / "results.json"
     known: dict[str, object] = json.loads(path.read_text("utf-8"))["results"] if path.exists() else {}
     return known if all(known.get(name) == value for name, value in asked.items()) else {}

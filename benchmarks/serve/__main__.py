@@ -1,9 +1,9 @@
 """The served page: ``python -m benchmarks.serve [--minutes 1] [--pairs 3] [--runs 20000] [--no-browser]``.
 
 A run of eight channels at 100 Hz in real time is watched by two sockets and a browser. Latency is from a
-sample's own time to its arrival, and to its being drawn. Runs with and without viewers are made in turn, and
-the lateness of each sample, when it is handed over to be stored against its own time, is compared. The
-catalogue is asked for pages over HTTP, beside so many runs. What the extra adds is zipped as a wheel is.
+sample's time stamp to its arrival, and to its drawing. Runs with and without viewers alternate, and the delay
+of each sample from its time stamp to its storage is compared. Pages of the catalogue are requested over HTTP,
+with the given number of runs. The size of the extra is that of a zip file like a wheel.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ safe_state: {{heater: off}}
 """
 ADDED = ("starlette", "uvicorn", "websockets", "anyio", "h11", "idna")
 WINDOW = 60.0
-#: drawings since one of a sample of this time
+#: drawings since the one with a sample of this time
 DRAWN = "seen => import('/assets/live.js').then(live => live.drawnAt.filter(one => one[0] > seen))"
 
 
@@ -93,7 +93,7 @@ class Socket(threading.Thread):
         self._base = base
 
     def run(self) -> None:
-        with suppress(ConnectionClosed):  # the server has ended first
+        with suppress(ConnectionClosed):  # the server ended first
             self._listen()
 
     def _listen(self) -> None:
@@ -115,7 +115,7 @@ class Socket(threading.Thread):
                     continue
                 rows, columns, _, anew, first = struct.unpack("<HHHHd", message[:16])
                 if anew or not rows:
-                    continue  # what was there before is not new
+                    continue  # earlier messages are not new
                 times = np.frombuffer(message[16:], "<f4").reshape(columns, rows)[0].astype(float) + first
                 self.arrived += [(float(time_), now) for time_ in times]
 
@@ -138,7 +138,7 @@ def browser(address: str) -> Iterator[Any]:
 
 
 def carried_out(project: Path, seconds: float) -> tuple[subprocess.Popen[bytes], Path]:
-    """A run that goes on, and the file that it will leave."""
+    """A run in progress, and the file that it will write."""
     output = project / f"handed-{time.time():.0f}.npy"
     command = [sys.executable, "-m", "benchmarks.serve.watched_run", str(seconds), str(output)]
     root = str(Path(__file__).resolve().parents[2])
@@ -147,13 +147,13 @@ def carried_out(project: Path, seconds: float) -> tuple[subprocess.Popen[bytes],
 
 
 def lateness(handed: np.ndarray) -> np.ndarray:
-    """Of each sample of the record, s: how much later it was handed over than the promptest of them."""
+    """Delay of each sample's storage relative to the fastest, s."""
     late = handed[:, 1] - handed[:, 0]
     return late - late.min()
 
 
 def memory(pid: int) -> float:
-    """Resident, MB; NaN where the system does not say."""
+    """Resident memory, MB; NaN if unknown."""
     try:
         found = re.search(r"VmRSS:\s+(\d+)", Path(f"/proc/{pid}/status").read_text(encoding="ascii"))
     except OSError:
@@ -162,7 +162,7 @@ def memory(pid: int) -> float:
 
 
 class Meter:
-    """Once a second: the server's memory, and what the browser has drawn; seldom the browser's memory."""
+    """Samples server memory and the browser's drawings once a second, and browser memory rarely."""
 
     def __init__(self, process: subprocess.Popen[bytes], pid: int) -> None:
         self._process = process
@@ -221,14 +221,14 @@ def watch(project: Path, minutes: float, *, with_browser: bool) -> dict[str, flo
     ways = {"sample to socket": arrived, "newest sample drawn": np.array(meter.drawn)}
     for name, pairs_ in ways.items():
         if len(pairs_):
-            late = (pairs_[:, 1] - pairs_[:, 0] - began)[pairs_[:, 0] > 5.0]  # the page opens meanwhile
+            late = (pairs_[:, 1] - pairs_[:, 0] - began)[pairs_[:, 0] > 5.0]  # while the page opens
             told[f"{name}, median [ms]"] = 1e3 * float(np.median(late))
             told[f"{name}, 99 % [ms]"] = 1e3 * float(np.quantile(late, 0.99))
     return told | meter.told()
 
 
 def pairs(project: Path, count: int, seconds: float) -> dict[str, float]:
-    """Lateness of the samples without viewers and with four, in turn."""
+    """Delays of the samples without viewers and with four, alternately."""
     alone, watched = [], []
     for _ in range(count):
         process, output = carried_out(project, seconds)
@@ -257,7 +257,7 @@ def pairs(project: Path, count: int, seconds: float) -> dict[str, float]:
 
 
 def catalogue(folder: Path, count: int) -> dict[str, float]:
-    """Pages of the catalogue over HTTP, beside so many runs."""
+    """Pages of the catalogue over HTTP, with the given number of runs."""
     project = folder / "many"
     project.mkdir()
     write_runs(project / "runs", count)
@@ -289,7 +289,7 @@ def catalogue(folder: Path, count: int) -> dict[str, float]:
 
 
 def added() -> dict[str, float]:
-    """What the extra and the page add to an installation, zipped as in a wheel, MB."""
+    """Size of the extra and the page in an installation, zipped as in a wheel, MB."""
     told = {}
     own = Path(__file__).resolve().parents[2] / "src" / "rigctl" / "web"
     for name in (*ADDED, "rigctl.web"):

@@ -1,4 +1,4 @@
-"""One run in real time that writes down when each of its samples was handed over to be stored.
+"""One run in real time that records when each of its samples was stored.
 
 ``python -m benchmarks.serve.watched_run SECONDS OUTPUT``, in a folder that holds the rig: the child of
 `benchmarks.serve`.

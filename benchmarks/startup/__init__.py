@@ -1,1 +1,1 @@
-"""How long a command takes to begin."""
+"""Start-up time of commands."""

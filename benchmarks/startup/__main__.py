@@ -1,7 +1,7 @@
-"""How long a command takes to begin: ``python -m benchmarks.startup``.
+"""Start-up time of commands: ``python -m benchmarks.startup``.
 
-Each command runs in turn with an interpreter that does nothing; the figure is the median of the differences
-of such pairs, which a busy machine disturbs least.
+Each command alternates with an idle interpreter; the figure is the median of the differences of such pairs,
+which is least affected by other load.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def main() -> None:
 
 
 def over(bare: Sequence[str], command: Sequence[str], runs: int) -> float:
-    """Median of the seconds by which `command` takes longer than `bare`, run one after the other."""
+    """Median of the seconds by which `command` takes longer than `bare`, run alternately."""
     return statistics.median(seconds(command) - seconds(bare) for _ in range(runs))
 
 

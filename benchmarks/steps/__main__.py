@@ -1,7 +1,7 @@
-"""What the runner costs, for each step and for each sample: ``python -m benchmarks.steps``.
+"""The cost of the runner per step and per sample: ``python -m benchmarks.steps``.
 
-A trivial step is a `set`: two events for the step, one for the command, a look at signals and requests, and
-the samples that are due. The bench is the plain one, so that hardly anything but the runner is measured.
+A trivial step is a `set`: two events for the step, one for the command, a check of signals and requests, and
+the due samples. The simple plant is used, so that mainly the runner is measured.
 """
 
 from __future__ import annotations

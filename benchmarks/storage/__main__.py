@@ -1,7 +1,7 @@
-"""Runs in object storage beside runs in a folder: ``python -m benchmarks.storage [--runs 20]``.
+"""Runs in object storage compared with runs in a folder: ``python -m benchmarks.storage [--runs 20]``.
 
-The storage is moto's server of S3's protocol in another process of this computer: what a network and a real
-store add is not in these figures.
+The storage is moto's S3 server in another process on this computer: the figures do not include a network or a
+real store.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ ROWS = 100_000
 
 
 def write_run(runs: Path, number: int) -> Path:
-    """Eight columns of noise, which do not compress: the worst case."""
+    """Eight columns of incompressible noise: the worst case."""
     began = datetime(2026, 1, 1, tzinfo=UTC) + timedelta(minutes=number)
     header = RunHeader(f"{began:%Y%m%d-%H%M%S}-x", Source("x"), Source("x"), LAYOUT, began)
     writer = RunWriter.create(runs, header)

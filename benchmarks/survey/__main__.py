@@ -1,8 +1,8 @@
-"""Surveys of many runs: how often they are wrong, and what they cost: ``python -m benchmarks.survey``.
+"""Surveys of many runs: their false alarms and their cost: ``python -m benchmarks.survey``.
 
-``--chance`` draws courses in which nothing changes and counts how often the scan tells a change; ``--years``
-makes years on the separate bench, some in which nothing changes and some in which the valve's leak grows;
-``--runs`` times a survey of runs of 28 records, and says what a thousand would take.
+``--chance`` draws series without a change and counts the false alarms of the scan; ``--years`` simulates
+years on the separate bench, some without a change and some in which the valve's leak grows; ``--runs`` times
+a survey of runs of 28 records, and extrapolates to a thousand.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ SCATTERS: dict[str, Draw] = {
 
 
 def chance(courses: int) -> dict[str, dict[str, float]]:
-    """How often a course in which nothing changes has p < 1 %, and p < 1 %/40, as one of forty needs."""
+    """How often a series without a change has p < 1 %, and p < 1 %/40, the level for one of forty."""
     counts = (20, 50, 100)
     rows, results = [("scatter between runs", *(f"{n} runs" for n in counts))], {}
     for name, draw in SCATTERS.items():
@@ -101,7 +101,7 @@ def _year(folder: Path, runs: int, seed: int, grown: float) -> None:
 
 
 def years(count: int, runs: int, grown: float) -> dict[str, Any]:
-    """Surveys of so many years with the whole library, and what they said."""
+    """Surveys of some years with the whole library, and their results."""
     model = load_model(MODEL)
     verdicts, named, first, sizes = [], [], [], []
     for seed in range(1, count + 1):
@@ -131,7 +131,7 @@ def years(count: int, runs: int, grown: float) -> dict[str, Any]:
 
 
 def cost(runs: int) -> dict[str, float]:
-    """Wall time and processor of a survey of runs of 28 records on two cores, each run and for a thousand."""
+    """Wall and CPU time of a survey of runs of 28 records on two cores, per run and for a thousand."""
     with tempfile.TemporaryDirectory() as place, switched_off():
         folder = Path(place)
         for k in range(runs):

@@ -1,7 +1,7 @@
-"""Pieces of work on one worker and on two, here and on a cluster: ``python -m benchmarks.tasks``.
+"""Tasks on one worker and on two, locally and on a cluster: ``python -m benchmarks.tasks``.
 
-Efficiency is the time of one worker over twice that of two. Pieces that compute show it for a quiet machine
-only; pieces that wait show what handing them out costs on any.
+Efficiency is the time of one worker over twice that of two. Computing tasks show it only on an idle machine;
+waiting tasks show the cost of distribution on any.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rigctl.tasks import Workers, map_tasks
 
 
 def seconds(work: object, pieces: int, workers: Workers) -> float:
-    """From the first result on: starting a worker is not counted."""
+    """Seconds from the first result on, without the start of the workers."""
     began = None
     for _ in map_tasks(work, range(pieces + 1), workers):  # type: ignore[arg-type, var-annotated]
         began = began or time.perf_counter()
@@ -26,7 +26,7 @@ def seconds(work: object, pieces: int, workers: Workers) -> float:
 
 
 def simulated() -> dict[str, dict[str, float]]:
-    """Efficiency by length of a piece and number of workers, with a scheduler of 1 ms a piece."""
+    """Efficiency by duration of a task and number of workers, with a scheduler of 1 ms per task."""
     workers = (10, 100, 300, 1000)
     rows, results = [("a piece lasts", *(f"{count} workers" for count in workers))], {}
     for lasts in (0.1, 0.5, 1.0, 2.0, 10.0, 60.0):

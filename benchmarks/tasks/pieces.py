@@ -1,4 +1,4 @@
-"""What is handed out: functions that other processes can import."""
+"""The distributed tasks: functions that other processes can import."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from rigctl.tasks import seed_of
 
-#: s of a piece, about what a fit takes
+#: duration of a task, about that of a fit, s
 LASTS = 0.5
 
 
 def computes(piece: int) -> float:
-    """So many seconds of one core, by the processor's clock."""
+    """Compute for some seconds of CPU time on one core."""
     chance = np.random.default_rng(seed_of(1, piece))
     began = time.process_time()
     total = 0.0

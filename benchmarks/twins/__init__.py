@@ -1,1 +1,1 @@
-"""The ambiguous twins of the published bench, learnt by `rigctl learn` alone."""
+"""The ambiguous twins of the published bench, identified by `rigctl learn` alone."""

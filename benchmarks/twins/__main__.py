@@ -1,9 +1,9 @@
-"""Six benches that look alike in twos, each learnt from the textbook model: ``python -m benchmarks.twins``.
+"""Six benches in three similar pairs, each learnt from the textbook model: ``python -m benchmarks.twins``.
 
 Each of a pair is hidden in the separate bench (`rigctl.validation.bench`) with 10 sigmas, or `--size`, in a
 first campaign of four temperatures and three pressures; `rigctl learn` does the rest, up to six rounds.
-Either what is hidden is added, alone, or the class that is left is said not to be separable, with the sensor
-that would tell.
+Either only the hidden effect is added, or the remaining class is reported as inseparable, with the sensor
+that would separate it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ ROUNDS = 6
 
 
 def main() -> None:
-    """Learn each, print what came of it, and keep it beside this file."""
+    """Learn each, and print and store the results."""
     parser = argparse.ArgumentParser(description="Let the separate bench learn.")
     parser.add_argument("--size", type=float, default=10.0, help="of what is hidden, in sigmas")
     parser.add_argument("--seed", type=int, default=73_000)

@@ -1,9 +1,9 @@
 """From a slider to its curves: ``python -m benchmarks.workbench [--records 28]``.
 
-Serves a project with so many strokes, opens the textbook model on them in Chromium as a user does, and drags.
-A time is from the slider's event to the frame in which everything has been drawn: curves, residuals, errors
-and map. Dragged are a parameter of the model, and the size of an effect that was switched on; a switch asks
-for the equations of the whole library. ``exact_s`` is what fitting the records' own unknowns takes then.
+Serves a project with some strokes, opens the textbook model on them in Chromium, and drags sliders. A time is
+from the slider's event to the frame in which everything has been drawn: curves, residuals, errors and map.
+The sliders are a parameter of the model, and the size of an effect that was switched on, which needs the
+equations of the whole library. ``exact_s`` is the time of the following fit of the record-level unknowns.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 from benchmarks.record import keep, table
 
 _TESTS = Path(__file__).parents[2] / "tests"
-#: events of one drag, 16 ms apart as a mouse sends them
+#: events of one drag, 16 ms apart as from a mouse
 _EVENTS = 120
 _LISTEN = """() => {
   window.drawn = [];
@@ -46,7 +46,7 @@ _DRAG = """async ([label, events]) => {
 
 
 def project(folder: Path, records: int) -> None:
-    """A project with the first so many strokes of the shipped campaign as a run."""
+    """A project with the first strokes of the shipped campaign as a run."""
     from rigctl.cli.commands.init import create_project
     from rigctl.dataset.assumptions import read_assumptions
     from rigctl.dataset.importing import import_files
@@ -63,7 +63,7 @@ def project(folder: Path, records: int) -> None:
 
 
 def dragged(page: Any, label: str) -> dict[str, float]:
-    """ms from an event to its frame, and what of that the simulation takes."""
+    """ms from an event to its frame, and the part of the simulation."""
     page.evaluate(_DRAG, [label, _EVENTS])
     page.locator("[data-exact=yes]").wait_for()
     drawn = [one for one in page.evaluate("window.drawn") if not one[1]]
