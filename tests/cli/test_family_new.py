@@ -207,6 +207,28 @@ def test_a_logger_s_own_dates_signs_and_words(empty: Path) -> None:
     assert open_run("latest").record(0).channels["drehzahl"].size == 100
 
 
+@pytest.mark.parametrize("name", ["Clock", "Stamp 1"])
+def test_a_clock_of_any_name_that_passes_midnight_with_rows_written_twice(empty: Path, name: str) -> None:
+    def row(k: int) -> str:
+        level = 300.0 * (1.0 - np.exp(-max(0, k - 10) / 30.0))
+        seconds = (86340 + 2 * k) % 86400
+        clock = f"{seconds // 3600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+        return f"{clock},{6 if k > 10 else 0},{level:.1f}"
+
+    rows = [row(k) for k in range(90)]
+    rows[40:40] = rows[38:40][-1:]
+    (empty / "log.csv").write_text(
+        "\n".join([f"{name},Heater [W],Oven [degC]", *rows]) + "\n", encoding="utf-8"
+    )
+    done = answer("family", "new", "oven", "--csv", "log.csv")
+    assert {c["name"]: c["role"] for c in done["columns"]} == {"heater": "input", "oven": "output"}
+    assert done["fit"]["problem"] is None
+    follow(done["next"][:1])
+    record = open_run("latest").record(0)
+    assert record.channels["oven"].size == 90
+    assert np.diff(record.time).tolist() == [2.0] * 89
+
+
 def test_a_flywheel_s_turns_are_counted_in_rpm_and_the_room_is_no_output(empty: Path) -> None:
     """``1/min`` counts anything per minute; of a Drehzahl it is turns, and friction may act on it."""
 

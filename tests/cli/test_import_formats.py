@@ -175,7 +175,7 @@ def test_bad_rows_are_named_and_can_be_left_out(
         convert(Path("bad.csv"), Path(f"bad.{ending}"))
     runs = len(list(Path("runs").iterdir()))
     said = refusal("import", f"bad.{ending}", *RIG)
-    assert "time: it does not go on inside a record, got '20.03 s'" in said
+    assert "time: it does not increase within a record, got '20.03 s'" in said
     assert "1 bad row" in said
     assert len(list(Path("runs").iterdir())) == runs
     done = answer("import", f"bad.{ending}", *RIG, "--keep-good")

@@ -164,7 +164,7 @@ def test_records_with_gaps_and_irregular_sampling_are_compared_as_they_are() -> 
 def test_time_that_goes_back_inside_a_record() -> None:
     file = write(EVERY, lambda row, k: ["0.5", *row[1:]] if k == 100 else row)
     said = refusal("import", file, *RIG)
-    assert "data.csv:102: time: it does not go on inside a record, got '0.5 s'; expected more than" in said
+    assert "data.csv:102: time: it does not increase within a record, got '0.5 s'; expected more than" in said
     assert "nothing was imported: 1 bad row" in said
     assert answer("import", file, *RIG, "--keep-good")["left_out"] == 1
 

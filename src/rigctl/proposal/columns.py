@@ -11,7 +11,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.dataset.importing.table import Heading
+from rigctl.dataset.importing.table import Heading, Source
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.physics.formulas import reserved_names
 from rigctl.units import Unit, is_speed_of_rotation, parse_unit
@@ -21,7 +21,6 @@ Role = Literal["input", "output", "left out"]
 
 #: rows that are examined: enough to classify a column
 _MOST_ROWS: Final = 200_000
-_TIMES: Final = ("time", "t", "zeit", "timestamp", "time_s", "t_s", "elapsed", "elapsed_time", "seconds")
 _RECORDS: Final = ("record", "run", "experiment", "trial", "segment")
 #: words in the name of a rotating quantity
 _TURNING: Final = ("drehzahl", "umdrehung", "rpm", "rotation", "revolution", "spindle", "shaft", "rotor")
@@ -81,6 +80,7 @@ class Table:
     times: (n) seconds; None for a table without time.
     record: (n) which record each row belongs to.
     renamed: the option for an import, ``theirs=ours [unit]``.
+    copies: some rows are exact copies of the row before, and times increase otherwise.
     """
 
     path: Path | None
@@ -88,6 +88,7 @@ class Table:
     times: Floats | None
     record: NDArray[np.int64]
     renamed: tuple[str, ...] = ()
+    copies: bool = False
 
     def column(self, name: str) -> Column:
         """The column with this name, on the bench or in the file.
@@ -121,7 +122,7 @@ def read_columns(path: Path, units: Mapping[str, str]) -> Table:
         the file cannot be read, has no numbers, or a unit is unknown.
     """
     from rigctl.dataset.importing.formats import open_source
-    from rigctl.dataset.importing.headings import folded
+    from rigctl.dataset.importing.headings import TIMES, folded
     from rigctl.dataset.importing.options import Options
     from rigctl.dataset.importing.read_table import table_of
 
@@ -129,8 +130,9 @@ def read_columns(path: Path, units: Mapping[str, str]) -> Table:
     found = {heading.name: _heading(heading, units) for heading in source.headings}
     _check_units(units, found.values())
     plain = {name: heading.plain.strip().casefold() for name, heading in found.items()}
-    time = next((name for name, ours in plain.items() if ours in _TIMES), None)
+    time = next((name for name, ours in plain.items() if folded(ours) in TIMES), None)
     record = next((name for name, ours in plain.items() if ours in _RECORDS), None)
+    time = time or _stamps(path, source)
     # a time may be written as a date, which only a time is read from
     named = {name: meaning for name, meaning in ((time, "time"), (record, "record")) if name is not None}
     options = Options(columns=named)
@@ -163,7 +165,35 @@ def read_columns(path: Path, units: Mapping[str, str]) -> Table:
         raise RigctlError(
             "there is nothing measured in this file", value=str(path), expected="columns of numbers"
         )
-    return Table(path, tuple(columns), times, codes, tuple(renamed))
+    return Table(
+        path, tuple(columns), times, codes, tuple(renamed), copies=_are_copies(columns, times, codes)
+    )
+
+
+def _are_copies(columns: Sequence[Column], times: Floats | None, codes: NDArray[np.int64]) -> bool:
+    """Whether every row whose time is that of the row before is a copy of it, and there is one."""
+    if times is None:
+        return False
+    again = np.flatnonzero((np.diff(times) == 0.0) & (np.diff(codes) == 0)) + 1
+    same = (np.array_equal(c.values[again], c.values[again - 1], equal_nan=True) for c in columns)
+    return again.size > 0 and all(same)
+
+
+def _stamps(path: Path, source: Source) -> str | None:
+    """The first column of dates or times of day, whatever its name; None without one."""
+    from rigctl.dataset.importing.formats import open_source
+    from rigctl.dataset.importing.options import Options
+    from rigctl.dataset.importing.read_table import table_of
+
+    for name in table_of(source, path, Options(), keep_good=True, most=1).texts:
+        options = Options(columns={name: "time"})
+        try:
+            read = table_of(open_source(path, options), path, options, keep_good=True, most=1)
+        except RigctlError:
+            continue  # other words, or a date that can be read in two ways
+        if read.time is not None:
+            return name
+    return None
 
 
 @dataclass(frozen=True)

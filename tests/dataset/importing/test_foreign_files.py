@@ -153,7 +153,7 @@ def test_bad_rows_are_counted_in_their_group(tmp_path: Path, rig: Rig) -> None:
         ("b", "position", POSITION, {"unit_string": "mm"}),
     )
     said = refusal(path, rig)
-    assert "log.tdms:6: in group 'b': time: it does not go on inside a record" in said
+    assert "log.tdms:6: in group 'b': time: it does not increase within a record" in said
     run = run_of(path, rig, keep_good=True)
     assert run.info["rows"] == 39
 

@@ -212,7 +212,7 @@ def test_bad_rows_are_named_by_line_and_nothing_is_imported(importer: Importer) 
         3: ("valve: not a number", "x"),
         4: ("wrong number of cells", "3 cells"),
         5: ("valve: no such position", "2"),
-        6: ("time: it does not go on inside a record", "0.02 s"),
+        6: ("time: it does not increase within a record", "0.02 s"),
         7: ("record: not a whole number", "0.5"),
         8: ("time: the value is missing", None),
         9: ("position: not a number", "1e999"),

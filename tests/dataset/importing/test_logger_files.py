@@ -256,6 +256,14 @@ def test_headings_of_other_programs(desk: Desk) -> None:
     run = desk.run(f"{head}Time / s;temperature_1 in degC;\n0;20;\n1;21;\n")
     assert run.signals("temperature_1") - 273.15 == pytest.approx([20.0, 21.0])
     assert any("before the heading" in note for note in desk.notes)
+    # notes that a spreadsheet has padded to the width of the table, and units in a row of their own
+    head = "Logger 7;SN 12;\n\nBy;;\n"
+    run = desk.run(f"{head}Time;temperature_1;temperature_2\n[s];[degC];[degC]\n0;20;30\n1;21;31\n")
+    assert run.signals("temperature_2") - 273.15 == pytest.approx([30.0, 31.0])
+    assert any("2 lines before the heading, on line 4" in note for note in desk.notes)
+    # a merged heading in two rows
+    run = desk.run(f"time [s],Board,\n,{T1},temperature_2 [degC]\n0,20,30\n1,21,31\n")
+    assert run.layout.channels == ("temperature_1", "temperature_2")
     # numpy.savetxt with a header
     run = desk.run(f"# time [s], {T1}\n0.0,20.0\n1.0,21.0\n")
     assert run.signals("time").tolist() == [0.0, 1.0]
@@ -366,7 +374,7 @@ def test_policies_for_times_that_do_not_go_on(desk: Desk) -> None:
     assert [error.where.line for error in problem.errors[:-1]] == [4, 7]
     run = desk.run(text, times="drop")
     assert run.signals("time").tolist() == [0, 1, 2, 3, 4]
-    assert "2 rows whose time does not go on were dropped, the first of them on line 4" in desk.notes
+    assert "2 rows whose time does not increase were dropped, the first of them on line 4" in desk.notes
     run = desk.run(rows_of([0, 0, 1, 1, 2, 2]), times="spread")
     assert run.signals("time").tolist() == [0, 0.5, 1, 1.5, 2, 2.5]
     run = desk.run(rows_of([0, 1, 2, 0, 1, 5, 6]), times="split")

@@ -98,7 +98,7 @@ def test_a_cell_that_is_no_number_is_named_by_its_place(tmp_path: Path, board: R
     assert np.isnan(run_of(path, board, missing=("warm",)).signals("temperature_1")[1])
     path = saved(tmp_path / "log.xlsx", {"Log": [["time [s]", T1], [0, 20], [2, 21], [1, 22]]})
     assert "log.xlsx:4: in sheet" not in refusal(path, board)
-    assert "log.xlsx:4: time: it does not go on" in refusal(path, board)
+    assert "log.xlsx:4: time: it does not increase" in refusal(path, board)
 
 
 def test_spreadsheets_that_are_none(tmp_path: Path, board: Rig, monkeypatch: pytest.MonkeyPatch) -> None:

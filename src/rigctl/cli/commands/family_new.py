@@ -179,7 +179,10 @@ def _commands(proposal: Proposal, arguments: Sequence[str]) -> list[str]:
     commands = []
     if proposal.table.path is not None:
         columns = "".join(f' --columns "{text}"' for text in arguments)
-        commands.append(f"rigctl import {proposal.table.path.as_posix()} --rig {proposal.rig}{columns}")
+        copies = " --times drop" if proposal.table.copies else ""
+        commands.append(
+            f"rigctl import {proposal.table.path.as_posix()} --rig {proposal.rig}{columns}{copies}"
+        )
         commands.append(f"rigctl compare latest --model {proposal.model}")
     commands.append(f"rigctl simulate {proposal.procedure}")
     commands.append(f"rigctl effects list --slots --family {proposal.family}")

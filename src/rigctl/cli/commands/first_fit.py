@@ -90,7 +90,7 @@ def _fitted(proposal: Proposal, root: Path, columns: Sequence[str]) -> FitResult
     from rigctl.analysis.fitting import fit_to_data, read_runs
     from rigctl.cli.progress import telling
     from rigctl.dataset import open_run
-    from rigctl.dataset.importing import import_file
+    from rigctl.dataset.importing import Options, import_file
     from rigctl.model import load_model
     from rigctl.rig import load_rig
 
@@ -102,7 +102,8 @@ def _fitted(proposal: Proposal, root: Path, columns: Sequence[str]) -> FitResult
         tempfile.TemporaryDirectory(prefix="rigctl-") as folder,
         telling("the files are there") as on_progress,
     ):
-        done = import_file(table.path, rig, Path(folder), columns=columns)
+        options = Options(times="drop" if table.copies else "refuse")
+        done = import_file(table.path, rig, Path(folder), columns=columns, options=options)
         model = load_model(root / proposal.model)
         data = read_runs(model, [open_run(done.path)], on_progress=on_progress)
         return fit_to_data(model, data, on_progress=on_progress)

@@ -12,7 +12,7 @@ import numpy as np
 from rigctl.dataset.importing.columns import Assigned
 from rigctl.dataset.importing.labels import BETWEEN, IMPOSSIBLE, LabelBook, describe_label
 from rigctl.dataset.importing.missing_values import NO_NUMBER
-from rigctl.dataset.importing.table import KEPT_FAULTS, Fault, Part
+from rigctl.dataset.importing.table import KEPT_FAULTS, NOT_INCREASING, Fault, Part
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -162,7 +162,7 @@ class Checker:
             back = np.flatnonzero((time[here] < times[:-1]) | stands)
             bad.add(
                 here[back],
-                "time: it does not go on inside a record",
+                NOT_INCREASING,
                 [f"{value:.9g} s" for value in time[here[back[:KEPT_FAULTS]]].tolist()],
                 [f"more than {value:.9g} s, or a new record" for value in times[back[:KEPT_FAULTS]].tolist()],
             )

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal
 
-from rigctl.dataset.importing.headings import folded, split_heading
+from rigctl.dataset.importing.headings import TIMES, folded, split_heading
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Heading
 from rigctl.errors import RigctlError, nearest_name, unknown_name
@@ -32,10 +32,6 @@ _COMMON: Final[Mapping[str, tuple[Kind, str]]] = {
     "position": ("channel", "m"),
 }
 _UNKNOWN: Final = "unknown column"
-#: names of time in other programs; only used for suggestions
-_TIMES: Final = frozenset(
-    ("t", "timestamp", "time_stamp", "datetime", "date_time", "zeit", "uhrzeit", "zeitstempel", "datum_zeit")
-)
 #: name of the times of a channel with its own clock: ``time of temperature_2 [s]``
 _CLOCK: Final = "time of "
 #: as our name: omit the column
@@ -154,7 +150,7 @@ def _suggest(errors: Sequence[UnknownColumn], rig: Rig | None, found: Mapping[st
     for error in errors:
         name, unit = error.value or "", error.unit
         fitting = [known for known in free if unit is None or _fits(known, unit, rig)]
-        near = "time" if folded(name) in _TIMES and "time" in free else None
+        near = "time" if folded(name) in TIMES and "time" in free else None
         if near is None and rig is not None:  # without a rig, any name would be a guess
             near = nearest_name(name, fitting)
         if near is None and unit is not None and rig is not None:

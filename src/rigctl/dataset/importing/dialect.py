@@ -95,7 +95,7 @@ def find_dialect(path: Path, head: str, options: Options, *, whole: bool) -> Dia
     cells, first, line = _heading(text, delimiter, rows, index)
     if line == 0:
         remarks.append(f"the file has no heading; its columns are called 1 to {len(cells)}")
-    elif index and rows[0].line < line and first:
+    elif rows[0].line < line and first:
         remarks.append(f"{len(_before(rows, line))} lines before the heading, on line {line}, are left out")
     sample = rows[first:]
     units, sample = _unit_row(cells, sample)
@@ -198,7 +198,8 @@ def _heading(text: str, delimiter: str, rows: list[Row], index: int) -> tuple[li
     """Return the heading's cells, the index of the first row after it, and its line; 0 without a heading."""
     row = rows[index]
     if not _is_data(row):
-        return list(row.cells), index + 1, row.line
+        cells, index = _below_padding(rows, index)
+        return cells, index + 1, rows[index].line
     if index and not _is_data(rows[index - 1]) and abs(len(rows[index - 1].cells) - len(row.cells)) <= 1:
         return list(rows[index - 1].cells), index, rows[index - 1].line
     before = text.splitlines()[: row.line - 1]
@@ -209,6 +210,31 @@ def _heading(text: str, delimiter: str, rows: list[Row], index: int) -> tuple[li
             if len(cells) == len(row.cells) and not _is_data(Row(line, line, tuple(cells))):
                 return cells, index, line
     return [str(number) for number in range(1, len(row.cells) + 1)], index, 0
+
+
+def _below_padding(rows: Sequence[Row], index: int) -> tuple[list[str], int]:
+    """The cells of the heading and its index, where `index` is the first row as wide as the table.
+
+    A spreadsheet pads the notes above a table to its width, and writes a merged heading in two rows: names
+    that are missing in one row are taken from the row below it, or above it.
+    """
+    cells = list(rows[index].cells)
+    for place, below in enumerate(rows[index + 1 :], start=index + 1):
+        if all(cell.strip() for cell in cells) or len(below.cells) != len(cells) or _is_data(below):
+            break
+        if _filled(below.cells) < _filled(cells):
+            continue  # another note
+        if any(looks_numeric(cell) or _MOMENT.fullmatch(cell) for cell in below.cells if cell.strip()):
+            break  # values, some of which are texts
+        if _unit_row(cells, [below])[0]:
+            break
+        pairs = zip(below.cells, cells, strict=True)
+        cells, index = [own if own.strip() else above for own, above in pairs], place
+    return cells, index
+
+
+def _filled(cells: Sequence[str]) -> int:
+    return sum(bool(cell.strip()) for cell in cells)
 
 
 def _before(rows: Sequence[Row], line: int) -> list[Row]:

@@ -112,7 +112,7 @@ class Stages:
         if left and self.options.times == "drop":
             line = int(part.lines[np.flatnonzero(~good)[0]])
             self.remarks.append(
-                f"{left} rows whose time does not go on were dropped, the first of them on line {line}"
+                f"{left} rows whose time does not increase were dropped, the first of them on line {line}"
             )
             part = cut(part, good)
             times = times[good]

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 KEPT_FAULTS: Final = 1000
 #: bad rows that are listed individually
 _LISTED: Final = 20
+#: what is wrong with a row at or before the time of the previous row
+NOT_INCREASING: Final = "time: it does not increase within a record"
 #: rows of a part: many for speed, but few enough for files of any length
 PART_ROWS: Final = 1 << 17
 
@@ -153,12 +155,15 @@ def labels_of_texts(texts: Sequence[str]) -> Labels:
 def refuse(path: Path, faults: Sequence[Fault], count: int) -> RigctlError:
     """Return the error for a file with `count` bad rows, row by row, and how to import the rest."""
     listed = [fault.error(path) for fault in faults[:_LISTED]]
+    hint = "'--keep-good' imports the other rows"
+    if any(fault.what == NOT_INCREASING for fault in faults):
+        hint += "; '--times drop', 'spread' or 'split' deals with these times"
     more = count - len(listed)
     rest = f"{count} bad row{'' if count == 1 else 's'}" + (f", {more} of them not listed" if more else "")
     listed.append(
         RigctlError(
             f"nothing was imported: {rest}",
-            hint="'--keep-good' imports the other rows",
+            hint=hint,
             where=Location(path),
             exit_code=ExitCode.USAGE,
         )
