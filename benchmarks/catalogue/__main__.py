@@ -24,11 +24,11 @@ import numpy as np
 from benchmarks.journal.__main__ import LAYOUT
 from benchmarks.record import command_seconds, keep, median_seconds, table
 from rigctl.dataset import RunHeader, RunWriter, Source, list_runs
+from rigctl.dataset.day_folders import shard_of
 from rigctl.dataset.index.file import index_path
 from rigctl.dataset.index.schema import INNER_COLUMNS, RUN_COLUMNS, quoted
 from rigctl.dataset.index.select import select
 from rigctl.dataset.run_json import checksum, read_info
-from rigctl.dataset.shards import shard_of
 
 BEGAN = datetime(2020, 1, 1, tzinfo=UTC)
 RIGS = ("bench A", "bench B", "bench C")

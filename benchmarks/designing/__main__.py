@@ -15,10 +15,10 @@ from typing import TypeVar
 from benchmarks.record import keep, table
 from rigctl.analysis.diagnosis import diagnose
 from rigctl.design.design import design_experiment
+from rigctl.design.information_so_far import known_so_far
 from rigctl.design.rivals import question_of
 from rigctl.design.scheme import schemes_of, stage_of
 from rigctl.design.search import CANDIDATES, Workshop, first_candidates
-from rigctl.design.so_far import known_so_far
 from rigctl.engine.kept import switched_off
 from rigctl.files.shipped import shipped
 from rigctl.model import load_model

@@ -25,7 +25,7 @@ from rigctl.backends.protocol import Backend
 from rigctl.backends.registry import create_backend
 from rigctl.clock import real_clock
 from rigctl.dataset import RunHeader, RunWriter, Source, journal, log
-from rigctl.dataset.background import BackgroundWriter
+from rigctl.dataset.disk_thread import BackgroundWriter
 from rigctl.dataset.header import source_of_rig
 from rigctl.files.shipped import shipped
 from rigctl.procedure import expand, parse_procedure

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from rigctl.dataset import RunWriter, annotate, exclude, find_run, list_runs, open_run, query
-from rigctl.dataset import shards as shards_module
+from rigctl.dataset import RunWriter, annotate, day_folders, exclude, find_run, list_runs, open_run, query
 from rigctl.dataset.index import file as index_file
 from rigctl.dataset.index.file import index_path, is_indexed
 from rigctl.dataset.run_order import run_folders
@@ -36,13 +35,13 @@ def many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def four(make_run: RunMaker, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """The first lies in the runs folder as it was; there are many then."""
     first = make_run(NAMES[0], records=1, rows=2)
-    monkeypatch.setattr(shards_module, "SHARD_FROM", 1)
+    monkeypatch.setattr(day_folders, "SHARD_FROM", 1)
     return [first, *(make_run(name, records=1, rows=2 + number) for number, name in enumerate(NAMES[1:]))]
 
 
 def settle(runs: Path) -> None:
     """As if nothing had been done here for some time."""
-    for folder in (runs, *(each for each in runs.iterdir() if shards_module.is_shard(each.name))):
+    for folder in (runs, *(each for each in runs.iterdir() if day_folders.is_shard(each.name))):
         os.utime(folder, (1e9, 1e9))
 
 

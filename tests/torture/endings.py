@@ -31,7 +31,7 @@ from rigctl.backends.emulated import create as emulated
 from rigctl.backends.emulated.port import EmulatedPort
 from rigctl.clock import VirtualClock
 from rigctl.dataset import RunWriter, journal, log, open_run, verify, writer
-from rigctl.dataset.background import BackgroundWriter
+from rigctl.dataset.disk_thread import BackgroundWriter
 from rigctl.dataset.verification import Condition
 from rigctl.rig import Rig
 from run_workshop import Workshop

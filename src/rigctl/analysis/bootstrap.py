@@ -26,11 +26,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.sending import lean
 from rigctl.engine.least_squares import Prior, Unknown
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.model.fit.fit import FitResult, fit
+from rigctl.model.fit.fit import FitResult, fit, lean
 from rigctl.model.stated import stated_values
 from rigctl.tasks import Workers, map_tasks, seed_of
 from rigctl.units import parse_unit

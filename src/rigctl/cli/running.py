@@ -14,7 +14,7 @@ import typer
 from rigctl.cli.echo import echo, echo_json
 
 if TYPE_CHECKING:
-    from rigctl.dataset.judgement import Judgement
+    from rigctl.dataset.pass_fail import Judgement
     from rigctl.plan import Plan
     from rigctl.runner.launch import Launch
     from rigctl.runner.session import RunResult

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from rigctl.dataset.day_folders import places_of
 from rigctl.dataset.index.file import ask, ask_stored, is_indexed
 from rigctl.dataset.index.rows import DAMAGED, facts_of
 from rigctl.dataset.index.select import select, select_page
@@ -16,7 +17,6 @@ from rigctl.dataset.run_json import NAME as RUN_JSON
 from rigctl.dataset.run_json import read_info
 from rigctl.dataset.run_order import is_run, run_folders
 from rigctl.dataset.run_status import status_of
-from rigctl.dataset.shards import places_of
 from rigctl.dataset.storage.store import Store, StoredFolder
 from rigctl.errors import RigctlError
 from rigctl.project import find_project, is_address

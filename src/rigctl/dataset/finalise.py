@@ -17,8 +17,8 @@ from rigctl.dataset.history import (
     ended_at,
     read_history,
 )
-from rigctl.dataset.judgement import judge
 from rigctl.dataset.parquet import write_table
+from rigctl.dataset.pass_fail import judge
 from rigctl.dataset.samples_file import SampleFacts, sample_facts, set_aside_journal, write_samples
 from rigctl.dataset.writer_lock import lock_folder
 

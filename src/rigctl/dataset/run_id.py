@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from rigctl.dataset.shards import is_taken
+from rigctl.dataset.day_folders import is_taken
 from rigctl.errors import RigctlError, nearest_name
 
 #: name of the newest run on the command line

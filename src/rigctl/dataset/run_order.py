@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rigctl.dataset import log, run_json
+from rigctl.dataset.day_folders import is_shard
 from rigctl.dataset.run_json import read_info
-from rigctl.dataset.shards import is_shard
 from rigctl.errors import RigctlError
 
 

@@ -19,12 +19,12 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.dataset import journal, log
+from rigctl.dataset.day_folders import folder_for
 from rigctl.dataset.history import read_history
 from rigctl.dataset.journal import JournalWriter
 from rigctl.dataset.log import LogWriter
 from rigctl.dataset.run_id import free_run_id
 from rigctl.dataset.run_json import RUNNING, read_info, write_info
-from rigctl.dataset.shards import folder_for
 from rigctl.dataset.writer_lock import FolderLock, lock_folder
 from rigctl.errors import ExitCode, Location, RigctlError, shorten
 from rigctl.plan.measured import MeasuredValue

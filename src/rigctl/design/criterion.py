@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.decision_levels import LEAST_SEPARATION
 from rigctl.design.information import Evidence
+from rigctl.design.information_so_far import Known
 from rigctl.design.power import Gain, enough, enough_seen, seen, threshold_of, told_apart
 from rigctl.design.result import NONE
 from rigctl.design.rivals import Question, Rival
-from rigctl.design.so_far import Known
 
 Floats = NDArray[np.float64]
 #: indices of a truth and of a rival

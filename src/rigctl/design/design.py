@@ -1,7 +1,8 @@
 """Design the next experiment for a model on its runs.
 
-The explanations that a diagnosis leaves are linearised at their fits (`so_far`), a search finds records that
-the rig can make (`search`), and their power is predicted over draws from the posteriors (`promise`).
+The explanations that a diagnosis leaves are linearised at their fits (`information_so_far`), a search finds
+records that the rig can make (`search`), and their power is predicted over draws from the posteriors
+(`assurance`).
 """
 
 from __future__ import annotations
@@ -16,10 +17,12 @@ from rigctl.analysis.diagnosis import diagnose
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.search import OnProgress
 from rigctl.dataset.run import Run
+from rigctl.design.assurance import DRAWS, Draws, Promise, as_refitted, promised
 from rigctl.design.criterion import Criterion, Detection, Discrimination, Precision
 from rigctl.design.information import Evidence
+from rigctl.design.information_so_far import Known, known_so_far
+from rigctl.design.precision import half_width, unit_of
 from rigctl.design.procedure_text import Writer, called_so_far
-from rigctl.design.promise import DRAWS, Draws, Promise, as_refitted, promised
 from rigctl.design.recipe import Stage, lines_of
 from rigctl.design.refitted_gain import TAKEN_UP
 from rigctl.design.refusals import NothingLeft, NothingToSet, TooLittleTime
@@ -30,10 +33,8 @@ from rigctl.design.rivals import Question, nothing_left, question_of, require_na
 from rigctl.design.scheme import schemes_of, stage_of
 from rigctl.design.search import Proposal, Search, Workshop, first_candidates, together
 from rigctl.design.sensors import best_sensor, sensor_sets
-from rigctl.design.size import half_width, unit_of
-from rigctl.design.so_far import Known, known_so_far
 from rigctl.design.table_rows import design_rows
-from rigctl.design.words import HALF, added, header, reason, repeats_with, statement
+from rigctl.design.text import HALF, added, header, reason, repeats_with, statement
 from rigctl.engine.one_thread import one_thread
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.model import Model

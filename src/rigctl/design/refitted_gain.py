@@ -15,13 +15,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.sending import lean
 from rigctl.design.rivals import Rival
 from rigctl.design.virtual_records import Outlines, Scene
 from rigctl.engine.least_squares import started
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
-from rigctl.model.fit.fit import fit
+from rigctl.model.fit.fit import fit, lean
 from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.tasks import Workers, map_tasks

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from rigctl.design.criterion import Criterion
 from rigctl.design.feasible import inside_validity, keeps_clear
 from rigctl.design.information import Evidence
+from rigctl.design.information_so_far import Known
 from rigctl.design.recipe import Recipe, Stage
 from rigctl.design.refitted_gain import sent
 from rigctl.design.rig_time import RigTime
 from rigctl.design.rivals import Rival
 from rigctl.design.scheme import Scheme
-from rigctl.design.so_far import Known
 from rigctl.design.virtual_records import Course, Scene, predict
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError

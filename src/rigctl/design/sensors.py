@@ -28,7 +28,7 @@ from rigctl.noise import ChannelNoise
 from rigctl.noise.whitening import whiten
 from rigctl.physics.family import Formula, ModelFamily, OutputVariable
 from rigctl.physics.units import si_unit
-from rigctl.rig.possible import PossibleChannel
+from rigctl.rig.possible_sensors import PossibleChannel
 from rigctl.rig.rig import Rig
 
 Floats = NDArray[np.float64]

@@ -17,13 +17,13 @@ from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.localisation import variable_units
 from rigctl.design.criterion import Discrimination
 from rigctl.design.information import Evidence
+from rigctl.design.information_so_far import known_so_far
 from rigctl.design.power import Gain
 from rigctl.design.result import DesignResult, Outlook, ProposedRecord
 from rigctl.design.rivals import Question
 from rigctl.design.scheme import Free, allowed, tenth
-from rigctl.design.so_far import known_so_far
+from rigctl.design.text import added, statement
 from rigctl.design.virtual_records import predict
-from rigctl.design.words import added, statement
 from rigctl.model.inputs import input_sources
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.rig.rig import Rig

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rigctl.design.result import DesignResult, ProposedRecord
-from rigctl.design.words import share
+from rigctl.design.text import share
 from rigctl.planning.outline import clock_time
 
 _WIDTH = 96

@@ -19,14 +19,13 @@ from rigctl.analysis.linearisation import linearise
 from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.refit import RefittedSet, refit
 from rigctl.analysis.score_test import screen
-from rigctl.analysis.sending import lean
 from rigctl.discovery.effect_file import effect_of, scale_parameters
 from rigctl.discovery.formulas import Formula
 from rigctl.discovery.grammar import DISTANCES
 from rigctl.discovery.open_slots import OnProgress
 from rigctl.effects.declaration import qualified
 from rigctl.engine.one_thread import one_thread
-from rigctl.model.fit.fit import FitResult
+from rigctl.model.fit.fit import FitResult, lean
 from rigctl.tasks import Workers, map_tasks
 
 #: number of formulas that are refitted, and of those that are started at several scales

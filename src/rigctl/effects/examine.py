@@ -15,7 +15,7 @@ from rigctl.effects.writing import Written, nominal, write_out
 from rigctl.engine.symbols import Expr, evaluate, variables_of
 from rigctl.errors import RigctlError
 from rigctl.physics.family import ModelFamily
-from rigctl.physics.soundness import Point, first_gap, resting_points
+from rigctl.physics.family_checks import Point, first_gap, resting_points
 from rigctl.units import show
 
 

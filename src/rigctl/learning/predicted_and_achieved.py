@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
+from rigctl.design.precision import known_to
 from rigctl.design.result import NONE, DesignResult
-from rigctl.design.size import known_to
 from rigctl.learning.result import CameOut, Promised
 
 

@@ -12,7 +12,7 @@ from rigctl.engine.trajectories import Trajectories
 from rigctl.model.build import build_system
 from rigctl.model.standard_record import standard_excitation
 from rigctl.physics.family import ModelFamily
-from rigctl.physics.soundness import Point
+from rigctl.physics.family_checks import Point
 from rigctl.physics.standard_record import StandardRecord
 from rigctl.rig.rig import Rig
 

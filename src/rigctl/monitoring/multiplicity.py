@@ -2,7 +2,7 @@
 
 All quantities are tested together at one level (Holm), each with all possible change points. A quantity that
 changes need not be the cause: a leak also moves a fitted friction, and every effect with a similar signature.
-`rigctl.monitoring.naming` determines which effect it is.
+`rigctl.monitoring.changed_effect` determines which effect it is.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rigctl.analysis.decision_levels import SURVEY_ALPHA
 from rigctl.monitoring.change_point import FEWEST_BESIDE
 from rigctl.monitoring.course import Shape, left_by, scatter_between, shape_of, standardised, whole_scatter
-from rigctl.monitoring.reading import Plan, Reading, solved
+from rigctl.monitoring.evaluation import Plan, Reading, solved
 from rigctl.monitoring.significance import COARSE, FINE, STRONGEST, Scan, best_possible, critical, scan
 
 Floats = NDArray[np.float64]

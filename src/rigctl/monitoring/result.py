@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.decision_levels import SURVEY_ALPHA
+from rigctl.monitoring.changed_effect import Named
 from rigctl.monitoring.entries import DATE, Axis, Entry
+from rigctl.monitoring.evaluation import Reading
 from rigctl.monitoring.multiplicity import Change, Course, Judged, Quantity
-from rigctl.monitoring.naming import Named
-from rigctl.monitoring.reading import Reading
 from rigctl.notebook import as_html, one_line
 from rigctl.units import parse_unit, show, with_uncertainty
 

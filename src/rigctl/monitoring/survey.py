@@ -16,10 +16,10 @@ from rigctl.engine.one_thread import one_thread
 from rigctl.errors import ExitCode, RigctlError, unknown_name
 from rigctl.model.measured.record import Measurements
 from rigctl.model.model import Model
+from rigctl.monitoring.changed_effect import name_changes, not_diagnosed, parameters_of
 from rigctl.monitoring.entries import Entries, Entry, entries_of
+from rigctl.monitoring.evaluation import Failure, Plan, Reading, problem_of, read_entry
 from rigctl.monitoring.multiplicity import Quantity, judge
-from rigctl.monitoring.naming import name_changes, not_diagnosed, parameters_of
-from rigctl.monitoring.reading import Failure, Plan, Reading, problem_of, read_entry
 from rigctl.monitoring.result import Line, Survey
 from rigctl.tasks import Workers, map_tasks
 

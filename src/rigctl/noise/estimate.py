@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.noise import differences
+from rigctl.noise.channel_noise import ChannelData, learn_noise
 from rigctl.noise.converter import find_step, stretch_bias
-from rigctl.noise.learning import ChannelData, learn_noise
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
 from rigctl.noise.pooling import Pooled
 from rigctl.noise.record import NoiseRecord

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.physics.derived_slots import with_derived_slots
 from rigctl.physics.family import ModelFamily
-from rigctl.physics.soundness import check_family
+from rigctl.physics.family_checks import check_family
 from rigctl.project import find_project
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from rigctl.rig.limit import Limit
 from rigctl.rig.lines import Lines
 from rigctl.rig.modbus import Modbus
 from rigctl.rig.opcua import OpcUa
-from rigctl.rig.possible import PossibleChannel
+from rigctl.rig.possible_sensors import PossibleChannel
 from rigctl.rig.roles import Roles
 from rigctl.rig.setting import Setting
 from rigctl.rig.simulation import Simulation

@@ -17,7 +17,7 @@ from rigctl.rig.limit import Limit
 from rigctl.rig.lines import Exchange, KeepAlive, LineActuator, Lines, Query
 from rigctl.rig.modbus import Heartbeat, IdentityRegister, Modbus, ReadRegister, WrittenRegister
 from rigctl.rig.opcua import HeartbeatNode, IdentityNode, OpcUa, ReadNode, WrittenNode
-from rigctl.rig.possible import PossibleChannel
+from rigctl.rig.possible_sensors import PossibleChannel
 from rigctl.rig.rig import Backend, Rig
 from rigctl.rig.roles import HeatRole, MoveRole, Roles, SetRole
 from rigctl.rig.simulation import Simulation

@@ -17,8 +17,8 @@ from rigctl.plan.loop import LoopSettings, LoopState
 from rigctl.plan.measured import MeasuredValue
 from rigctl.plan.statistics import Statistic, Stretch
 from rigctl.rig import Rig
-from rigctl.runner.history import History
 from rigctl.runner.operator import Operator
+from rigctl.runner.recent_samples import History
 from rigctl.runner.recorder import Recorder
 
 #: s of bench time between two checks for the operator's answer

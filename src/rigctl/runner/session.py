@@ -10,18 +10,18 @@ from pathlib import Path
 
 from rigctl.backends.protocol import Backend
 from rigctl.dataset.history import read_history
-from rigctl.dataset.judgement import Judgement, judge
+from rigctl.dataset.pass_fail import Judgement, judge
 from rigctl.dataset.run_json import read_info
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.plan import Group, Leaf, Plan, cleanup_blocks, walk
 from rigctl.plan.outcomes import Aborted, Ending, SamplesLost, Tripped
 from rigctl.runner.bench import Bench
 from rigctl.runner.control_thread import Watching, beside
-from rigctl.runner.history import history_for
 from rigctl.runner.interlocks import Interlocks
 from rigctl.runner.main_loop import Driver, Quit
 from rigctl.runner.operator import Operator
 from rigctl.runner.progress import progress_of
+from rigctl.runner.recent_samples import history_for
 from rigctl.runner.recorder import Recorder
 from rigctl.runner.remaining_plan import Resume
 from rigctl.runner.remote_control import ControlFile

@@ -33,7 +33,7 @@ def resume(
     """
     from rigctl.cli.running import attended, person_in_charge, tell
     from rigctl.dataset import find_run
-    from rigctl.dataset.shards import runs_root
+    from rigctl.dataset.day_folders import runs_root
     from rigctl.runner.bench_access import bench_options, clock_for
     from rigctl.runner.launch import Launch
     from rigctl.runner.operator import AutomaticOperator

@@ -8,7 +8,7 @@ from rich.table import Table
 from rigctl.cli.tables import console, table
 from rigctl.cli.views.answer import counted, show_answer
 from rigctl.design.result import DesignResult, ProposedRecord, SensorSet
-from rigctl.design.words import share, title
+from rigctl.design.text import share, title
 from rigctl.planning.outline import clock_time
 from rigctl.report.answer import Answer
 from rigctl.report.terminal_bars import draw_bar

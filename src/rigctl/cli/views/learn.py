@@ -9,7 +9,7 @@ from rich.markup import escape
 from rigctl.cli.tables import console, table
 from rigctl.cli.views.design import show_design
 from rigctl.design.result import DesignResult
-from rigctl.design.words import share
+from rigctl.design.text import share
 from rigctl.learning.ending import Ended
 from rigctl.learning.result import Learned, Round, round_text
 from rigctl.planning.outline import clock_time

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 from xml.etree import ElementTree as ET
 
 from rigctl.dataset.history import TakenMeasure
-from rigctl.dataset.judgement import Judged, judge_run, taken_in
+from rigctl.dataset.pass_fail import Judged, judge_run, taken_in
 from rigctl.dataset.run_id import slug
 from rigctl.files.write import write_error
 from rigctl.units import show

@@ -14,7 +14,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Final
 
-from rigctl.dataset.shards import folder_for
+from rigctl.dataset.day_folders import folder_for
 from rigctl.dataset.writer_lock import in_progress
 from rigctl.errors import Location, RigctlError
 

@@ -15,10 +15,10 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
 
+from rigctl.dataset.day_folders import is_shard
 from rigctl.dataset.index.refresh import refresh
 from rigctl.dataset.index.schema import TABLES, VERSION
 from rigctl.dataset.index.stored import refresh_stored
-from rigctl.dataset.shards import is_shard
 from rigctl.files.cache_folder import cache_folder
 
 if TYPE_CHECKING:

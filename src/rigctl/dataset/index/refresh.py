@@ -20,9 +20,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+from rigctl.dataset.day_folders import is_shard
 from rigctl.dataset.index.rows import ChannelRange, FileState, Row, file_state, read_row
 from rigctl.dataset.index.schema import INNER_COLUMNS, RUN_COLUMNS, quoted
-from rigctl.dataset.shards import is_shard
 
 logger = logging.getLogger(__name__)
 

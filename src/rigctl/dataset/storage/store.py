@@ -10,8 +10,8 @@ from functools import cached_property
 from typing import Any, Final
 
 from rigctl.dataset import run_json
+from rigctl.dataset.day_folders import is_shard
 from rigctl.dataset.run_id import chosen_id
-from rigctl.dataset.shards import is_shard
 from rigctl.errors import ExitCode, RigctlError
 
 #: time-outs of storage for a connection, and for the next bytes, s

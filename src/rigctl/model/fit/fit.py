@@ -168,6 +168,11 @@ class FitResult:
         return as_html(self.summary(), self.frame())
 
 
+def lean(fitted: FitResult) -> FitResult:
+    """The fit without derived results, to be sent to another process, which recomputes them if needed."""
+    return replace(fitted, problem=replace(fitted.problem))
+
+
 def fit(
     problem: Problem,
     hold_out: Sequence[int] = (),

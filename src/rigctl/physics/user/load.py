@@ -12,7 +12,7 @@ from rigctl.files.validate import validate
 from rigctl.files.yaml import Document, parse_document, read_document
 from rigctl.physics.derived_slots import with_derived_slots
 from rigctl.physics.family import ModelFamily
-from rigctl.physics.soundness import examine_family
+from rigctl.physics.family_checks import examine_family
 from rigctl.physics.user.declare import declare
 from rigctl.physics.user.equations import write_equations
 from rigctl.physics.user.record import read_record

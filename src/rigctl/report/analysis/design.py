@@ -6,7 +6,7 @@ import numpy as np
 from markupsafe import Markup
 
 from rigctl.design.result import DesignResult, DesignRival, Prediction, SensorSet
-from rigctl.design.words import share, title
+from rigctl.design.text import share, title
 from rigctl.planning.outline import clock_time
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.numbers import symbol

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
-from rigctl.design.words import share
+from rigctl.design.text import share
 from rigctl.learning.ending import Ended
 from rigctl.learning.result import Learned, Round
 from rigctl.planning.outline import clock_time

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.refit import plain
-from rigctl.design.promise import DRAWS, Draws, drawn
+from rigctl.design.assurance import DRAWS, Draws, drawn
+from rigctl.design.information_so_far import known_so_far
 from rigctl.design.recipe import Recipe, Stage, lines_of
 from rigctl.design.result import NONE
 from rigctl.design.rivals import Rival, at_usual_size
 from rigctl.design.scheme import Scheme, schemes_of, stage_of
 from rigctl.design.search import Proposal, Workshop
-from rigctl.design.so_far import known_so_far
 from rigctl.design.virtual_records import Outlines, known_to, scatters
 from rigctl.engine.simulate import simulate
 from rigctl.errors import RigctlError

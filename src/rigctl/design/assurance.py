@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from rigctl.design.criterion import Discrimination, Pair
 from rigctl.design.feasible import clear_of_limits
 from rigctl.design.information import Evidence, Refit
+from rigctl.design.information_so_far import Known
 from rigctl.design.power import Gain, gain
 from rigctl.design.refitted_gain import refitted_gains
 from rigctl.design.result import Outlook
 from rigctl.design.rivals import Rival
 from rigctl.design.search import Proposal, Workshop, together
-from rigctl.design.so_far import Known
 from rigctl.design.virtual_records import Outlines
 from rigctl.rig.rig import Rig
 from rigctl.tasks import Workers

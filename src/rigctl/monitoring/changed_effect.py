@@ -24,8 +24,8 @@ from rigctl.effects.declaration import Effect, qualified
 from rigctl.errors import RigctlError
 from rigctl.model.stated import stated_values
 from rigctl.monitoring.entries import Entry
+from rigctl.monitoring.evaluation import Plan, Reading, problem_of
 from rigctl.monitoring.multiplicity import Change, Course, Judged, Quantity, Tested, change_of, judge
-from rigctl.monitoring.reading import Plan, Reading, problem_of
 
 #: least number of readings in a diagnosis; runs with fewer, such as rows of a table, are combined
 _SAMPLES: Final = 60

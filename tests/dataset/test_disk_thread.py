@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from dataset.strokes import LAYOUT, STARTED, sample
-from rigctl.dataset import RunHeader, RunWriter, Source, background, open_run, verify
-from rigctl.dataset.background import BackgroundWriter
+from rigctl.dataset import RunHeader, RunWriter, Source, disk_thread, open_run, verify
+from rigctl.dataset.disk_thread import BackgroundWriter
 from rigctl.dataset.journal import JournalWriter
 from rigctl.errors import RigctlError
 
@@ -47,7 +47,7 @@ def disk(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Disk]:
 
     monkeypatch.setattr(JournalWriter, "flush", slow)
     (tmp_path / "file").write_text("no folder", encoding="utf-8")
-    monkeypatch.setattr(background, "rescue_roots", lambda: [tmp_path / "file", tmp_path / "rescued"])
+    monkeypatch.setattr(disk_thread, "rescue_roots", lambda: [tmp_path / "file", tmp_path / "rescued"])
     yield made
     made.free.set()
 
@@ -77,7 +77,7 @@ def put(writer: BackgroundWriter, rows: range) -> None:
 def test_a_hanging_disk_blocks_nothing_and_loses_nothing(
     writer: BackgroundWriter, disk: Disk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(background, "SLOW", 0.05)
+    monkeypatch.setattr(disk_thread, "SLOW", 0.05)
     disk.free.clear()
     assert writer.open_record(0.0, "stroke", {}, "1", 100.0) == 0
     put(writer, range(500))
@@ -136,7 +136,7 @@ def test_a_permanently_hanging_disk_ends_the_run_without_loss(
     writer.close_record(50.0, "complete")
     writer.open_record(50.0, "stroke", {}, "1", 100.0)
     wait_for(lambda: not writer._tasks)
-    monkeypatch.setattr(background, "STALLED", 0.3)
+    monkeypatch.setattr(disk_thread, "STALLED", 0.3)
     disk.free.clear()
     row = 50
     if moment == "measuring":
@@ -200,7 +200,7 @@ def test_a_disk_that_hangs_between_two_tasks_loses_none(
     put(writer, range(20))
     writer.append(())  # no row at all: what a single task raises
     writer.close_record(20.0, "complete")
-    monkeypatch.setattr(background, "STALLED", 0.3)
+    monkeypatch.setattr(disk_thread, "STALLED", 0.3)
     try:
         with pytest.raises(RigctlError, match="the disk does not answer"):
             writer.close("failed", "the disk")

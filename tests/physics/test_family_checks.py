@@ -17,7 +17,7 @@ from rigctl.physics.family import (
     Slot,
     StateVariable,
 )
-from rigctl.physics.soundness import check_family, examine_family, resting_points
+from rigctl.physics.family_checks import check_family, examine_family, resting_points
 
 CUP = ModelFamily(
     name="cup",
