@@ -25,48 +25,55 @@ settings.load_profile("suite")
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
     sys.dont_write_bytecode = False
 
-#: files that take longest, longest first: they begin at once, so that no worker is left with one at the end;
-#: of three workers the one that follows the pages has every third: what repeats a page, and finds its fits
+#: files that wait more than they compute, for a silence, a process or a board in real time: one worker begins
+#: with them while the others compute. In the first one this process is host and device: it comes before the
+#: process holds what thousands of tests leave behind, whose collection stops both for longer than a guard
+#: waits.
+WAITING = (
+    "backends/test_line_guard.py",
+    "faults/test_unconfirmed_endings.py",
+    "backends/contract/test_devices.py",
+    "cli/test_line_device.py",
+    "faults/test_board_in_real_time.py",
+    "faults/test_host_faults.py",
+    "learning/test_backends.py",
+    "cli/test_off.py",
+    "faults/test_lost_answers.py",
+    "dataset/test_kill.py",
+)
+
+#: files that compute longest, roughly the longest first: they begin at once, so that no worker is left with
+#: one at the end; of two workers that compute the one that follows the pages has every other: what repeats a
+#: page, and finds its fits
 LONGEST = (
     "test_docs.py",
-    "validation/test_work.py",
     "validation/test_expected_verdicts.py",
     "journeys/test_tables.py",
     "benches/test_journeys.py",
-    "engine/test_guards.py",
     "journeys/test_heater_board.py",
+    "validation/test_work.py",
+    "journeys/test_measured_inputs.py",
+    "journeys/test_demo.py",
+    "discovery/test_worn_guide.py",
+    "engine/test_guards.py",
+    "journeys/test_learn.py",
+    "benches/test_round_trips.py",
     "journeys/test_diagnose.py",
     "noise/test_estimate.py",
-    "journeys/test_measured_inputs.py",
-    "backends/contract/test_devices.py",
-    "faults/test_unconfirmed_endings.py",
-    "analysis/test_strong_effects.py",
-    "journeys/test_demo.py",
-    "journeys/test_switch_times.py",
-    "analysis/single_values/test_verdicts.py",
-    "cli/test_line_device.py",
     "journeys/test_own_effects.py",
-    "model/test_plant.py",
-    "faults/test_board_in_real_time.py",
-    "faults/test_host_faults.py",
-    "journeys/test_three_backends.py",
-    "firmware/test_emulated_bench.py",
-    "dataset/importing/test_hostile_files.py",
-    "model/test_signature.py",
-    "benches/test_round_trips.py",
-    "design/test_journey.py",
-    "discovery/test_worn_guide.py",
-    "journeys/test_bad_data.py",
-    "cli/test_off.py",
-    "journeys/test_learn.py",
     "learning/test_learn.py",
+    "analysis/single_values/test_verdicts.py",
+    "journeys/test_switch_times.py",
+    "model/test_plant.py",
+    "journeys/test_three_backends.py",
+    "model/test_signature.py",
+    "firmware/test_emulated_bench.py",
+    "analysis/test_strong_effects.py",
+    "design/test_journey.py",
+    "dataset/importing/test_hostile_files.py",
+    "journeys/test_bad_data.py",
     "faults/test_board_faults.py",
 )
-
-
-#: in real time, this process being host and device: before it holds what thousands of tests leave behind,
-#: whose collection stops both for longer than a guard waits
-FIRST = "backends/test_line_guard.py"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -80,9 +87,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         by_file.setdefault(Path(os.path.relpath(item.path, here)).as_posix(), []).append(item)
     dealt: list[list[pytest.Item]] = [[] for _ in range(workers)]
-    dealt[0] += by_file.pop(FIRST, [])
-    for place, name in enumerate(name for name in LONGEST if name in by_file):
-        dealt[place % workers] += by_file.pop(name)
+    for name in WAITING:
+        dealt[-1] += by_file.pop(name, [])
+    computing = dealt[:-1] or dealt
+    for place, name in enumerate(LONGEST):
+        computing[place % len(computing)] += by_file.pop(name, [])
     rest = [item for name in by_file for item in by_file[name]]
     share = -(-len(items) // workers)
     for hand in dealt:
