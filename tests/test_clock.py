@@ -25,7 +25,7 @@ class Wall:
         self.time += seconds
 
 
-def test_a_virtual_clock_moves_only_when_somebody_waits() -> None:
+def test_a_virtual_clock_moves_only_during_waits() -> None:
     clock = VirtualClock()
     assert clock.now() == 0.0
     clock.sleep_until(7200.0)
@@ -45,7 +45,7 @@ def test_a_virtual_clock_never_goes_back(waits: list[float]) -> None:
     assert seen == sorted(seen)
 
 
-def test_a_scaled_clock_sleeps_the_wall_time_that_is_left() -> None:
+def test_a_scaled_clock_sleeps_for_the_remaining_wall_time() -> None:
     wall = Wall()
     clock = ScaledClock(speed=10.0, monotonic=wall.now, sleep=wall.sleep)
     assert clock.name == "10x"
@@ -56,7 +56,7 @@ def test_a_scaled_clock_sleeps_the_wall_time_that_is_left() -> None:
     assert wall.slept == [2.0]
 
 
-def test_the_date_belongs_to_the_bench_time() -> None:
+def test_the_calendar_time_corresponds_to_bench_time() -> None:
     wall = Wall()
     started = datetime(2026, 3, 14, tzinfo=UTC)
     clock = ScaledClock(speed=2.0, monotonic=wall.now, sleep=wall.sleep, started=started)

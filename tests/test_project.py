@@ -69,7 +69,7 @@ def test_a_path_is_tried_beside_the_file_then_in_the_root_then_among_the_shipped
 
 
 @pytest.mark.parametrize("path", ["rigs/none.yaml", "a\0b", "~nobody-of-that-name/x", "x" * 5000])
-def test_a_file_that_is_nowhere(tmp_path: Path, path: str) -> None:
+def test_a_missing_file_names_the_searched_places(tmp_path: Path, path: str) -> None:
     project = Project(tmp_path, tmp_path / "runs")
     with pytest.raises(RigctlError, match="there is no such file") as caught:
         project.resolve(path, tmp_path / "p" / "p.yaml")

@@ -57,7 +57,7 @@ def test_every_name_is_checked_as_users_would_write_it() -> None:
 
 
 @pytest.mark.parametrize("name", ["compare", "diagnose"])
-def test_what_one_does_is_a_function_and_no_package_has_its_name(name: str) -> None:
+def test_actions_are_functions_and_shadow_no_package(name: str) -> None:
     program = (
         f"import rigctl, rigctl.cli.main, rigctl.cli.commands.{name}, inspect; from rigctl import {name}; "
         f"takes = inspect.signature({name}).parameters; "
@@ -85,7 +85,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
     )
 
 
-def test_whatever_is_shown_is_one_line(recorded: Simulation) -> None:
+def test_every_repr_is_one_line(recorded: Simulation) -> None:
     model = rigctl.load_model(ROOT / "models" / "hl32-textbook.yaml")
     procedure = rigctl.load_procedure(ROOT / "procedures" / "campaign.yaml")
     rig = rigctl.load_rig(procedure.rig_path)
@@ -109,7 +109,7 @@ def test_whatever_is_shown_is_one_line(recorded: Simulation) -> None:
         assert "\n" not in line
 
 
-def test_a_model_shows_itself(recorded: Simulation) -> None:
+def test_a_model_has_text_and_notebook_representations(recorded: Simulation) -> None:
     model = rigctl.load_model(ROOT / "models" / "hl32-textbook.yaml")
     frame = model.frame().set_index("parameter")
     assert frame.loc["bore", "value"] == pytest.approx(50.0)
@@ -119,7 +119,7 @@ def test_a_model_shows_itself(recorded: Simulation) -> None:
     assert model.name in model.summary()
 
 
-def test_what_a_user_wrote_is_no_markup_in_a_notebook() -> None:
+def test_user_text_is_escaped_in_notebooks() -> None:
     table = pd.DataFrame({"name": ["<script>"]})
     assert "<script>" not in as_html("<script>", table)
 
@@ -131,13 +131,13 @@ def test_runs_are_found(recorded: Simulation) -> None:
     assert [one.id for one in rigctl.find_runs(runs=runs, status="finished")] == [recorded.run.id]
 
 
-def test_a_real_bench_needs_somebody_who_answers(tmp_path: Path) -> None:
+def test_a_real_bench_needs_an_operator(tmp_path: Path) -> None:
     with pytest.raises(rigctl.RigctlError, match="somebody has to answer"):
         rigctl.run(ROOT / "procedures" / "quick-check.yaml", backend="serial", runs=tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_bench_that_is_no_real_one_runs_from_python(tmp_path: Path) -> None:
+def test_a_simulated_bench_runs_from_python(tmp_path: Path) -> None:
     result = rigctl.run(
         ROOT / "procedures" / "quick-check.yaml", backend="simulated", speed="max", runs=tmp_path
     )

@@ -26,7 +26,7 @@ def bare_nexts(text: str) -> list[int]:
     return found
 
 
-def test_a_search_that_may_find_nothing_is_told_from_one_that_cannot() -> None:
+def test_next_without_a_default_is_found() -> None:
     assert bare_nexts("next(x for x in y)\nnext(iter(y))\nnext((x for x in y), 0)\nnext(counter)") == [1, 2]
 
 
@@ -51,7 +51,7 @@ def defined(path: Path) -> set[str]:
     return names
 
 
-def test_where_to_change_what_is_where_it_is_said_to_be() -> None:
+def test_the_contributing_guide_names_existing_places() -> None:
     page = (SOURCE.parents[1] / "CONTRIBUTING.md").read_text("utf-8")
     rows = WHERE.findall(page)
     assert len(rows) >= 20
@@ -60,14 +60,14 @@ def test_where_to_change_what_is_where_it_is_said_to_be() -> None:
     assert missing == []
 
 
-def test_every_package_has_its_row() -> None:
+def test_every_package_is_in_the_contributing_guide() -> None:
     page = (SOURCE.parents[1] / "CONTRIBUTING.md").read_text("utf-8")
     listed = set(re.findall(r"`(\w+)`", page.partition("| package | holds |")[2].partition("## Habits")[0]))
     packages = {path.parent.name for path in SOURCE.glob("*/__init__.py")}
     assert packages <= listed, f"CONTRIBUTING.md has no row for {sorted(packages - listed)}"
 
 
-def test_the_glossary_leads_to_what_is_there() -> None:
+def test_the_glossary_names_existing_files() -> None:
     page = (SOURCE.parents[1] / "docs" / "reference" / "glossary.md").read_text("utf-8")
     named = re.findall(r"`([\w/]+(?:\.py|/))`", page)
     assert len(named) > 30
@@ -80,7 +80,7 @@ def test_the_glossary_leads_to_what_is_there() -> None:
         assert terms == sorted(terms, key=str.casefold), "in alphabetical order"
 
 
-def test_the_files_that_are_begun_first_are_there() -> None:
+def test_the_longest_test_files_exist() -> None:
     """One that moves would be begun last, and a worker be left with it at the end."""
     here = Path(__file__).parent
     body = ast.parse((here / "conftest.py").read_text("utf-8")).body

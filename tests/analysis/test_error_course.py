@@ -21,7 +21,7 @@ def in_hold(place: int, times: Floats) -> Floats:
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.9])
-def test_of_noise_alone_nothing_is_said(correlation: float) -> None:
+def test_noise_alone_is_not_described(correlation: float) -> None:
     for seed in range(10):
         fit = made_fit(made_noise(correlation), seed)
         assert said(fit) == said(fit, "pressure") == ""
@@ -52,7 +52,7 @@ def test_an_error_from_end_to_end_is_there_all_the_time() -> None:
     assert said(fit).endswith("mm all the time")
 
 
-def test_what_fades_out_after_a_switch_is_told_by_its_beginning() -> None:
+def test_a_decaying_error_is_described_by_its_start() -> None:
     fit = made_fit(made_noise(sigma=0.02), 1, lambda place, times: 0.5 * np.exp(-times / 5.0))
     first = error_course(fit, "position")[0]
     assert first.start == 0.0

@@ -120,7 +120,7 @@ def test_one_effect_without_remainder_does_not_replace_two() -> None:
     assert sorted(found.effects) == ["beta", "gamma"]
 
 
-def test_one_effect_and_two_others_of_nearly_the_same_odds_are_not_told_apart() -> None:
+def test_one_effect_and_two_of_similar_odds_are_ambiguous() -> None:
     design = stand_in(4.0)
     y = readings_of(design, TWO)
     assert 0.0 < design.mbic(y, ["alpha"]) - design.mbic(y, ["beta", "gamma"]) < LEAST_DIFFERENCE
@@ -132,7 +132,7 @@ def test_one_effect_and_two_others_of_nearly_the_same_odds_are_not_told_apart() 
     assert not any("together would look like alpha" in line for line in found.further_evidence)
 
 
-def test_one_effect_that_leaves_little_to_see_is_not_told_from_two_of_nearly_its_odds() -> None:
+def test_an_effect_with_a_small_remainder_is_not_distinguished_from_two() -> None:
     """Seed 1055 of a search for such cases: a test rejects what it leaves, 1 % of the misfit.
 
     That is no more than what sizes of undriven effects may scatter.
@@ -151,7 +151,7 @@ def test_one_effect_that_leaves_little_to_see_is_not_told_from_two_of_nearly_its
     assert found.classes == (("effect_0", *chosen),)
 
 
-def test_two_that_are_needed_are_both_named() -> None:
+def test_two_required_effects_are_both_named() -> None:
     found = diagnosed(made_design(PLAIN, alike(0.3)), {"alpha": 9.0, "beta": -8.0})
     assert found.verdict is Verdict.MISSING_EFFECT
     assert sorted(found.effects) == ["alpha", "beta"]
@@ -159,7 +159,7 @@ def test_two_that_are_needed_are_both_named() -> None:
 
 
 @pytest.mark.parametrize("cos", [0.6, 0.9, 0.97])
-def test_two_effects_share_a_class_below_the_separation_that_the_formula_says(cos: float) -> None:
+def test_two_effects_share_a_class_below_the_predicted_separation(cos: float) -> None:
     """d = λ·√((1 − cos)/2) = 2.33, from both sides."""
     design = made_design(PLAIN, alike(cos))
     limit = LEAST_SEPARATION / math.sqrt(0.5 * (1.0 - cos))
@@ -173,13 +173,13 @@ def test_two_effects_share_a_class_below_the_separation_that_the_formula_says(co
 
 
 @pytest.mark.parametrize(("cos", "told"), [(0.996, False), (0.994, True)])
-def test_however_large_an_effect_its_shape_may_be_off_by_a_tenth(cos: float, told: bool) -> None:
+def test_the_shape_of_a_large_effect_may_deviate_by_a_tenth(cos: float, told: bool) -> None:
     """1 − cos² is the share of χ² by which the two differ: 0.8 and 1.2 %, at d of 3.6 and 4.4."""
     found = diagnosed(made_design(PLAIN, alike(cos)), {"alpha": 80.0})
     assert found.classes == ((("alpha",),) if told else (("alpha", "beta"),))
 
 
-def test_the_probabilities_are_the_shares_of_mbic() -> None:
+def test_the_probabilities_follow_from_mbic() -> None:
     """Over all sets examined, including the empty one; 36 in χ² is too small for shapes to matter."""
     design = made_design(PLAIN, alike(0.8))
     y = readings_of(design, {"alpha": 6.0})
@@ -243,9 +243,7 @@ def test_an_effect_absorbed_by_fitted_parameters_is_untestable() -> None:
 
 
 @pytest.mark.parametrize(("rate", "verdict"), [(0.5, Verdict.AMBIGUOUS), (12.0, Verdict.MISSING_EFFECT)])
-def test_a_law_within_chance_of_one_that_is_nested_in_it_is_not_told_from_it(
-    rate: float, verdict: Verdict
-) -> None:
+def test_a_law_close_to_a_nested_one_is_not_distinguished_from_it(rate: float, verdict: Verdict) -> None:
     """broad is narrow where its rate is 0; the data do not have narrow's own shape otherwise."""
     broad = made_effect(
         "broad",
@@ -288,7 +286,7 @@ def improved(
     return improve(Comparison(("r",), (), (before,), ()), path, most=most)
 
 
-def test_the_loop_adds_first_what_gains_most_and_ends_when_nothing_is_left(
+def test_the_loop_adds_the_largest_gain_first_and_stops(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     design = made_design(PLAIN, np.eye(6))
@@ -307,7 +305,7 @@ def test_the_loop_adds_first_what_gains_most_and_ends_when_nothing_is_left(
     )
 
 
-def test_two_that_pay_only_together_are_added_at_once(
+def test_two_effects_that_improve_only_together_are_added_together(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """They nearly cancel: each alone gains 2 in χ², both together 200."""
@@ -316,7 +314,9 @@ def test_two_that_pay_only_together_are_added_at_once(
     assert "only together" in found.steps[0].reason
 
 
-def test_the_loop_adds_no_more_than_was_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_loop_respects_the_requested_number_of_effects(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     design = made_design(PLAIN, np.eye(6))
     found = improved(design, {"beta": 9.0, "delta": 12.0}, tmp_path, monkeypatch, most=1)
     assert [step.effects for step in found.steps] == [("delta",)]

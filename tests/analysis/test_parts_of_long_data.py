@@ -58,7 +58,7 @@ def test_every_record_is_in_one_part_and_none_is_too_large(
     assert fitted.problem.parts(10**6) == [[place] for place in range(8)]
 
 
-def test_parts_make_no_difference(fitted: FitResult, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_result_does_not_depend_on_the_parts(fitted: FitResult, monkeypatch: pytest.MonkeyPatch) -> None:
     problem, whole = fitted.problem, linearised(fitted)
     blocks = problem.evaluate(fitted.values, fitted.local, True)
     monkeypatch.setattr("rigctl.model.fit.problem._ROOM", _FEW)

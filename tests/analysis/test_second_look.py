@@ -40,7 +40,7 @@ def search_of(found: FitResult, *, among: Collection[str] = ()) -> Search:
     return Search(before, before.whole)
 
 
-def test_noise_that_friction_widened_is_learned_from_what_friction_leaves(tmp_path: Path) -> None:
+def test_noise_is_estimated_again_from_the_residuals_with_friction(tmp_path: Path) -> None:
     """Five readings to a time constant, noise that grows fourfold: slow noise or dry friction?"""
     campaign = BenchCampaign(find_bench("spring"), 0.0156, "five", False, "level", 101)
     search = search_of(fitted(campaign, tmp_path), among=("coulomb_on_velocity", "gain_of_position"))
@@ -91,13 +91,13 @@ def test_a_fit_in_a_false_minimum_is_made_again_from_where_an_idle_effect_led(
     assert again.fit.values == pytest.approx(nothing_hidden.values, rel=0.02, abs=0.02)
 
 
-def test_a_fit_that_no_idle_effect_betters_is_left_as_it_is(nothing_hidden: FitResult) -> None:
+def test_a_fit_that_no_inactive_effect_improves_is_kept(nothing_hidden: FitResult) -> None:
     search = search_of(nothing_hidden)
     trial_at(search, "gain_of_position", nothing_hidden)
     assert from_another_start(search) is None
 
 
-def test_noise_that_is_not_doubted_is_not_looked_at_again(nothing_hidden: FitResult) -> None:
+def test_certain_noise_is_not_estimated_again(nothing_hidden: FitResult) -> None:
     search = search_of(nothing_hidden)
     assert not search.before.adequacy.below_noise
     assert in_noise_of_the_leader(search) is None

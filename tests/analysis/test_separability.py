@@ -13,11 +13,11 @@ def test_effects_that_look_the_same_are_not_separated() -> None:
     assert separation(30.0, 1.0) == 0.0
 
 
-def test_effects_at_right_angles_are_separated_by_their_size_over_root_two() -> None:
+def test_orthogonal_effects_are_separated_by_their_size_over_root_two() -> None:
     assert separation(10.0, 0.0) == pytest.approx(10.0 / math.sqrt(2.0))
 
 
-def test_the_right_one_of_two_wins_as_often_as_the_separation_says() -> None:
+def test_the_right_effect_wins_with_the_predicted_probability() -> None:
     """Two unit signatures at a cosine, the first with size λ in unit noise: it wins with Φ(d)."""
     import numpy as np
     from scipy.stats import norm

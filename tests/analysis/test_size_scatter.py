@@ -35,7 +35,7 @@ def linearised(sizes: np.ndarray, seed: int) -> Linearisation:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_sizes_that_scatter_are_seen_and_follow_nothing(seed: int) -> None:
+def test_scattering_sizes_are_detected_without_a_trend(seed: int) -> None:
     sizes = 1.0 + 0.3 * np.random.default_rng(100 + seed).standard_normal(RECORDS)
     found = size_scatter(linearised(sizes, seed), "late")
     assert found is not None
@@ -55,14 +55,14 @@ def test_a_size_that_is_the_same_in_all_records_says_nothing(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_size_that_follows_an_operating_variable_is_no_constant(seed: int) -> None:
+def test_a_size_that_follows_the_operating_point_is_not_constant(seed: int) -> None:
     found = size_scatter(linearised(1.0 + 0.3 * np.repeat(np.linspace(-1.0, 1.0, 4), 4), seed), "late")
     assert found is not None
     assert found.follows
     assert "changes with the operating point" in found.statement
 
 
-def test_each_record_has_a_column_of_its_own_with_what_the_effect_does_there() -> None:
+def test_each_record_has_its_own_column_of_the_effect() -> None:
     lin = linearised(np.ones(RECORDS), 0)
     assert len(lin.shapes) == RECORDS
     for k, one in enumerate(lin.records):
@@ -83,7 +83,7 @@ def test_a_delay_that_jitters_from_switch_to_switch_is_named_with_its_place() ->
     assert any("scatters from record to record" in line for line in found.evidence)
 
 
-def test_an_effect_whose_slope_says_nothing_is_looked_at_at_some_sizes() -> None:
+def test_an_effect_with_zero_slope_is_tried_at_some_sizes() -> None:
     """5 % of air that dissolves: the fitted mass has made up for more of it than its slope can."""
     found = diagnosed("entrained_air", 0.05)
     assert found.ranking[0].effect == "entrained_air"

@@ -49,11 +49,13 @@ RIVAL = Rival("valve_leakage", "position_thermal_drift", NO_TRIAL, 0.94, 20.0, 1
         (1.0, "1", 0.0, "1 at its bound"),
     ],
 )
-def test_a_parameter_is_said_with_its_spread_and_unit(value: float, unit: str, std: float, said: str) -> None:
+def test_a_parameter_is_shown_with_its_standard_deviation_and_unit(
+    value: float, unit: str, std: float, said: str
+) -> None:
     assert str(FoundParameter(value, unit, std)) == said
 
 
-def test_an_effect_is_what_is_seen_what_it_is_and_how_large() -> None:
+def test_an_effect_is_described_with_evidence_name_and_size() -> None:
     effect = library(find_family("hydraulic_cylinder"))["valve_leakage"]
     said = effect_text(effect, {"conductance": FoundParameter(4e-15, "m^3", 1e-16)})
     assert said == (
@@ -63,7 +65,7 @@ def test_an_effect_is_what_is_seen_what_it_is_and_how_large() -> None:
     )
 
 
-def test_a_rival_is_said_with_where_it_is_alike_and_where_not() -> None:
+def test_a_rival_is_described_with_similarities_and_differences() -> None:
     assert rival_text(RIVAL) == (
         "position_thermal_drift would look like valve_leakage (cos 0.94): in retract (0.96), not in hold "
         "(0.20); the two differ most in position in extend, by up to 0.22 mm at oil 80 degC, supply 50 bar, "
@@ -79,7 +81,7 @@ def test_a_rival_is_said_with_where_it_is_alike_and_where_not() -> None:
         (0.4, 4.0, "d = 0.40, at least 2.33 is needed; their mBIC differs by 4.0, at least 9.2 is needed"),
     ],
 )
-def test_a_rival_that_is_not_told_says_what_would_do(d: float, difference: float, why: str) -> None:
+def test_an_inseparable_rival_names_what_would_separate_it(d: float, difference: float, why: str) -> None:
     said = rival_text(replace(RIVAL, separation=d, difference=difference, differs=None))
     assert said == (
         "position_thermal_drift would look like valve_leakage (cos 0.94), "
@@ -103,7 +105,7 @@ def statement(verdict: Verdict, left: float, failed: Sequence[str], rivals: Sequ
     return verdict_text(verdict, before, chosen, rivals, leaves(left), checks, against=against)
 
 
-def test_a_check_that_failed_is_said_and_not_a_remainder_of_nothing() -> None:
+def test_a_failed_check_is_reported_instead_of_an_empty_remainder() -> None:
     said = statement(Verdict.OUTSIDE_LIBRARY, 0.004, ["valve_leakage"])
     assert "but valve_leakage does not predict data that it was not fitted to: " in said
     assert "% of the misfit is left" not in said
@@ -125,7 +127,7 @@ def test_a_small_effect_leaves_nothing_by_its_shape() -> None:
     assert not against_identity(pair, {}, left, 30.0**2)
 
 
-def test_an_effect_that_is_seen_and_does_not_pay_for_itself_is_said_to_be_too_weak() -> None:
+def test_a_detected_effect_without_mbic_gain_is_called_too_weak() -> None:
     seen = cast("Ranked", SimpleNamespace(effect="position_gain", size=3.91, delta_bic=2.43))
     before = cast("ModelComparison", None)
     said = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}, seen)
@@ -137,7 +139,7 @@ def test_an_effect_that_is_seen_and_does_not_pay_for_itself_is_said_to_be_too_we
     assert unseen == "Something is missing that no effect of the library explains"
 
 
-def test_a_guessed_noise_or_an_error_within_it_does_not_say_that_something_is_missing() -> None:
+def test_guessed_noise_does_not_claim_a_missing_effect() -> None:
     before = cast("ModelComparison", None)
     said = verdict_text(
         Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}, doubt="the noise of flow is a guess"
@@ -157,7 +159,7 @@ def test_a_guessed_noise_or_an_error_within_it_does_not_say_that_something_is_mi
     assert whether_at_all(compared(0, 1.1)) == ""
 
 
-def test_what_is_ambiguous_for_a_check_alone_does_not_speak_of_others() -> None:
+def test_ambiguity_from_a_check_names_no_other_effects() -> None:
     said = statement(Verdict.AMBIGUOUS, 0.0, ["valve_leakage", "coulomb_friction"])
     assert "valve_leakage and coulomb_friction do not predict data that they were not fitted to" in said
     assert "cannot tell which" not in said
@@ -180,7 +182,7 @@ def test_what_is_ambiguous_for_a_check_alone_does_not_speak_of_others() -> None:
         (20.0, 50.0, "ms", (0.1, 0.0), True),  # to its bound
     ],
 )
-def test_a_parameter_has_moved_where_that_is_more_than_its_own_uncertainty(
+def test_a_parameter_has_changed_if_beyond_its_uncertainty(
     before: float, after: float, unit: str, stds: tuple[float, float], said: bool
 ) -> None:
     assert bool(drift_text([Drift("spool_time", before, after, unit, *stds)])) is said
@@ -195,7 +197,7 @@ def test_a_parameter_has_moved_where_that_is_more_than_its_own_uncertainty(
         (20.0, 1600.0, 1e-4, False),  # sure in the noise, and less than the shape of either may do
     ],
 )
-def test_two_are_told_apart_by_separation_by_the_criterion_and_by_more_than_a_shape_does(
+def test_separating_two_effects_needs_all_three_criteria(
     d: float, difference: float, share: float, told: bool
 ) -> None:
     rival = replace(RIVAL, separation=d, difference=difference, share=share)
@@ -203,7 +205,7 @@ def test_two_are_told_apart_by_separation_by_the_criterion_and_by_more_than_a_sh
     assert ("the shape of either may account for that" in rival_text(rival)) is (share < 0.01)
 
 
-def test_a_law_is_not_told_from_the_one_that_its_fit_has_become() -> None:
+def test_a_law_is_not_distinguished_from_its_limit() -> None:
     rival = replace(RIVAL, member="hysteresis", name="coulomb", nested="distance 0")
     assert not rival.separable
     assert "hysteresis with distance 0 is coulomb, and its fit is not significantly different" in rival_text(
@@ -211,7 +213,7 @@ def test_a_law_is_not_told_from_the_one_that_its_fit_has_become() -> None:
     )
 
 
-def test_what_lies_beyond_the_usual_is_said_of_a_rival_and_of_what_leads() -> None:
+def test_values_beyond_the_usual_range_are_reported() -> None:
     beyond = "coefficient beyond its usual range (0 m to 2e+04 m)"
     assert f"(cos 0.94) with its {beyond}" in rival_text(replace(RIVAL, unusual=beyond))
     known = library(find_family("hydraulic_cylinder"))["viscous_friction"]
@@ -259,7 +261,7 @@ def fitted(outputs: np.ndarray) -> FitResult:
     return cast("FitResult", SimpleNamespace(problem=problem, fitted=(0, 1), outputs=both))
 
 
-def test_two_that_move_alike_and_hold_differently_differ_in_the_hold() -> None:
+def test_effects_that_differ_in_the_hold_phase_are_described_so() -> None:
     ramp, still = np.linspace(0.0, 1e-3, 10), np.zeros(10)
     none, one = fitted(np.zeros(20)), fitted(np.concatenate([ramp, ramp]))
     other = fitted(np.concatenate([0.9 * ramp, still + 1e-5]))
@@ -277,7 +279,7 @@ def test_two_that_move_alike_and_hold_differently_differ_in_the_hold() -> None:
     assert alike["hold"] < 0.9
 
 
-def test_two_that_predict_the_same_differ_nowhere() -> None:
+def test_effects_with_equal_predictions_differ_nowhere() -> None:
     same = fitted(np.linspace(0.0, 1e-3, 20))
     assert where_they_differ(fitted(np.zeros(20)), same, same) is None
 
@@ -292,7 +294,7 @@ def test_two_that_predict_the_same_differ_nowhere() -> None:
         ),
     ],
 )
-def test_an_effect_that_hides_is_said_with_what_it_hides_in(hidden_in: str, said: str) -> None:
+def test_an_absorbed_effect_names_what_absorbs_it(hidden_in: str, said: str) -> None:
     ranked = Ranked("line_loss", 1.0, 1e-9, -20.0, 0.15, hidden_in, float("nan"), float("nan"), 0.1, 9.0, {})
     found = evidence_for(cast("Candidate", SimpleNamespace(name="line_loss")), ranked, None, [])
     assert sum(said in one for one in found) == 1

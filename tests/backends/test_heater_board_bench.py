@@ -87,7 +87,7 @@ def coupled_and_radiating(y: Vector, one: float, two: float) -> list[float]:
     return [base[0] + (across - to_room[0]) / 2.0, base[1] + (-across - to_room[1]) / 2.0]
 
 
-def test_the_board_obeys_its_heat_balance(make_bench: MakeBench, board: Rig) -> None:
+def test_the_board_follows_its_heat_balance(make_bench: MakeBench, board: Rig) -> None:
     found = recorded(make_bench(on=board, plant=None))
     assert found == pytest.approx(solved(linear, [ROOM, ROOM]), abs=2e-3)
     final = ROOM + 1.0 / 0.016 * (1.0 - 0.7 * math.exp(-(END - 431.7) / 125.0))
@@ -106,6 +106,6 @@ def test_full_power_stays_below_what_stops_a_run(board: Rig) -> None:
     assert hottest + noise < limits["warn"] < limits["stop"] == pytest.approx(373.15)
 
 
-def test_a_thermometer_that_is_off_reads_what_is_impossible(board: Rig) -> None:
+def test_a_disconnected_thermometer_reads_an_impossible_value(board: Rig) -> None:
     for channel in board.channels.values():
         assert not channel.possible(channel.value_from_raw(channel.raw.low))

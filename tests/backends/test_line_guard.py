@@ -92,7 +92,7 @@ def wait_for(condition: Callable[[], object]) -> None:
         time.sleep(0.005)
 
 
-def test_through_the_guard_it_is_a_bench_like_any_other(board: Served) -> None:
+def test_a_guarded_bench_behaves_like_any_other(board: Served) -> None:
     with opened(board.url) as bench:
         assert bench.identity["firmware"] == "1.4.0 Arduino Uno"
         bench.start(5.0)
@@ -112,7 +112,7 @@ def test_a_killed_host_leaves_the_heaters_off(board: Served) -> None:
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs SIGSTOP")
-def test_a_host_that_stands_still_loses_the_heaters_and_learns_it(board: Served) -> None:
+def test_a_suspended_host_loses_the_heaters_and_is_informed(board: Served) -> None:
     with heating_host(board) as host:
         host.send_signal(signal.SIGSTOP)
         wait_for(lambda: board.sketch.received[-3:] == ["X", "Q1 0.00", "Q2 0.00"])
@@ -120,7 +120,7 @@ def test_a_host_that_stands_still_loses_the_heaters_and_learns_it(board: Served)
         host.send_signal(signal.SIGCONT)
 
 
-def test_a_loop_that_stands_still_is_told_what_was_done(board: Served) -> None:
+def test_a_stalled_loop_is_informed_of_the_guard_s_action(board: Served) -> None:
     with opened(board.url) as bench:
         bench.start(5.0)
         bench.command("heater_1", 0.5).wait()
@@ -142,7 +142,7 @@ def test_a_bench_can_be_closed_after_a_standstill(board: Served) -> None:
     assert board.sketch.heaters == (0.0, 0.0)
 
 
-def test_the_guard_ends_with_the_bench_and_lets_the_port_go(board: Served) -> None:
+def test_the_guard_ends_with_the_bench_and_releases_the_port(board: Served) -> None:
     for _ in range(2):
         with opened(board.url) as bench:
             assert bench.identity["port"] == board.url
@@ -191,7 +191,7 @@ def test_a_port_that_vanishes_and_returns(board: Served) -> None:
         assert [notice.kind for notice in notices if notice.kind in ("fault", "gap")] == ["fault", "gap"]
 
 
-def test_a_port_that_is_not_there(tmp_path: Path) -> None:
+def test_a_missing_port_is_an_error(tmp_path: Path) -> None:
     with pytest.raises((BackendLost, RigctlError), match="nothing"), opened(str(tmp_path / "nothing")):
         pass
 
@@ -207,7 +207,7 @@ def test_on_a_terminal_two_hosts_do_not_share_the_port() -> None:
         assert bench.identity["firmware"] == "1.4.0 Arduino Uno"
 
 
-def test_what_drives_nothing_needs_no_guard(board: Served) -> None:
+def test_a_bench_without_outputs_needs_no_guard(board: Served) -> None:
     text = TCLAB.text
     passive = text[: text.index("    actuators:")] + text[text.index("model: heater_board") :]
     passive = passive.replace("model: heater_board", "").replace(
@@ -231,7 +231,7 @@ def test_what_drives_nothing_needs_no_guard(board: Served) -> None:
         bench.close()
 
 
-def test_frames_come_out_as_they_went_in_however_they_are_cut() -> None:
+def test_frames_are_reassembled_from_any_fragments() -> None:
     whole = b"w\x00\x00\x00\x03abc" + b"a\x00\x00\x00\x00"
     reader = FrameReader()
     found = [frame for byte in whole for frame in reader.feed(bytes([byte]))]

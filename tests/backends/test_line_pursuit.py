@@ -52,7 +52,7 @@ class Line:
 
 
 @pytest.mark.parametrize("obstacle", ["draft", "folder", "none"])
-def test_a_disk_that_takes_no_notice_does_not_end_the_attempts(folder: Path, obstacle: str) -> None:
+def test_an_unwritable_notice_does_not_end_the_attempts(folder: Path, obstacle: str) -> None:
     if obstacle == "draft":  # the folder is there, and nothing can be written to it: as on a full disk
         pursuit._path_of(URL).with_suffix(".tmp").mkdir(parents=True)
     elif obstacle == "folder":
@@ -63,7 +63,7 @@ def test_a_disk_that_takes_no_notice_does_not_end_the_attempts(folder: Path, obs
     assert pursuits() == []
 
 
-def test_a_notice_that_is_taken_away_ends_the_attempts(folder: Path) -> None:
+def test_a_removed_notice_ends_the_attempts(folder: Path) -> None:
     line = Line(1000)
     opened = line.open
 
@@ -98,13 +98,13 @@ def said() -> str:
     return str(notice)
 
 
-def test_a_guard_that_tries_says_for_how_long(folder: Path) -> None:
+def test_a_trying_guard_reports_for_how_long(folder: Path) -> None:
     leave(folder)
     assert re.search(r"has tried for \d+ s, 7 times, to make outputs safe on /dev/ttyACM0$", said())
 
 
 @pytest.mark.skipif(os.name != "posix", reason="there nobody can ask for a process without ending it")
-def test_a_guard_whose_process_is_gone_tries_no_longer(folder: Path) -> None:
+def test_a_guard_without_a_process_has_stopped_trying(folder: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", ""]) as gone:
         gone.wait()
     leave(folder, pid=gone.pid)
@@ -113,17 +113,17 @@ def test_a_guard_whose_process_is_gone_tries_no_longer(folder: Path) -> None:
     assert "has tried" not in said()
 
 
-def test_a_guard_that_was_not_heard_of_for_long_may_be_gone(folder: Path) -> None:
+def test_a_guard_without_recent_reports_may_be_gone(folder: Path) -> None:
     leave(folder, newest=time.time() - 3600.0)
     assert "was last heard of at 20" in said()
 
 
-def test_a_guard_that_gave_up_says_so(folder: Path) -> None:
+def test_a_guard_that_gave_up_is_reported(folder: Path) -> None:
     leave(folder, given_up=True)
     assert "ended without success at 20" in said()
 
 
 @pytest.mark.parametrize("fields", [{"pid": "x"}, {"newest": None}, {"since": "x"}, {"newest": 1e300}])
-def test_a_notice_that_is_none_is_left_alone(folder: Path, fields: dict[str, object]) -> None:
+def test_an_invalid_notice_is_ignored(folder: Path, fields: dict[str, object]) -> None:
     leave(folder, **fields)
     assert pursuits() == []

@@ -53,9 +53,7 @@ def place(**fields: Any) -> Place:
     swap_words=st.booleans(),
     data=st.data(),
 )
-def test_a_number_is_read_as_it_was_packed(
-    kind: str, swap_bytes: bool, swap_words: bool, data: st.DataObject
-) -> None:
+def test_packed_numbers_are_read(kind: str, swap_bytes: bool, swap_words: bool, data: st.DataObject) -> None:
     """The registers are packed independently of the reading code, according to the standard."""
     if kind.startswith("float"):
         width = int(kind[5:])
@@ -79,21 +77,21 @@ def test_a_number_is_read_as_it_was_packed(
         assert there.words(number) == words
 
 
-def test_scale_and_offset_hold_both_ways() -> None:
+def test_scale_and_offset_apply_in_both_directions() -> None:
     there = place(kind="int16", scale=0.1, offset=-40.0)
     assert there.text([650]) == "25"
     assert there.words(25.0) == [650]
     assert place(kind="int16", scale=0.1).text([0xFFFF]) == "-0.1"
 
 
-def test_no_value_is_no_number() -> None:
+def test_missing_values_are_nan() -> None:
     assert place(kind="int16", invalid=-32768).text([0x8000]) == "nan"
     assert place(kind="float32").text([0x7FC0, 0]) == "nan"
     assert place(kind="float32", swap_words=True).text([0x41F0, 0x0000]) == "nan"  # 30 the other way round
     assert place(kind="float32").text([0, 0]) == "0"
 
 
-def test_what_does_not_fit_is_not_written() -> None:
+def test_values_out_of_range_are_not_written() -> None:
     for number in (65536.0, -1.0, math.inf):
         with pytest.raises(ValueError, match=r"does not fit|can be written"):
             place(kind="uint16").words(number)
@@ -126,7 +124,7 @@ def test_neighbours_are_read_in_one_request_and_long_tables_in_several() -> None
         ("timeout: 0.3 s", "timeout: 0.3 bar", "timeout"),
     ],
 )  # fmt: skip
-def test_a_mistake_in_the_map_is_said_with_its_place(old: str, new: str, says: str) -> None:
+def test_a_mistake_in_the_map_is_reported_with_its_place(old: str, new: str, says: str) -> None:
     assert old in RIG.text
     with pytest.raises(RigctlError, match=says) as refused:
         parse_rig(RIG.text.replace(old, new, 1), Path("rig.yaml"))
@@ -184,7 +182,7 @@ def test_rtu_on_a_serial_line() -> None:
         assert server.circuit.off
 
 
-def test_the_heartbeat_goes_on_while_samples_are_taken() -> None:
+def test_the_heartbeat_continues_during_sampling() -> None:
     with ModbusServer(RIG) as server:
         bench = create_backend(RIG, None, real_clock(), {"port": server.port})
         bench.open()
@@ -196,7 +194,7 @@ def test_the_heartbeat_goes_on_while_samples_are_taken() -> None:
             bench.close()
 
 
-def test_a_guard_goes_on_until_a_device_that_was_away_is_off(tmp_path: Path) -> None:
+def test_a_guard_continues_until_a_returning_device_is_off(tmp_path: Path) -> None:
     from backends.contract.test_devices import HOST
 
     (tmp_path / "rig.yaml").write_text(RIG.text, encoding="utf-8")

@@ -41,7 +41,7 @@ def opened(server: OpcUaServer, rig: Rig = RIG) -> Iterator[Backend]:
         bench.close()
 
 
-def test_an_old_value_is_none_by_the_servers_own_clock(server: OpcUaServer) -> None:
+def test_an_old_value_by_the_server_s_clock_counts_as_missing(server: OpcUaServer) -> None:
     server.skew = 3600.0  # the controller's clock is an hour ahead, which is nobody's business
     with opened(server) as bench:
         while not (sample := bench.next_sample(1.0)):
@@ -59,14 +59,14 @@ def test_an_old_value_is_none_by_the_servers_own_clock(server: OpcUaServer) -> N
             bench.next_sample(1.0)
 
 
-def test_what_the_server_refuses_is_refused_here(server: OpcUaServer) -> None:
+def test_a_refusal_by_the_server_is_an_error(server: OpcUaServer) -> None:
     rig = parse_rig(RIG.text.replace("s=Circuit.Heater", "s=Circuit.Heatr"))
     with pytest.raises(RigctlError, match="does not exist"), opened(server, rig):
         pass
     assert server.circuit.off
 
 
-def test_another_plant_is_not_touched(server: OpcUaServer, tmp_path: Path) -> None:
+def test_a_different_plant_is_not_changed(server: OpcUaServer, tmp_path: Path) -> None:
     rig = tmp_path / "rig.yaml"
     text = RIG.text.replace("equals: oil circuit 4711", "equals: oil circuit 4712")
     rig.write_text(text.replace("timeout: 1 s", "timeout: 1 s\n    wake: 2 s"), encoding="utf-8")
@@ -89,13 +89,13 @@ def test_another_plant_is_not_touched(server: OpcUaServer, tmp_path: Path) -> No
         ("kind: opcua", "kind: opc", "did you mean 'opcua'"),
     ],
 )
-def test_a_mistake_in_the_nodes_is_said_with_its_place(old: str, new: str, says: str) -> None:
+def test_a_mistake_in_the_nodes_is_reported_with_its_place(old: str, new: str, says: str) -> None:
     assert old in RIG.text
     with pytest.raises(RigctlError, match=says) as refused:
         parse_rig(RIG.text.replace(old, new, 1), Path("rig.yaml"))
     assert "rig.yaml:" in str(refused.value)
 
 
-def test_a_server_needs_its_whole_address() -> None:
+def test_an_incomplete_server_address_is_refused() -> None:
     with pytest.raises(RigctlError, match="where is the server"):
         create_backend(RIG, None, real_clock(), {"port": "192.168.0.22:4840"})

@@ -39,7 +39,7 @@ def player(rig: Rig, played: Recording) -> Player:
     return bench
 
 
-def test_every_sample_comes_at_its_recorded_distance_whatever_rate_is_asked_for(rig: Rig) -> None:
+def test_samples_are_played_at_their_recorded_intervals(rig: Rig) -> None:
     played = recording()
     bench = player(rig, played)
     assert bench.next_sample(3.0) is None
@@ -57,7 +57,7 @@ def test_every_sample_comes_at_its_recorded_distance_whatever_rate_is_asked_for(
     assert math.isnan(taken[2500 // 3].values[2])
 
 
-def test_the_end_of_the_recording_is_a_failure_in_plain_words(rig: Rig) -> None:
+def test_the_end_of_the_recording_is_a_clear_error(rig: Rig) -> None:
     bench = player(rig, recording(3))
     bench.start(100.0)
     for _ in range(3):
@@ -82,7 +82,7 @@ def test_a_gap_in_the_recording_is_a_gap_when_it_is_played(rig: Rig) -> None:
     assert [sample and round(sample.time, 3) for sample in results] == [0.0, 0.01, None, None, 5.02, 5.03]
 
 
-def test_commands_are_noted_with_receipts_and_change_nothing(rig: Rig) -> None:
+def test_commands_get_receipts_and_change_nothing(rig: Rig) -> None:
     bench = player(rig, recording())
     bench.start(100.0)
     bench.next_sample(1.0)
@@ -125,7 +125,7 @@ def record_a_run(rig: Rig, runs: Path, bench: SimulatedBench, samples: int) -> l
     return taken
 
 
-def test_a_recorded_run_comes_back_sample_by_sample(
+def test_a_recorded_run_is_replayed_sample_by_sample(
     rig: Rig, tmp_path: Path, make_bench: Callable[..., SimulatedBench]
 ) -> None:
     bench = make_bench(noise="on", quantised="on", faults="sensor_noisy:position@0.5 s")

@@ -30,21 +30,21 @@ def test_the_true_time_lies_within_the_stated_uncertainty_through_roll_overs(dri
     assert all(0.49 < b - a < 0.51 for a, b in pairwise(mapped))
 
 
-def test_a_board_that_began_anew_is_noticed() -> None:
+def test_a_restarted_board_is_detected() -> None:
     clock = ClockMap()
     for tick in range(20):
         assert clock.add(tick, 50_000_000 + tick * 1_000_000, tick + 0.002)
     assert not clock.add(20.0, 40_000, 20.002)
 
 
-def test_stamps_out_of_order_are_taken_as_they_are() -> None:
+def test_out_of_order_time_stamps_are_mapped() -> None:
     clock = ClockMap()
     clock.add(0.0, 1000, 0.0)
     assert clock.to_host(2000) == pytest.approx(0.001)
     assert clock.to_host(1500) == pytest.approx(0.0005)
 
 
-def test_an_exchange_that_was_held_up_is_left_out_and_a_restart_is_told() -> None:
+def test_delayed_exchanges_are_dropped_and_restarts_detected() -> None:
     clock = ClockMap()
     for k in range(20):
         assert clock.add(k * 0.5, round(k * 0.5e6) + 1500, k * 0.5 + 0.003)
@@ -55,7 +55,7 @@ def test_an_exchange_that_was_held_up_is_left_out_and_a_restart_is_told() -> Non
     assert not clock.add(11.0, 20_000, 11.003), "it begins at zero"
 
 
-def test_a_time_that_stays_another_one_is_no_longer_the_board_that_was_known() -> None:
+def test_a_persistently_different_time_is_a_restart() -> None:
     clock = ClockMap()
     for k in range(20):
         clock.add(k * 0.5, round(k * 0.5e6) + 1500, k * 0.5 + 0.003)

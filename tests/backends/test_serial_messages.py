@@ -28,7 +28,7 @@ def test_each_kind_of_line() -> None:
 
 
 @given(st.integers(0, len(STREAM)), st.integers(1, 40))
-def test_listening_begins_anywhere_and_chunks_do_not_matter(begin: int, chunk: int) -> None:
+def test_parsing_may_start_anywhere_with_any_chunks(begin: int, chunk: int) -> None:
     reader = LineReader()
     data = STREAM[begin:]
     got = [m for at in range(0, len(data), chunk) for m in reader.feed(data[at : at + chunk])]
@@ -44,7 +44,7 @@ def test_a_changed_byte_never_gives_a_wrong_reading(at: int, byte: int) -> None:
 
 
 @given(st.binary(max_size=600))
-def test_garbage_is_survived(garbage: bytes) -> None:
+def test_garbage_is_skipped(garbage: bytes) -> None:
     reader = LineReader()
     reader.feed(garbage)
     assert reader.feed(b"\n" + STREAM)[-5:] == READINGS

@@ -51,7 +51,7 @@ def test_samples_lie_on_the_grid_and_the_first_comes_at_once(make_bench: MakeBen
     assert [sample.time for sample in take(bench, 3)] == [3.0, 3.1, 3.2]
 
 
-def test_a_wait_shorter_than_the_period_gives_no_sample_and_loses_none(make_bench: MakeBench) -> None:
+def test_a_short_wait_neither_returns_nor_loses_a_sample(make_bench: MakeBench) -> None:
     bench = make_bench()
     bench.start(1.0)
     assert take(bench, 1)[0].time == 0.0
@@ -110,7 +110,7 @@ def test_a_command_between_two_samples_keeps_its_time(make_bench: MakeBench) -> 
     assert samples[-1].values[POSITION] == pytest.approx(SPEED * 0.45)
 
 
-def test_a_caller_who_is_late_gets_every_sample_and_commands_keep_their_own_time(
+def test_a_late_caller_gets_every_sample(
     make_bench: MakeBench,
 ) -> None:
     wall = WallTime()
@@ -163,7 +163,7 @@ def test_safe_ends_a_pulse_at_once_and_can_be_called_again(make_bench: MakeBench
     assert bench.take_receipts() == []
 
 
-def test_closing_is_idempotent_and_a_closed_bench_says_so(make_bench: MakeBench) -> None:
+def test_closing_is_idempotent_and_a_closed_bench_raises(make_bench: MakeBench) -> None:
     bench = make_bench()
     bench.start(10.0)
     bench.close()
@@ -207,7 +207,7 @@ def test_an_impossible_rate_is_refused(make_bench: MakeBench, rate: float) -> No
         make_bench().start(rate)
 
 
-def test_the_operator_takes_his_time(rig: Rig, make_bench: MakeBench) -> None:
+def test_the_operator_responds_after_a_delay(rig: Rig, make_bench: MakeBench) -> None:
     simulation = rig.simulation.model_copy(update={"answer_delay": 2.0})
     bench = make_bench(on=rig.model_copy(update={"simulation": simulation}))
     bench.start(10.0)
@@ -220,7 +220,7 @@ def test_the_operator_takes_his_time(rig: Rig, make_bench: MakeBench) -> None:
     assert samples[40].values[1] == pytest.approx(40e5, rel=1e-4)
 
 
-def test_settings_scatter_where_the_rig_file_says_so(rig: Rig, make_bench: MakeBench) -> None:
+def test_settings_scatter_as_in_the_rig_file(rig: Rig, make_bench: MakeBench) -> None:
     simulation = rig.simulation.model_copy(update={"scatter": {"relief_valve": 0.002}})
     bench = make_bench(on=rig.model_copy(update={"simulation": simulation}))
     bench.start(0.1)
@@ -256,7 +256,7 @@ def test_equal_seeds_give_equal_bytes(rig: Rig, make_bench: MakeBench) -> None:
     assert runs[0] != runs[2]
 
 
-def test_the_bench_says_what_it_is(make_bench: MakeBench) -> None:
+def test_the_bench_reports_its_identity(make_bench: MakeBench) -> None:
     identity = make_bench(seed=11, faults=["samples_stop@30 s"]).identity
     assert identity["kind"] == "simulated"
     assert identity["name"] == "HL32 bench"

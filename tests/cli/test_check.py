@@ -111,7 +111,7 @@ def test_a_schema_goes_to_a_file(
         ("models/effects/piston-leakage-eccentric.yaml", "is an effect: piston_leakage_eccentric"),
     ],
 )
-def test_check_says_what_a_file_is(
+def test_check_identifies_the_kind_of_file(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], file: str, said: str
 ) -> None:
     assert call(monkeypatch, "check", str(ROOT / file)) == 0
@@ -129,7 +129,7 @@ def test_check_says_what_a_file_is(
         ("rpm", "Hz", False),
     ],
 )
-def test_a_count_per_time_is_no_speed_of_rotation(
+def test_a_count_per_time_is_not_a_rotational_speed(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
@@ -149,7 +149,7 @@ def test_a_count_per_time_is_no_speed_of_rotation(
     assert right or "rad/s" in capsys.readouterr().err
 
 
-def test_check_refuses_what_is_none_of_ours_and_what_is_wrong(
+def test_check_refuses_foreign_and_invalid_files(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     (tmp_path / "data.csv").write_text("time [s],a\n0,1\n", encoding="utf-8")

@@ -39,13 +39,13 @@ def test_init_overwrites_nothing(tmp_path: Path) -> None:
     assert (tmp_path / "README.md").read_text(encoding="utf-8") == "mine"
 
 
-def test_init_says_what_to_do_in_an_unwritable_place(tmp_path: Path) -> None:
+def test_init_suggests_what_to_do_in_an_unwritable_place(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(RigctlError, match="cannot write the project folder"):
         CliRunner().invoke(app, ["init", str(tmp_path / "file" / "bench")], catch_exceptions=False)
 
 
-def test_doctor_is_well_here_and_names_the_extras() -> None:
+def test_doctor_passes_here_and_lists_the_extras() -> None:
     shown = CliRunner().invoke(app, ["doctor", "--json"])
     assert shown.exit_code == 0
     findings = {finding["subject"]: finding for finding in json.loads(shown.stdout)["findings"]}
@@ -70,9 +70,7 @@ def test_doctor_fails_when_something_is_broken(monkeypatch: pytest.MonkeyPatch) 
     assert "pip install numba" in shown.output
 
 
-def test_doctor_lists_ports_and_what_to_do_about_them(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_doctor_lists_ports_and_their_fixes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     from rigctl.backends.transport import serial_ports as ports
 
     uno = ports.PortInfo("/dev/ttyACM0", "ttyACM0", 0x2341, 0x43, "85", "Arduino Uno", True)
@@ -90,7 +88,7 @@ def test_doctor_lists_ports_and_what_to_do_about_them(
     assert (findings["/dev/ttyUSB0"]["state"], findings["/dev/ttyUSB0"]["fix"]) == ("broken", "sudo usermod")
 
 
-def test_doctor_asks_a_port_that_is_named() -> None:
+def test_doctor_identifies_a_given_port() -> None:
     with Served() as board:
         shown = CliRunner().invoke(app, ["doctor", "--port", board.url, "--json"])
     told = json.loads(shown.stdout)
@@ -101,14 +99,14 @@ def test_doctor_asks_a_port_that_is_named() -> None:
     assert board.sketch.heaters == (0.0, 0.0)
 
 
-def test_doctor_says_that_nobody_is_there() -> None:
+def test_doctor_reports_a_port_without_an_answer() -> None:
     shown = CliRunner().invoke(app, ["doctor", "--port", "/dev/no-such-port"], env={"COLUMNS": "300"})
     assert shown.exit_code == 1
     assert "/dev/no-such-port" in shown.stdout
     assert "has it power?" in shown.stdout
 
 
-def test_doctor_looks_through_the_rig_files(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_doctor_checks_the_rig_files(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "rigs").mkdir()
     (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
     old = "{date: 2020-01-01, valid_for: 1 day}"

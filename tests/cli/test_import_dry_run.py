@@ -28,7 +28,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_dry_run_shows_what_would_be_read_and_makes_nothing() -> None:
+def test_a_dry_run_previews_the_import_and_makes_nothing() -> None:
     rows = ["time [s],heater_1 [%],temperature_1 [degC]"]
     rows += [f"{t},{0 if t < 40 else 50},{20 + max(t - 40, 0) / 10 if t != 7 else ''}" for t in range(100)]
     Path("log.csv").write_text("\n".join([*rows, "100,50,warm"]), encoding="utf-8")
@@ -82,7 +82,7 @@ def test_a_mapping_is_saved_and_used_again() -> None:
         ("delimiter: ab\n", "not a delimiter, got 'ab'"),
     ],
 )
-def test_a_mapping_that_is_wrong_is_told(text: str, said: str) -> None:
+def test_a_wrong_mapping_is_reported(text: str, said: str) -> None:
     Path("lab.yaml").write_text(text, encoding="utf-8")
     assert said in refusal("import", "mon.csv", *BOARD, "--mapping", "lab.yaml")
 
@@ -99,7 +99,7 @@ def test_a_mapping_that_is_wrong_is_told(text: str, said: str) -> None:
         (["--decimal", ";"], "--decimal: no such choice"),
     ],
 )
-def test_an_option_that_is_wrong_is_told(arguments: list[str], said: str) -> None:
+def test_a_wrong_option_is_reported(arguments: list[str], said: str) -> None:
     columns = ["--columns", "Zeit=time,Temp oben=temperature_1,Heizung=heater_1 [%],Notiz=-"]
     assert said in refusal("import", "mon.csv", *BOARD, *columns, *arguments)
 

@@ -39,7 +39,7 @@ def same_samples(run: Run, other: Run) -> None:
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_samples_come_back_as_they_were(strokes: Run, ending: str) -> None:
+def test_samples_round_trip_unchanged(strokes: Run, ending: str) -> None:
     done = answer("export", strokes.id, "-o", f"out.{ending}")
     assert (done["rows"], done["table"]) == (150, "samples")
     again = answer("import", f"out.{ending}", *RIG)
@@ -47,9 +47,7 @@ def test_samples_come_back_as_they_were(strokes: Run, ending: str) -> None:
     same_samples(strokes, open_run(again["path"]))
 
 
-def test_an_mdf_file_says_when_its_data_were_measured_and_not_when_it_was_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_mdf_file_has_the_time_of_the_measurement(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from asammdf import MDF
 
     monkeypatch.setattr(formats, "isolated", False)
@@ -98,7 +96,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "tdms", "mat", "xlsx"])
-def test_observations_come_back_as_they_were(ending: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_observations_round_trip_unchanged(ending: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(formats, "isolated", False)
     first = answer("import", "data/hl32-strokes.csv", *RIG)
     done = answer("export", first["run"], "-o", f"out.{ending}")
@@ -119,7 +117,7 @@ def test_the_other_tables_are_written_too(strokes: Run, ending: str, table: str,
     assert done["rows"] == (rows if rows is not None else len(strokes.events))
 
 
-def test_units_are_where_each_format_keeps_them(strokes: Run) -> None:
+def test_units_are_stored_as_usual_in_each_format(strokes: Run) -> None:
     from asammdf import MDF
     from nptdms import TdmsFile
     from scipy.io import loadmat
@@ -141,7 +139,7 @@ def test_units_are_where_each_format_keeps_them(strokes: Run) -> None:
     assert np.isnan(mat["data"][1].position[4])
 
 
-def test_pandas_and_openpyxl_read_what_is_handed_out(strokes: Run) -> None:
+def test_pandas_and_openpyxl_read_exported_files(strokes: Run) -> None:
     import openpyxl
     import pandas as pd
 

@@ -34,7 +34,7 @@ def test_a_heading_names_the_units(run: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["out.csv", "out.parquet"])
-def test_what_is_handed_out_can_be_brought_in_again(run: Run, tmp_path: Path, name: str) -> None:
+def test_exported_files_can_be_imported(run: Run, tmp_path: Path, name: str) -> None:
     export_run(run, tmp_path / name)
     done = import_file(tmp_path / name, load_rig(RIG), tmp_path / "other")
     again = open_run(done.path)
@@ -64,7 +64,7 @@ def test_the_other_tables(run: Run, tmp_path: Path, table: str, rows: int) -> No
     assert ("oil [degC]" in heading) == (table == "records")
 
 
-def test_a_file_that_is_there_is_kept(run: Run, tmp_path: Path) -> None:
+def test_an_existing_file_is_kept(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "out.csv"
     path.write_text("precious", encoding="utf-8")
     with pytest.raises(RigctlError, match="there already") as caught:
@@ -74,7 +74,7 @@ def test_a_file_that_is_there_is_kept(run: Run, tmp_path: Path) -> None:
     assert export_run(run, path, overwrite=True).rows == 8
 
 
-def test_what_does_not_exist_is_told(run: Run, tmp_path: Path) -> None:
+def test_missing_tables_and_records_are_reported(run: Run, tmp_path: Path) -> None:
     with pytest.raises(RigctlError, match="unknown kind of file"):
         export_run(run, tmp_path / "out.ods")
     with pytest.raises(RigctlError) as caught:
@@ -84,9 +84,7 @@ def test_what_does_not_exist_is_told(run: Run, tmp_path: Path) -> None:
         export_run(run, tmp_path / "no" / "out.csv")
 
 
-def test_texts_that_a_spreadsheet_would_run_are_disarmed_on_request(
-    writer: RunWriter, tmp_path: Path
-) -> None:
+def test_formula_like_texts_are_disarmed_on_request(writer: RunWriter, tmp_path: Path) -> None:
     measure_strokes(writer, records=1, rows=3)
     for text in ('=HYPERLINK("x")', "+1", "-2", "@SUM(A1)", "plain"):
         writer.event(1.0, "note", message=text)

@@ -45,7 +45,7 @@ def test_what_was_flushed_is_read_back_to_the_bit(
     assert content(found).tobytes() == expected.tobytes()
 
 
-def test_cut_off_at_any_byte_it_keeps_every_whole_frame(tmp_path: Path) -> None:
+def test_truncation_at_any_byte_keeps_every_complete_frame(tmp_path: Path) -> None:
     path = tmp_path / "samples.journal"
     writer = JournalWriter(path, COLUMNS, {"session": 0})
     ends, expected = [path.stat().st_size], []
@@ -83,7 +83,7 @@ def test_what_a_power_failure_leaves_at_the_end_is_ignored(tmp_path: Path, tail:
     assert found.lost_bytes == len(tail)
 
 
-def test_a_flipped_bit_costs_its_own_frame_alone(tmp_path: Path) -> None:
+def test_a_flipped_bit_loses_only_its_own_frame(tmp_path: Path) -> None:
     path = tmp_path / "samples.journal"
     writer = JournalWriter(path, COLUMNS, {"session": 0})
     begins = []
@@ -175,7 +175,7 @@ class FullDisk:
 
 
 @pytest.mark.parametrize("room", [0, 3, 8, 20, 33, 60, 79])
-def test_a_full_disk_tears_no_frame_and_loses_no_row_that_waits(tmp_path: Path, room: int) -> None:
+def test_a_full_disk_truncates_no_frame_and_loses_no_row(tmp_path: Path, room: int) -> None:
     path = tmp_path / "samples.journal"
     writer = JournalWriter(path, COLUMNS, {})
     writer.append((0, 0, 0))

@@ -59,7 +59,7 @@ def references(value: object) -> set[str]:
     return set().union(*map(references, value)) if isinstance(value, list) else set()
 
 
-def test_a_campaign_is_read_by_others(runs: list[Path]) -> None:
+def test_a_crate_is_read_by_another_library(runs: list[Path]) -> None:
     names = [folder.name for folder in runs]
     told("export", *names, "--to", "ro-crate", "-o", "out", "--licence", "CC-BY-4.0", "--title", "strokes")
     crate = ROCrate("out")
@@ -86,7 +86,7 @@ def test_a_campaign_is_read_by_others(runs: list[Path]) -> None:
     assert "dead-weight tester" in measured["supply_pressure"]["measurementTechnique"]
 
 
-def test_every_reference_leads_somewhere_in_a_zip_too(runs: list[Path]) -> None:
+def test_every_reference_is_valid_also_in_a_zip(runs: list[Path]) -> None:
     told("export", runs[0].name, "--to", "ro-crate", "-o", "out.zip")
     with zipfile.ZipFile("out.zip") as archive:
         entities = graph(archive.read("ro-crate-metadata.json").decode("utf-8"))
@@ -100,7 +100,7 @@ def test_every_reference_leads_somewhere_in_a_zip_too(runs: list[Path]) -> None:
     assert ROCrate("out.zip").root_dataset["license"].id == "#no-licence"
 
 
-def test_a_run_in_storage_is_handed_out_as_one_here(runs: list[Path]) -> None:
+def test_stored_and_local_runs_give_equal_crates(runs: list[Path]) -> None:
     store = Store(f"memory://crates-{id(runs)}/runs")
     upload(runs[0], store)
     for name, run in (("here", open_run(runs[0])), ("there", open_run(f"{store.address}/{runs[0].name}"))):
@@ -111,7 +111,7 @@ def test_a_run_in_storage_is_handed_out_as_one_here(runs: list[Path]) -> None:
     assert Path("there.xml").read_bytes() == Path("here.xml").read_bytes()
 
 
-def test_what_cannot_be_handed_out_leaves_nothing_behind(runs: list[Path]) -> None:
+def test_a_failed_export_leaves_nothing_behind(runs: list[Path]) -> None:
     names = [folder.name for folder in runs]
     assert "no licence" in refusal("export", names[0], "--to", "ro-crate", "-o", "a", "--licence", "my own")
     assert "several runs" in refusal("export", *names, "-o", "a.csv")

@@ -238,7 +238,7 @@ def fill_disk(writer: RunWriter) -> tuple[BrokenDisk, BrokenDisk]:
     return disks
 
 
-def test_a_full_disk_is_told_once_and_what_was_written_is_kept(writer: RunWriter) -> None:
+def test_a_full_disk_is_reported_once_and_written_data_are_kept(writer: RunWriter) -> None:
     measure_strokes(writer, records=2)
     fill_disk(writer)
     writer.append(sample(5.0))

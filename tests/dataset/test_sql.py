@@ -23,7 +23,7 @@ def two(make_run: RunMaker, runs: Path) -> Path:
     return runs
 
 
-def test_it_asks_across_runs(two: Path) -> None:
+def test_queries_span_runs(two: Path) -> None:
     answer = query(
         "SELECT run, count(*) AS n, max(position) AS highest FROM samples WHERE record >= 0 "
         "GROUP BY run ORDER BY run",
@@ -38,7 +38,7 @@ def test_it_asks_across_runs(two: Path) -> None:
     assert answer.frame()["n"].tolist() == [60, 40]
 
 
-def test_all_views_answer(two: Path) -> None:
+def test_all_views_can_be_queried(two: Path) -> None:
     rows = {
         view: query(f"SELECT count(*) FROM {view}", two).rows[0][0] for view in ("runs", "records", "events")
     }
@@ -60,7 +60,7 @@ def test_columns_that_only_some_runs_have_are_null_in_the_others(two: Path, make
     assert query("SELECT load, oil FROM records WHERE name = 'creep'", two).rows == ((10.0, None),)
 
 
-def test_a_run_in_progress_is_left_out(two: Path, make_header: object) -> None:
+def test_a_run_in_progress_is_omitted(two: Path, make_header: object) -> None:
     writer = RunWriter.create(two, make_header("20261122-000000-other"))  # type: ignore[operator]
     measure_strokes(writer)
     assert query("SELECT count(*) FROM runs", two).rows == ((2,),)
@@ -81,7 +81,7 @@ def test_folders_with_wildcards_and_quotes_in_their_names(tmp_path: Path, make_h
     assert query("SELECT run, record FROM records", runs).rows == (("20261121-093000-stroke", 0),)
 
 
-def test_a_misspelt_table_or_column_is_told_with_the_nearest(two: Path) -> None:
+def test_a_misspelt_table_or_column_is_reported_with_the_nearest(two: Path) -> None:
     with pytest.raises(RigctlError, match="unknown table") as table:
         query("SELECT * FROM sampels", two)
     assert (table.value.value, table.value.nearest) == ("sampels", "samples")

@@ -20,7 +20,7 @@ FILES = ("samples.parquet", "records.parquet", "events.parquet", "log.jsonl")
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_a_changed_byte_is_noticed_and_its_file_named(make_run: RunMaker, name: str) -> None:
+def test_a_changed_byte_is_detected_with_its_file(make_run: RunMaker, name: str) -> None:
     folder = make_run()
     content = bytearray((folder / name).read_bytes())
     content[len(content) // 2] ^= 1
@@ -42,7 +42,7 @@ def test_a_missing_file_is_named(make_run: RunMaker, name: str) -> None:
     assert verdict.problems == (f"{folder / name}: the file is missing",)
 
 
-def test_run_json_is_made_again_from_the_log(make_run: RunMaker) -> None:
+def test_run_json_is_rebuilt_from_the_log(make_run: RunMaker) -> None:
     folder = make_run()
     before = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     (folder / "run.json").write_text("not json", encoding="utf-8")
@@ -67,7 +67,7 @@ def outcomes(folder: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("bad", [3, 6])
-def test_a_damaged_line_of_the_log_costs_the_record_that_was_open(writer: RunWriter, bad: int) -> None:
+def test_a_damaged_log_line_damages_the_open_record(writer: RunWriter, bad: int) -> None:
     """Line 4 is a command of the first record, line 7 the opening of the second."""
     folder = left_by_a_kill(writer)
     path = folder / "log.jsonl"
@@ -94,7 +94,7 @@ def test_a_log_without_its_first_line_leaves_the_journal_alone(writer: RunWriter
     assert (folder / "samples.journal").exists()
 
 
-def test_a_flipped_bit_in_the_journal_costs_one_frame_and_the_original_is_kept(writer: RunWriter) -> None:
+def test_a_flipped_bit_loses_one_frame_and_keeps_the_original(writer: RunWriter) -> None:
     folder = left_by_a_kill(writer)
     path = folder / "samples.journal"
     damaged = bytearray(path.read_bytes())
@@ -118,7 +118,7 @@ def test_a_flipped_bit_in_the_journal_costs_one_frame_and_the_original_is_kept(w
     assert open_run(folder).info["lost_rows"] == lost
 
 
-def test_what_is_measured_again_after_damage_is_what_misses_samples(writer: RunWriter) -> None:
+def test_records_with_missing_samples_are_measured_again(writer: RunWriter) -> None:
     folder = left_by_a_kill(writer)
     path = folder / "samples.journal"
     damaged = bytearray(path.read_bytes())
@@ -144,7 +144,7 @@ def test_without_its_journal_no_record_is_complete(writer: RunWriter, content: b
     assert open_run(folder).usable == ()
 
 
-def test_a_journal_whose_first_frame_is_damaged_is_read_by_what_the_log_says(writer: RunWriter) -> None:
+def test_a_damaged_first_frame_is_replaced_by_facts_from_the_log(writer: RunWriter) -> None:
     folder = left_by_a_kill(writer)
     path = folder / "samples.journal"
     damaged = bytearray(path.read_bytes())
@@ -155,7 +155,7 @@ def test_a_journal_whose_first_frame_is_damaged_is_read_by_what_the_log_says(wri
     assert open_run(folder).info["rows"] == 63
 
 
-def test_a_log_that_says_something_else_is_no_traceback(make_run: RunMaker) -> None:
+def test_an_inconsistent_log_is_a_clear_error(make_run: RunMaker) -> None:
     folder = make_run()
     (folder / "run.json").unlink()
     for content in (b"", b"{}\n", b'{"kind":"run","time":0}\n', b'{"header": {"layout": 3}}\n'):
@@ -163,7 +163,7 @@ def test_a_log_that_says_something_else_is_no_traceback(make_run: RunMaker) -> N
         assert verify(folder).condition is Condition.BROKEN
 
 
-def test_a_run_in_progress_is_left_alone(writer: RunWriter) -> None:
+def test_a_run_in_progress_is_not_touched(writer: RunWriter) -> None:
     measure_strokes(writer)
     before = (writer.folder / "samples.journal").stat().st_size
     assert verify(writer.folder).condition is Condition.IN_PROGRESS
@@ -193,7 +193,7 @@ def test_a_nonsense_heartbeat_is_no_obstacle(writer: RunWriter, content: str) ->
     verify(writer.folder)
 
 
-def test_an_annotation_that_was_appended_but_not_seen_is_taken_in(make_run: RunMaker) -> None:
+def test_an_appended_annotation_is_added_to_the_tables(make_run: RunMaker) -> None:
     folder = make_run()
     append_annotations(folder, [say("exclude", "operator leant on the bench", 1)])
     assert verify(folder).condition is Condition.RECOVERED
@@ -204,7 +204,7 @@ def test_an_annotation_that_was_appended_but_not_seen_is_taken_in(make_run: RunM
     assert len(open_run(folder).info["annotations"]) == 2
 
 
-def test_changed_annotations_are_broken(make_run: RunMaker) -> None:
+def test_changed_annotations_make_a_run_broken(make_run: RunMaker) -> None:
     folder = make_run()
     append_annotations(folder, [say("exclude", "bad", 1)])
     verify(folder)
@@ -213,11 +213,11 @@ def test_changed_annotations_are_broken(make_run: RunMaker) -> None:
     assert verify(folder).condition is Condition.BROKEN
 
 
-def test_a_folder_with_nothing_in_it_is_broken(tmp_path: Path) -> None:
+def test_an_empty_folder_is_broken(tmp_path: Path) -> None:
     assert verify(tmp_path).condition is Condition.BROKEN
 
 
-def test_a_changed_run_json_is_refused_and_made_again(make_run: RunMaker) -> None:
+def test_a_changed_run_json_is_refused_and_rebuilt(make_run: RunMaker) -> None:
     """A unit changed from mm to m would not be detected by the checksums of the samples."""
     folder = make_run()
     path = folder / "run.json"
@@ -234,7 +234,7 @@ def test_a_changed_run_json_is_refused_and_made_again(make_run: RunMaker) -> Non
     assert verify(folder).condition is Condition.WHOLE
 
 
-def test_a_run_json_that_is_only_formatted_otherwise_is_whole(make_run: RunMaker) -> None:
+def test_a_reformatted_run_json_is_valid(make_run: RunMaker) -> None:
     folder = make_run()
     path = folder / "run.json"
     path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")), indent=7), encoding="utf-8")

@@ -44,7 +44,7 @@ def trips(rig: Rig, readings: Floats) -> list[str]:
     spread=st.floats(0.1, 10.0),
     seed=st.integers(0, 10**6),
 )
-def test_what_keeps_clear_trips_no_limit_whatever_the_noise(
+def test_clear_records_trip_no_limit_for_any_noise(
     rig: Rig, start: float, speed: float, pressure: float, temperature: float, spread: float, seed: int
 ) -> None:
     course = np.clip(start + speed * np.clip(TIMES - 0.5, 0.0, 1.0), -0.01, 0.26)
@@ -63,7 +63,7 @@ def test_what_keeps_clear_trips_no_limit_whatever_the_noise(
         assert trips(rig, outputs + CLEARANCE * root * one) == []
 
 
-def test_readings_further_apart_than_a_rate_is_taken_over_are_judged_too(rig: Rig) -> None:
+def test_rates_are_checked_also_for_slow_sampling(rig: Rig) -> None:
     """`oil_rises_too_fast` is over 10 s: of readings every 30 s the rate is that between two of them."""
     times = np.arange(0.0, 300.0, 30.0)
     outputs = np.stack([300.0 + 0.05 * times, np.full(times.size, 3e6), np.full(times.size, 0.1)], axis=1)
@@ -73,7 +73,7 @@ def test_readings_further_apart_than_a_rate_is_taken_over_are_judged_too(rig: Ri
     assert not clear_of_limits(rig, CHANNELS, times, outputs, sigma)
 
 
-def test_a_course_that_comes_near_a_limit_is_not_clear(rig: Rig) -> None:
+def test_a_record_close_to_a_limit_is_not_clear(rig: Rig) -> None:
     outputs = np.stack(
         [np.full(TIMES.size, 320.0), np.full(TIMES.size, 3e6), np.full(TIMES.size, 0.1)], axis=1
     )

@@ -57,9 +57,7 @@ def stage() -> Stage:
 
 @settings(max_examples=20)
 @given(which=st.integers(0, 2), seed=st.integers(0, 10**6))
-def test_the_plan_of_a_written_record_is_the_course_that_was_simulated(
-    stage: Stage, which: int, seed: int
-) -> None:
+def test_a_written_record_has_the_simulated_plan(stage: Stage, which: int, seed: int) -> None:
     """Read back through the procedure's own steps: when the valve is switched, at which operating point."""
     scheme = schemes_of(stage, [stroke(5)])[which]
     recipe = scheme.recipe(np.random.default_rng(seed).uniform(size=len(scheme.free)).tolist())

@@ -40,7 +40,7 @@ def designed(bench: Path) -> dict[str, Any]:
         return answer("design", "latest", "--model", MODEL, "--records", "1", "--page", "next.html")
 
 
-def test_what_no_record_tells_apart_is_said_to_be_so_with_the_sensor_that_would(
+def test_inseparable_effects_name_the_sensor_that_would_separate(
     designed: dict[str, Any],
 ) -> None:
     """Both move the reading in proportion to the stroke; whether the piston really went there, another sensor
@@ -57,7 +57,7 @@ def test_what_no_record_tells_apart_is_said_to_be_so_with_the_sensor_that_would(
     assert " and ".join(best["channels"]) in designed["statement"]
 
 
-def test_every_set_of_up_to_two_is_there_with_its_price(designed: dict[str, Any]) -> None:
+def test_every_set_of_up_to_two_sensors_has_its_price(designed: dict[str, Any]) -> None:
     sets = {tuple(one["channels"]): one for one in designed["sensors"]}
     assert len(sets) == 5 + 10
     assert sets["pressure_a", "pressure_b"]["price"] == 360.0

@@ -37,7 +37,7 @@ def worn(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, dict[
         yield folder, answer("discover", "latest", "--model", "model.yaml", "-o", "effects")
 
 
-def test_the_place_and_the_variable_are_found(worn: tuple[Path, dict[str, Any]]) -> None:
+def test_the_location_and_the_variable_are_found(worn: tuple[Path, dict[str, Any]]) -> None:
     _, found = worn
     assert found["gate"]["open"]
     first = found["located"][0]
@@ -64,7 +64,7 @@ def test_the_true_form_is_in_the_set_with_its_scales(worn: tuple[Path, dict[str,
     assert best["passive"] == ""  # it depends on no speed
 
 
-def test_the_curve_is_drawn_where_the_data_were_and_holds_the_truth(
+def test_the_band_of_the_curve_covers_the_truth(
     worn: tuple[Path, dict[str, Any]],
 ) -> None:
     _, found = worn
@@ -80,7 +80,7 @@ def test_the_curve_is_drawn_where_the_data_were_and_holds_the_truth(
     assert deepest["high"] < 0.0  # sure that there is something
 
 
-def test_the_file_goes_into_the_model_and_predicts_what_was_held_out(
+def test_the_effect_file_predicts_held_out_records(
     worn: tuple[Path, dict[str, Any]],
 ) -> None:
     folder, found = worn
@@ -97,7 +97,7 @@ def test_the_file_goes_into_the_model_and_predicts_what_was_held_out(
     assert not [note for note in compared["notes"] if "learned for" in note]  # it stays in its box
 
 
-def test_where_nothing_is_hidden_nothing_is_looked_for(tmp_path: Path) -> None:
+def test_no_search_without_a_misfit(tmp_path: Path) -> None:
     with chdir(imported(tmp_path, nothing, levels=LEVELS[:5])):
         found = answer("discover", "latest", "--model", "model.yaml")
         assert not found["gate"]["open"]
@@ -105,7 +105,7 @@ def test_where_nothing_is_hidden_nothing_is_looked_for(tmp_path: Path) -> None:
         assert found["formulas"] == found["located"] == found["curves"] == []
 
 
-def test_a_drag_at_one_place_needs_two_variables_and_takes_energy_out(
+def test_a_local_drag_depends_on_two_variables_and_dissipates(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = imported(tmp_path, rubbing_spot, seed=1)
@@ -171,7 +171,7 @@ def _shows_it_on_the_page(found: Discovery) -> None:
     assert abs(float(drag.x[np.argmin(drag.value)]) - 0.04) < 0.005
 
 
-def test_wrong_words_are_refused_before_any_work(worn: tuple[Path, dict[str, Any]]) -> None:
+def test_wrong_options_are_refused_before_any_work(worn: tuple[Path, dict[str, Any]]) -> None:
     said = refusal("discover", "latest", "--model", "model.yaml", "--slot", "velocity_rat")
     assert "velocity_rate" in said
     said = refusal("discover", "latest", "--model", "model.yaml", "-o", "log.csv")

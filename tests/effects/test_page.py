@@ -46,7 +46,7 @@ def test_the_page_has_every_effect_slot_and_variable(family: str) -> None:
 
 
 @pytest.mark.parametrize("effect", EVERY, ids=lambda effect: f"{effect.family}-{effect.name}")
-def test_every_equation_is_whole(effect: Effect) -> None:
+def test_every_equation_is_complete(effect: Effect) -> None:
     family = find_family(effect.family)
     for term in terms_in_symbols(effect, family).values():
         latex = latex_of(term, effect)

@@ -60,7 +60,7 @@ def test_the_order_of_effects_makes_no_difference(orders: tuple[list[Effect], li
     ]
 
 
-def test_shares_of_one_slot_add() -> None:
+def test_contributions_to_one_slot_add() -> None:
     values = dict.fromkeys(("spool", "valve", "pump", "heater_power"), 1.0)
     values |= {"supply_pressure": 30e5, "pressure_a": 12e5, "pressure_b": 5e5, "position": 0.1}
     values |= {"oil_temperature": 320.0, "velocity": 0.1, "pressure_setpoint": 30e5}
@@ -79,7 +79,7 @@ def test_shares_of_one_slot_add() -> None:
     assert shares[0] == pytest.approx(-50.0 * 0.1 / 12.0)
 
 
-def test_effects_that_say_the_same_are_refused() -> None:
+def test_duplicate_effects_are_refused() -> None:
     eccentric, plain = OWN[0], library(FAMILY.name)["piston_leakage"]
     for pair in ([eccentric, plain], [plain, eccentric]):
         with pytest.raises(RigctlError, match="contradict one another"):
@@ -114,7 +114,7 @@ def test_a_file_is_an_effect_of_the_command_line(tmp_path: Path, monkeypatch: py
         ("mine.yaml:conductance=1 m^3", "out of bounds"),
     ],
 )
-def test_mistakes_in_a_files_option_are_told(
+def test_mistakes_in_the_option_of_a_file_are_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, message: str
 ) -> None:
     (tmp_path / "mine.yaml").write_text(EXAMPLE.read_text(encoding="utf-8"), encoding="utf-8")
@@ -128,7 +128,7 @@ def test_an_effect_of_another_family_is_refused() -> None:
         read_effect_option(str(EXAMPLE), find_family("heater_board"))
 
 
-def test_a_model_takes_a_users_effect_and_gives_it_back() -> None:
+def test_a_user_effect_is_added_to_and_removed_from_a_model() -> None:
     own = OWN[0]
     model = Model(FAMILY).with_effect(own, {"conductance": 1e-14})
     assert model.values["piston_leakage_eccentric.conductance"] == 1e-14

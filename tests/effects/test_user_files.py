@@ -228,7 +228,7 @@ def test_a_term_is_exactly_off_at_null_and_smooth(term: str, slot: str, message:
         ),
     ],
 )
-def test_parameters_keep_their_promises(parameters: str, message: str) -> None:
+def test_parameters_respect_their_declarations(parameters: str, message: str) -> None:
     assert message in refused(written(parameters=parameters))
 
 
@@ -242,7 +242,7 @@ def test_parameters_keep_their_promises(parameters: str, message: str) -> None:
         ("sources: x\n", "did you mean 'source'?"),
     ],
 )
-def test_what_a_file_says_besides_is_checked(more: str, message: str) -> None:
+def test_additional_fields_of_a_file_are_checked(more: str, message: str) -> None:
     assert message in refused(written(more=more))
 
 
@@ -258,7 +258,7 @@ def test_an_effect_that_adds_nothing_is_refused() -> None:
     assert "the field 'slot' is missing" in refused(text + "term: a*1 N\n")
 
 
-def test_a_term_that_needs_itself_is_refused() -> None:
+def test_a_circular_term_is_refused() -> None:
     text = written(
         "1 + share*viscosity/(1 Pa*s)",
         "viscosity",
@@ -267,7 +267,7 @@ def test_a_term_that_needs_itself_is_refused() -> None:
     assert "an equation depends on itself" in refused(text)
 
 
-def test_several_mistakes_are_told_together_with_their_places() -> None:
+def test_several_mistakes_are_reported_with_their_places() -> None:
     text = written(parameters="{size: {null_value: 0 N, start: 900 N, bounds: [0 N, 500 N]}}").replace(
         "effect: mine", "effect: barus"
     )
@@ -276,7 +276,7 @@ def test_several_mistakes_are_told_together_with_their_places() -> None:
     assert [error.where.line for error in caught.value.errors] == [1, 5]
 
 
-def test_parts_of_a_file_are_found_again(tmp_path: Path) -> None:
+def test_parts_of_a_file_are_located(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text(written(), encoding="utf-8")
     assert place_of(file, ("terms", "friction")).line == 4

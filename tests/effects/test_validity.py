@@ -72,7 +72,7 @@ def test_ranges_and_provenance_are_read_with_their_units() -> None:
     }
 
 
-def test_they_are_shown_and_an_effect_without_them_says_nothing_of_them(
+def test_ranges_are_shown_only_for_effects_that_have_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -123,7 +123,7 @@ def test_a_range_is_shown_as_it_was_written(low: float, width: float, unit: str)
     assert found["high"] == pytest.approx(low + width, rel=1e-9, abs=1e-12)
 
 
-def test_a_range_may_be_of_anything_that_the_equations_know() -> None:
+def test_a_range_may_refer_to_any_variable_of_the_equations() -> None:
     effect = parse_effect(text("valid: {density*velocity^2: [0 Pa, 100 Pa]}"))
     family = effect.model_family
     known = {one.name: one.value for one in family.parameters} | {s.name: s.start for s in family.states}
@@ -131,7 +131,7 @@ def test_a_range_may_be_of_anything_that_the_equations_know() -> None:
     assert 20.0 < value < 50.0  # of an oil of 900 kg/m^3: 36 Pa
 
 
-def test_a_simulated_bench_says_once_when_it_leaves_the_range(
+def test_a_simulated_bench_reports_leaving_the_range_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     commands.create_project(tmp_path)

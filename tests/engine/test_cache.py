@@ -81,7 +81,7 @@ def lose_checksums(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("spoil", [spoil_machine_code, spoil_names, spoil_checksums, lose_checksums])
-def test_what_is_damaged_is_built_again(
+def test_damaged_code_is_rebuilt(
     root: Path, spoil: Callable[[Path], None], caplog: pytest.LogCaptureFixture
 ) -> None:
     name = spoil.__name__
@@ -102,7 +102,7 @@ def test_what_is_damaged_is_built_again(
         ("names.json", b'{"defines": ["double"], "needs": ["function_of_nobody"]}'),
     ],
 )
-def test_what_fails_in_spite_of_its_checksums_is_built_again(root: Path, file: str, content: bytes) -> None:
+def test_code_that_fails_despite_its_checksum_is_rebuilt(root: Path, file: str, content: bytes) -> None:
     load("failing")
     folder = only_folder(root)
     (folder / file).write_bytes(content)
@@ -111,7 +111,7 @@ def test_what_fails_in_spite_of_its_checksums_is_built_again(root: Path, file: s
     assert load("failing") == []
 
 
-def test_a_cache_that_cannot_be_written_costs_a_warning_only(
+def test_an_unwritable_cache_only_warns(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     blocked = tmp_path / "a-file"
@@ -122,7 +122,7 @@ def test_a_cache_that_cannot_be_written_costs_a_warning_only(
     assert "cannot be used" in caplog.text
 
 
-def test_a_cache_that_can_only_be_read_is_used(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_read_only_cache_is_used(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     load("shared")
 
     def refused(*_: object) -> None:
@@ -133,7 +133,7 @@ def test_a_cache_that_can_only_be_read_is_used(root: Path, monkeypatch: pytest.M
     assert load("shared") == []
 
 
-def test_another_process_that_was_faster_is_no_error(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_race_with_another_process_is_harmless(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     load("raced")
     found = cache._from_cache
     answers = iter([None, None])
@@ -180,7 +180,7 @@ def test_a_process_that_finds_its_machine_code_loads_no_compiler() -> None:
     assert loaded[1] is False
 
 
-def test_what_is_old_is_pruned(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_old_entries_are_removed(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cache, "_KEPT", 2)
     root.mkdir(parents=True)
     for age, name in enumerate(["pruning-newest", "pruning-newer", "pruning-old", "kernels-oldest"]):

@@ -88,7 +88,7 @@ def only_file(folder: Path) -> Path:
     return path
 
 
-def test_a_result_is_made_once_and_is_the_same_to_the_last_bit(folder: Path) -> None:
+def test_a_result_is_computed_once_and_bit_identical(folder: Path) -> None:
     log: list[str] = []
     before = replace(TALLY)
     first = kept("test", [1.0, "a"], Outcome, lambda: make(log))
@@ -105,14 +105,14 @@ def test_a_result_is_made_once_and_is_the_same_to_the_last_bit(folder: Path) -> 
         assert one.ending is Ending.STEP
 
 
-def test_off_keeps_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_cache_can_be_disabled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv(RESULTS_VARIABLE, "off")
     monkeypatch.chdir(tmp_path)
     assert same(kept("test", 1, Outcome, outcome), outcome())
     assert not list(tmp_path.iterdir())
 
 
-def test_what_has_no_content_is_computed_each_time(folder: Path) -> None:
+def test_values_without_a_content_key_are_not_cached(folder: Path) -> None:
     log: list[str] = []
     for _ in range(2):
         kept("test", [make], Outcome, lambda: make(log))
@@ -120,7 +120,7 @@ def test_what_has_no_content_is_computed_each_time(folder: Path) -> None:
     assert not folder.exists()
 
 
-def test_what_fails_is_not_kept(folder: Path) -> None:
+def test_failures_are_not_cached(folder: Path) -> None:
     def fail() -> Outcome:
         raise ValueError("no fit")
 
@@ -203,7 +203,7 @@ def flip(path: Path, place: int) -> None:
     path.write_bytes(bytes(content))
 
 
-def test_every_damaged_byte_is_noticed_or_harmless(folder: Path) -> None:
+def test_every_damaged_byte_is_detected_or_harmless(folder: Path) -> None:
     kept("test", 1, Outcome, outcome)
     whole = only_file(folder).read_bytes()
     log: list[str] = []
@@ -223,7 +223,7 @@ class Bomb:
         return os.mkdir, ("carried-out",)
 
 
-def test_foreign_files_are_not_carried_out_and_not_believed(
+def test_foreign_files_are_neither_executed_nor_trusted(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -254,7 +254,7 @@ def test_foreign_files_are_not_carried_out_and_not_believed(
     assert not (tmp_path / "carried-out").exists()
 
 
-def test_a_result_of_another_type_is_not_believed() -> None:
+def test_a_result_of_another_type_is_rejected() -> None:
     arrays: list[np.ndarray] = []
     tree = encode(outcome(), arrays)
     for place in range(len(tree)):
@@ -271,7 +271,7 @@ def test_a_result_of_another_type_is_not_believed() -> None:
                     decode(Outcome, spoilt, iter(arrays))
 
 
-def test_what_was_used_longest_ago_makes_room(tmp_path: Path) -> None:
+def test_the_least_recently_used_result_is_evicted(tmp_path: Path) -> None:
     store = Store(tmp_path, room=60_000)
     for number in range(5):
         store.write(f"r{number}", [], [np.zeros(1000)])
@@ -287,13 +287,13 @@ def test_what_was_used_longest_ago_makes_room(tmp_path: Path) -> None:
     assert sum(path.stat().st_size for path in tmp_path.iterdir()) <= 60_000
 
 
-def test_what_is_too_large_is_not_kept(tmp_path: Path) -> None:
+def test_oversized_results_are_not_cached(tmp_path: Path) -> None:
     store = Store(tmp_path, room_of_one=1000)
     store.write("large", [], [np.zeros(1000)])
     assert not list(tmp_path.iterdir())
 
 
-def test_a_folder_that_cannot_be_written_costs_nothing_else(
+def test_an_unwritable_folder_only_disables_the_cache(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "file").write_text("no folder")
@@ -318,7 +318,7 @@ for turn in range(60):
 """
 
 
-def test_processes_at_once_see_whole_results_or_none(tmp_path: Path) -> None:
+def test_concurrent_processes_see_complete_results_or_none(tmp_path: Path) -> None:
     command = [sys.executable, "-c", WRITER, str(tmp_path)]
     writers = [subprocess.Popen(command, stderr=subprocess.PIPE, text=True) for _ in range(3)]
     problems = [writer.communicate()[1] for writer in writers]

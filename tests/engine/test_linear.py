@@ -63,7 +63,7 @@ def in_order(matrix: Floats, unit: Floats, reach: float = 1.0) -> tuple[bool, st
 
 @settings(max_examples=60)
 @given(st.integers(1, 9), st.integers(0, 10_000))
-def test_solutions_are_exact_whichever_way(n: int, seed: int) -> None:
+def test_solutions_are_accurate_with_and_without_exchanges(n: int, seed: int) -> None:
     """In units twelve powers of ten apart, as pressures and positions are."""
     random = np.random.default_rng(seed)
     unit = 10.0 ** random.uniform(-6.0, 6.0, n)
@@ -100,11 +100,11 @@ def test_rows_are_exchanged_where_a_pivot_is_small_in_its_unit() -> None:
 
 
 @pytest.mark.parametrize("bad", [0.0, np.nan])
-def test_a_pivot_that_is_none_is_refused(bad: float) -> None:
+def test_a_zero_pivot_is_refused(bad: float) -> None:
     assert not in_order(np.array([[bad, 1.0], [1.0, 1.0]]), np.ones(2))[0]
 
 
-def test_zeros_of_the_equations_are_not_written_out() -> None:
+def test_structural_zeros_are_not_computed() -> None:
     """A chain of lags takes a number of operations that grows with its length, not with the cube of it."""
     lengths = {}
     for n in (10, 40):

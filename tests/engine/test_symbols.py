@@ -191,7 +191,7 @@ def test_dimensions_of_a_hydraulic_term() -> None:
         check_dimension(flow, unit("K"), "the leakage")
 
 
-def test_constants_of_equal_value_and_other_dimension_are_kept_apart() -> None:
+def test_equal_constants_of_different_dimension_are_distinct() -> None:
     graph = Graph()
     length, time = graph.constant(2.0, unit("m")), graph.constant(2.0, unit("s"))
     assert length is not time
@@ -259,7 +259,7 @@ def test_a_branch_on_a_state_names_the_smooth_alternatives(branch: Callable[[sym
         (lambda g, x: evaluate(x, {"X": 1.0}), "unknown variable in an equation.*did you mean 'X'"),
     ],
 )
-def test_mistakes_are_errors_a_user_can_read(wrong: Callable[..., object], message: str) -> None:
+def test_mistakes_are_readable_errors(wrong: Callable[..., object], message: str) -> None:
     graph = Graph()
     with pytest.raises(RigctlError, match=message):
         wrong(graph, graph.variable("x", DIMENSIONLESS))
@@ -308,7 +308,7 @@ def test_printing() -> None:
     assert to_latex(symbols.log(a / b) ** 3) == (r"\ln\left(\frac{p_{\mathrm{a}}}{p_{\mathrm{b}}}\right)^{3}")
 
 
-def test_a_graph_travels_to_another_process() -> None:
+def test_a_graph_can_be_pickled() -> None:
     graph = Graph()
     x = graph.variable("x", unit("m"))
     expr = symbols.exp(-(x**2) / constant_like(1.0, x) ** 2)

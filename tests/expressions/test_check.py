@@ -93,7 +93,7 @@ def test_types(text: str, unit: str, difference: bool) -> None:
         ("max(spread, 1 K) < 3 degC", True),
     ],
 )
-def test_degrees_celsius_mean_what_their_place_wants(text: str, value: bool) -> None:
+def test_degrees_celsius_depend_on_their_context(text: str, value: bool) -> None:
     expression = parse(text)
     assert expression.check(TYPES) == BOOLEAN
     assert expression.checked(TYPES).evaluate(VALUES) is value
@@ -132,7 +132,7 @@ def test_degrees_celsius_mean_what_their_place_wants(text: str, value: bool) -> 
         ("(valve > 1) == (valve < 1)", "cannot compare a condition", "a value"),
     ],
 )
-def test_what_does_not_fit(text: str, what: str, expected: str | None) -> None:
+def test_dimension_mismatches_are_refused(text: str, what: str, expected: str | None) -> None:
     where = Location(Path("p.yaml"), 3, 7)
     with pytest.raises(RigctlError) as caught:
         parse(text, where).check(TYPES)

@@ -50,7 +50,7 @@ def test_radiation() -> None:
     assert heats("radiation") == pytest.approx(expected)
 
 
-def test_coupling_takes_from_one_and_gives_to_the_other() -> None:
+def test_coupling_transfers_heat_between_the_heaters() -> None:
     one, other = heats("heater_coupling")
     assert other == pytest.approx(2e-3 * 30.0 + 2e-4 * SIGMA * (340.0**4 - 310.0**4))
     assert one == pytest.approx(-other)

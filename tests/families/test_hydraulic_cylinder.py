@@ -133,7 +133,7 @@ def test_the_heaters_give_nine_tenths_of_a_kelvin_per_minute() -> None:
     assert 60.0 * float(heated.rate("oil_temperature")) == pytest.approx(0.9, abs=0.02)
 
 
-def test_a_standing_pump_neither_delivers_nor_takes_back() -> None:
+def test_a_stopped_pump_has_no_flow() -> None:
     m = scope(pump=0.0, supply_pressure=5e5)
     assert float(m.flow_from_pump) == pytest.approx(0.0, abs=1e-8)
     slipping = Scope(

@@ -62,7 +62,7 @@ def test_a_stuck_position_ends_the_move_in_time(do: Do) -> None:
     assert done.result.duration < 9.0
 
 
-def test_a_noisy_position_is_noticed(do: Do) -> None:
+def test_a_noisy_position_is_detected(do: Do) -> None:
     done = do(STROKES, options={"faults": ["sensor_noisy:position@5 s"], "noise": "on", "quantised": "on"})
     (alarm,) = [e for e in done.events("alarm") if e["name"] == "position noise"]
     assert 5.0 < alarm["time"] < 5.6
@@ -86,7 +86,7 @@ def test_a_heater_that_sticks_on_trips_over_temperature(do: Do) -> None:
     assert [e["name"] for e in done.events("alarm")] == ["oil_hot", "oil_too_hot"]
 
 
-def test_a_valve_that_sticks_is_a_move_that_does_not_arrive(do: Do) -> None:
+def test_a_stuck_valve_fails_the_move(do: Do) -> None:
     done = breaks(do, STROKES, "valve_stuck@5 s")
     assert done.outcome("extend") in ("timed_out", "complete", "tripped")
     assert "position" in done.result.reason
@@ -94,13 +94,13 @@ def test_a_valve_that_sticks_is_a_move_that_does_not_arrive(do: Do) -> None:
 
 
 @pytest.mark.parametrize("steps", [STROKES, HEATING])
-def test_samples_that_stop_are_a_fault_whatever_is_going_on(do: Do, steps: str) -> None:
+def test_missing_samples_are_a_fault_in_every_state(do: Do, steps: str) -> None:
     done = breaks(do, steps, "samples_stop@5 s")
     assert "no sample for 1 s" in done.result.reason
     assert done.result.duration == pytest.approx(6.0, abs=0.3)
 
 
-def test_a_set_point_that_is_never_reached_says_what_was_seen(do: Do) -> None:
+def test_an_unreached_set_point_reports_the_readings(do: Do) -> None:
     steps = "steps:\n  - set_pressure: {to: 30 bar, within: 0.5 bar, settle: 2 s, timeout: 60 s}\n"
     done = breaks(do, steps, "setpoint_never_reached:supply_pressure@0 s")
     assert "it was 20" in done.result.reason

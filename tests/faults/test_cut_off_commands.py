@@ -81,14 +81,14 @@ def require_named(done: Done, doubt: str) -> None:
     assert [text for text in done.messages("note") if "heater_1 could not be commanded" in text]
 
 
-def test_a_thermostat_whose_line_dies_at_its_first_switch(tmp_path: Path) -> None:
+def test_a_line_that_fails_at_the_first_switch_of_a_thermostat(tmp_path: Path) -> None:
     done, sketch = carry_out(tmp_path, HEATING, last="Q1 100.00")
     assert sketch.heaters == (100.0, 0.0), "the witness: it is on"
     assert done.commands("heater_1") == [], "what was never confirmed is not logged as given"
     require_named(done, "heater_1 100 %")
 
 
-def test_a_line_that_dies_when_a_pause_ends(tmp_path: Path) -> None:
+def test_a_line_that_fails_at_the_end_of_a_pause(tmp_path: Path) -> None:
     steps = "steps:\n  - set: {heater_1: 60 %}\n  - wait: 100 s\n"
     person = Person([(10.0, Request.PAUSE)])
     done, sketch = carry_out(tmp_path, steps, last="Q1 60.00", times=2, control=person)
@@ -96,7 +96,7 @@ def test_a_line_that_dies_when_a_pause_ends(tmp_path: Path) -> None:
     require_named(done, "heater_1 60 %")
 
 
-def test_a_command_that_the_device_answers_wrongly_is_in_doubt_as_well(tmp_path: Path) -> None:
+def test_a_command_with_a_wrong_answer_is_in_doubt(tmp_path: Path) -> None:
     """It may have set something else; when it then cannot be made safe, nobody knows what."""
     rig = heated_rig()
     assert rig.backend.lines is not None
@@ -112,7 +112,7 @@ def test_a_command_that_the_device_answers_wrongly_is_in_doubt_as_well(tmp_path:
     assert done.result.unconfirmed == "heater_1 60 %"
 
 
-def test_a_line_that_comes_back_leaves_no_doubt(tmp_path: Path) -> None:
+def test_a_reconnected_line_leaves_no_doubt(tmp_path: Path) -> None:
     done, sketch = carry_out(tmp_path, HEATING, last="Q1 100.00", outage=3.0)
     assert sketch.heaters == (0.0, 0.0)
     assert done.result.unconfirmed is None

@@ -48,7 +48,7 @@ def loop_runs(board: EmulatedBoard) -> bool:
     return answer.startswith("#999 1")
 
 
-def test_the_board_controls_and_the_run_says_what_its_output_was(board: BoardWorkshop) -> None:
+def test_a_loop_on_the_board_is_recorded_with_its_output(board: BoardWorkshop) -> None:
     done = board.run(recorded("rate: 200 Hz, where: board, ramp: 40 bar/s, for: 1.5 s"), noise="off")
     assert done.result.status == "finished", done.result.reason
     record = open_run(done.result.folder).record(0)
@@ -69,7 +69,7 @@ def test_the_board_controls_and_the_run_says_what_its_output_was(board: BoardWor
     assert "the loop runs on the board: supply_pressure to 30 bar, once in 5 ms" in done.messages("note")
 
 
-def test_then_stay_leaves_the_output_as_the_loop_left_it_and_the_end_of_the_run_does_not(
+def test_then_stay_keeps_the_output_until_the_end_of_the_run(
     board: BoardWorkshop,
 ) -> None:
     fields = "rate: 100 Hz, where: board, within: 0.5 bar, settle: 0.2 s, timeout: 3 s, then: stay"
@@ -132,7 +132,7 @@ def test_every_ending_stops_the_loop_with_its_output_safe(
     assert not loop_runs(chip)
 
 
-def test_between_records_a_loop_begins_again_after_a_loss_of_contact(board: BoardWorkshop) -> None:
+def test_between_records_a_loop_restarts_after_a_loss_of_contact(board: BoardWorkshop) -> None:
     done = board.run(alone("rate: 100 Hz, where: board, for: 3 s"), faults=["backend_lost@1 s..1.6 s"])
     assert done.result.status == "finished", done.result.reason
     assert any("started again" in text for text in done.messages("note"))
@@ -172,7 +172,7 @@ def test_lost_and_damaged_lines_do_not_disturb_a_loop(board: BoardWorkshop) -> N
     assert {one["name"] for one in open_run(done.result.folder).info["measures"]} >= {"control_jitter_max"}
 
 
-def test_a_loop_that_never_begins_is_a_failed_step(board: BoardWorkshop) -> None:
+def test_a_loop_that_never_starts_is_a_failed_step(board: BoardWorkshop) -> None:
     def no_answers(line: bytes, time: float) -> list[bytes]:
         return [] if 0.35 < time < 9.0 and line.startswith(b"#") else [line]
 
@@ -191,7 +191,7 @@ class Person(ScriptedControl):
         return super().poll()
 
 
-def test_a_pause_begins_the_loop_anew(board: BoardWorkshop) -> None:
+def test_a_pause_restarts_the_loop(board: BoardWorkshop) -> None:
     bench = board.bench(noise="off")
     bench.open()
     control = Person([(0.8, Request.PAUSE)])
@@ -217,7 +217,7 @@ def old_firmware(line: bytes, _: float) -> list[bytes]:
     return [b"%s*%04X\n" % (body, crc_hqx(body, 0))]
 
 
-def test_a_board_that_has_no_loop_is_told_before_anything_moves(board: BoardWorkshop) -> None:
+def test_a_board_without_a_loop_is_refused_before_anything_moves(board: BoardWorkshop) -> None:
     board.script.arriving = old_firmware
     done = board.run(alone())
     assert done.result.status == "failed"
@@ -226,7 +226,7 @@ def test_a_board_that_has_no_loop_is_told_before_anything_moves(board: BoardWork
     assert {value for _, value in done.commands("relief_valve")} <= {10 * BAR}
 
 
-def test_auto_runs_the_loop_on_the_host_and_says_why(board: BoardWorkshop) -> None:
+def test_auto_runs_the_loop_on_the_host_with_a_reason(board: BoardWorkshop) -> None:
     board.script.arriving = old_firmware
     done = board.run(alone("rate: 50 Hz, where: auto, for: 0.5 s"))
     assert done.result.status == "finished", done.result.reason
@@ -236,7 +236,7 @@ def test_auto_runs_the_loop_on_the_host_and_says_why(board: BoardWorkshop) -> No
     assert len(done.commands("relief_valve")) > 20
 
 
-def test_a_simulated_bench_has_no_board_and_auto_does_without(tmp_path: Path, board: BoardWorkshop) -> None:
+def test_auto_uses_the_host_on_a_simulated_bench(tmp_path: Path, board: BoardWorkshop) -> None:
     def simulate(where: str) -> Done:
         text = alone(f"rate: 50 Hz, where: {where}, for: 0.5 s")
         return Workshop(tmp_path / where).run(text, rig=board.rig())
@@ -247,7 +247,7 @@ def test_a_simulated_bench_has_no_board_and_auto_does_without(tmp_path: Path, bo
     assert simulate("auto").result.status == "finished"
 
 
-def test_a_period_that_is_no_whole_millisecond_is_refused_with_its_place(board: BoardWorkshop) -> None:
+def test_a_period_of_fractional_milliseconds_is_refused_with_its_place(board: BoardWorkshop) -> None:
     with pytest.raises(
         RigctlError, match=r"whole milliseconds.*got '30 Hz'.*e\.g\. 30\.303 Hz, 33 ms"
     ) as caught:

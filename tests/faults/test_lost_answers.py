@@ -89,7 +89,7 @@ def test_an_interlock_trips_while_a_command_has_no_answer(
 
 
 @needs_emulation
-def test_a_switch_whose_report_is_lost_is_known_all_the_same(
+def test_a_switch_with_a_lost_report_is_still_known(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, leaky: type[LeakyPort]
 ) -> None:
     stand = Stand("emulated", Workshop(tmp_path), monkeypatch)
@@ -110,7 +110,7 @@ def test_a_switch_whose_report_is_lost_is_known_all_the_same(
 
 
 @needs_emulation
-def test_a_board_that_answers_nothing_any_more_is_lost_and_off(
+def test_a_board_that_stops_answering_is_lost_with_outputs_off(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, leaky: type[LeakyPort]
 ) -> None:
     """Its samples still come, so that only the answers say whether it can be told anything."""
@@ -133,7 +133,7 @@ HEATING = "steps:\n  - set: {heater_1: 60 %}\n  - wait: 3 s\n  - set: {heater_2:
 
 
 @pytest.mark.parametrize("silent", ["Q2 40.00", "T1"])
-def test_a_signal_ends_a_wait_for_an_answer_of_a_device_in_lines(
+def test_a_signal_ends_a_wait_for_a_line_device(
     silent: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = ScriptedClock(speed=1.0)  # with slices in which to look

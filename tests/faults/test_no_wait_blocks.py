@@ -60,7 +60,7 @@ def test_a_signal_ends_a_wait_for_an_actuator_to_rest(stand: Stand) -> None:
 
 
 @pytest.mark.parametrize("kind", ["simulated", EMULATED])
-def test_a_signal_is_seen_between_two_samples(
+def test_a_signal_acts_between_two_samples(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Between records the bench is read ten times a second: a signal does not wait for the next sample."""
@@ -72,7 +72,7 @@ def test_a_signal_is_seen_between_two_samples(
     assert max(time for time, _, _ in stand.seen) - 2.0213 < 0.035
 
 
-def test_samples_go_on_while_an_actuator_rests_and_it_is_switched_when_it_has(stand: Stand) -> None:
+def test_sampling_continues_while_an_actuator_rests(stand: Stand) -> None:
     steps = steps_for(stand).replace("  - set: {valve: extend}\n", "")
     done = stand.run(steps, stand.rig(LONG_REST[stand.kind]))
     assert done.result.status == "finished", done.result.reason
@@ -130,9 +130,7 @@ def test_a_wait_for_the_operator_does_not_hide_a_silent_bench(
     assert done.result.duration < 4.0
 
 
-def test_a_terminal_that_nobody_reads_holds_nothing_up(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_unread_terminal_blocks_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stand = Stand("simulated", Workshop(tmp_path), monkeypatch)
     never, shown = threading.Event(), threading.Event()
 
@@ -199,7 +197,7 @@ def test_a_set_up_that_switches_the_heater_can_be_repeated(stand: Stand) -> None
 
 
 @pytest.mark.parametrize("inside", [True, False])
-def test_what_went_off_by_itself_in_a_short_loss_is_judged(stand: Stand, inside: bool) -> None:
+def test_outputs_that_went_off_in_a_short_loss_are_handled(stand: Stand, inside: bool) -> None:
     steps = retried(stand).replace(", retries: 2", "")
     if not inside:
         steps = steps.replace("  - record", "  - wait: 10 s\n  - record")
@@ -226,7 +224,7 @@ steps:
 
 @pytest.mark.parametrize("begin", [5.1985, 5.2, 5.201, 5.22, 5.25, 5.262, 5.29, 5.313])
 @pytest.mark.parametrize("kind", ["simulated", EMULATED])
-def test_a_command_that_was_cut_off_is_never_sent_again(
+def test_a_command_cut_off_by_a_loss_is_never_repeated(
     kind: str, begin: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stand = Stand(kind, Workshop(tmp_path), monkeypatch)
@@ -243,7 +241,7 @@ def test_a_command_that_was_cut_off_is_never_sent_again(
         assert [on for on, _ in pulses if on > begin + 0.055] == []  # 50 ms: the solenoids' rest
 
 
-def test_samples_from_before_a_record_are_not_filed_in_it(stand: Stand) -> None:
+def test_samples_from_before_a_record_are_not_in_it(stand: Stand) -> None:
     done = stand.run(
         "steps:\n  - repeat: 3\n    do:\n      - record: {name: r, rate: 10 Hz}\n        do: [wait: 1 s]\n"
     )

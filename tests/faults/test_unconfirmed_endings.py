@@ -61,7 +61,7 @@ def guards(project: Path) -> list[Notice]:
 
 
 @pytest.mark.parametrize("how", ["mute", "unplugged"])
-def test_a_line_that_is_dead_at_the_end_is_said_and_the_guard_goes_on(
+def test_a_dead_line_at_the_end_is_reported_and_the_guard_continues(
     board: Served, project: Path, how: str
 ) -> None:
     run = begin(project, "run", "heating.yaml", "--port", board.url, "--json")
@@ -96,9 +96,7 @@ def test_a_line_that_is_dead_at_the_end_is_said_and_the_guard_goes_on(
     wait_for(lambda: guards(project) == [])
 
 
-def test_a_host_that_is_killed_while_the_line_is_dead_leaves_its_guard_at_work(
-    board: Served, project: Path
-) -> None:
+def test_a_host_killed_with_a_dead_line_leaves_its_guard_running(board: Served, project: Path) -> None:
     with begin(project, "run", "heating.yaml", "--port", board.url) as run:
         wait_for(lambda: board.sketch.heaters == (60.0, 0.0))
         board.unplugged = True
@@ -111,7 +109,7 @@ def test_a_host_that_is_killed_while_the_line_is_dead_leaves_its_guard_at_work(
     wait_for(lambda: guards(project) == [])
 
 
-def test_off_takes_the_place_of_a_guard_that_tries(board: Served, project: Path) -> None:
+def test_off_takes_over_from_a_trying_guard(board: Served, project: Path) -> None:
     with begin(project, "run", "heating.yaml", "--port", board.url) as run:
         wait_for(lambda: board.sketch.heaters == (60.0, 0.0))
         board.mute = True
@@ -128,7 +126,7 @@ def test_off_takes_the_place_of_a_guard_that_tries(board: Served, project: Path)
     assert (code, "heater_1 0 %" in out) == (0, True)
 
 
-def test_a_device_that_says_something_else_is_not_taken_for_safe(board: Served, project: Path) -> None:
+def test_a_device_with_a_different_answer_is_not_considered_safe(board: Served, project: Path) -> None:
     with begin(project, "run", "heating.yaml", "--port", board.url) as run:
         wait_for(lambda: board.sketch.heaters == (60.0, 0.0))
         board.sketch.always["Q1 0.00"] = b"60.00\r\n"

@@ -50,7 +50,7 @@ channels:
     ]
 
 
-def test_what_is_missing_comes_last_in_its_block() -> None:
+def test_a_new_field_is_added_at_the_end_of_its_block() -> None:
     text = "channels:\n  p:\n    calibration:\n      date: 2026-01-01   # old\n      # end\n    noise: 1\n"
     after = edited(text)
     assert after.splitlines()[3:5] == ["      date: 2026-11-21   # old", "      coefficients: [1.5, 2.5]"]
@@ -84,7 +84,7 @@ def test_a_flow_mapping() -> None:
         "channels:\n p:\n  calibration:\n   coefficients: [0,\n             1]\n  unit: bar\n",
     ],
 )
-def test_however_it_is_written(text: str) -> None:
+def test_any_layout_is_edited(text: str) -> None:
     after = edited(text)
     for line in text.splitlines():
         if "#" in line:
@@ -105,7 +105,7 @@ def test_however_it_is_written(text: str) -> None:
         ),
     ],
 )
-def test_what_cannot_be_changed_alone_is_refused(text: str, message: str) -> None:
+def test_values_that_cannot_be_changed_individually_are_refused(text: str, message: str) -> None:
     with pytest.raises(RigctlError, match=message):
         set_entries(text, ("channels", "p", "calibration"), NEW)
 
@@ -119,7 +119,7 @@ _COMMENT = st.text("abc #:{}[]'\"", max_size=12)
     st.sampled_from(["block", "flow"]),
     st.permutations(["unit", "calibration", "x"]),
 )
-def test_everything_else_stays(indent: int, comment: str, style: str, order: list[str]) -> None:
+def test_all_other_bytes_are_unchanged(indent: int, comment: str, style: str, order: list[str]) -> None:
     pad = " " * indent
     parts = {"unit": f"unit: bar  # {comment}", "x": f"x: [1, 2]  # {comment}"}
     parts["calibration"] = (

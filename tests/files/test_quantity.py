@@ -49,7 +49,7 @@ def test_values_are_si() -> None:
     assert fields.noise == 0.1
 
 
-def test_they_can_be_written_as_json() -> None:
+def test_quantities_can_be_written_as_json() -> None:
     written = json.loads(Fields.model_validate(FILLED).model_dump_json())
     assert written["pressure"] == 3e6
     assert written["anything"] == "3 mm"
@@ -58,7 +58,7 @@ def test_they_can_be_written_as_json() -> None:
 @pytest.mark.parametrize(
     "written", [True, None, [1], {"a": 1}, "", "bar", "30", 30, "nan", "1e999 bar", "3 3 bar"]
 )
-def test_what_is_no_pressure(written: object) -> None:
+def test_invalid_pressures_are_refused(written: object) -> None:
     with pytest.raises(RigctlError):
         Q("Pa").read(written)
 
@@ -87,7 +87,7 @@ def test_refusals_say_what_was_expected(field: Q, written: str, what: str, expec
     assert caught.value.expected == expected
 
 
-def test_bounds_may_be_touched() -> None:
+def test_bounds_are_inclusive() -> None:
     assert Q("Pa", low="1 bar", high="2 bar").read("2 bar") == 2e5
 
 
@@ -108,7 +108,7 @@ def test_the_schema_refuses_a_number_without_a_unit() -> None:
     assert properties["share"]["type"] == ["string", "number"]
 
 
-def test_an_amount_is_a_float_that_knows_its_unit() -> None:
+def test_an_amount_is_a_float_with_a_unit() -> None:
     amount = AmountField().read("30 bar")
     assert amount == 3e6
     assert amount.text == "30 bar"

@@ -12,11 +12,11 @@ from rigctl.files.version_suffix import is_there, split_version, with_version
 @pytest.mark.parametrize(
     "name", ["m.yaml", "m@.yaml", "m.yaml@", "m.yaml@x", "@3", "m.yaml@-1", "m.yaml@1234567"]
 )
-def test_what_names_no_version(name: str) -> None:
+def test_names_without_a_version(name: str) -> None:
     assert split_version(Path("models") / name) == (Path("models") / name, None)
 
 
-def test_a_number_behind_the_name_is_a_version(tmp_path: Path) -> None:
+def test_a_number_after_the_name_is_a_version(tmp_path: Path) -> None:
     head = tmp_path / "m.yaml"
     assert split_version(with_version(head, 3)) == (head, 3)
     assert not is_there(with_version(head, 3))
@@ -26,6 +26,6 @@ def test_a_number_behind_the_name_is_a_version(tmp_path: Path) -> None:
     assert split_version(with_version(head, 3)) == (with_version(head, 3), None)
 
 
-def test_a_name_that_no_file_system_takes_is_not_there() -> None:
+def test_an_invalid_file_name_does_not_exist() -> None:
     assert not is_there(Path("a\0b"))
     assert not is_there(Path("x" * 5000 + "@3"))

@@ -69,7 +69,7 @@ def test_every_code_of_the_converter_is_read_as_it_is_put(chip: Chip) -> None:
         ("VALV EXT*0000", '-360,"Communication error"'),
     ],
 )
-def test_a_mistake_is_told_by_its_standard_number_and_moves_nothing(
+def test_a_mistake_has_its_standard_error_number_and_moves_nothing(
     chip: Chip, command: str, error: str
 ) -> None:
     assert chip.send(command) == []

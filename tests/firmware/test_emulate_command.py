@@ -44,7 +44,7 @@ def test_any_client_can_talk_to_the_emulated_board_until_it_is_ended(
     assert not link.is_symlink()
 
 
-def test_a_file_is_never_deleted_for_the_name_of_a_port(tmp_path: Path) -> None:
+def test_a_file_is_never_replaced_by_a_port_link(tmp_path: Path) -> None:
     rig = tmp_path / "bench.yaml"
     rig.write_text("rig: mine\n", encoding="utf-8")
     done = CliRunner().invoke(app, ["emulate", "--link", str(rig)])

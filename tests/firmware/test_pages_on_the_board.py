@@ -69,7 +69,7 @@ def test_the_reference_names_every_command_and_error() -> None:
         assert text in page
 
 
-def test_the_checksums_of_the_reference_are_right(chip: Chip) -> None:
+def test_the_checksums_in_the_reference_are_correct(chip: Chip) -> None:
     page = (DOCS / "reference" / "board-protocol.md").read_text(encoding="utf-8")
     asked, answered = re.findall(r"^    [→←] (.*)$", page, re.MULTILINE)
     assert chip.ask(asked) == answered

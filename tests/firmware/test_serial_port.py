@@ -55,7 +55,7 @@ def test_samples_and_exact_pulses_in_real_time(uno_rig: Rig, emulation: Emulatio
         assert seen[-1] <= end.time + 0.02
 
 
-def test_a_pulled_plug_is_put_back(uno_rig: Rig, emulation: Emulation) -> None:
+def test_a_reconnected_plug_restores_contact(uno_rig: Rig, emulation: Emulation) -> None:
     with opened(uno_rig, emulation.name) as bench:
         bench.start(50.0)
         bench.command("heater", 1.0).wait()
@@ -95,7 +95,7 @@ def test_another_baud_rate_is_named_as_the_likely_cause(uno_rig: Rig, emulation:
         bench.open()
 
 
-def test_a_port_that_is_not_there(uno_rig: Rig, tmp_path: Path) -> None:
+def test_a_missing_port_is_an_error(uno_rig: Rig, tmp_path: Path) -> None:
     bench = create(uno_rig, ScaledClock(), {"port": str(tmp_path / "nothing")})
     with pytest.raises(BackendLost, match="cannot be reached"):
         bench.open()

@@ -36,7 +36,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_wrong_exponent_is_named_and_corrected_by_following_what_is_said(folder: Path) -> None:
+def test_a_wrong_exponent_is_corrected_by_the_suggested_commands(folder: Path) -> None:
     write_bench(folder, partial(drag, exponent=1.6), seed=4)
     run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
     document = answer("diagnose", run, "--model", "model.yaml")
@@ -123,7 +123,7 @@ def test_a_right_exponent_is_not_corrected(folder: Path) -> None:
     assert not Path("effects").exists()
 
 
-def test_a_law_that_is_no_power_is_handed_over_as_its_curve(folder: Path) -> None:
+def test_a_law_that_is_not_a_power_is_exported_as_a_curve(folder: Path) -> None:
     write_bench(folder, stalling, seed=4)
     run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
     document = answer("diagnose", run, "--model", "model.yaml")

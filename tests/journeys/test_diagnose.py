@@ -29,7 +29,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_what_is_hidden_is_found_added_and_the_error_falls() -> None:
+def test_the_hidden_effect_is_found_and_reduces_the_error() -> None:
     model = textbook_copy("found")
     done = answer("diagnose", "latest", "--model", model, "--apply", "--hold-out", "oil == 50 degC")
     assert done["verdict"] in ("missing_effect", "ambiguous")
@@ -57,7 +57,7 @@ def test_what_is_hidden_is_found_added_and_the_error_falls() -> None:
     assert "of every version" not in Path("first.html").read_text("utf-8")  # one was asked for by its number
 
 
-def test_the_ranking_is_told_with_what_speaks_against_it() -> None:
+def test_the_ranking_shows_evidence_against_each_effect() -> None:
     shown = told("diagnose", "latest", "--model", MODEL, "--max-effects", "1", "-v")
     for words in (
         "valve_leakage",
@@ -84,7 +84,7 @@ def test_the_answer_comes_in_a_few_lines() -> None:
         assert only_when_asked not in shown
 
 
-def test_an_effect_is_added_and_taken_out_with_the_error_before_and_after() -> None:
+def test_adding_and_removing_show_the_error_before_and_after() -> None:
     model = textbook_copy("by-hand")
     added = answer("model", "add", model, "valve_leakage:conductance=1e-15 m^3", "--fit", "latest")
     assert (added["version"], added["effect"], added["before"]["heldout_rmse"]) == (2, "valve_leakage", {})

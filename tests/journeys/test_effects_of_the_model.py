@@ -52,7 +52,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_what_the_law_of_an_effect_may_do_is_not_named_as_another_effect(folder: Path) -> None:
+def test_a_law_s_shape_tolerance_is_not_named_as_another_effect(folder: Path) -> None:
     write_log(folder / "log.csv", bend=0.1, ripple=0.5)
     told("import", "log.csv", "--rig", "rig.yaml")
     found = answer("diagnose", "latest", "--model", "model.yaml")
@@ -61,7 +61,7 @@ def test_what_the_law_of_an_effect_may_do_is_not_named_as_another_effect(folder:
     assert "is more than such deviations explain" in found["statement"]
 
 
-def test_what_goes_with_the_time_has_no_formula(folder: Path) -> None:
+def test_a_drift_in_time_has_no_formula(folder: Path) -> None:
     """Pairs of temperatures follow it a little; none is handed over as the term that is missing."""
     write_log(folder / "log.csv", bend=0.0, ripple=1.0)
     told("import", "log.csv", "--rig", "rig.yaml")

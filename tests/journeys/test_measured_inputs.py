@@ -106,7 +106,7 @@ def test_measured_inputs_act_as_they_were_measured(
     assert steps or any("44 readings of room are missing" in note for note in found["notes"])
 
 
-def test_the_noise_of_an_input_counts_where_it_is_seen(
+def test_the_noise_of_an_input_counts_where_it_matters(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     project(tmp_path, "bench", rows_of(False, pressure_noise=0.5))
@@ -142,9 +142,7 @@ def board(folder: Path, second: Floats, *, recorded: bool, seed: int = 3, durati
     (folder / "log.csv").write_text("\n".join(lines), encoding="utf-8")
 
 
-def test_what_was_not_recorded_is_unknown_and_not_off(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unrecorded_inputs_are_unknown_and_not_zero(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     board(tmp_path, np.array([10.0, 35.0, 20.0, 5.0]), recorded=False)
     monkeypatch.chdir(tmp_path)
     told("import", "log.csv", "--rig", "rigs/heater-board.yaml")
@@ -158,7 +156,7 @@ def test_what_was_not_recorded_is_unknown_and_not_off(
     assert any("assumed" in note and "heater_2 0 %" in note for note in off["notes"])
 
 
-def test_what_was_off_in_all_records_is_not_drawn_to_the_middle_of_what_it_could_be(
+def test_a_heater_off_in_all_records_is_estimated_as_off(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each short record hardly tells its heater from off; all of them together do."""
@@ -191,7 +189,7 @@ def test_an_assumption_is_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert "21 degC" in said
 
 
-def test_a_channel_that_the_data_lack_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_channel_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a range on the rig the family's value stands for it; who reads the result must know."""
     project(tmp_path, "bench", rows_of(False))
     monkeypatch.chdir(tmp_path)
@@ -261,7 +259,7 @@ def test_a_heater_without_a_range_must_be_known(tmp_path: Path, monkeypatch: pyt
     assert "no model was named" in refusal("report", "latest", *said)
 
 
-def test_conditions_are_what_was_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_conditions_are_the_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same command in every record: their first readings differ by noise, and make no condition."""
     board(tmp_path, np.zeros(4), recorded=True)
     text = (tmp_path / "log.csv").read_text(encoding="utf-8")
@@ -305,7 +303,7 @@ parameters:
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_an_input_that_a_table_lacks_is_an_unknown_of_it_or_what_is_assumed(
+def test_an_input_missing_from_a_table_is_unknown_or_assumed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, known: bool
 ) -> None:
     create_project(tmp_path)

@@ -59,7 +59,7 @@ def counted(*arguments: str) -> tuple[str, int, int]:
     return said, TALLY.reused - reused, TALLY.made - made
 
 
-def test_answers_are_the_same_bytes_with_and_without_what_is_kept(project: Path) -> None:
+def test_answers_are_identical_with_and_without_the_cache(project: Path) -> None:
     plain, reused, made = counted("diagnose", *DATA, "--json", "--no-cache")
     assert (reused, made) == (0, 0)
     first, _, made = counted("diagnose", *DATA, "--json")
@@ -72,7 +72,7 @@ def test_answers_are_the_same_bytes_with_and_without_what_is_kept(project: Path)
     assert counted("compare", *DATA, "--json")[0] == counted("compare", *DATA, "--json", "--no-cache")[0]
 
 
-def test_what_follows_a_diagnosis_fits_nothing_again(project: Path) -> None:
+def test_commands_after_a_diagnosis_fit_nothing_again(project: Path) -> None:
     told("diagnose", *DATA)
     again = ("compare", *DATA), ("report", *DATA, "--diagnose", "-o", "page.html")
     for command in again:
@@ -98,7 +98,7 @@ def test_another_model_and_other_data_are_another_fit(project: Path) -> None:
     assert made > 0
 
 
-def test_what_was_reused_is_said_when_asked_for(project: Path) -> None:
+def test_reuse_is_reported_on_request(project: Path) -> None:
     told("compare", *DATA)
     said = call("compare", *DATA, "-v").stderr
     assert "Results of earlier commands reused: " in said

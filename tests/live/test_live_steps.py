@@ -10,7 +10,7 @@ from rigctl.live.steps import PlanPlaces, Stage, outline
 from rigctl.plan import Leaf, Loop, Plan, iteration_path, walk
 
 
-def test_the_sweep_in_progress_is_opened_and_the_rest_is_closed(plan: Plan) -> None:
+def test_only_the_sweep_in_progress_is_expanded(plan: Plan) -> None:
     place = "2/for[oil=40 degC]/2/for[supply=30 bar]/1/call/3/record/2/extend"
     lines = outline(PlanPlaces(plan), place, most=30)
     shown = [(line.depth, line.label, line.stage, line.note) for line in lines]
@@ -22,7 +22,7 @@ def test_the_sweep_in_progress_is_opened_and_the_rest_is_closed(plan: Plan) -> N
     assert [line.depth for line in current] == list(range(len(current)))
 
 
-def test_every_step_of_the_campaign_has_its_place(plan: Plan) -> None:
+def test_every_step_of_the_campaign_is_shown(plan: Plan) -> None:
     places = PlanPlaces(plan)
     for node in walk(plan.root):
         if isinstance(node, Leaf):
@@ -32,7 +32,7 @@ def test_every_step_of_the_campaign_has_its_place(plan: Plan) -> None:
 
 
 @given(data=st.data(), most=st.integers(0, 40))
-def test_it_fits_and_keeps_the_order_of_the_plan(data: st.DataObject, most: int) -> None:
+def test_the_view_fits_and_keeps_the_plan_s_order(data: st.DataObject, most: int) -> None:
     plan = campaign()
     places = PlanPlaces(plan)
     leaf = data.draw(st.sampled_from([node for node in walk(plan.root) if isinstance(node, Leaf)]))

@@ -38,14 +38,14 @@ def test_values_commands_and_limits_are_in_display_units(rig: Rig) -> None:
     assert lines["relief_valve"].split() == ["relief_valve", "30", "bar"]
 
 
-def test_nothing_read_yet_is_said(rig: Rig) -> None:
+def test_missing_readings_are_shown(rig: Rig) -> None:
     assert printed(Readings(rig)).count("no value") == 3
     readings = Readings(rig)
     readings.update({"position": math.nan}, {})
     assert "no value" in printed(readings)
 
 
-def test_only_as_many_values_are_kept_as_are_shown(rig: Rig) -> None:
+def test_only_displayed_values_are_kept(rig: Rig) -> None:
     readings = Readings(rig)
     for number in range(200):
         readings.update({"position": number * 1e-3}, {})
@@ -53,7 +53,7 @@ def test_only_as_many_values_are_kept_as_are_shown(rig: Rig) -> None:
     assert readings.past("position")[-1] == 0.199
 
 
-def test_minus_nothing_is_nothing(rig: Rig) -> None:
+def test_negative_zero_is_shown_as_zero(rig: Rig) -> None:
     assert shown(-1e-6, rig.channels["position"]) == "0.0 mm"
 
 
@@ -87,7 +87,7 @@ def test_noise_does_not_look_like_a_storm(rig: Rig) -> None:
     assert least_span(without, rig) == pytest.approx(4.0 * channel.resolution)
 
 
-def test_a_terminal_of_letters_gets_letters(rig: Rig) -> None:
+def test_an_ascii_terminal_gets_ascii(rig: Rig) -> None:
     readings = Readings(rig)
     readings.update(VALUES, COMMANDS, {"position": "stop"})
     assert not set(BLOCKS) & set(printed(readings, unicode=False))

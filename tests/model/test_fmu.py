@@ -116,7 +116,7 @@ def test_parameters_of_an_fmu_can_be_set(tmp_path: Path) -> None:
     assert np.abs(there["position"] - exact[:, 2]).max() <= 1e-6 * stroke
 
 
-def test_a_step_can_be_taken_back(tmp_path: Path) -> None:
+def test_a_step_can_be_reverted(tmp_path: Path) -> None:
     path = tmp_path / "m.fmu"
     export_fmu(model("hl32-textbook.yaml"), path)
     description = read_model_description(str(path))
@@ -144,7 +144,7 @@ def test_a_step_can_be_taken_back(tmp_path: Path) -> None:
     slave.freeInstance()
 
 
-def test_the_command_says_what_was_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_reports_the_written_fmu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     source = str(shipped("models", "heater-board.yaml"))
     assert "2 states, 3 inputs, 4 parameters, 2 outputs, compiled for" in told(

@@ -59,7 +59,7 @@ def test_a_path_in_a_rig_file_is_its_family() -> None:
         ("unit: mm, quantity: position", "unit: l, quantity: volume", "tank.yaml:4:17"),
     ],
 )
-def test_what_does_not_fit_is_told_with_its_place(old: str, new: str, said: str) -> None:
+def test_mismatches_of_rig_and_family_are_reported_with_their_place(old: str, new: str, said: str) -> None:
     assert said in refused(old, new)
 
 
@@ -83,7 +83,7 @@ def test_a_switch_gives_its_power_and_a_level_its_own_unit() -> None:
 
 
 @pytest.mark.parametrize(("commanded", "wanted"), [("rpm", "Hz"), ("Hz", "rad/s")])
-def test_a_command_in_turns_is_no_input_that_is_counted(commanded: str, wanted: str) -> None:
+def test_an_actuator_in_rpm_is_refused_for_an_input_in_hz(commanded: str, wanted: str) -> None:
     """1 rpm is 2π/60 rad/s, and of 1 Hz nobody knows whether it counts turns."""
     family = find_family(TANK)
     inputs = tuple(replace(one, unit=wanted) if one.name == "inflow" else one for one in family.inputs)

@@ -95,15 +95,15 @@ def test_repeats_count_and_their_mean_stands_for_the_point() -> None:
 
 
 @pytest.mark.parametrize("count", [3, 8])
-def test_too_few_rows_tell_nothing(count: int) -> None:
+def test_too_few_rows_give_no_noise(count: int) -> None:
     assert row_noise(np.arange(float(count)), np.ones(count), np.zeros(count, np.intp)) is None
 
 
-def test_rows_without_any_scatter_tell_nothing() -> None:
+def test_rows_without_scatter_give_no_noise() -> None:
     assert row_noise(np.arange(12.0), np.full(12, 5.0), np.zeros(12, np.intp)) is None
 
 
-def test_a_column_worked_out_from_another_is_told() -> None:
+def test_a_derived_column_is_detected() -> None:
     kinematic = published("kinematic_viscosity [cSt]")
     dynamic = published("dynamic_viscosity [Pa*s]")
     law = published("kinematic_viscosity_vogel [cSt]")

@@ -131,7 +131,7 @@ def test_a_share_of_the_level_is_read_to_a_tenth(share: float, rest: float) -> N
         assert law.floor == pytest.approx(rest, rel=0.15)
 
 
-def test_noise_at_rest_is_not_believed_in_motion() -> None:
+def test_noise_at_rest_is_not_used_in_motion() -> None:
     """By the noise at rest the true force would be off by hundreds of sigmas in motion."""
     records, truth = campaign(3, with_level)
     model, ok = learned(records)
@@ -153,12 +153,12 @@ def test_noise_at_rest_is_not_believed_in_motion() -> None:
 
 
 @pytest.mark.parametrize("noise", [white, slow, with_tails])
-def test_noise_that_is_alike_everywhere_has_no_law(noise: Callable[..., Floats]) -> None:
+def test_constant_noise_has_no_law(noise: Callable[..., Floats]) -> None:
     for seed in range(3):
         assert learned(campaign(seed, noise)[0])[0].channels[0].law is None
 
 
-def test_what_rings_where_it_changes_fast_is_no_noise() -> None:
+def test_ringing_at_fast_changes_is_not_noise() -> None:
     """A lightly damped 43 Hz at each switch, at 100 samples a second."""
     rng = np.random.default_rng(4)
     records = []
@@ -172,7 +172,7 @@ def test_what_rings_where_it_changes_fast_is_no_noise() -> None:
     assert learned(records)[0].channels[0].law is None
 
 
-def test_noise_of_the_rate_is_told_from_noise_of_the_level() -> None:
+def test_noise_of_the_rate_and_of_the_level_are_distinguished() -> None:
     """A sweep: jitter of the clock shows where the signal is steep, not where it is high."""
     rng = np.random.default_rng(5)
     times = np.arange(SIZE) * 0.01
@@ -200,7 +200,7 @@ def test_a_temperature_counts_its_level_from_its_lowest() -> None:
 
 
 @pytest.mark.parametrize("every", [15, 40, 200])
-def test_a_logger_that_spikes_one_reading_in_nine_is_read_and_counted(every: int) -> None:
+def test_frequent_spikes_are_masked_and_counted(every: int) -> None:
     """A heater switched every so many samples; each spike is 3 K or more, the noise 0.1 K."""
     rng = np.random.default_rng(7)
     records, hits = [], []
@@ -246,7 +246,7 @@ def test_a_channel_without_a_law_has_one_sigma() -> None:
         (-5.0, "the highest level"),
     ],
 )
-def test_the_statement_says_from_where_a_level_counts(origin: float, of: str) -> None:
+def test_the_text_names_the_reference_of_a_level(origin: float, of: str) -> None:
     law = VarianceLaw(0.01, 0.03, 0.0, origin, 50)
     assert of in channel_statement(ChannelNoise("body", 0.05, source="quiet", guessed=False, law=law), None)
 
@@ -255,7 +255,7 @@ def test_the_statement_says_from_where_a_level_counts(origin: float, of: str) ->
     ("level", "said"),
     [(0.0, "(by the root of its distance from the lowest level)"), (0.03, "level and the root of that)")],
 )
-def test_the_statement_says_that_counted_noise_grows_with_the_root(level: float, said: str) -> None:
+def test_the_text_says_that_counting_noise_grows_with_the_root(level: float, said: str) -> None:
     law = VarianceLaw(0.01, level, 0.0, 293.0, 50, shot=1e-3)
     assert said in channel_statement(
         ChannelNoise("body", 0.05, source="residuals", guessed=False, law=law), None

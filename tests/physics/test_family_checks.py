@@ -33,13 +33,13 @@ CUP = ModelFamily(
 
 
 @pytest.mark.parametrize("family", FAMILIES.values(), ids=lambda family: family.name)
-def test_what_is_shipped_is_sound(family: ModelFamily) -> None:
+def test_shipped_families_are_valid(family: ModelFamily) -> None:
     assert examine_family(family) == ()
     assert family.standard_record is not None
     assert family.standard_record.switches[0][0] == 0.0
 
 
-def test_a_sound_family_is_returned() -> None:
+def test_a_valid_family_is_returned() -> None:
     assert check_family(CUP) is CUP
 
 
@@ -83,7 +83,7 @@ def formula(text: str) -> ModelFamily:
         ),
     ],
 )
-def test_what_is_wrong_is_said(family: ModelFamily, part: str, said: str) -> None:
+def test_errors_are_reported(family: ModelFamily, part: str, said: str) -> None:
     flaws = examine_family(family)
     assert flaws
     assert flaws[0].part == part
@@ -92,7 +92,7 @@ def test_what_is_wrong_is_said(family: ModelFamily, part: str, said: str) -> Non
         check_family(family)
 
 
-def test_an_equation_without_a_value_or_a_slope_is_found_where_it_lacks_one() -> None:
+def test_undefined_equations_and_derivatives_are_located() -> None:
     def far(m):  # type: ignore[no-untyped-def]
         from rigctl.engine.symbols import sqrt
 
@@ -104,7 +104,7 @@ def test_an_equation_without_a_value_or_a_slope_is_found_where_it_lacks_one() ->
     assert "absolute(x, width)" in str(found[0].error)
 
 
-def test_inputs_and_fixed_numbers_may_be_there_for_effects_alone() -> None:
+def test_inputs_and_constants_may_be_used_by_effects_only() -> None:
     more = replace(
         CUP,
         inputs=(*CUP.inputs, InputVariable("stirrer", "1", 0.0, "")),
@@ -113,6 +113,6 @@ def test_inputs_and_fixed_numbers_may_be_there_for_effects_alone() -> None:
     assert examine_family(more) == ()
 
 
-def test_it_is_tried_at_rest_and_a_little_beside() -> None:
+def test_it_is_evaluated_at_and_near_rest() -> None:
     tried = sorted({point["heat"] for point in resting_points(CUP)})
     assert tried == pytest.approx([333.1, 333.15, 333.2])

@@ -68,7 +68,7 @@ def at(tank: ModelFamily, *additions: Addition, **values: float) -> Scope:
     return Scope(tank, known | values, additions=additions)
 
 
-def test_quantities_become_si_and_keep_what_they_are_shown_in(tank: ModelFamily) -> None:
+def test_quantities_are_si_and_keep_their_display_unit(tank: ModelFamily) -> None:
     level, temperature = tank.states
     assert (level.unit, level.start, level.scale) == ("m", pytest.approx(0.2), pytest.approx(1e-3))
     assert (temperature.unit, temperature.start, temperature.scale) == ("K", pytest.approx(293.15), 0.1)
@@ -82,7 +82,7 @@ def test_quantities_become_si_and_keep_what_they_are_shown_in(tank: ModelFamily)
     assert tank.slot("level_reading").kind == "sensor"
 
 
-def test_its_equations_are_those_worked_out_by_hand(tank: ModelFamily) -> None:
+def test_its_equations_agree_with_a_manual_derivation(tank: ModelFamily) -> None:
     m = at(tank, level=0.3, temperature=320.0, inflow=5e-5, heater=800.0)
     head = 0.5 * (0.3 + math.hypot(0.3, 1e-3))
     outflow = 0.61 * 20e-6 * math.sqrt(2 * 9.80665 * head)
@@ -91,7 +91,7 @@ def test_its_equations_are_those_worked_out_by_hand(tank: ModelFamily) -> None:
     assert m.rate("temperature") == pytest.approx(heat / (998.0 * 4180.0 * 0.05 * head))
 
 
-def test_slots_stand_where_they_are_named(tank: ModelFamily) -> None:
+def test_slots_are_where_they_are_declared(tank: ModelFamily) -> None:
     plain = at(tank)
     leaking = at(tank, Addition("leak", "a hole", lambda m: -1e-5))
     assert float(leaking.rate("level")) - float(plain.rate("level")) == pytest.approx(-1e-5 / 0.05)
@@ -110,12 +110,12 @@ def test_numbers_and_symbols_agree(tank: ModelFamily) -> None:
     assert isinstance(Scope(tank, known).rate("temperature"), Expr)
 
 
-def test_a_family_survives_a_journey_to_another_process(tank: ModelFamily) -> None:
+def test_a_family_can_be_pickled(tank: ModelFamily) -> None:
     again = pickle.loads(pickle.dumps(tank))
     assert at(again).rate("level") == at(tank).rate("level")
 
 
-def test_a_delay_knows_what_was_commanded_before_and_after() -> None:
+def test_a_delay_acts_on_previous_and_next_commands() -> None:
     text = SMALL.replace(
         "room: {value: 20 degC}",
         "room: {value: 20 degC, delay: dead + (after - before)*slope}",
@@ -145,7 +145,7 @@ def test_the_standard_record_begins_at_once(tank: ModelFamily) -> None:
     assert later.switches == ((0.0, {}), (60.0, {"room": pytest.approx(303.15)}))
 
 
-def test_the_schema_takes_what_is_read() -> None:
+def test_the_schema_accepts_what_the_reader_accepts() -> None:
     from jsonschema import Draft202012Validator
 
     schema = json_schema(FamilyFile, title="rigctl family")
@@ -207,7 +207,7 @@ def test_the_schema_takes_what_is_read() -> None:
         ("{unit: K/min}", "{unit: K/min, kind: senor}", "expected"),
     ],
 )  # fmt: skip
-def test_a_mistake_is_told_with_its_place(old: str, new: str, said: str) -> None:
+def test_a_mistake_is_reported_with_its_place(old: str, new: str, said: str) -> None:
     message = changed(old, new)
     assert said in message
     assert message.startswith("tank.yaml:")
@@ -218,14 +218,14 @@ def test_definitions_in_a_circle_are_named() -> None:
     assert refused(text) == "tank.yaml:16:25: an equation depends on itself: a -> b -> a"
 
 
-def test_all_mistakes_come_at_once() -> None:
+def test_all_mistakes_are_reported_together() -> None:
     message = changed(
         "(room - heat)/time + warmth", "room/time + wamth", SMALL.replace("unit: degC", "unit: bar")
     )
     assert message.count("tank.yaml:") == 2
 
 
-def test_the_record_is_held_to_the_names() -> None:
+def test_the_standard_record_is_checked_against_the_names() -> None:
     record = "standard_record: {duration: 1 h, rate: 1 Hz, switches: [{at: 0 s, set: {rom: 1 degC}}]}"
     assert "unknown input, got 'rom'; did you mean 'room'?" in refused(SMALL + record)
     assert "wrong dimension" in refused(SMALL + record.replace("rom: 1 degC", "room: 1 s"))
@@ -248,7 +248,7 @@ SPLINTERS = [
 
 @settings(max_examples=150)
 @given(st.sampled_from([TEXT, SMALL]), st.integers(0, 2**32), st.integers(1, 4))
-def test_no_file_gives_anything_but_a_family_or_a_clear_error(text: str, seed: int, count: int) -> None:
+def test_any_file_gives_a_family_or_a_clear_error(text: str, seed: int, count: int) -> None:
     chance = random.Random(seed)
     for _ in range(count):
         start = chance.randrange(len(text) + 1)

@@ -164,7 +164,7 @@ def test_bulk_modulus_is_volume_over_minus_its_slope(
     assert found == pytest.approx(expected, rel=1e-5)
 
 
-def test_oil_without_air_keeps_its_stiffness() -> None:
+def test_oil_without_air_keeps_its_bulk_modulus() -> None:
     assert oil.air_compliance(20e5, 0.0, 1.4e9) == 0.0
     assert oil.effective_bulk_modulus(ATMOSPHERE, 0.01, 1.4e9) < 0.02 * 1.4e9
 

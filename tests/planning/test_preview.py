@@ -78,7 +78,7 @@ def test_a_later_round_starts_from_where_the_first_ended(previewed: See) -> None
     assert seen.seconds < first + 5 * 65.0
 
 
-def test_loops_in_loops_take_no_longer_to_look_at(previewed: See) -> None:
+def test_nested_loops_are_previewed_quickly(previewed: See) -> None:
     lines = ["steps:"]
     for depth in range(35):
         pad = "  " * (2 * depth + 1)
@@ -111,7 +111,7 @@ def test_a_branch_counts_its_longer_side(previewed: See) -> None:
     assert (seen.seconds, seen.records) == (9.0, 1)
 
 
-def test_people_take_their_time_on_a_real_bench(previewed: See, serial_rig: Rig) -> None:
+def test_operator_times_count_on_a_real_bench(previewed: See, serial_rig: Rig) -> None:
     text = "steps:\n  - set_pressure: {to: 30 bar, settle: 2 s}\n  - prompt: Close the door."
     assert previewed(text).seconds == 2.0
     seen = previewed(text, on=serial_rig)
@@ -171,7 +171,7 @@ def test_limits_touched_and_approached(previewed: See) -> None:
         ),
     ],
 )
-def test_what_will_most_likely_not_work(previewed: See, text: str, piece: str) -> None:
+def test_probable_failures_are_predicted(previewed: See, text: str, piece: str) -> None:
     ((where, message),) = previewed(f"steps:\n  {text}\n").warnings
     assert piece in message
     assert where.line is not None
@@ -184,7 +184,7 @@ def test_a_heater_that_is_too_weak(previewed: See) -> None:
     assert "with the heater on, the oil gets no hotter than" in message
 
 
-def test_cleanup_blocks_stand_in_the_tree_without_counting(previewed: See) -> None:
+def test_cleanup_blocks_are_shown_without_a_duration(previewed: See) -> None:
     seen = previewed("""
         steps:
           - do: [wait: 1 s]

@@ -48,7 +48,7 @@ def check(text: str) -> None:
 
 @settings(max_examples=150)
 @given(st.sampled_from(TEXTS), st.integers(0, 2**32), st.integers(1, 4))
-def test_splinters_anywhere(text: str, seed: int, count: int) -> None:
+def test_random_fragments_anywhere(text: str, seed: int, count: int) -> None:
     chance = random.Random(seed)
     for _ in range(count):
         start = chance.randrange(len(text) + 1)

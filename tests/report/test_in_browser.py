@@ -137,7 +137,7 @@ def test_scales_are_shared_until_the_reader_says_otherwise(quiet: Browser, campa
     assert quiet.wait(f"{top} < 90")
 
 
-def test_it_follows_the_reader_s_dark_ground(quiet: Browser, campaign_page: Path) -> None:
+def test_it_follows_the_reader_s_dark_mode(quiet: Browser, campaign_page: Path) -> None:
     colour = "document.getElementById('response-0')._fullLayout.font.color"
     seen = []
     for dark in (False, True):
@@ -147,7 +147,7 @@ def test_it_follows_the_reader_s_dark_ground(quiet: Browser, campaign_page: Path
     assert seen[0] != seen[1]
 
 
-def test_on_paper_every_plot_is_there(quiet: Browser, campaign_page: Path, tmp_path: Path) -> None:
+def test_every_plot_is_printed(quiet: Browser, campaign_page: Path, tmp_path: Path) -> None:
     quiet.open(campaign_page, height=500, dark=True)
     assert quiet.wait("document.querySelector('#response-0 .main-svg')")
     quiet.pdf(tmp_path / "page.pdf")
@@ -190,7 +190,7 @@ def answer_page(published: Run, tmp_path_factory: pytest.TempPathFactory) -> Pat
 
 @pytest.mark.parametrize(("width", "dark"), [(1400, False), (420, True)])
 @pytest.mark.parametrize("which", ["campaign_page", "answer_page"])
-def test_nothing_stands_in_the_way_of_those_who_read_otherwise(
+def test_the_page_is_accessible(
     quiet: Browser, request: pytest.FixtureRequest, which: str, width: int, dark: bool
 ) -> None:
     """By axe-core: names, roles, contrast, regions that keys can scroll."""
@@ -233,9 +233,7 @@ def test_hostile_texts_are_shown_and_do_nothing(quiet: Browser, make_run: RunMak
     assert HOSTILE in quiet.evaluate(legend)
 
 
-def test_even_markup_that_got_through_could_not_run(
-    browser: Browser, campaign_page: Path, tmp_path: Path
-) -> None:
+def test_unescaped_markup_could_not_run(browser: Browser, campaign_page: Path, tmp_path: Path) -> None:
     """The policy is the second wall: a page that someone forgot to escape in."""
     broken = tmp_path / "broken.html"
     text = campaign_page.read_text(encoding="utf-8")

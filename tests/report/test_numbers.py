@@ -55,7 +55,7 @@ def test_durations(seconds: float, printed: str) -> None:
     assert numbers.duration(seconds).replace("\N{NO-BREAK SPACE}", " ") == printed
 
 
-def test_a_column_lines_up() -> None:
+def test_columns_are_aligned() -> None:
     places = numbers.decimals([77.0, 122.64])
     assert [numbers.fixed(value, places) for value in (77.0, 122.64)] == ["77.0", "122.6"]
     assert numbers.fixed(-3.71, 1, sign=True) == "−3.7"
@@ -69,7 +69,7 @@ def test_a_mean_error_far_below_the_rmse_has_no_sign() -> None:
     assert numbers.resolved(2.3e-5, 0.0) == 2.3e-5
 
 
-def test_moments_keep_their_zone_and_nonsense_stays_as_it_is() -> None:
+def test_times_keep_their_zone_and_invalid_texts_are_unchanged() -> None:
     assert numbers.moment("2026-11-21T09:30:00+00:00") == "2026-11-21 09:30:00 UTC"
     assert numbers.moment("soon") == "soon"
     assert numbers.moment(None) == "–"

@@ -62,7 +62,7 @@ def empty_run(tmp_path: Path, *, status: str = "finished", reason: str | None = 
     return open_run(RunWriter.create(tmp_path / "runs", header).close(status, reason))
 
 
-def test_the_whole_campaign_is_small_and_says_what_matters(published: Run, tmp_path: Path) -> None:
+def test_the_page_of_a_campaign_is_small_and_complete(published: Run, tmp_path: Path) -> None:
     written = write_report([published], tmp_path / "page.html")
     assert written.size < 6_000_000
     text = written.page.read_text(encoding="utf-8")
@@ -71,7 +71,7 @@ def test_the_whole_campaign_is_small_and_says_what_matters(published: Run, tmp_p
     assert "65\N{NARROW NO-BREAK SPACE}100" in text
 
 
-def test_nothing_is_fetched_from_anywhere(published_data: RunData) -> None:
+def test_the_page_fetches_nothing(published_data: RunData) -> None:
     html = html_of(published_data)
     for tag, attributes in outline(html).tags:
         assert "src" not in attributes or tag == "img", (tag, attributes)
@@ -95,7 +95,7 @@ def test_the_plotting_library_is_the_published_one() -> None:
     assert (ASSETS / "LICENSE-plotly").read_text(encoding="utf-8").startswith("MIT License")
 
 
-def test_hostile_texts_stay_texts(make_run: RunMaker) -> None:
+def test_hostile_texts_are_escaped(make_run: RunMaker) -> None:
     made = make_run(
         temperatures=(20.0, 30.0),
         pressures=(30.0,),
@@ -189,13 +189,13 @@ def test_a_reason_is_read_before_its_place(reason: str, said: str) -> None:
     assert readable(reason) == said
 
 
-def test_a_run_that_broke_off_says_what_was_complete_by_then(published_data: RunData) -> None:
+def test_an_aborted_run_reports_its_complete_records(published_data: RunData) -> None:
     info = {**published_data.info, "status": "aborted", "reason": "ended by SIGINT"}
     said = statement(replace(published_data, info=info, records=published_data.records[:5]))
     assert said.startswith("The run was aborted: ended by SIGINT. 5 records were complete by then")
 
 
-def test_alarms_stand_before_everything_else(published_data: RunData) -> None:
+def test_alarms_are_shown_first(published_data: RunData) -> None:
     alarm = replace(published_data.events[0], kind="alarm", time=500.0, message="Oil over-temperature")
     html = html_of(replace(published_data, events=(*published_data.events, alarm)))
     assert "1 alarm or fault came up" in html
@@ -226,7 +226,7 @@ def test_missed_limits_and_failed_records_are_counted(published_data: RunData) -
         ("running", None, ""),
     ],
 )
-def test_a_run_that_broke_off_says_what_is_safe(
+def test_an_aborted_run_reports_whether_outputs_are_safe(
     published_data: RunData, status: str, unconfirmed: str | None, said: str
 ) -> None:
     info = {**published_data.info, "status": status, "unconfirmed": unconfirmed, "reason": "late"}
@@ -237,7 +237,7 @@ def test_a_run_that_broke_off_says_what_is_safe(
     assert safety(data) in str(first.body)
 
 
-def test_records_of_a_logger_that_begins_anew_lie_side_by_side(published_data: RunData) -> None:
+def test_records_with_restarting_times_are_drawn_side_by_side(published_data: RunData) -> None:
     """Every record of an imported log may begin at 0 s."""
     first, second = (record.rows for record in published_data.records[:2])
     rows = np.r_[first, second]
@@ -261,7 +261,7 @@ def test_records_of_a_logger_that_begins_anew_lie_side_by_side(published_data: R
     assert not end_to_end(published_data)[1].any()
 
 
-def test_simulated_data_is_called_so(published_data: RunData) -> None:
+def test_simulated_data_is_labelled(published_data: RunData) -> None:
     assert summarise(published_data).badge is None
     info = {**published_data.info, "backend": {"kind": "simulated"}}
     assert ">simulated bench</span>" in html_of(replace(published_data, info=info))
@@ -290,13 +290,13 @@ def test_equal_runs_give_equal_pages(published_data: RunData) -> None:
     assert page([published_data], sections, when) == page([published_data], assemble([published_data]), when)
 
 
-def test_another_part_can_add_its_section(published_data: RunData) -> None:
+def test_other_modules_can_add_sections(published_data: RunData) -> None:
     added = Section("comparison", "Model against measurement", Markup("<p>It fits.</p>"))
     order = [section.id for section in assemble([published_data], [added])]
     assert order[:4] == ["comparison", "outcome", "campaign", "records"]
 
 
-def test_what_stands_behind_the_answer_is_folded_and_a_failed_run_is_not(published_data: RunData) -> None:
+def test_the_evidence_is_folded_unless_the_run_failed(published_data: RunData) -> None:
     added = Section("comparison", "Model against measurement", Markup("<p>It fits.</p>"))
     assert {one.id for one in assemble([published_data]) if one.folded} == {
         *("measures", "overview", "events", "provenance")
@@ -308,14 +308,14 @@ def test_what_stands_behind_the_answer_is_folded_and_a_failed_run_is_not(publish
     assert sections[0].id == "outcome"
 
 
-def test_an_unwritable_place_is_told(make_run: RunMaker, tmp_path: Path) -> None:
+def test_an_unwritable_path_is_reported(make_run: RunMaker, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     run = make_run(temperatures=(20.0,), pressures=(30.0,), idle_rows=2)
     with pytest.raises(RigctlError, match="cannot write"):
         write_report([run], tmp_path / "file" / "page.html")
 
 
-def test_an_old_page_is_replaced_and_nothing_else_is_left(make_run: RunMaker, tmp_path: Path) -> None:
+def test_an_old_page_is_replaced_without_leftovers(make_run: RunMaker, tmp_path: Path) -> None:
     target = tmp_path / "out" / "page.html"
     target.parent.mkdir()
     target.write_text('<!DOCTYPE html><meta name="generator" content="rigctl 0.0">', encoding="utf-8")

@@ -15,7 +15,7 @@ from rigctl.report.run_data import RunData, read_run
 from rigctl.report.sections.campaign import sentence, table
 
 
-def test_the_stroke_stands_against_temperature_for_each_pressure(published_data: RunData) -> None:
+def test_the_stroke_is_shown_over_temperature_for_each_pressure(published_data: RunData) -> None:
     stroke, travel = responses([published_data])
     assert (stroke.name, stroke.unit, stroke.x_name, stroke.x_unit) == ("stroke", "mm", "oil", "degC")
     assert stroke.xs == TEMPERATURES
@@ -26,7 +26,7 @@ def test_the_stroke_stands_against_temperature_for_each_pressure(published_data:
     assert travel.name == "travel"
 
 
-def test_the_largest_change_is_said_in_words(published_data: RunData) -> None:
+def test_the_largest_change_is_described(published_data: RunData) -> None:
     stroke = responses([published_data])[0]
     said = sentence(stroke).replace("\N{NO-BREAK SPACE}", " ")
     assert said.startswith("Largest change with oil temperature: the stroke falls by 6.")
@@ -41,7 +41,7 @@ def test_the_table_has_a_row_per_temperature_and_the_change_from_the_first(publi
     assert rows[4][1][0].change == "−3.7"
 
 
-def test_replicates_are_averaged_and_their_spread_is_told(make_run: RunMaker) -> None:
+def test_replicates_are_averaged_with_their_scatter(make_run: RunMaker) -> None:
     run = read_run(make_run(temperatures=(20.0, 30.0), pressures=(30.0,), repeats=3, idle_rows=2))
     point = responses([run])[0].series[0].points[0]
     assert len(point.values) == 3
@@ -59,7 +59,7 @@ def test_excluded_and_incomplete_records_are_left_out(make_run: RunMaker) -> Non
     assert responses([failed]) == []  # one operating point is no sweep
 
 
-def test_runs_are_told_apart(make_run: RunMaker) -> None:
+def test_runs_are_distinguished(make_run: RunMaker) -> None:
     first = make_run(temperatures=(20.0, 40.0), pressures=(30.0,), idle_rows=2)
     second = make_run(temperatures=(20.0, 40.0), pressures=(30.0,), idle_rows=2, seed=2)
     labels = [one.label for one in responses([read_run(first), read_run(second)])[0].series]

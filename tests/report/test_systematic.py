@@ -32,7 +32,7 @@ def before_and_after(correlation: float = 0.0) -> tuple[FitResult, FitResult]:
     return before, replace(before, outputs=after)
 
 
-def test_what_is_hidden_in_the_noise_is_seen_to_fall() -> None:
+def test_a_reduction_below_the_noise_is_shown() -> None:
     before, after = before_and_after()
     rmse = [fit.errors["position"].rmse for fit in (before, after)]
     assert 1.0 < rmse[0] / rmse[1] < 1.1  # which looks like nothing
@@ -46,14 +46,14 @@ def test_what_is_hidden_in_the_noise_is_seen_to_fall() -> None:
     assert (pressure.changed, pressure.sizes) == (False, (0.0, 0.0))
 
 
-def test_slow_noise_is_no_systematic_error() -> None:
+def test_slow_noise_is_not_a_systematic_error() -> None:
     for seed in range(5):
         fit = made_fit(made_noise(0.9), seed)
         hair = replace(fit, outputs=tuple(outputs + 1e-4 for outputs in fit.outputs))
         assert not any(one.changed for one in falls([fit, hair], {}))
 
 
-def test_what_is_said_to_be_left_stays_in_both() -> None:
+def test_the_reported_remainder_is_in_both_curves() -> None:
     before, after = before_and_after()
     position = next(one for one in falls([before, after], {"position": 20.0}) if one.channel == "position")
     assert position.sizes[1] == 20.0
@@ -94,7 +94,7 @@ def bench() -> Any:
     return SimpleNamespace(model=load_model(TEXTBOOK), records=records, measurements=measurements)
 
 
-def test_a_leak_is_told_as_a_flow_at_the_hottest_and_the_highest(bench: Any) -> None:
+def test_a_leak_is_shown_as_a_flow_at_maximum_temperature_and_pressure(bench: Any) -> None:
     leak = bench.model.effect("valve_leakage")
     said = everyday(leak, "conductance", FoundParameter(6.84e-15, "m^3", 6e-17), bench)
     flow, at = re.fullmatch(r"about ([\d.]+) l/min at (.*)", said).groups()  # type: ignore[union-attr]
@@ -105,7 +105,7 @@ def test_a_leak_is_told_as_a_flow_at_the_hottest_and_the_highest(bench: Any) -> 
     assert drop.startswith("about 0.16 ml/min")
 
 
-def test_other_parameters_are_told_where_their_unit_does_not_say_it(bench: Any) -> None:
+def test_other_parameters_are_shown_in_everyday_units(bench: Any) -> None:
     drift = bench.model.effect("position_thermal_drift")
     assert (
         everyday(drift, "coefficient", FoundParameter(2.3e-4, "1/K", 1e-6), bench)

@@ -60,7 +60,7 @@ def test_a_parabola_is_found(offset: float, slope: float, bend: float, raws: lis
         )
 
 
-def test_against_numpys_own_fit() -> None:
+def test_the_fit_agrees_with_numpy() -> None:
     points = points_on(LINE, [5000.0, 15000.0, 30000.0, 45000.0, 62000.0], noise=0.05)
     fit = fitted(points)
     x, y = np.array([p.mean for p in points]), np.array([p.reference for p in points])
@@ -86,7 +86,7 @@ def test_the_reference_is_part_of_the_uncertainty() -> None:
     assert both == pytest.approx(math.hypot(alone, 0.5))
 
 
-def test_two_points_rest_on_the_scatter_of_the_readings() -> None:
+def test_two_points_use_the_scatter_of_the_readings() -> None:
     points = [Point(0.0, (6570.0, 6580.0, 6590.0)), Point(100.0, (59200.0, 59210.0, 59220.0))]
     fit = fitted(points)
     assert fit.residual_std is None
@@ -97,7 +97,7 @@ def test_two_points_rest_on_the_scatter_of_the_readings() -> None:
     assert single.uncertainty < fit.uncertainty
 
 
-def test_a_bend_is_noticed_and_a_straight_line_is_not_called_bent() -> None:
+def test_curvature_is_detected_and_a_straight_line_is_not_curved() -> None:
     raws = [float(raw) for raw in range(5000, 65000, 6000)]
     bent = fitted(points_on((0.0, 0.0015, 1e-8), raws, noise=0.05))
     assert bent.bent
@@ -122,6 +122,6 @@ def test_the_largest_change_is_within_the_points() -> None:
         ([Point(1.0, (20000.0,)), Point(2.0, (30000.0,)), Point(1.0, (40000.0,))], 2, "turns back"),
     ],
 )
-def test_what_makes_no_calibration(points: list[Point], degree: int, message: str) -> None:
+def test_invalid_calibration_points_are_refused(points: list[Point], degree: int, message: str) -> None:
     with pytest.raises(RigctlError, match=message):
         fitted(points, degree)

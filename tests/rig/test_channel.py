@@ -50,7 +50,7 @@ def test_a_difference_of_temperatures_has_no_offset() -> None:
 
 @pytest.mark.parametrize("each", CHANNELS)
 @given(share=st.floats(0.0, 1.0))
-def test_raw_values_come_back(each: Channel, share: float) -> None:
+def test_raw_values_round_trip(each: Channel, share: float) -> None:
     raw = each.converter.low + share * (each.converter.high - each.converter.low)
     assert each.raw_from_value(each.value_from_raw(raw)) == pytest.approx(raw, abs=1e-9 * each.converter.high)
 
@@ -70,7 +70,7 @@ def test_quantising_is_half_a_step_off_at_most(share: float) -> None:
     assert abs(TEN_BITS.converter.quantise(raw) - raw) <= 0.5 * TEN_BITS.converter.step + 1e-9
 
 
-def test_a_sensor_driven_out_of_its_range_clips_in_the_converter() -> None:
+def test_a_sensor_beyond_its_range_is_clipped_by_the_converter() -> None:
     assert CURVED.converter.quantise(CURVED.raw_from_value(1.0)) == pytest.approx(5.0)
     assert CURVED.converter.quantise(CURVED.raw_from_value(-1.0)) == 0.0
 
@@ -100,7 +100,7 @@ def test_horner_is_the_sum_of_powers(coefficients: list[float], x: float) -> Non
     assert polynomial(coefficients, x) == pytest.approx(expected, rel=1e-9, abs=1e-6)
 
 
-def test_a_curve_that_turns_cannot_be_inverted() -> None:
+def test_a_non_monotonic_curve_cannot_be_inverted() -> None:
     assert monotonic([0, 1, 0.1], 0, 10)
     assert not monotonic([0, -1, 0.1], 0, 10)
     assert not monotonic([1, 0], 0, 10)

@@ -32,12 +32,12 @@ from rigctl.rig.line_pattern import read_number, reply_pattern, resolution, send
         ("#1 !{_}", '#1 !-221,"Settings conflict"', {}),
     ],
 )
-def test_what_stands_in_the_places(pattern: str, line: str, found: dict[str, str] | None) -> None:
+def test_fields_of_a_pattern_are_read(pattern: str, line: str, found: dict[str, str] | None) -> None:
     assert reply_pattern(pattern).match(line) == found
 
 
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=6))
-def test_what_was_written_is_read_back(numbers: list[float]) -> None:
+def test_written_values_are_read_back(numbers: list[float]) -> None:
     pattern = reply_pattern(",".join(f"{{n{i}}}" for i in range(len(numbers))))
     found = pattern.match(",".join(f"{number:.6f}" for number in numbers))
     assert found is not None
@@ -45,13 +45,13 @@ def test_what_was_written_is_read_back(numbers: list[float]) -> None:
 
 
 @given(st.text(max_size=200))
-def test_whatever_a_device_sends_is_read_or_not(line: str) -> None:
+def test_any_answer_is_matched_or_rejected(line: str) -> None:
     for pattern in ("{a},{_};{b}", "x{a}", "{_}", "OK"):
         found = reply_pattern(pattern).match(line)
         assert found is None or all(isinstance(text, str) for text in found.values())
 
 
-def test_matching_takes_a_time_that_grows_with_the_line() -> None:
+def test_matching_time_is_linear_in_the_line() -> None:
     pattern = reply_pattern(",".join(f"{{p{i}}}" for i in range(40)) + "!")
     assert pattern.match("," * 100_000) is None  # an exponential search would never end
 
@@ -73,14 +73,14 @@ def test_numbers_as_devices_write_them(text: str, value: float | None) -> None:
     assert read_number(text) == value
 
 
-def test_a_device_may_say_that_it_has_no_number() -> None:
+def test_a_device_may_report_a_missing_number() -> None:
     number = read_number("NaN")
     assert number is not None
     assert math.isnan(number)
 
 
 @pytest.mark.parametrize(("text", "worth"), [("35", 1.0), ("35.0", 0.1), ("-1.250", 1e-3), ("1.5e2", 10.0)])
-def test_the_worth_of_the_last_digit(text: str, worth: float) -> None:
+def test_the_resolution_of_the_last_digit(text: str, worth: float) -> None:
     assert resolution(text) == pytest.approx(worth)
 
 

@@ -30,7 +30,7 @@ safe_state: {power: 0 %, fan: on}
 """
 
 
-def test_a_whole_one_is_taken() -> None:
+def test_a_complete_description_is_accepted() -> None:
     lines = parse_rig(DEVICE).backend.lines
     assert lines is not None
     assert lines.queries[0].places == ("temperature",)
@@ -85,7 +85,7 @@ def test_a_whole_one_is_taken() -> None:
         ("    queries:", "    terminator: CR\n    queries:", "unknown field"),
     ],
 )
-def test_what_is_wrong_is_said(old: str, new: str, message: str) -> None:
+def test_errors_are_reported(old: str, new: str, message: str) -> None:
     assert old in DEVICE
     with pytest.raises(RigctlError) as caught:
         parse_rig(DEVICE.replace(old, new, 1))

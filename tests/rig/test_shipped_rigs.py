@@ -18,7 +18,7 @@ INSTRUMENTED = load_rig(shipped("rigs", "hl32-bench-instrumented.yaml"))
 
 
 @pytest.mark.parametrize("path", sorted(shipped("rigs").glob("*.yaml")), ids=lambda path: path.stem)
-def test_every_shipped_rig_warns_of_nothing_but_what_its_device_lacks(path: Path) -> None:
+def test_shipped_rigs_warn_only_of_what_their_devices_lack(path: Path) -> None:
     rig = load_rig(path)
     unguarded = path.stem in ("tclab-board", "oil-circuit-visa")
     expected = ["the device has no watchdog of its own"] if unguarded else []
@@ -81,7 +81,7 @@ def test_the_published_campaign_trips_no_limit(name: str) -> None:
 
 
 @pytest.mark.parametrize("rig", [BENCH, INSTRUMENTED], ids=lambda rig: rig.name)
-def test_a_broken_wire_reads_what_is_impossible(rig: Rig) -> None:
+def test_a_broken_wire_reads_an_impossible_value(rig: Rig) -> None:
     for name, channel in rig.channels.items():
         dead = channel.raw.high if name == "oil_temperature" else channel.raw.low
         assert not channel.possible(channel.value_from_raw(dead)), name
@@ -113,7 +113,7 @@ def test_the_bench_names_only_what_its_model_knows() -> None:
 
 
 @pytest.mark.parametrize("family", ["hydraulic_cylinder", "heater_board"])
-def test_the_model_family_and_the_rig_file_call_things_alike(family: str) -> None:
+def test_the_model_family_and_the_rig_file_use_the_same_names(family: str) -> None:
     declared = find_family(family)
     rig_names = {model: rig for rig, models in declared.rig_names.items() for model in models}
     known = {**GEOMETRY[family], **CONSTANTS[family]}

@@ -169,7 +169,7 @@ def test_a_tripped_interlock_stops_the_run_before_the_next_step(do: Do) -> None:
     assert done.outcome("extend") == "tripped"
 
 
-def test_a_limit_that_is_exceeded_already_never_arms(do: Do, workshop: Any) -> None:
+def test_an_exceeded_limit_prevents_arming(do: Do, workshop: Any) -> None:
     rig = workshop.rig("position: 0 mm}", "position: 250 mm}")
     done = do("steps:\n  - extend: {for: 1 s}\n", rig=rig)
     assert done.result.status == "failed"

@@ -34,7 +34,7 @@ def feed(locks: Interlocks, rows: list[tuple[float, ...]]) -> list[Alarm]:
     return [alarm for item in rows for alarm in locks.check(item)]
 
 
-def test_a_calm_bench_raises_nothing(rig: Rig) -> None:
+def test_a_bench_within_limits_raises_no_alarm(rig: Rig) -> None:
     assert feed(Interlocks(rig), [row(0.01 * i) for i in range(1000)]) == []
 
 
@@ -105,7 +105,7 @@ def test_no_rate_is_known_before_half_of_its_window(rig: Rig) -> None:
     assert feed(Interlocks(rig), rows) == []
 
 
-def test_quantisation_noise_is_no_motion(rig: Rig) -> None:
+def test_quantisation_noise_does_not_count_as_motion(rig: Rig) -> None:
     step = 0.00029325513
     rows = [row(0.01 * i, position=0.05 + step * (i % 3)) for i in range(500)]
     assert feed(Interlocks(rig), rows) == []
@@ -119,7 +119,7 @@ def test_arming_is_refused_without_waiting_for_persistence(rig: Rig) -> None:
     assert [a.name for a in locks.check_arming([row(0.0, position=math.nan)])] == ["position sensor"]
 
 
-def test_silence_trips_once_and_again_after_samples_came_back(rig: Rig) -> None:
+def test_silence_trips_once_and_again_after_samples_resume(rig: Rig) -> None:
     locks = Interlocks(rig)
     assert locks.check_silence(0.9, 0.0, 0.1) is None
     alarm = locks.check_silence(1.0, 0.0, 0.1)
@@ -131,7 +131,7 @@ def test_silence_trips_once_and_again_after_samples_came_back(rig: Rig) -> None:
     assert locks.check_silence(4.5, 3.0, 0.1) is not None
 
 
-def test_a_slow_rate_is_no_silence(rig: Rig) -> None:
+def test_a_slow_rate_does_not_count_as_silence(rig: Rig) -> None:
     assert Interlocks(rig).check_silence(25.0, 0.0, 10.0) is None
     assert Interlocks(rig).check_silence(30.0, 0.0, 10.0) is not None
 
@@ -144,7 +144,7 @@ def test_nothing_inside_every_band_ever_trips(positions: list[float], oil: float
 
 
 @given(st.lists(st.sampled_from([20e5, 61e5, math.nan]), min_size=1, max_size=80))
-def test_the_fast_way_and_the_thorough_one_agree(pressures: list[float]) -> None:
+def test_the_fast_and_the_full_check_agree(pressures: list[float]) -> None:
     fast, thorough = Interlocks(SHIPPED), Interlocks(SHIPPED)
     for i, pressure in enumerate(pressures):
         thorough._busy = True
@@ -152,7 +152,7 @@ def test_the_fast_way_and_the_thorough_one_agree(pressures: list[float]) -> None
         assert list(fast.check(item)) == list(thorough.check(item))
 
 
-def test_a_disturbed_line_is_noticed_and_a_moving_rod_is_none() -> None:
+def test_a_disturbed_line_is_detected_and_motion_is_not_a_disturbance() -> None:
     sawtooth = (i % 100 if i % 200 < 100 else 100 - i % 100 for i in range(999))
     strokes = [row(0.01 * i, position=0.12 * 0.01 * step) for i, step in enumerate(sawtooth)]
     assert feed(Interlocks(SHIPPED), strokes) == []

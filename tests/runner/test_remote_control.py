@@ -52,7 +52,7 @@ def test_a_run_that_does_not_answer_is_named(control: ControlFile, tmp_path: Pat
         send(tmp_path, Request.ABORT, timeout=0.2)
 
 
-def test_there_has_to_be_a_run(tmp_path: Path) -> None:
+def test_a_request_needs_a_run_in_progress(tmp_path: Path) -> None:
     with pytest.raises(RigctlError, match="no run is in progress"):
         send(tmp_path, Request.ABORT)
     ended = ControlFile(tmp_path)
@@ -61,7 +61,7 @@ def test_there_has_to_be_a_run(tmp_path: Path) -> None:
         send(tmp_path, Request.ABORT)
 
 
-def test_lines_that_are_no_requests_are_passed_over(tmp_path: Path) -> None:
+def test_invalid_lines_are_skipped(tmp_path: Path) -> None:
     (tmp_path / CONTROL_NAME).write_text('{"request": "abort"}\n', encoding="utf-8")
     control = ControlFile(tmp_path)
     assert control.poll() == ()  # of an earlier session
@@ -99,14 +99,14 @@ def test_a_line_that_no_run_would_read_is_not_written(control: ControlFile, tmp_
     assert len((tmp_path / CONTROL_NAME).read_bytes().splitlines()) == 1
 
 
-def test_the_heartbeat_says_what_the_run_is_doing(control: ControlFile, tmp_path: Path) -> None:
+def test_the_heartbeat_has_the_state_of_the_run(control: ControlFile, tmp_path: Path) -> None:
     control.publish(View("a-run", "paused", 2.5, path="3/heat", label="heat to 40 degC", question="Ready?"))
     state = json.loads((tmp_path / "state.json").read_text(encoding="utf-8"))
     assert (state["state"], state["path"], state["question"]) == ("paused", "3/heat", "Ready?")
     assert state["pid"] > 0
 
 
-def test_a_folder_that_is_gone_does_not_disturb_the_run(tmp_path: Path) -> None:
+def test_a_deleted_folder_does_not_disturb_the_run(tmp_path: Path) -> None:
     control = ControlFile(tmp_path / "gone")
     control.publish(View("a-run", "running", 0.0))
     assert control.poll() == ()

@@ -27,13 +27,13 @@ def test_a_moving_rod_is_watched_closely_and_a_resting_one_is_not(do: Do) -> Non
     assert intervals(done, end + 0.2, end + 1.9) == {0.1}
 
 
-def test_a_record_keeps_the_rate_it_asks_for(do: Do) -> None:
+def test_a_record_keeps_its_rate(do: Do) -> None:
     done = do("steps:\n  - {record: {name: slow, rate: 20 Hz}, do: [{extend: {for: 1 s}}, {wait: 1 s}]}\n")
     start = done.commands("valve")[0][0]
     assert intervals(done, start, start + 1.9) == {0.05}
 
 
-def test_an_ending_ends_the_close_watch_since_outputs_are_safe_then(do: Do) -> None:
+def test_an_ending_returns_to_the_slow_rate(do: Do) -> None:
     steps = "steps:\n  - extend: {until: position < -1 m, timeout: 0.5 s}\nfinally:\n  - wait: 1 s\n"
     done = do(steps)
     assert done.result.status == "failed"
@@ -48,7 +48,7 @@ def test_over_travel_is_noticed_before_the_end_stop_is_reached(do: Do) -> None:
     assert 0.240 < max(position) < 0.250
 
 
-def test_a_rig_may_watch_less_closely(workshop: Workshop) -> None:
+def test_a_rig_may_set_a_slower_watching_rate(workshop: Workshop) -> None:
     rig = workshop.rig("moving_rate: 100 Hz", "moving_rate: 1 Hz")
     done = workshop.run("steps:\n  - extend: {for: 1 s}\n", rig=rig)
     start = done.commands("valve")[0][0]

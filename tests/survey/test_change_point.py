@@ -31,7 +31,7 @@ def _correlated(draw: np.random.Generator, count: int, correlation: float = 0.3)
     ],
     ids=["normal", "cauchy", "skewed", "correlated"],
 )
-def test_false_alarms_are_no_more_than_said_whatever_the_scatter(draw: object, most: int) -> None:
+def test_false_alarms_stay_below_the_level_for_any_scatter(draw: object, most: int) -> None:
     """At 5 % of 150 courses 7.5 are expected, and 12 or fewer in 97 of 100 such tests."""
     generator = np.random.default_rng(5)
     alarms = sum(scan(draw(generator, 40), ORDER).p_value < 0.05 for _ in range(150))  # type: ignore[operator]
@@ -39,7 +39,7 @@ def test_false_alarms_are_no_more_than_said_whatever_the_scatter(draw: object, m
 
 
 @pytest.mark.parametrize("correlation", [0.3, 0.6])
-def test_alarms_stay_rare_where_neighbours_are_alike(correlation: float) -> None:
+def test_alarms_stay_rare_for_correlated_neighbours(correlation: float) -> None:
     """Of 400 courses four are expected at 1 %, and one in ten such tests where forty quantities share it."""
     generator = np.random.default_rng(6)
     found = [scan(_correlated(generator, 40, correlation), ORDER).p_value for _ in range(400)]
@@ -47,7 +47,7 @@ def test_alarms_stay_rare_where_neighbours_are_alike(correlation: float) -> None
     assert sum(p < 0.00025 for p in found) <= 1
 
 
-def test_a_step_and_a_growth_are_seen_soon_after_they_begin() -> None:
+def test_steps_and_ramps_are_detected_soon() -> None:
     noise = np.random.default_rng(2).standard_normal(40)
     for change in (4.0 * (ORDER >= 16), 0.5 * np.maximum(ORDER - 16, 0.0)):
         found = scan(noise + change, ORDER)
@@ -56,7 +56,7 @@ def test_a_step_and_a_growth_are_seen_soon_after_they_begin() -> None:
         assert first is not None and 16 < first <= 34
 
 
-def test_one_run_however_far_off_is_no_change() -> None:
+def test_a_single_outlying_run_is_not_a_change() -> None:
     values = np.random.default_rng(3).standard_normal(40)
     values[20] = 1e9
     assert scan(values, ORDER).p_value > 0.05
@@ -67,7 +67,7 @@ def test_units_and_stretching_do_not_matter() -> None:
     assert scan(values, ORDER).p_value == scan(1e-15 * values - 7e-15, ORDER).p_value
 
 
-def test_nothing_changes_between_runs_at_one_place() -> None:
+def test_runs_at_the_same_position_have_no_change() -> None:
     values = np.r_[np.zeros(20), np.ones(20)] + 0.01 * np.random.default_rng(6).standard_normal(40)
     assert scan(values, np.zeros(40)).p_value > 0.01  # only the straight line is left, over no places
     assert scan(values, ORDER).p_value < 1e-3
@@ -78,13 +78,13 @@ def test_so_few_runs_cannot_show_a_change() -> None:
     assert best_possible(np.arange(8.0)) > 0.01 > best_possible(np.arange(20.0))
 
 
-def test_a_growth_is_no_correlation_of_neighbours() -> None:
+def test_a_ramp_is_not_taken_for_correlation() -> None:
     noise = np.random.default_rng(7).standard_normal(40)
     for course in (noise, noise + 2.0 * np.maximum(ORDER - 16, 0.0), noise + 50.0 * (ORDER > 9)):
         assert neighbours(course[None, :], normal_scores(course)[None, :])[0] <= 0.3
 
 
-def test_scatter_between_runs_is_told_apart_from_their_own() -> None:
+def test_scatter_between_runs_is_separated_from_their_uncertainty() -> None:
     generator = np.random.default_rng(8)
     own = np.full(400, 1.0)
     alone = generator.standard_normal(400)
@@ -94,7 +94,7 @@ def test_scatter_between_runs_is_told_apart_from_their_own() -> None:
     assert scatter_between(alone[:4], own[:4]) is None
 
 
-def test_the_shape_says_what_it_was_before_and_since_when() -> None:
+def test_the_change_has_its_previous_value_and_date() -> None:
     noise = 0.1 * np.random.default_rng(9).standard_normal(40)
     std = np.full(40, 0.1)
     step = shape_of(2.0 + 5.0 * (ORDER >= 16) + noise, std, ORDER, 0.0)

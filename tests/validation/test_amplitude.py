@@ -46,7 +46,7 @@ def test_direction_is_the_librarys() -> None:
     assert found.value < 0.0
 
 
-def test_what_cannot_be_reached_is_said() -> None:
+def test_unreachable_sizes_are_reported() -> None:
     found = Amplitudes(Size()).find(find_hidden("pressure_gain"), 6.0, SMALL)
     assert not found.reached
     small = Amplitudes(Size()).find(find_hidden("radiation_loss"), 6.0, SMALL)

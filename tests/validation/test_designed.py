@@ -50,7 +50,7 @@ def test_a_trial_and_its_outcome_are_read_as_they_were_written() -> None:
     ("added", "alone", "wrong"),
     [(("leak",), 1, 0), (("drift",), 0, 1), ((), 0, 0), (("leak", "drift"), 0, 1)],
 )
-def test_only_the_truth_alone_counts(added: tuple[str, ...], alone: int, wrong: int) -> None:
+def test_only_the_true_effect_alone_counts(added: tuple[str, ...], alone: int, wrong: int) -> None:
     made = outcome(added=added)
     assert rate("one designed set", "the truth alone is named", made) == (alone, 1)
     assert rate("one designed set", "another one is named", made) == (wrong, 1)
@@ -61,7 +61,7 @@ def at_random(**learnt: Any) -> DesignOutcome:
     return replace(outcome(**learnt), scenario=DesignTrial(("leak",), 20.0, taken=2, draw=1))
 
 
-def test_each_pair_is_counted_by_what_it_was_promised() -> None:
+def test_pairs_are_counted_by_predicted_probability() -> None:
     kept = outcome(chances={"drift": 0.85, "spring": 1.0}, apart=("drift", "spring"))
     broken = at_random(chances={"drift": 0.95, "spring": 0.1}, apart=("spring",))
     never = outcome(probability=None)
@@ -77,7 +77,7 @@ def test_each_pair_is_counted_by_what_it_was_promised() -> None:
     assert rate("the campaign leaves a class", "records are proposed", kept, broken, never) == (1, 2)
 
 
-def test_what_was_kept_before_pairs_were_counts_as_one_promise(tmp_path: Path) -> None:
+def test_results_of_an_earlier_version_count_as_one_prediction(tmp_path: Path) -> None:
     """Results of an earlier version stay in the file, and are drawn with the others."""
     old = outcome(probability=0.93, winner="leak", told=True)
     document = old.document()
@@ -107,12 +107,12 @@ def test_a_class_without_a_design_has_to_be_reported_as_inseparable() -> None:
     assert rate("a class that no record separates", "reported as such", *made) == (1, 2)
 
 
-def test_a_design_is_held_against_the_median_of_what_the_bench_can_make() -> None:
+def test_a_design_is_compared_with_the_median_feasible_one() -> None:
     made = [outcome(of_first=d, of_random=10.0) for d in (39.0, 41.0, 400.0)]
     assert rate("D of the first designed record", "4 times a random one's", *made, outcome()) == (2, 3)
 
 
-def test_the_picture_has_a_point_for_each_bin_where_it_was_promised() -> None:
+def test_the_plot_has_a_point_for_each_bin() -> None:
     found = [Promises(0.0, 0.2, 0.1, 1, 20), Promises(0.8, 1.0, 0.9, 19, 20)]
     svg = calibration_svg(found)
     root = ET.fromstring(svg)
@@ -122,7 +122,7 @@ def test_the_picture_has_a_point_for_each_bin_where_it_was_promised() -> None:
     assert "19 of 20" in svg
 
 
-def test_learning_may_end_with_a_class_that_nothing_here_tells_apart() -> None:
+def test_learning_may_end_with_an_inseparable_class() -> None:
     def whole(**learnt: Any) -> DesignOutcome:
         return outcome(rounds=6, **learnt)
 

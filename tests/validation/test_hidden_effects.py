@@ -44,7 +44,7 @@ def test_every_effect_of_the_library_is_there() -> None:
 
 
 @pytest.mark.parametrize("hidden", acting(), ids=lambda hidden: hidden.effect)
-def test_what_can_be_hidden_shows_in_the_data(hidden) -> None:
+def test_hidden_effects_change_the_data(hidden) -> None:
     plain = clean_outputs(SMALL)
     for sign in hidden.signs:
         amplitude = sign * abs(hidden.typical)
@@ -53,7 +53,7 @@ def test_what_can_be_hidden_shows_in_the_data(hidden) -> None:
 
 
 @pytest.mark.parametrize("hidden", [h for h in HIDEABLE if h.cannot_act], ids=lambda hidden: hidden.effect)
-def test_what_cannot_act_is_below_the_noise_of_every_sample(hidden) -> None:
+def test_inactive_effects_are_below_the_noise(hidden) -> None:
     changes = largest_change(
         clean_outputs(hide(SMALL, [(hidden, hidden.typical)], "other")), clean_outputs(SMALL)
     )
@@ -61,7 +61,7 @@ def test_what_cannot_act_is_below_the_noise_of_every_sample(hidden) -> None:
     assert changes["position"] < 0.02
 
 
-def test_nothing_is_hidden_at_no_amplitude() -> None:
+def test_zero_amplitude_hides_nothing() -> None:
     plain = clean_outputs(SMALL)
     for shape in SHAPES:
         for hidden in HIDEABLE:
@@ -85,7 +85,7 @@ def test_the_gap_of_the_piston_leaks_the_conductance_it_is_given() -> None:
     assert past_piston(20e5, 0.03, bench) == pytest.approx(5e-15 * 20e5 / 0.03)
 
 
-def test_what_the_bench_cannot_hide_is_refused() -> None:
+def test_unsupported_hidden_effects_are_refused() -> None:
     with pytest.raises(RigctlError, match="heater_lag"):
         hide(SMALL, [(find_hidden("heater_lag"), 10.0)], "other")
     with pytest.raises(RigctlError, match="coulomb_friction"):

@@ -30,7 +30,7 @@ def test_dry_friction_brings_a_sliding_mass_to_rest_and_keeps_it_there() -> None
     assert states[:, 0] == pytest.approx(2.0 * until - until**2 / 2, abs=1e-6)
 
 
-def test_dry_friction_takes_four_times_its_deflection_off_every_swing() -> None:
+def test_dry_friction_reduces_every_swing_by_four_deflections() -> None:
     """Free swings of x'' = −w²·x − f·sign(v) shrink by 4·f/w² a period and end within f/w²."""
     square, friction = 100.0, 1.0
     time = np.arange(0, 6) * np.pi / np.sqrt(square)
@@ -40,7 +40,7 @@ def test_dry_friction_takes_four_times_its_deflection_off_every_swing() -> None:
     assert np.abs(states[:, 0]) == pytest.approx([0.1, 0.08, 0.06, 0.04, 0.02, 0.0], abs=1e-5)
 
 
-def test_a_switch_between_samples_acts_at_its_own_moment() -> None:
+def test_a_switch_between_samples_acts_at_its_exact_time() -> None:
     time = np.linspace(0.0, 1.0, 11)
     states = integrate(lambda t, y: (1.0 if t >= 0.333 else 0.0,), (0.0,), time, (0.333,))
     assert states[:, 0] == pytest.approx(np.maximum(time - 0.333, 0.0), abs=1e-8)
@@ -95,7 +95,7 @@ def outcome(size: float, verdict: Verdict, *effects: str) -> TrialOutcome[BenchT
     return TrialOutcome(BenchTrial("motor", size), verdict=verdict, effects=effects)
 
 
-def test_rates_of_small_benches_count_what_they_say() -> None:
+def test_rates_of_small_benches_are_correct() -> None:
     right = BENCHES["motor"].hidden.counts_as[0]
     found = bench_figures(
         [
@@ -123,7 +123,7 @@ def test_a_trial_survives_json() -> None:
     assert trial.name == "belt 30 slow unrecorded level seed 7"
 
 
-def test_a_benchs_folder_is_written_with_the_size_of_what_it_hides(
+def test_a_bench_s_folder_states_the_size_of_its_hidden_effect(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "mine"

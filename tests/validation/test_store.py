@@ -17,7 +17,7 @@ from validation_work import dying, quick
 SCENARIOS = [Scenario("nothing", seed=seed) for seed in range(8)]
 
 
-def test_a_line_that_was_cut_short_is_done_again(tmp_path: Path) -> None:
+def test_a_truncated_result_is_computed_again(tmp_path: Path) -> None:
     store = ResultStore(tmp_path / "kept" / "results.jsonl", "1", Scenario.read)
     for scenario in SCENARIOS[:3]:
         store.keep(Outcome(scenario, verdict="adequate"))
@@ -42,13 +42,13 @@ def test_the_last_result_of_a_scenario_counts(tmp_path: Path) -> None:
     assert [outcome.verdict for outcome in store.outcomes(SCENARIOS)] == ["ambiguous"]
 
 
-def test_a_store_that_cannot_be_written_says_so(tmp_path: Path) -> None:
+def test_an_unwritable_store_is_reported(tmp_path: Path) -> None:
     with pytest.raises(RigctlError, match="cannot keep the result"):
         ResultStore(tmp_path, "1", Scenario.read).keep(Outcome(SCENARIOS[0]))
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_work_goes_on_where_it_was(tmp_path: Path, workers: int) -> None:
+def test_work_resumes_where_it_stopped(tmp_path: Path, workers: int) -> None:
     store = ResultStore(tmp_path / "results.jsonl", "1", Scenario.read)
     first = run_scenarios(SCENARIOS[:4], quick, store, workers=Workers(workers))
     assert {outcome.scenario.seed: bool(outcome.failure) for outcome in first} == {
@@ -64,7 +64,7 @@ def test_work_goes_on_where_it_was(tmp_path: Path, workers: int) -> None:
     assert str(seen[-1]).startswith("8 of 8, 2 failed")
 
 
-def test_a_killed_process_costs_only_what_was_in_work(tmp_path: Path) -> None:
+def test_a_killed_process_loses_only_the_trial_in_progress(tmp_path: Path) -> None:
     store = ResultStore(tmp_path / "results.jsonl", "1", Scenario.read)
     with pytest.raises(RigctlError, match="was killed"):
         run_scenarios(SCENARIOS, dying, store, workers=Workers(2))

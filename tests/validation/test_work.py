@@ -39,7 +39,9 @@ def test_what_was_taken_from_the_library_is_not_named() -> None:
     ("effects", "chamber_pressures"),
     [(("valve_delay_thermal", "position_backlash"), True), (("spring_load", "position_backlash"), False)],
 )
-def test_two_that_look_like_a_third_are_both_named(effects: tuple[str, str], chamber_pressures: bool) -> None:
+def test_two_effects_that_resemble_a_third_are_both_named(
+    effects: tuple[str, str], chamber_pressures: bool
+) -> None:
     """Both pairs look like a constant delay of the valve, beside a spring in the second one."""
     hidden = tuple(Wanted(effect, 30.0) for effect in effects)
     outcome = carry_out(replace(SMALL, kind="two", hidden=hidden, chamber_pressures=chamber_pressures))
@@ -47,13 +49,13 @@ def test_two_that_look_like_a_third_are_both_named(effects: tuple[str, str], cha
     assert min(outcome.beside) > 20.0
 
 
-def test_an_effect_that_a_fitted_parameter_imitates_nearly_whole_is_found() -> None:
+def test_an_effect_almost_absorbed_by_a_fitted_parameter_is_found() -> None:
     """The throttle's opening does all but the smallest part of what the position sensor's gain does."""
     outcome = carry_out(replace(SMALL, kind="one", hidden=(Wanted("position_gain", 12.0, -1),)))
     assert outcome.effects == ("position_gain",)
 
 
-def test_noise_may_be_told_instead_of_learned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_noise_may_be_given_instead_of_estimated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(RESULTS_VARIABLE, str(tmp_path / "results"))
     outcome = carry_out(replace(SMALL, noise_known=True))
     assert outcome.verdict == "adequate"
@@ -61,13 +63,13 @@ def test_noise_may_be_told_instead_of_learned(tmp_path: Path, monkeypatch: pytes
     assert not (tmp_path / "results").exists(), "a trial is made once: what it fits is of no use to anybody"
 
 
-def test_an_effect_that_cannot_be_as_large_is_not_counted() -> None:
+def test_an_effect_that_cannot_reach_its_size_is_not_counted() -> None:
     outcome = carry_out(replace(SMALL, kind="one", hidden=(Wanted("thermocouple_offset", 30.0),)))
     assert not outcome.counts
     assert "thermocouple_offset" in outcome.untested
 
 
-def test_an_effect_that_begins_at_a_threshold_is_found_although_its_slope_at_none_says_nothing() -> None:
+def test_a_threshold_effect_with_zero_slope_at_null_is_found() -> None:
     """The relief valve makes up for a pump's slip until it has no flow to spare."""
     outcome = carry_out(replace(SMALL, kind="one", hidden=(Wanted("pump_slip", 30.0),)))
     assert (outcome.verdict, outcome.effects) == ("missing_effect", ("pump_slip",))

@@ -54,7 +54,7 @@ def test_another_origin_is_refused(served: Served, cookie: str, origin: str) -> 
 @pytest.mark.parametrize(
     "asked", [b"", b"GET / HTTP/1.1\r\nHost: 127", b"GET / HTTP/1.1\r\nHost: x\r\n\r\nGET / HT"]
 )
-def test_whoever_asks_nothing_is_not_waited_for(served: Served, asked: bytes) -> None:
+def test_silent_connections_are_closed(served: Served, asked: bytes) -> None:
     """So many connections are served at once, and these keep everybody else out: from stopping a run, too."""
     with socket.create_connection(("127.0.0.1", served.port), timeout=60.0) as line:
         line.sendall(asked)
@@ -62,7 +62,7 @@ def test_whoever_asks_nothing_is_not_waited_for(served: Served, asked: bytes) ->
             pass
 
 
-def test_what_does_something_needs_an_origin(served: Served, cookie: str) -> None:
+def test_requests_with_effects_need_an_origin(served: Served, cookie: str) -> None:
     assert served.ask("POST", "/api/session", {"token": served.token}, cookie=cookie)[0] == 403
     assert served.ask("DELETE", "/api/jobs/x", cookie=cookie)[0] == 403
     assert served.ask("GET", "/api/status", cookie=cookie)[0] == 200
@@ -78,7 +78,7 @@ def test_a_picture_or_script_of_another_site_gets_nothing(served: Served, cookie
 @pytest.mark.parametrize(
     "given", [None, "", "rigctl_{port}=", "rigctl_{port}=guess", "rigctl_1=x", '="; \x7f']
 )
-def test_without_the_cookie_only_the_empty_page_is_had(served: Served, given: str | None) -> None:
+def test_without_the_cookie_only_the_empty_page_is_served(served: Served, given: str | None) -> None:
     cookie = given.format(port=served.port) if given else given
     for path in ("/api/status", "/api/jobs", "/api/nothing"):
         status, _, text = served.ask("GET", path, cookie=cookie)
@@ -195,7 +195,7 @@ def test_every_answer_forbids_what_a_browser_must_not_do_with_it(served: Served,
         assert rules["frame-ancestors"] == "'none'"
 
 
-def test_no_file_but_the_page_s_own_is_had(served: Served, cookie: str) -> None:
+def test_only_files_of_the_page_are_served(served: Served, cookie: str) -> None:
     inside = ("/assets/../access_control.py", "/assets/%2e%2e/access_control.py")
     for path in (*inside, "/assets//etc/passwd", "/../rigctl.toml"):
         assert served.ask("GET", path, cookie=cookie)[0] == 404
@@ -204,9 +204,7 @@ def test_no_file_but_the_page_s_own_is_had(served: Served, cookie: str) -> None:
 @pytest.mark.parametrize(
     "sent", [b"\x00\xff\r\n\r\n", b"GET / HTTP/1.1\r\n\r\n", b"GET / HTTP/9\r\nHost: x\r\n\r\n"]
 )
-def test_what_is_no_request_ends_the_connection_and_nothing_else(
-    served: Served, cookie: str, sent: bytes
-) -> None:
+def test_an_invalid_request_only_ends_its_connection(served: Served, cookie: str, sent: bytes) -> None:
     with socket.create_connection(("127.0.0.1", served.port), timeout=10) as line:
         line.sendall(sent)
         assert line.recv(100).startswith((b"HTTP/1.1 400", b"HTTP/1.1 421"))
@@ -219,7 +217,7 @@ def test_a_body_that_is_no_json_object_is_one_clear_message(served: Served, cook
     assert "changes with every start" in answer["error"]["message"]
 
 
-def test_a_browser_is_let_in_once_and_stays_in(window: Window) -> None:
+def test_a_browser_is_authenticated_once(window: Window) -> None:
     page = window.open("/runs")
     assert "#" not in page.url  # the token is out of the address, and of the history
     assert page.locator("#project").inner_text() == window.served.project.name
@@ -230,7 +228,7 @@ def test_a_browser_is_let_in_once_and_stays_in(window: Window) -> None:
     assert page.evaluate("document.cookie") == ""
 
 
-def test_a_browser_without_the_token_is_told_how_to_get_in(window: Window) -> None:
+def test_a_browser_without_the_token_gets_instructions(window: Window) -> None:
     page = window.context.new_page()
     page.goto(f"{window.served.base}/runs")
     page.get_by_text("rigctl serve").wait_for()
@@ -262,7 +260,7 @@ def test_a_page_of_another_site_reaches_nothing(window: Window, served: Served) 
     assert json.loads(served.ask("GET", "/api/status", cookie=served.enter())[2])["working"] == []
 
 
-def test_everything_off_needs_no_controls(window: Window) -> None:
+def test_off_does_not_need_the_controls(window: Window) -> None:
     page = window.open("/live")
     page.get_by_text("No run is in progress").first.wait_for()
     page.get_by_role("button", name="Everything off").click()

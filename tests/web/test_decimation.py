@@ -36,7 +36,7 @@ def test_every_stretch_keeps_its_lowest_and_highest(seed: int, count: int, stret
 
 
 @given(st.integers(0, 10_000), st.lists(st.integers(1, 40), min_size=1, max_size=20), st.floats(0.0, 1.0))
-def test_pieces_add_up_to_the_whole(seed: int, sizes: list[int], stretch: float) -> None:
+def test_decimated_pieces_equal_the_whole(seed: int, sizes: list[int], stretch: float) -> None:
     rows = rows_of(seed, max(sum(sizes), 3))
     thinning, shown, begin = Thinning(stretch), np.empty((0, 3)), 0
     provisional = 0

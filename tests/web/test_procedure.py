@@ -21,7 +21,7 @@ steps:
 """
 
 
-def test_what_is_wrong_is_said_at_its_line(window: Window) -> None:
+def test_errors_are_shown_at_their_line(window: Window) -> None:
     page = window.open("/procedure?file=procedures/quick-check.yaml")
     page.locator(".figures", has_text="records").wait_for()
     assert page.locator(".timeline .box.record").count() == 2
@@ -76,7 +76,7 @@ def test_a_name_is_completed_by_the_keyboard(window: Window) -> None:
     page.close(run_before_unload=False)
 
 
-def test_a_file_is_saved_over_what_was_read_alone(served: Served, cookie: str) -> None:
+def test_a_file_changed_meanwhile_is_not_overwritten(served: Served, cookie: str) -> None:
     def save(path: str, text: str, sha256: str = "") -> tuple[int, dict[str, str]]:
         return served.post("/api/procedure/save", {"path": path, "text": text, "sha256": sha256}, cookie)
 
@@ -109,7 +109,7 @@ def test_a_text_is_checked_as_a_file_of_the_project_only(served: Served, cookie:
     assert (status, error["what"]) == (200, "the project has no such place")
 
 
-def test_a_simulation_is_begun_and_its_run_shown(window: Window) -> None:
+def test_a_simulation_is_started_and_its_run_shown(window: Window) -> None:
     page = window.open("/procedure?file=procedures/quick-check.yaml")
     page.get_by_label("Speed", exact=True).select_option("max")
     page.get_by_role("button", name="Simulate").click()
@@ -117,7 +117,7 @@ def test_a_simulation_is_begun_and_its_run_shown(window: Window) -> None:
     page.locator("aside .tag", has_text="finished").wait_for()
 
 
-def test_the_real_bench_is_asked_for_by_its_name_and_its_operator_answers_here(window: Window) -> None:
+def test_the_real_bench_needs_its_name_and_questions_are_answered_here(window: Window) -> None:
     served = window.served
     path = Path(served.project, "procedures", "ask-me.yaml")
     path.write_text(ASKING, encoding="utf-8")

@@ -63,7 +63,7 @@ def test_a_page_of_runs_is_what_the_command_lists(served: Served, cookie: str, t
     ]
 
 
-def test_words_and_conditions_choose(served: Served, cookie: str, two: tuple[str, str]) -> None:
+def test_words_and_conditions_select_runs(served: Served, cookie: str, two: tuple[str, str]) -> None:
     assert served.get("/api/runs?search=HL32+stroke", cookie)["found"] == 2
     assert served.get("/api/runs?search=HL32+nothing", cookie)["found"] == 0
     assert served.get("/api/runs?search=%25", cookie)["found"] == 0  # a percent sign is no wildcard
@@ -85,7 +85,7 @@ def test_a_condition_reads_the_catalogue_and_nothing_else(where: str, said: str,
         page_of_runs(served.project / "runs", where=where)
 
 
-def test_what_is_no_id_of_a_run_leads_nowhere(served: Served, cookie: str, tmp_path: Path) -> None:
+def test_invalid_run_ids_are_refused(served: Served, cookie: str, tmp_path: Path) -> None:
     for name in ("..", "%2e%2e", "..%5Cx", "C%3A", ".", "%00"):
         status, _, text = served.ask("GET", f"/api/runs/{name}", cookie=cookie)
         assert status in (400, 404), text
@@ -115,7 +115,7 @@ def test_notes_and_exclusions_are_the_run_s(served: Served, cookie: str, two: tu
     assert served.get(f"/api/runs/{run}", cookie)["records"][1]["excluded"] is None
 
 
-def test_what_a_person_wrote_is_shown_as_text(window: Window, cookie: str, two: tuple[str, str]) -> None:
+def test_user_text_is_shown_as_text(window: Window, cookie: str, two: tuple[str, str]) -> None:
     served = window.served
     served.post(f"/api/runs/{two[0]}/notes", {"text": MARKUP}, cookie)
     page = window.open(f"/runs?run={two[0]}")
@@ -124,7 +124,7 @@ def test_what_a_person_wrote_is_shown_as_text(window: Window, cookie: str, two: 
     assert page.locator(".notes img").count() == 0
 
 
-def test_two_campaigns_are_laid_over_each_other(window: Window, two: tuple[str, str]) -> None:
+def test_two_campaigns_are_overlaid(window: Window, two: tuple[str, str]) -> None:
     page = window.open("/runs")
     for run in two:
         page.get_by_label(f"Choose {run}").check()
@@ -150,7 +150,7 @@ def test_the_catalogue_is_used_with_the_keyboard_alone(window: Window, two: tupl
     page.get_by_text("Choose a run to see").wait_for()
 
 
-def test_where_runs_lie_in_storage_too_the_page_says_which_it_lists(tmp_path: Path) -> None:
+def test_the_page_says_which_of_stored_and_local_runs_it_lists(tmp_path: Path) -> None:
     project = Project(tmp_path, tmp_path / "runs", store="s3://bucket/runs")
     found = Catalogue(Site(project, Jobs(tmp_path))).page(Asked({}, {}))
     assert (found["all"], found["store"]) == (0, "s3://bucket/runs")

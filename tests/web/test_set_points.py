@@ -42,7 +42,7 @@ def watched(tmp_path: Path, bench: str, procedure: str) -> tuple[SetPoints, list
     return found, [node for node in walk(plan.root) if isinstance(node, Leaf)]
 
 
-def test_each_step_that_asks_something_has_its_line(tmp_path: Path) -> None:
+def test_each_step_with_a_set_point_has_a_line(tmp_path: Path) -> None:
     found, steps = watched(tmp_path, "hl32-bench.yaml", CYLINDER)
     for number, step in enumerate(steps):
         for time, state in ((10.0 * number, "begin"), (10.0 * number + 9.0, "end")):
@@ -65,7 +65,7 @@ def test_each_step_that_asks_something_has_its_line(tmp_path: Path) -> None:
     assert [one["channel"] for one in found.shown(first, 12.0)] == ["supply_pressure", "position"]
 
 
-def test_a_ramp_begins_at_the_first_reading_and_is_not_drawn_before(tmp_path: Path) -> None:
+def test_a_ramp_is_drawn_from_the_first_reading_on(tmp_path: Path) -> None:
     found, (step,) = watched(tmp_path, "heater-board.yaml", BOARD)
     found.take({"time": 5.0, "kind": "step", "path": step.path, "state": "begin"})
     assert found.shown(lambda *_: None, 0.0) == []

@@ -269,7 +269,7 @@ def test_a_cell_of_the_map_shows_its_record_and_arrows_go_to_the_next(bench: Pag
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(1400, "light"), (420, "dark")])
-def test_nothing_serious_is_in_the_way_of_anybody(bench: Page, scheme: Any, width: int) -> None:
+def test_the_workbench_is_accessible(bench: Page, scheme: Any, width: int) -> None:
     from axe_playwright_python.sync_playwright import Axe
 
     bench.emulate_media(color_scheme=scheme)
@@ -283,7 +283,7 @@ def test_nothing_serious_is_in_the_way_of_anybody(bench: Page, scheme: Any, widt
     assert bench.evaluate("document.documentElement.scrollWidth") <= width
 
 
-def test_work_is_stopped_and_nothing_of_it_stays(bench: Page, leaking: Served) -> None:
+def test_stopped_work_leaves_nothing_behind(bench: Page, leaking: Served) -> None:
     bench.get_by_role("toolbar", name="Analyses").get_by_role("button", name="Discover").click()
     bench.get_by_role("button", name="Stop").click()
     bench.get_by_text("Discover: stopped").wait_for()
@@ -291,7 +291,7 @@ def test_work_is_stopped_and_nothing_of_it_stays(bench: Page, leaking: Served) -
     assert json.loads(status)["jobs"][0]["state"] == "stopped"
 
 
-def test_a_refusal_is_said_and_the_sliders_go_on(bench: Page) -> None:
+def test_a_refusal_is_shown_and_sliders_keep_working(bench: Page) -> None:
     """What a hand-made message, or a page of another version, might say."""
     bench.set_viewport_size({"width": 1400, "height": 900})
     typed = bench.get_by_label("flow area, typed")
@@ -307,7 +307,7 @@ def test_a_refusal_is_said_and_the_sliders_go_on(bench: Page) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no ps")
-def test_a_workbench_whose_process_dies_says_so_and_opens_again(bench: Page, leaking: Served) -> None:
+def test_a_crashed_workbench_is_reported_and_reopens(bench: Page, leaking: Served) -> None:
     """Out of memory, or a fault of machine code: the server goes on."""
     for pid, arguments in children(leaking.process.pid):
         if "spawn_main" in arguments:
@@ -327,7 +327,7 @@ def children(parent: int) -> list[tuple[int, str]]:
     return [(int(pid), args) for pid, ppid, args in lines if int(ppid) == parent]
 
 
-def test_only_files_of_the_project_are_brought_in(leaking: Served) -> None:
+def test_only_files_of_the_project_can_be_imported(leaking: Served) -> None:
     outside = {"file": "../../secret.csv", "rig": "", "assume": []}
     headers = {"Origin": leaking.base}
     status, _, text = leaking.ask(
@@ -349,7 +349,7 @@ def test_a_socket_from_elsewhere_is_refused(leaking: Served, origin: str | None,
         pass
 
 
-def test_what_no_page_of_ours_says_is_refused_and_the_session_goes_on(leaking: Served) -> None:
+def test_unknown_messages_are_refused_and_the_session_continues(leaking: Served) -> None:
     address = f"ws://{leaking.host}/api/workbench/session"
     headers = {"Cookie": leaking.enter()}
     with connect(address, origin=Origin(leaking.base), additional_headers=headers) as socket:
@@ -372,7 +372,7 @@ def test_what_no_page_of_ours_says_is_refused_and_the_session_goes_on(leaking: S
     hnp.arrays(np.float32, hnp.array_shapes(min_dims=1, max_dims=2, min_side=0, max_side=7)),
     st.dictionaries(st.text(max_size=5), st.text(max_size=9), max_size=3),
 )
-def test_arrays_come_through_as_they_were(values: np.ndarray, header: dict[str, str]) -> None:
+def test_arrays_are_transmitted_unchanged(values: np.ndarray, header: dict[str, str]) -> None:
     header.pop("arrays", None)
     read, arrays = read_frame(frame(header, [("one", values), ("two", values.T)]))
     assert {key: value for key, value in read.items() if key != "arrays"} == header

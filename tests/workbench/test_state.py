@@ -56,6 +56,6 @@ def test_the_size_of_an_effect_that_is_off_is_remembered() -> None:
     assert sized.switched(["leak"], on=False).switched(["leak"], on=True) == sized
 
 
-def test_a_slider_that_is_not_there_is_refused_by_its_name() -> None:
+def test_an_unknown_slider_is_refused_by_name() -> None:
     with pytest.raises(RigctlError, match="slider"):
         START.moved({"aera": 1.0})

@@ -46,7 +46,7 @@ def of_kinematic(fitted: FitResult) -> list[TableRow]:
     return [row for row in table_rows(fitted) if row.quantity == "kinematic_viscosity"]
 
 
-def test_every_row_has_what_the_file_has(fitted: FitResult) -> None:
+def test_every_row_agrees_with_the_file(fitted: FitResult) -> None:
     for row, read in zip(of_kinematic(fitted), file_rows(), strict=True):
         assert row.condition == f"{read['oil_temperature']:g} degC"
         assert (row.unit, row.measured) == ("cSt", pytest.approx(read["kinematic_viscosity"]))
@@ -55,7 +55,7 @@ def test_every_row_has_what_the_file_has(fitted: FitResult) -> None:
         }, "another law's value stands beside it, and another quantity does not"
 
 
-def test_beside_it_stands_the_law_with_the_constants_of_the_fit_and_of_the_file(fitted: FitResult) -> None:
+def test_the_law_is_shown_with_fitted_and_original_constants(fitted: FitResult) -> None:
     found = {u.name: float(v) for u, v in zip(fitted.problem.shared, fitted.values, strict=True)}
     fit = [found[name] for name in ("vogel_a", "vogel_b", "vogel_c")]
     for row, read in zip(of_kinematic(fitted), file_rows(), strict=True):
@@ -64,7 +64,7 @@ def test_beside_it_stands_the_law_with_the_constants_of_the_fit_and_of_the_file(
         assert row.unfitted == pytest.approx(vogel(celsius, 3.1083e-5, 1132.5833, 147.4466), rel=1e-6)
 
 
-def test_the_row_that_no_fit_saw_is_said_so(fitted: FitResult) -> None:
+def test_a_held_out_row_is_marked(fitted: FitResult) -> None:
     rows = of_kinematic(fitted)
     assert [row.record for row in rows if not row.fitted] == [HELD_OUT]
     assert [row.document()["held_out"] for row in rows] == [row.record == HELD_OUT for row in rows]
@@ -76,13 +76,13 @@ def test_sigmas_and_shares_are_of_model_less_measurement() -> None:
     assert replace(ROW, unfitted=None).z_unfitted is None
 
 
-def test_constants_that_were_a_mere_start_are_not_shown() -> None:
+def test_start_values_are_not_shown_as_constants() -> None:
     assert shows_unfitted([ROW])
     assert not shows_unfitted([ROW, replace(ROW, unfitted=30.0)]), "28 sigma off"
     assert not shows_unfitted([replace(ROW, unfitted=None)])
 
 
-def test_records_in_time_have_no_rows(fitted: FitResult) -> None:
+def test_time_series_have_no_rows(fitted: FitResult) -> None:
     measurements = fitted.problem.measurements
     timed = replace(measurements, records=tuple(replace(one, row=False) for one in measurements.records))
     assert table_rows(replace(fitted, problem=replace(fitted.problem, measurements=timed))) == ()

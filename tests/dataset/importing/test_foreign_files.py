@@ -107,7 +107,7 @@ def test_a_channel_that_one_group_lacks_is_missing_there(tmp_path: Path, rig: Ri
     assert run.record(1).channels["position"] == pytest.approx(POSITION * 1e-3)
 
 
-def test_tdms_that_cannot_be_understood_is_told(tmp_path: Path, rig: Rig) -> None:
+def test_unreadable_tdms_files_are_reported(tmp_path: Path, rig: Rig) -> None:
     time, length = {"unit_string": "s"}, {"unit_string": "mm"}
     path = tdms(tmp_path / "a.tdms", ("a", "time", TIME, time), ("a", "position", POSITION[:7], length))
     assert "in group 'a': columns of different lengths, got '7 values of position'" in refusal(path, rig)
@@ -158,7 +158,7 @@ def test_bad_rows_are_counted_in_their_group(tmp_path: Path, rig: Rig) -> None:
     assert run.info["rows"] == 39
 
 
-def test_a_file_that_is_cut_off_is_told_and_taken_only_as_it_is(tmp_path: Path, rig: Rig) -> None:
+def test_a_truncated_file_is_reported(tmp_path: Path, rig: Rig) -> None:
     path = tdms(
         tmp_path / "log.tdms",
         ("a", "time", TIME, {"unit_string": "s"}),
@@ -189,7 +189,7 @@ def test_channel_groups_are_records_and_invalid_values_are_missing(tmp_path: Pat
     assert [switch.value for switch in run.record(1).switches] == [1.0]
 
 
-def test_rasters_of_one_measurement_are_no_records(tmp_path: Path, rig: Rig) -> None:
+def test_rasters_of_one_measurement_are_not_records(tmp_path: Path, rig: Rig) -> None:
     with MDF(version="4.10") as mdf:
         mdf.append([Signal(POSITION, TIME, name="position", unit="mm")])
         mdf.append([Signal(POSITION[:5], TIME[:5], name="supply_pressure", unit="bar")])
@@ -230,7 +230,7 @@ def test_an_array_of_structures_is_one_record_each(tmp_path: Path, rig: Rig) -> 
     assert run.records["name"].tolist() == ["strokes(1)", "strokes(2)", "strokes(3)"]
 
 
-def test_what_simulink_calls_a_structure_with_time(tmp_path: Path, rig: Rig) -> None:
+def test_simulink_structures_with_time(tmp_path: Path, rig: Rig) -> None:
     signals = np.empty(2, dtype=[("values", object), ("label", object)])
     signals[0] = (POSITION.reshape(-1, 1), "position")
     signals[1] = (np.column_stack([POSITION, POSITION]), "p")
@@ -240,7 +240,7 @@ def test_what_simulink_calls_a_structure_with_time(tmp_path: Path, rig: Rig) -> 
     assert run.layout.channels == ("supply_pressure", "position")
 
 
-def test_mat_that_cannot_be_understood_is_told(tmp_path: Path, rig: Rig) -> None:
+def test_unreadable_mat_files_are_reported(tmp_path: Path, rig: Rig) -> None:
     path = tmp_path / "log.mat"
     savemat(path, {"data": np.zeros((600, 7))})
     assert "'data' is a matrix of 600 x 7, whose columns have no names" in refusal(path, rig)
@@ -283,14 +283,14 @@ def test_a_function_in_a_file_is_left_out_and_never_called(tmp_path: Path, rig: 
 
 @pytest.mark.parametrize("ending", ["tdms", "mf4", "mat", "parquet"])
 @pytest.mark.parametrize("content", [b"", b"no such thing", bytes(range(256)) * 40])
-def test_a_file_of_another_kind_is_told(tmp_path: Path, rig: Rig, ending: str, content: bytes) -> None:
+def test_a_file_of_another_kind_is_reported(tmp_path: Path, rig: Rig, ending: str, content: bytes) -> None:
     path = tmp_path / f"log.{ending}"
     path.write_bytes(content)
     assert "or it is damaged" in refusal(path, rig) or "no data" in refusal(path, rig)
 
 
 @pytest.mark.parametrize("ending", ["csv", "tdms", "mf4", "mat", "parquet"])
-def test_a_file_that_is_not_there_is_told(tmp_path: Path, rig: Rig, ending: str) -> None:
+def test_a_missing_file_is_reported(tmp_path: Path, rig: Rig, ending: str) -> None:
     said = refusal(tmp_path / f"none.{ending}", rig)
     assert "there is no such file" in said or "No such file" in said
     assert not list(tmp_path.iterdir())

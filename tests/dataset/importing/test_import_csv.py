@@ -123,7 +123,7 @@ def test_without_a_record_column_it_is_one_record(importer: Importer) -> None:
         "time [s],position [mm],supply_pressure [bar]\n0,1.5,NA\n.1,2.5,\n",
     ],
 )
-def test_the_ways_of_writing_it(importer: Importer, text: str) -> None:
+def test_notations_of_a_file(importer: Importer, text: str) -> None:
     run = importer.run(text)
     assert run.signals("time") == pytest.approx([0.0, 0.1])
     assert run.signals("position") == pytest.approx([0.0015, 0.0025])
@@ -137,7 +137,7 @@ def test_other_names_are_mapped_with_their_units(importer: Importer) -> None:
     assert run.layout.channels == ("supply_pressure", "position")
 
 
-def test_names_that_mean_the_same_on_every_bench_are_kept_where_the_rig_has_none(importer: Importer) -> None:
+def test_common_names_are_kept_if_the_rig_lacks_them(importer: Importer) -> None:
     run = importer.run("time [s],pressure_a [bar],ambient_temperature [degC]\n0,10,20\n1,11,21\n")
     assert run.layout.channels == ("pressure_a", "ambient_temperature")
     assert run.signals("ambient_temperature") == pytest.approx([293.15, 294.15])
@@ -155,7 +155,7 @@ def test_names_that_mean_the_same_on_every_bench_are_kept_where_the_rig_has_none
         ("time [mm],position [mm]", "time: wrong dimension", 1),
     ],
 )
-def test_a_heading_that_is_wrong_is_told_with_its_place(
+def test_a_wrong_heading_is_reported_with_its_place(
     importer: Importer, heading: str, what: str, column: int
 ) -> None:
     cells = ",".join("1" * (heading.count(",") + 1))
@@ -164,7 +164,7 @@ def test_a_heading_that_is_wrong_is_told_with_its_place(
     assert (problem.where.line, problem.where.column) == (1, column)
 
 
-def test_a_misspelt_column_is_told_with_the_nearest_and_with_what_to_type(importer: Importer) -> None:
+def test_a_misspelt_column_is_reported_with_the_correction(importer: Importer) -> None:
     problem = importer.refusal("time [s],positon [mm]\n0,1\n")
     assert problem.nearest == "position"
     assert "--columns 'positon=position'" in str(problem.hint)
@@ -179,7 +179,7 @@ def test_a_misspelt_column_is_told_with_the_nearest_and_with_what_to_type(import
         (["positoin=position"], "unknown column"),
     ],
 )
-def test_a_mapping_that_is_wrong_is_told(importer: Importer, columns: list[str], what: str) -> None:
+def test_a_wrong_mapping_is_reported(importer: Importer, columns: list[str], what: str) -> None:
     problem = importer.refusal("time [s],position [mm]\n0,1\n", columns=columns)
     assert problem.what == what
 
@@ -224,7 +224,7 @@ def test_bad_rows_are_named_by_line_and_nothing_is_imported(importer: Importer) 
     assert "--keep-good" in str(problem.errors[-1].hint)
 
 
-def test_keep_good_leaves_them_out_and_says_so_in_the_run(importer: Importer) -> None:
+def test_keep_good_omits_bad_rows_and_records_it(importer: Importer) -> None:
     done = importer.bring_in(BAD, keep_good=True)
     assert (done.records, done.rows, done.left_out) == (2, 2, 9)
     run = open_run(done.path)
@@ -248,11 +248,11 @@ def test_many_bad_rows_are_counted(importer: Importer) -> None:
         ("time [s],position [mm]\n", "there is nothing to import"),
     ],
 )
-def test_a_file_without_numbers_is_told(importer: Importer, text: str | bytes, what: str) -> None:
+def test_a_file_without_numbers_is_reported(importer: Importer, text: str | bytes, what: str) -> None:
     assert importer.refusal(text).what == what
 
 
-def test_a_file_that_is_not_there_and_one_of_another_kind(importer: Importer, tmp_path: Path) -> None:
+def test_missing_and_unknown_files_are_reported(importer: Importer, tmp_path: Path) -> None:
     with pytest.raises(RigctlError, match="cannot read the file"):
         import_file(tmp_path / "none.csv", importer.rig, importer.runs)
     with pytest.raises(RigctlError, match="unknown kind of file"):
@@ -314,7 +314,7 @@ def test_an_import_that_is_killed_leaves_no_run(importer: Importer, tmp_path: Pa
 
 
 @pytest.mark.parametrize("more", ["0.03,1,-1,40.6,40.1,40,3\n", "0.00,2,1,40.6,40.1,40,0\n"])
-def test_a_file_that_is_still_written_to_is_refused(
+def test_a_file_being_written_is_refused(
     importer: Importer, monkeypatch: pytest.MonkeyPatch, more: str
 ) -> None:
     from rigctl.dataset.importing import samples
@@ -343,7 +343,7 @@ def test_two_imports_of_one_second_are_two_runs(importer: Importer) -> None:
     )
 )
 @settings(max_examples=25)
-def test_what_is_in_the_file_is_in_the_run(
+def test_an_imported_run_has_the_content_of_its_file(
     tmp_path_factory: pytest.TempPathFactory, rig: Rig, rows: list[tuple[float, float | None, int]]
 ) -> None:
     time, lines = 0.0, ["time [s],position [m],valve"]

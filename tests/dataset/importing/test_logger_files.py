@@ -71,7 +71,7 @@ def desk(tmp_path: Path, board: Rig) -> Desk:
         (("1775217600000000000", "1775217600500000000"), {}),
     ],
 )
-def test_absolute_times_say_when_the_run_was(desk: Desk, stamps: tuple[str, str], options: Any) -> None:
+def test_absolute_times_give_the_start_of_the_run(desk: Desk, stamps: tuple[str, str], options: Any) -> None:
     run = desk.run(f"time;{T1}\n{stamps[0]};20\n{stamps[1]};21\n", **options)
     assert run.signals("time").tolist() == [0.0, 0.5]
     assert run.header.started == datetime(2026, 4, 3, 12, tzinfo=UTC)
@@ -96,7 +96,7 @@ def test_a_date_beside_a_time_of_day_and_a_clock_that_passes_midnight(desk: Desk
     assert run.signals("time").tolist() == [90.0, 91.0]
 
 
-def test_an_hour_that_comes_twice_is_taken_in_the_order_of_the_file(desk: Desk) -> None:
+def test_a_repeated_hour_is_resolved_by_the_file_order(desk: Desk) -> None:
     stamps = ["02:30:00", "02:59:59", "02:00:00", "02:30:00", "03:00:00"]
     rows = "".join(f"2026-10-25 {stamp},20\n" for stamp in stamps)
     run = desk.run(f"time,{T1}\n{rows}", zone="Europe/Berlin")
@@ -118,14 +118,12 @@ def test_an_hour_that_comes_twice_is_taken_in_the_order_of_the_file(desk: Desk) 
         ("2026-04-03 12:00", {"zone": "Europe/Berln"}, "did you mean 'Europe/Berlin'?"),
     ],
 )
-def test_times_that_can_be_read_in_two_ways_are_asked_for(
-    desk: Desk, cell: str, options: Any, said: str
-) -> None:
+def test_ambiguous_times_need_an_option(desk: Desk, cell: str, options: Any, said: str) -> None:
     problem = desk.refusal(f"# logger\ntime,{T1}\n{cell},20\n", **options)
     assert said in str(problem)
 
 
-def test_a_time_that_is_none_is_named_by_line(desk: Desk) -> None:
+def test_an_invalid_time_is_reported_by_line(desk: Desk) -> None:
     rows = ["2026-04-03 12:00:00,20", "2026-04-31 12:00:01,20", "noon,20", "2026-04-03 12:00:03,20"]
     problem = desk.refusal(f"time,{T1}\n" + "\n".join(rows) + "\n")
     assert isinstance(problem, SeveralErrors)
@@ -137,7 +135,7 @@ def test_a_time_that_is_none_is_named_by_line(desk: Desk) -> None:
     assert problem.errors[0].expected == "a date and time such as 2026-03-21 14:05:30"
 
 
-def test_what_was_taken_for_granted_is_said(desk: Desk) -> None:
+def test_assumptions_are_reported(desk: Desk) -> None:
     desk.run(f"time,{T1}\n2026-04-03 12:00:00,20\n")
     assert "its times name no time zone; they are taken as UTC (--zone says otherwise)" in desk.notes
 
@@ -161,7 +159,7 @@ FORMATS = {
     comma=st.booleans(),
 )
 @settings(max_examples=40)
-def test_any_date_in_any_form_is_the_instant_that_it_says(
+def test_any_date_in_any_format_is_read_correctly(
     tmp_path_factory: pytest.TempPathFactory,
     board: Rig,
     start: datetime,
@@ -214,7 +212,7 @@ def test_decimal_signs_and_thousands(
     assert run.signals("temperature_1") - 273.15 == pytest.approx(expected)
 
 
-def test_the_other_decimal_sign_is_refused_and_not_wrong_by_a_thousand(desk: Desk) -> None:
+def test_the_other_decimal_sign_is_refused(desk: Desk) -> None:
     problem = desk.refusal(f"time [s];{T1}\n0;20,5\n1;21,5\n2;1.020\n")
     assert (problem.where.line, problem.where.column) == (4, 3)
     assert "expected a number with a decimal comma" in str(problem)
@@ -227,14 +225,14 @@ def test_thousands_are_read_where_the_user_says_what_the_decimal_sign_is(desk: D
     assert desk.run(text, decimal=".").signals("temperature_1") - 273.15 == pytest.approx([1234.0, 2500.0])
 
 
-def test_a_number_that_may_be_a_mark_is_said(desk: Desk) -> None:
+def test_a_number_that_may_mark_a_missing_value_is_reported(desk: Desk) -> None:
     desk.run(f"time [s],{T1}\n0,-9999\n1,21\n2,22\n")
     assert (
         "temperature_1: there is -9999; if that marks a missing value, say so: --missing=-9999" in desk.notes
     )
 
 
-def test_lines_that_are_no_rows(desk: Desk) -> None:
+def test_lines_that_are_not_rows_are_skipped(desk: Desk) -> None:
     run = desk.run(f"sep=;\ntime [s];{T1}\n0;20,5\n# paused\n1;21,5\n# end\n")
     assert run.signals("temperature_1") - 273.15 == pytest.approx([20.5, 21.5])
 
@@ -367,7 +365,7 @@ def rows_of(times: list[Any], start: int = 20) -> str:
     return f"time [s],{T1}\n" + "".join(f"{time},{start + k}\n" for k, time in enumerate(times))
 
 
-def test_policies_for_times_that_do_not_go_on(desk: Desk) -> None:
+def test_policies_for_times_that_do_not_increase(desk: Desk) -> None:
     text = rows_of([0, 1, 1, 2, 3, 1, 4])
     problem = desk.refusal(text)
     assert isinstance(problem, SeveralErrors)
@@ -427,7 +425,7 @@ def test_records_at_gaps_and_by_columns(desk: Desk) -> None:
     assert "no such way" in str(desk.refusal(text, split="commands", columns={"Phase": "-"}))
 
 
-def test_a_command_seen_at_a_sample_was_given_since_the_one_before(desk: Desk) -> None:
+def test_a_command_switched_since_the_previous_sample(desk: Desk) -> None:
     """(t_{k-1}, t_k]: from the first two samples on, and with a sample that lacks the command between."""
     cells = ["0", "50", "50", "", "0"]
     text = f"time [s],heater_1 [%],{T1}\n" + "".join(f"{t},{u},20\n" for t, u in enumerate(cells))
