@@ -147,6 +147,20 @@ def test_between_records_a_loop_on_the_host_goes_on_after_a_loss_of_contact(boar
     assert late[0] == pytest.approx(30.0, abs=4.0)
 
 
+@pytest.mark.parametrize("where", ["host", "board"])
+@pytest.mark.parametrize("to", ["30 bar", "5 bar"], ids=["above", "at the safe value"])
+def test_in_a_record_no_loss_of_contact_may_interrupt_a_loop(
+    board: BoardWorkshop, where: str, to: str
+) -> None:
+    """It was begun again, and the record kept as if nothing had happened."""
+    if (where, to) == ("host", "5 bar"):
+        pytest.skip("the host goes on with it, and the output was what it commanded")
+    text = recorded(f"rate: 100 Hz, where: {where}, for: 3 s").replace("to: 30 bar", f"to: {to}")
+    done = board.run(text, noise="off", faults=["backend_lost@1.2 s..1.8 s"])
+    assert done.result.status == "failed", done.messages("note")
+    assert "went to the safe state" in str(done.result.reason)
+
+
 def test_after_the_loop_the_output_is_safe_before_the_next_step(board: BoardWorkshop) -> None:
     done = board.run(f"{alone('rate: 100 Hz, where: board, for: 1 s')}  - wait: 1 s\n", noise="off")
     assert done.result.status == "finished", done.result.reason

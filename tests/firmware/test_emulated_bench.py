@@ -134,6 +134,26 @@ def test_a_trip_ends_the_run_by_its_cause(make_bench: Make) -> None:
         bench.command("heater", 1.0).wait()
 
 
+def test_what_another_program_has_left_on_is_off_before_anything_else(uno_rig: Rig) -> None:
+    bench = create(uno_rig, VirtualClock(), {"plant": "roles", "seed": 1})
+    meet = bench._meet
+
+    def left_on(port: Any, *, again: bool) -> Any:
+        board = port._board
+        board.avr.send(b"OUTP:HEAT ON\nVALV EXT\n")
+        board.run_to(board.time + 0.05)
+        assert board.outputs[:2] == (True, True)
+        return meet(port, again=again)
+
+    bench._meet = left_on  # type: ignore[method-assign]
+    bench.open()
+    bench.start(10.0)
+    sample = bench.next_sample(0.5)
+    assert sample is not None
+    assert sample.commands[:2] == (0.0, 0.0)
+    bench.close()
+
+
 def test_a_lost_line_comes_back_with_outputs_off_and_a_gap(make_bench: Make) -> None:
     bench = make_bench(faults=["backend_lost@1 s..4 s"])
     bench.start(100.0)

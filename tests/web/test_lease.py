@@ -1,0 +1,53 @@
+"""Who may command a run: one window, until it gives the right back, loses it, or is gone."""
+
+from __future__ import annotations
+
+import pytest
+
+from rigctl.errors import RigctlError
+from rigctl.web.lease import Lease
+
+
+@pytest.fixture
+def lease() -> Lease:
+    made = Lease()
+    for viewer in ("a", "b"):
+        made.connected(viewer)
+    made.take("a", over=False)
+    return made
+
+
+def test_one_window_commands_until_another_takes_over(lease: Lease) -> None:
+    with pytest.raises(RigctlError, match="window 1 has the controls"):
+        lease.take("b", over=False)
+    lease.take("a", over=False)
+    assert (lease.told("a")["mine"], lease.told("b")["mine"], lease.told("b")["holder"]) == (True, False, 1)
+    lease.take("b", over=True)
+    assert (lease.told("a")["mine"], lease.told("b")["mine"]) == (False, True)
+    lease.give("a")  # it has nothing to give
+    assert lease.told("b")["mine"] is True
+    lease.give("b")
+    lease.take("a", over=False)
+
+
+def test_a_window_keeps_the_controls_through_a_reload_and_not_for_longer(lease: Lease) -> None:
+    lease.disconnected("a")
+    with pytest.raises(RigctlError, match="has the controls"):
+        lease.take("b", over=False)
+    lease._windows["a"].seen -= 10.0
+    assert lease.told("b")["holder"] is None
+    lease.take("b", over=False)
+    assert lease.told("b") == {"holder": 2, "mine": True, "window": 2, "viewers": 1}
+
+
+def test_a_window_with_two_connections_is_gone_with_the_second(lease: Lease) -> None:
+    lease.connected("a")
+    lease.disconnected("a")
+    lease._windows["a"].seen -= 10.0
+    with pytest.raises(RigctlError, match="has the controls"):
+        lease.take("b", over=False)
+
+
+def test_nobody_without_a_name_commands(lease: Lease) -> None:
+    with pytest.raises(RigctlError, match="needs a name"):
+        lease.take("", over=True)
