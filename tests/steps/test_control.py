@@ -145,8 +145,9 @@ def test_a_clamped_integral_returns_from_the_limit(*, high: bool) -> None:
 def test_an_integral_that_would_be_infinite_stays_what_it_was() -> None:
     for anti_windup in AntiWindup:
         loop = controller(Bounds(0.0, 1.0, math.inf), anti_windup, integral=1e300)
-        outputs = [loop.update(float(k), 0.0, 1e20 if k < 2 else 0.0, 0.0) for k in range(4)]
-        assert outputs[2:] == [0.5, 0.5]
+        setpoints = [1e20, 1e20, 0.0, 1e-301, 0.0]
+        outputs = [loop.update(float(k), 0.0, setpoint, 0.0) for k, setpoint in enumerate(setpoints)]
+        assert outputs[2:] == pytest.approx([0.5, 0.5, 0.6])
 
 
 def test_a_late_update_leads_the_integral_back_to_the_limit_and_no_further() -> None:
