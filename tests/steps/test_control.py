@@ -153,9 +153,9 @@ def test_an_integral_that_would_be_infinite_stays_what_it_was() -> None:
 def test_a_late_update_leads_the_integral_back_to_the_limit_and_no_further() -> None:
     """100 tracking times at once: to the first order it would be led back a hundred times as far."""
     loop = controller(Bounds(0.0, 1.0, math.inf), AntiWindup.BACK_CALCULATION)
-    for time, setpoint in ((0.0, 3.0), (1.0, 3.0), (2.0, 0.0), (12.0, 0.0)):
-        loop.update(time, 0.0, setpoint, 0.0)
-    assert loop.update(12.1, 0.0, 0.0, 0.0) == pytest.approx(1.0)
+    moved = ((0.0, 3.0), (1.0, 3.0), (2.0, 0.0), (12.0, 0.0), (12.1, 0.0))
+    outputs = [loop.update(time, 0.0, setpoint, 0.0) for time, setpoint in moved]
+    assert outputs == pytest.approx([0.5, 0.5, 1.0, 1.0, 1.0])
 
 
 def test_it_starts_without_a_bump_and_respects_the_rate(press: Callable[..., RunLog]) -> None:
