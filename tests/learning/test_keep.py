@@ -103,6 +103,15 @@ def test_two_in_one_second_have_folders_of_their_own(tmp_path: Path) -> None:
     assert first.folder != second.folder
 
 
+def test_a_whole_name_is_that_of_one_folder_though_another_begins_like_it(tmp_path: Path) -> None:
+    first, second = (Kept.create(tmp_path, TASK, name) for name in ("stroke", "other"))
+    longer = second.folder.rename(first.folder.with_name(f"{first.folder.name}-2"))
+    for folder in (first.folder, longer):
+        assert Kept.find(tmp_path, folder.name).folder == folder
+    with pytest.raises(RigctlError, match="several names start like this"):
+        Kept.find(tmp_path, first.folder.name[:-1])
+
+
 @pytest.mark.parametrize("ended", list(Ended))
 def test_only_what_more_of_it_could_change_goes_on(tmp_path: Path, ended: Ended) -> None:
     kept = Kept.create(tmp_path, TASK, "stroke")

@@ -110,7 +110,8 @@ class Kept:
         """
         folders = sorted(one.parent for one in (project / "learning").glob(f"*/{_STATE}"))
         if wanted:
-            chosen = [one for one in folders if one.name.startswith(wanted)]
+            exact = [one for one in folders if one.name == wanted]
+            chosen = exact or [one for one in folders if one.name.startswith(wanted)]
             if len(chosen) != 1:
                 names = [one.name for one in folders]
                 raise RigctlError(
