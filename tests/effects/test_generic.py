@@ -157,6 +157,22 @@ def test_shares_of_a_temperature_are_counted_from_its_usual_value(text: str, nam
         assert added(30.0) == pytest.approx(0.2)
 
 
+def test_effects_on_a_reading_act_at_one_of_its_slots() -> None:
+    """Two would be read by each other's effects: an equation that depends on itself."""
+    text = MOTOR.replace("formula: current}", "formula: current + extra + sensor - more}")
+    text += "slots:\n" + "".join(
+        f"  {name}: {{unit: A, kind: {kind}}}\n"
+        for name, kind in (("extra", "process"), ("sensor", "sensor"), ("more", "process"))
+    )
+    chosen = family(text)
+    found = {offer.role.slot.name: offer for offer in offers(chosen)}
+    assert {"gain_of_current", "lag_of_current"} <= {effect.name for effect in found["sensor"].effects}
+    for name in ("extra", "more"):
+        assert not found[name].effects
+        assert found[name].why_not == "it adds to the reading current as sensor does, where effects act"
+    build_system(chosen, superset(chosen))  # all together
+
+
 def test_a_settled_reading_may_depend_on_what_its_author_left_out() -> None:
     """The textbook's pump delivers the same at every pressure; real ones leak."""
     text = "family: pump\ninputs: {pressure: {value: 100 bar}, oil_temperature: {value: 40 degC}}\n"

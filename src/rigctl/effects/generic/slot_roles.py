@@ -263,6 +263,10 @@ class _Probed:
         slope = derivative(expr, probe)
         if not slope.constant or abs(float(slope.value)) != 1.0 or slot.name in self.inside:
             return Nowhere(slot, f"it is not simply added to the reading {output.name}")
+        same = self._offered(output)
+        if slot.name != same:
+            # each would be read by the other's effects, and no data could distinguish the two
+            return Nowhere(slot, f"it adds to the reading {output.name} as {same} does, where effects act")
         variables = {variable.name: variable for variable in variables_of(expr)}
         slopes = {
             state.name: self._finite(derivative(expr, variables[state.name]))
@@ -278,6 +282,19 @@ class _Probed:
             () if slopes else self._settings(variables),
             self._finite(expr) if _is_one_of(output.unit, _FAR_FROM_ZERO) else 0.0,
         )
+
+    def _offered(self, output: OutputVariable) -> str:
+        """The slot at which effects act on a reading that has several: a sensor's, else the first."""
+        expr = self.readings[output.name]
+        added = [
+            slot
+            for slot in self.family.slots
+            if slot.name not in self.inside
+            and not any(self._of(slot) in variables_of(rate) for rate in self.rates.values())
+            and (slope := derivative(expr, self._of(slot))).constant
+            and abs(float(slope.value)) == 1.0
+        ]
+        return next((slot.name for slot in added if slot.kind == "sensor"), added[0].name)
 
     def _settings(self, variables: Collection[str]) -> tuple[str, ...]:
         """The inputs on which a reading may depend: for a bench without time also those that its author left
