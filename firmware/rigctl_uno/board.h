@@ -1,4 +1,4 @@
-/* Pins of the Uno and what the parts of the program know of each other.
+/* Pins of the Uno, and the interfaces between the parts of the program.
  *
  *   A0 supply pressure   A1 position   A2 oil temperature     (0..5 V, reference AVCC)
  *   D4 (PD4) heater relay   D7 (PD7) solenoid extend   D8 (PB0) solenoid retract   (high = on)
@@ -27,7 +27,7 @@ void uart_start(void);
 #define UART_LOST 0xFF /* stands where received bytes were lost; no command has it */
 bool uart_read(uint8_t *byte);
 void uart_put(char c); /* waits for room */
-bool uart_put_all(const char *data, uint8_t length); /* false, and nothing is sent, when there is no room */
+bool uart_put_all(const char *data, uint8_t length); /* false, and nothing is sent, if there is no room */
 
 /* errors.c: the SCPI error queue */
 enum {
@@ -56,11 +56,11 @@ void outputs_off(void);
 void outputs_tick(void); /* every millisecond, from the clock's interrupt */
 void pulse_due(void);
 int16_t heater_set(bool on);
-int16_t valve_set(int8_t position, uint32_t duration_us); /* 0: until told otherwise */
+int16_t valve_set(int8_t position, uint32_t duration_us); /* 0: until the next command */
 int16_t pressure_set(uint16_t counts);
 int8_t valve_position(void);
 bool heater_on(void);
-bool pressure_regulate(uint16_t counts); /* by the closed loop; false, and nothing moves, while a trip is latched */
+bool pressure_regulate(uint16_t counts); /* by the closed loop; false, without effect, while a trip is latched */
 uint16_t pressure_counts(void);
 uint16_t pressure_since(uint32_t *us); /* the counts, and when they last changed */
 uint8_t outputs_bits(void); /* bit 0 heater, 1 extend, 2 retract, 3 PWM */
@@ -90,7 +90,7 @@ enum {
     TRIP_HEATER = 32,
 };
 void trips_start(void);
-void trip(uint8_t cause); /* outputs off, latch, tell */
+void trip(uint8_t cause); /* outputs off, latch, report */
 uint8_t trips(void);
 bool trips_clear(void); /* false while a cause lasts */
 const char *trip_text(uint8_t bit); /* in program memory */
@@ -100,20 +100,20 @@ void host_tick(void);
 /* inputs.c */
 void inputs_start(void);
 uint16_t input(uint8_t channel);
-uint8_t inputs_faulty(void); /* causes of trips that last */
+uint8_t inputs_faulty(void); /* present causes of trips */
 
-/* events.c: what happened at exact times */
+/* events.c: events with exact times */
 void event_add(uint32_t us, char kind, int16_t value);
 void events_send(void);
 
-/* lines.c: whole lines with CRC-16/XMODEM */
+/* lines.c: complete lines with CRC-16/XMODEM */
 void line_begin(char first);
 void line_char(char c);
 void line_number(uint32_t value);
 void line_signed(int32_t value);
-bool line_send(void); /* false when there was no room; nothing is sent then */
+bool line_send(void); /* false if there was no room; nothing is sent then */
 uint16_t crc_update(uint16_t crc, uint8_t byte);
-char *decimal(uint32_t value, char *digits); /* up to 10 of them, no 0 behind; returns their end */
+char *decimal(uint32_t value, char *digits); /* up to 10 digits, without a final 0 byte; returns their end */
 void put_hex(uint16_t value, void (*put)(char));
 
 /* stream.c */

@@ -18,13 +18,13 @@ ISR(TIMER0_COMPB_vect) {
 }
 
 void clock_start(void) {
-    TCCR0A = _BV(WGM01); /* also undoes what an Arduino core may have set */
+    TCCR0A = _BV(WGM01); /* also resets settings of an Arduino core */
     OCR0A = 249;
     TCCR0B = _BV(CS01) | _BV(CS00);
     TIMSK0 = _BV(OCIE0A);
 }
 
-/* From an interrupt only. A count that has all but passed is carried out at once. */
+/* From an interrupt only. A count that has almost passed is handled at once. */
 void clock_arm(uint8_t count) {
     if (count <= TCNT0 + 2) {
         while (TCNT0 < count) {
@@ -51,7 +51,7 @@ uint32_t micros(void) {
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
         count = TCNT0;
         ms = ticks;
-        if ((TIFR0 & _BV(OCF0A)) && count < 249) /* the millisecond is over, its interrupt has to wait */
+        if ((TIFR0 & _BV(OCF0A)) && count < 249) /* the millisecond is over, but its interrupt is pending */
             ms++;
     }
     return ms * 1000UL + (uint16_t)count * 4U;

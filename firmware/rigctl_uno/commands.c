@@ -1,4 +1,4 @@
-/* Commands: a SCPI dialect. A header is written short or long, in any case: SYST:ERR? or system:error?
+/* Commands: a SCPI dialect. Headers have a short and a long form, in any case: SYST:ERR? or system:error?
  *
  * A host that wants to be sure puts a tag before a command, `#7 VALV EXT,1050`, and is answered `#7 OK`, the
  * query's reply, or `#7 !-221,"Settings conflict"` instead of an entry in the error queue. A command that ends
@@ -126,7 +126,7 @@ static int16_t whole(const char *text, uint32_t highest, uint32_t *value) {
     return error;
 }
 
-/* --- what each command does ------------------------------------------------------------------------------- */
+/* --- the actions of commands ------------------------------------------------------------------------------- */
 static int16_t identify(char *arg) {
     (void)arg;
     put_text(PSTR("RIGCTL,RIG-UNO,0," FIRMWARE_VERSION));
@@ -139,7 +139,7 @@ static int16_t clear_status(char *arg) {
     return E_NONE;
 }
 
-static int16_t reset(char *arg) { /* trips stay: they are cleared on purpose only */
+static int16_t reset(char *arg) { /* trips stay latched: they are cleared only explicitly */
     (void)arg;
     outputs_off();
     stream_set(0);
@@ -390,13 +390,13 @@ static int16_t stream(char *arg) {
     return E_NONE;
 }
 
-static int16_t __attribute__((noreturn)) hang(char *arg) { /* proves the watchdog: the board restarts, outputs off */
+static int16_t __attribute__((noreturn)) hang(char *arg) { /* tests the watchdog: the board restarts with outputs off */
     (void)arg;
     for (;;) {
     }
 }
 
-/* --- which command it is ---------------------------------------------------------------------------------- */
+/* --- recognition of commands ---------------------------------------------------------------------------------- */
 typedef struct {
     char header[24]; /* capitals are the short form, all letters the long one */
     int16_t (*execute)(char *arg);
@@ -439,7 +439,7 @@ static const command_t COMMANDS[] PROGMEM = {
     {"DIAGnostic:HANG", hang, false},
 };
 
-/* The end of the input's node where it is one form of the header's, NULL where it is not. */
+/* The end of the input's node if it is one form of the header's, otherwise NULL. */
 static const char *match_node(const char *header, const char *input, bool long_form) {
     char h;
     while ((h = pgm_read_byte(header)) && h != ':' && h != '?') {
@@ -493,7 +493,7 @@ static int8_t hex_digit(char c) {
     return c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
 }
 
-/* Takes a checksum off the line's end; false when it is wrong. */
+/* Removes a checksum from the line's end; false if it is wrong. */
 static bool checksum(char *line) {
     char *star = strrchr(line, '*');
     with_crc = false;
@@ -503,7 +503,7 @@ static bool checksum(char *line) {
     for (uint8_t i = 1; i < 5; i++) {
         int8_t digit = hex_digit(star[i]);
         if (digit < 0)
-            return true; /* a header such as *IDN? behind a tag */
+            return true; /* a header such as *IDN? after a tag */
         given = given << 4 | digit;
     }
     with_crc = true;
@@ -519,7 +519,7 @@ static char *skip_blanks(char *text) {
     return text;
 }
 
-/* Ends the word at `text` and returns what follows, NULL where nothing does. */
+/* Terminates the word at `text` and returns what follows, or NULL. */
 static char *split(char *text) {
     while (*text && *text != ' ' && *text != '\t')
         text++;

@@ -1,4 +1,4 @@
-/* What a bench may want otherwise. Limits are compiled in on purpose: no host, and no fault of a host, can raise
+/* Settings of a bench. Limits are compiled in on purpose: no host, and no fault of a host, can raise
  * them. Every value can be given to make: `make EXTRA=-DHOST_TIMEOUT_MS=1000`. */
 #ifndef CONFIG_H
 #define CONFIG_H
@@ -26,20 +26,20 @@
 #define OPEN_HIGH 1007 /* above: a short to the supply */
 #endif
 #ifndef SENSORS
-#define SENSORS 0x07 /* bit 0 pressure, 1 position, 2 oil temperature: those watched for a broken wire */
+#define SENSORS 0x07 /* bit 0 pressure, 1 position, 2 oil temperature: monitored for a broken wire */
 #endif
 #ifndef TRIP_READINGS
 #define TRIP_READINGS 8 /* readings in a row, 0.3 ms apart, so that one disturbed reading does not trip */
 #endif
 
 #ifndef HOST_TIMEOUT_MS
-#define HOST_TIMEOUT_MS 1500 /* an output is on and the host says nothing for so long: trip */
+#define HOST_TIMEOUT_MS 1500 /* trip if the host is silent for this time while an output is on */
 #endif
 #ifndef VALVE_REST_MS
 #define VALVE_REST_MS 50 /* from any switch of the valve until a solenoid may be energised */
 #endif
 #ifndef HEATER_REST_MS
-#define HEATER_REST_MS 2000 /* from switching the heater off until it may be on again */
+#define HEATER_REST_MS 2000 /* from switching the heater off until it may be switched on again */
 #endif
 #ifndef HEATER_CREDIT_S
 #define HEATER_CREDIT_S 7200 /* longest heating from rest; an hour off gives an hour of heating back */

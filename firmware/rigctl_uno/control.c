@@ -1,4 +1,4 @@
-/* A closed loop from an input to the PWM, at a fixed period of timer 2, however busy the rest of the program is.
+/* A closed loop from an input to the PWM, at a fixed period of timer 2, independent of the load of the program.
  *
  * The timer's interrupt lets the others in while it computes, so that no character and no reading is lost. How long
  * that takes depends on them; so the output is set by a second interrupt, always at the same time after the tick.
@@ -22,9 +22,9 @@
 
 typedef struct {
     float calibration[4];             /* reading = c0 + c1*n + c2*n^2 + c3*n^3 of the converter's counts n */
-    float reading_low, reading_high;  /* outside, the reading is impossible: the output is held */
-    float zero, full;                 /* what the PWM's 0 and 1023 are */
-    float to, ramp;                   /* set-point; how fast it goes there from the first reading, per s */
+    float reading_low, reading_high;  /* outside, the reading is invalid and the output is held */
+    float zero, full;                 /* the values of the PWM's 0 and 1023 */
+    float to, ramp;                   /* set-point; its rate from the first reading, per s */
     float ahead;                      /* feed-forward */
     pid_settings_t pid;
 } settings_t;
@@ -43,16 +43,16 @@ typedef struct {
 } spread_t;
 
 static settings_t settings;
-static uint32_t given; /* a bit for each setting that the host has sent */
+static uint32_t given; /* a bit for each setting received from the host */
 static uint8_t channel, degree;
 static uint16_t period; /* ms */
 static bool bumpless, clamping;
 
 static volatile bool running;
 static volatile bool busy; /* an update is being computed */
-static volatile uint16_t to_go, elapsed; /* ms until the next update is due; since the last one that was made */
+static volatile uint16_t to_go, elapsed; /* ms until the next update is due; since the last one */
 static volatile uint8_t ago;             /* ms since the newest update was due */
-static volatile uint16_t computed; /* counts that are to be put out */
+static volatile uint16_t computed; /* counts for the output */
 static pid_state_t pid;
 static float first, setpoint, scale;
 static uint32_t ramped; /* ms since the first reading */
@@ -67,7 +67,7 @@ static void count(spread_t *spread, uint16_t value, uint8_t width) {
         spread->largest = value;
 }
 
-/* In interrupts only, or with them off: 4 us counts since the newest update was due. */
+/* Only in interrupts, or with them off: 4 us counts since the newest update was due. */
 static uint16_t since_due(void) {
     uint8_t now = TCNT2;
     uint16_t ms = ago;
@@ -101,10 +101,10 @@ static void move_setpoint(float reading, uint16_t span) {
 
 static uint16_t counts_of(float output) {
     float counts = (output - settings.zero) * scale + 0.5f;
-    return counts >= 1023 ? 1023 : counts > 0 ? (uint16_t)counts : 0; /* of no number too */
+    return counts >= 1023 ? 1023 : counts > 0 ? (uint16_t)counts : 0; /* also for NaN */
 }
 
-/* The output is to be set at its time. */
+/* Schedules the output at its time. */
 static void put_out(uint16_t counts) {
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
         if (running) {
@@ -115,7 +115,7 @@ static void put_out(uint16_t counts) {
     }
 }
 
-/* The output goes to its pin, and when it does is counted. */
+/* Sets the output pin, and counts when. */
 ISR(TIMER2_COMPB_vect) {
     TIMSK2 &= ~_BV(OCIE2B);
     if (!pressure_regulate(computed))
@@ -193,7 +193,7 @@ int16_t control_period(uint16_t ms) {
     return E_NONE;
 }
 
-/* `name,value`; while the loop runs the set-point, its ramp and the feed-forward alone. */
+/* `name,value`; while the loop runs, only the set-point, its ramp and the feed-forward. */
 int16_t control_parameter(char *text) {
     char *comma = strchr(text, ','), *end;
     if (!comma)
@@ -223,7 +223,7 @@ static bool sound(void) {
            (with->derivative == 0 || with->filter_time > 0) && (with->integral == 0 || with->tracking_time > 0);
 }
 
-/* Twice is as good as once: a host whose answer was lost asks again. */
+/* Idempotent, since a host whose answer was lost repeats the command. */
 int16_t control_start(bool from_here, bool clamped) {
     if (running)
         return E_NONE;
@@ -261,7 +261,7 @@ static uint32_t in_bin(const spread_t *spread, uint8_t bin) {
     return counted;
 }
 
-/* The upper edge of the bin in which a share of all lies, us; of the last bin the largest that there was. */
+/* The upper edge of the bin of a quantile, us; for the last bin the largest value. */
 static uint32_t quantile(const spread_t *spread, uint8_t percent, uint8_t width) {
     uint32_t total = 0, below = 0;
     uint16_t largest;

@@ -9,7 +9,7 @@ static int16_t queue[8];
 static uint8_t count;
 
 void error_add(int16_t error) {
-    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { /* trips add from interrupts */
+    ATOMIC_BLOCK(ATOMIC_RESTORESTATE) { /* trips add errors from interrupts */
         if (count < 8)
             queue[count++] = error;
         else

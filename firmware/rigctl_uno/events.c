@@ -1,4 +1,4 @@
-/* What happened, with its exact time: `!number,us,kind,value*CRC`. Sent while the stream is on. */
+/* Events with their exact time: `!number,us,kind,value*CRC`. Sent while the stream is on. */
 #include <util/atomic.h>
 
 #include "board.h"
@@ -15,7 +15,7 @@ typedef struct {
 static event_t ring[SIZE];
 static volatile uint8_t head, tail, next_number;
 
-/* A full ring forgets the newest, and the gap in the numbers tells. */
+/* A full ring drops the newest event, which leaves a gap in the numbers. */
 void event_add(uint32_t us, char kind, int16_t value) {
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {
         uint8_t after = (head + 1) % SIZE;

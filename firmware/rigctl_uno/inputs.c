@@ -1,4 +1,4 @@
-/* The converter goes round its three channels by itself, and the interlocks look at every reading in its
+/* The converter cycles through its three channels by itself, and the interlocks check every reading in its
  * interrupt: a hanging program cannot keep an output on. */
 #include <avr/interrupt.h>
 #include <util/atomic.h>
@@ -24,7 +24,7 @@ static void count_to(uint8_t *counter, bool faulty) {
 }
 
 static uint8_t cause_of(uint8_t channel) {
-    if (open[channel] >= TRIP_READINGS) /* a broken wire is no pressure, however high it reads */
+    if (open[channel] >= TRIP_READINGS) /* the reading of a broken wire is not a pressure */
         return TRIP_SENSOR;
     if (over[channel] >= TRIP_READINGS)
         return channel == PRESSURE ? TRIP_PRESSURE : TRIP_TEMPERATURE;

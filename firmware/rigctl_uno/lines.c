@@ -1,4 +1,4 @@
-/* Lines that the board sends of its own accord: put together first, sent whole or not at all.
+/* Unsolicited lines of the board: assembled first, then sent completely or not at all.
  *
  * CRC and digits are made here the fast way: at 500000 baud the line would else wait for the processor. */
 #include <avr/pgmspace.h>
@@ -8,7 +8,7 @@
 static char line[80];
 static uint8_t length;
 
-/* CRC-16/XMODEM, x^16 + x^12 + x^5 + 1, a byte at a time; avr-libc's goes bit by bit. */
+/* CRC-16/XMODEM, x^16 + x^12 + x^5 + 1, byte by byte; avr-libc's works bit by bit. */
 uint16_t crc_update(uint16_t crc, uint8_t byte) {
     crc = (uint8_t)(crc >> 8) | crc << 8;
     crc ^= byte;

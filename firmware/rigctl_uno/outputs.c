@@ -1,4 +1,4 @@
-/* Heater, solenoids and relief valve. Every switch is stamped and told; nothing comes on while a trip is latched.
+/* Heater, solenoids and relief valve. Every switch is reported with its time; nothing is switched on while a trip is latched.
  *
  * A solenoid is energised VALVE_REST_MS after the valve's last switch at the earliest: a command that comes too
  * soon waits on the board, and the latest one counts. Both solenoids are never on together, since one function
@@ -10,8 +10,8 @@
 static volatile int8_t position;          /* of the valve, now */
 static volatile uint32_t switched_ms;     /* when it last switched */
 static volatile uint32_t on_us, off_us;   /* exact times of the last switch on and off */
-static volatile int8_t waiting;           /* the position that waits for the valve to have rested */
-static volatile uint32_t waiting_pulse;   /* how long it is to last, us */
+static volatile int8_t waiting;           /* the position that waits for the end of the valve's rest */
+static volatile uint32_t waiting_pulse;   /* its duration, us */
 static volatile uint32_t pulse_end;       /* us */
 static volatile bool pulsing, armed, rested = true, heater_rested = true;
 static volatile uint32_t heater_off_ms;
@@ -38,7 +38,7 @@ static void forget_pulse(void) {
     waiting = NEUTRAL;
 }
 
-static uint32_t move_valve(int8_t to) { /* returns when, us */
+static uint32_t move_valve(int8_t to) { /* returns its time, us */
     solenoids(to);
     uint32_t at_us = micros();
     if (to != position) {
@@ -177,7 +177,7 @@ int16_t valve_set(int8_t to, uint32_t duration_us) {
                     move_valve(NEUTRAL);
                 else
                     energise(to, duration_us);
-            } else { /* it moves the other way, or has just been switched: neutral first, and rest */
+            } else { /* it moves the other way, or has just been switched: first neutral, then rest */
                 if (position != NEUTRAL)
                     move_valve(NEUTRAL);
                 waiting_pulse = duration_us;
@@ -194,7 +194,7 @@ int16_t pressure_set(uint16_t counts) {
         if (counts && trips()) {
             error = E_CONFLICT;
         } else {
-            control_halt(); /* whoever sets it by hand wants no loop */
+            control_halt(); /* a direct command ends the loop */
             set_pwm(counts);
             event_add(micros(), 'P', counts);
         }
@@ -202,7 +202,7 @@ int16_t pressure_set(uint16_t counts) {
     return error;
 }
 
-/* Without an event: at a thousand updates a second the line could not carry them. Samples bear the output. */
+/* Without an event, as the line could not transmit a thousand per second. Samples contain the output. */
 bool pressure_regulate(uint16_t counts) {
     bool allowed = !trips();
     ATOMIC_BLOCK(ATOMIC_RESTORESTATE) {

@@ -8,7 +8,7 @@ void pid_begin(pid_state_t *pid, float output) { *pid = (pid_state_t){.output = 
  * each add very little. */
 static void add(pid_state_t *pid, float rise) {
     float wanted = rise - pid->lost, sum = pid->sum + wanted;
-    if (!isfinite(sum)) /* it would never leave the integral again */
+    if (!isfinite(sum)) /* it would stay in the integral for ever */
         return;
     pid->lost = (sum - pid->sum) - wanted;
     pid->sum = sum;
@@ -54,7 +54,7 @@ void pid_update(pid_state_t *pid, const pid_settings_t *with, float reading, flo
     }
     pid->reading = reading;
     float wanted = ahead + proportional + pid->sum + pid->slope;
-    if (isnan(wanted)) { /* of numbers so large that they cancel to none, nothing follows */
+    if (isnan(wanted)) { /* overflowing terms have no defined sum */
         pid->saturated = true;
         return;
     }

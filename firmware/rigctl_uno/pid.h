@@ -20,13 +20,13 @@ typedef struct {
 typedef struct {
     float output;
     bool saturated; /* the newest output was bounded */
-    /* what follows is its own */
+    /* internal state */
     float sum, lost, slope, reading;
     bool begun;
 } pid_state_t;
 
 void pid_begin(pid_state_t *pid, float output);
-/* One update, `span` s after the one before; of the first one `span` does not matter. */
+/* One update, `span` s after the previous one; ignored for the first. */
 void pid_update(pid_state_t *pid, const pid_settings_t *with, float reading, float setpoint, float ahead, float span,
                 bool bumpless, bool clamping);
 

@@ -29,7 +29,7 @@ void stream_tick(void) {
     if (!period || (int32_t)(now - next) < 0)
         return;
     next += period;
-    if ((int32_t)(now - next) > (int32_t)(LATE * period)) { /* too busy for this rate: leave samples out */
+    if ((int32_t)(now - next) > (int32_t)(LATE * period)) { /* too busy for this rate: drop samples */
         while ((int32_t)(now - next) > 0) {
             next += period;
             sequence++;
@@ -54,7 +54,7 @@ void stream_tick(void) {
         line_char(',');
         line_number(counts);
         line_char(',');
-        line_number((int32_t)(now - since) > 0 ? now - since : 0); /* it may have changed since `now` */
+        line_number((int32_t)(now - since) > 0 ? now - since : 0); /* may have changed after `now` */
     }
     if (!line_send())
         tell_overrun();

@@ -7,12 +7,12 @@
 
 #define REGISTER_BEFORE_MAIN __attribute__((naked, used, section(".init3")))
 
-/* Not cleared at a start: the complement tells whether the memory kept its content. */
+/* Not cleared at start-up: the complement shows whether the memory has kept its content. */
 static uint8_t latched __attribute__((section(".noinit")));
 static uint8_t complement __attribute__((section(".noinit")));
 static uint8_t reset_cause __attribute__((section(".noinit")));
 
-static volatile uint16_t host_ms;       /* since the host spoke */
+static volatile uint16_t host_ms;       /* since the last command of the host */
 
 /* The watchdog goes on after its reset with its shortest time, so it is stopped first of all. The Uno's boot
  * loader has cleared MCUSR by then and hands it on in r2. */

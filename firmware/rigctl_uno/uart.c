@@ -1,4 +1,4 @@
-/* The serial line, both ways through rings that interrupts fill and empty. */
+/* The serial line, with ring buffers in both directions that interrupts fill and empty. */
 #include <avr/interrupt.h>
 #include <avr/wdt.h>
 
@@ -57,7 +57,7 @@ bool uart_read(uint8_t *byte) {
 static uint8_t uart_free(void) { return (uint8_t)(tx_tail - tx_head - 1); }
 
 void uart_put(char c) {
-    while (!uart_free()) /* always ends: the line sends without anybody's leave */
+    while (!uart_free()) /* always ends, as the line sends independently */
         wdt_reset();
     to_send[tx_head] = c;
     tx_head++;

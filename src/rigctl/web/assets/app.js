@@ -1,9 +1,9 @@
-// The page around a part: lets the browser in, shows the project, and hands over to the part's script.
+// The frame of a part: authenticates the browser, shows the project, and starts the part's script.
 import { api, button, command, complain, h, settle, wait, work } from "./lib.js";
 
 const place = document.getElementById("part");
 
-// The address that the server prints ends with its token; it is exchanged for a cookie and taken out of sight.
+// The printed address ends with the token, which is exchanged for a cookie and removed from the address.
 const enter = async () => {
   const token = location.hash.slice(1);
   if (!/^[\w-]{40,}$/.test(token)) return;
@@ -22,7 +22,7 @@ const showProject = (status) => {
   settle("project", status.there ? null : `The project's folder is gone: ${status.root}. This page goes on by itself when it is back.`);
 };
 
-// A folder without a project: the first step is a click, and the command that it stands for.
+// A folder without a project: a button for the first step, with its command.
 const offer = () => {
   const jobs = h("div", { class: "jobs", "aria-live": "polite" });
   const fill = (minimal) => async () => {

@@ -1,4 +1,4 @@
-// The site of the documentation in a frame: it has a navigation and a search of its own.
+// The documentation site in a frame, with its own navigation and search.
 import { api, h } from "./lib.js";
 
 export const show = async (place) => {

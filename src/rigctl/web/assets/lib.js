@@ -1,6 +1,6 @@
-// What the scripts of all parts share: asking the server, making elements from text, saying what went wrong.
+// Common code of all parts: requests to the server, elements from text, error messages.
 
-// Which window this is: a reload keeps its name, another tab has another.
+// The name of this window: it survives a reload, and differs from that of other tabs.
 export const viewer = (() => {
   try {
     let name = sessionStorage.getItem("rigctl-viewer");
@@ -19,7 +19,7 @@ export class Refusal extends Error {
   }
 }
 
-// Ask the server: the answer's JSON, or a Refusal with the parts of the error.
+// Send a request: returns the JSON of the answer, or throws a Refusal with the parts of the error.
 export const api = async (path, { method = "GET", body = null, query = null } = {}) => {
   const given = Object.entries(query ?? {}).filter(([, value]) => value !== null && value !== undefined && value !== "");
   const address = given.length ? `${path}?${new URLSearchParams(given)}` : path;
@@ -38,7 +38,7 @@ export const api = async (path, { method = "GET", body = null, query = null } = 
   return found;
 };
 
-// An element. Texts are shown as texts, whatever stands in them: nothing here reads HTML.
+// An element. Texts are always shown as text: nothing here parses HTML.
 export const h = (tag, attributes = {}, ...inside) => {
   const made = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
@@ -51,12 +51,12 @@ export const h = (tag, attributes = {}, ...inside) => {
   return made;
 };
 
-// What may be wider than the screen, reached by keys too.
+// A scrollable region for wide content, also operable by keyboard.
 export const scrolling = (label, ...inside) => h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": label }, ...inside);
 
 export const wait = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));
 
-// At most once in so many milliseconds, the last call never lost.
+// At most one call per interval in ms; the last call is never lost.
 export const seldom = (work, milliseconds) => {
   let timer = null;
   let next = 0;
@@ -83,7 +83,7 @@ export const say = (text, kind = "") => {
   return box;
 };
 
-// A state that is said once and taken back when it is over.
+// A state that is announced once, and removed when it ends.
 const states = new Map();
 export const settle = (name, text) => {
   const there = states.get(name);
@@ -102,7 +102,7 @@ export const complain = (problem) => {
   return say(problem.message ?? String(problem), "bad");
 };
 
-// Do something at a click; what goes wrong is said, and the button waits meanwhile.
+// Run an action on a click; errors are shown, and the button is disabled meanwhile.
 export const button = (label, work, attributes = {}) => {
   const made = h("button", { type: "button", ...attributes }, label);
   made.addEventListener("click", async () => {
@@ -118,9 +118,9 @@ export const button = (label, work, attributes = {}) => {
   return made;
 };
 
-// The command that a view stands for, to copy.
+// The command equivalent to a view, for copying.
 export const command = (text) => {
-  const code = h("code", { tabindex: 0 }, text); // it may be too long for its place
+  const code = h("code", { tabindex: 0 }, text); // may need to scroll
   const copy = button("Copy", async () => {
     await navigator.clipboard.writeText(text);
     copy.textContent = "Copied";
@@ -129,7 +129,7 @@ export const command = (text) => {
   return h("p", { class: "command" }, code, copy);
 };
 
-// A word for a shell: quoted where it has to be.
+// A word for a shell, quoted if necessary.
 export const word = (text) => (/^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
 
 const kinds = { finished: "good", pass: "good", done: "good", running: "live", failed: "bad", fail: "bad", damaged: "bad", died: "bad", aborted: "warn", paused: "warn", unclosed: "warn", stopped: "warn" };
@@ -144,7 +144,7 @@ export const clock = (seconds) => {
   return hours ? `${hours}:${two(minutes)}:${two(rest)}` : `${minutes}:${two(rest)}`;
 };
 
-// Work that goes on in a process of its own: asked for until it ends. `look` is called with each state.
+// A job in a separate process, polled until it ends. `look` is called with each state.
 export const follow = async (job, look = () => {}) => {
   let state = job;
   for (;;) {
@@ -155,7 +155,7 @@ export const follow = async (job, look = () => {}) => {
   }
 };
 
-// Progress of work with a button that stops it; resolves with its result, or throws what it failed by.
+// Progress of a job with a stop button; resolves with its result, or throws its error.
 export const work = async (place, job) => {
   const bar = h("progress", { max: 1, "aria-label": job.name });
   const text = h("span", { role: "status" });
@@ -176,6 +176,6 @@ export const work = async (place, job) => {
   }
 };
 
-// Colours of the style sheet, as they are now.
+// The current colours of the style sheet.
 export const colour = (name) => getComputedStyle(document.body).getPropertyValue(name).trim();
 export const onTheme = (work) => window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", work);

@@ -1,13 +1,13 @@
-// The run in progress: its state, its steps, a running plot of each channel, and the controls, which one window has.
+// The run in progress: state, steps, a live plot of each channel, and the controls, held by one window.
 import { api, button, clock, colour, command, complain, h, settle, tag, viewer, wait } from "./lib.js";
 import { plot } from "./plot.js";
 
 const WINDOWS = [[10, "10 s"], [30, "30 s"], [60, "1 min"], [300, "5 min"], [900, "15 min"]];
 const ENDED = ["finished", "failed", "aborted"];
-// when the newest samples were drawn: seconds of the run, and of the clock; for whoever measures the latency
+// when the newest samples were drawn: run time and clock time in s, for measuring the latency
 export const drawnAt = [];
 
-// Columns of samples, as long as the window; the last rows may be provisional.
+// Columns of samples over the window; the last rows may be provisional.
 class Samples {
   constructor() {
     this.columns = [];
@@ -60,7 +60,7 @@ class Samples {
   }
 }
 
-// A connection that comes back by itself; where there are no sockets, the server is asked once a second.
+// A connection that reconnects by itself; without sockets, the server is polled once a second.
 class Line {
   constructor(hear, wanted) {
     this.hear = hear;
@@ -274,7 +274,7 @@ export const show = async (place) => {
     ctx.restore();
   };
 
-  // What the steps ask of a channel: a line each, along its ramp, from the step's begin to its end or until now.
+  // Set-points of a channel: a line per step, along its ramp, from the step's start to its end or until now.
   const courseOf = (one) => {
     const end = one.end ?? samples.newest ?? one.begin;
     const arrives = one.begin + (one.seconds ?? 0);
@@ -300,7 +300,7 @@ export const show = async (place) => {
     ctx.restore();
   };
 
-  // lowest and highest set-point of a channel in what is shown
+  // lowest and highest visible set-point of a channel
   const setPointRange = (name) => {
     const since = (samples.newest ?? 0) - window_;
     const values = setPoints.filter((one) => one.channel === name && (one.end ?? Infinity) >= since)
@@ -436,7 +436,7 @@ export const show = async (place) => {
     running = found;
     chooser.hidden = running.length < 2;
     chooser.replaceChildren(...running.map((id) => h("option", { value: id, selected: id === run }, id)));
-    // a run that is over stays in view until the next one begins
+    // a finished run remains visible until the next one starts
     if (running.length && (!run || (state?.ended && !running.includes(run)))) watch(running[0]);
     if (!run) {
       idle.hidden = false;

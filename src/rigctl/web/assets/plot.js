@@ -1,11 +1,11 @@
-// Curves by uPlot, in the colours of the page; redrawn when those change, as wide as there is room.
+// Curves by uPlot, in the page's colours, redrawn when these change, at the available width.
 import { colour, h, onTheme } from "./lib.js";
 
 export const palette = () => ["--curve-1", "--curve-2", "--curve-3", "--curve-4"].map(colour);
 
 const font = () => `12px ${getComputedStyle(document.body).fontFamily}`;
 
-// Marks of an axis: as many digits as tell one from the next, and powers of ten where they are very small or large.
+// Labels of an axis: enough digits to distinguish them, and powers of ten for very small or large values.
 const marks = (_, values) => {
   const known = values.filter((value) => value !== null);
   const step = known.length > 1 ? Math.abs(known[1] - known[0]) : 1;
@@ -68,7 +68,7 @@ export const plot = (options) => {
       place,
     );
     const listed = drawn.root.querySelectorAll(".u-legend .u-series");
-    const first = listed.length - options.series.length; // a legend that is not live has no line for x
+    const first = listed.length - options.series.length; // a static legend has no row for x
     options.series.forEach((one, k) => one.unlisted && listed[k + first]?.classList.add("hidden"));
   };
 

@@ -1,4 +1,4 @@
-// A procedure: its text, checked as it is typed; its plan as a picture; its start.
+// A procedure: its text, checked while typing; a drawing of its plan; its start.
 import { api, button, clock, command, complain, h, say, scrolling, seldom, tag, word } from "./lib.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -9,7 +9,7 @@ const svg = (name, attributes, ...inside) => {
   return made;
 };
 
-// What may stand where the caret is: names with a word about each, and how much of one is typed already.
+// Completions at the caret: names with descriptions, and the length of the typed part.
 export const suggestions = (known, text, caret) => {
   const before = text.slice(0, caret);
   const line = before.slice(before.lastIndexOf("\n") + 1);
@@ -40,7 +40,7 @@ export const suggestions = (known, text, caret) => {
   return { typed, found: named(indent ? {} : known.fields[""]) };
 };
 
-// The plan as a picture: time to the right, what lies in what downwards.
+// A drawing of the plan: time to the right, nesting downwards.
 const timeline = (plan, room, jump) => {
   const total = plan.duration || 1;
   const [width, row] = [Math.max(room, 480), 22];

@@ -1,4 +1,4 @@
-// The report of one or more runs, in a frame of its own that has none of this page's rights.
+// The report of one or more runs, in a sandboxed frame.
 import { api, button, command, h, wait, word, work } from "./lib.js";
 
 export const show = async (place) => {
@@ -46,7 +46,7 @@ export const show = async (place) => {
   names.replaceChildren(h("strong", {}, runs.length === 1 ? runs[0] : `${runs.length} runs`), " ", h("a", { href: "/runs" }, "choose others"));
   names.title = runs.join(", ");
   const begin = async () => {
-    // a run in progress has its report when it is over
+    // a run in progress has no report yet
     while (runs.length === 1 && (await api(`/api/runs/${encodeURIComponent(runs[0])}`)).status === "running") {
       frame.replaceChildren(h("p", { class: "statement" }, "This run is in progress: its report is made as soon as it is over. ", h("a", { href: "/live" }, "Watch it")));
       await wait(2000);

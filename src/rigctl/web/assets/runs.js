@@ -1,4 +1,4 @@
-// The catalogue: found, sorted and paged by the server; one run beside it; two campaigns over each other.
+// The catalogue: searched, sorted and paged by the server; one run beside it; two campaigns overlaid.
 import { api, button, clock, command, h, say, scrolling, seldom, tag, wait, word } from "./lib.js";
 import { plot } from "./plot.js";
 
@@ -108,7 +108,7 @@ export const show = async (place) => {
       if (number === latest) say(problem.message, "bad");
       return;
     }
-    if (number !== latest) return; // a later question was answered first
+    if (number !== latest) return; // a later request was answered first
     showHead();
     body.replaceChildren(...found.runs.map(line));
     if (!found.runs.length) body.append(h("tr", {}, h("td", { class: "empty", colspan: COLUMNS.length + 1 }, found.all ? "No run meets this." : "There are no runs yet: a simulation on the page Procedure makes one.")));
@@ -185,7 +185,7 @@ export const show = async (place) => {
     if (run.status === "running") lookAgain(id);
   };
 
-  // a run in progress is looked at again until it is over
+  // a run in progress is refreshed until it ends
   const lookAgain = async (id) => {
     await wait(2000);
     if (current !== id) return;

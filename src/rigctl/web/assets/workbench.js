@@ -1,4 +1,4 @@
-// The workbench: a model on its runs, its parameters as sliders, its effects as switches, everything following.
+// The workbench: a model on its runs, with its parameters as sliders and its effects as switches.
 import { api, button, command, complain, h, Refusal, say, work } from "./lib.js";
 import { makeCurves } from "./workbench/curves.js";
 import { readFrame } from "./workbench/frames.js";
@@ -9,9 +9,9 @@ import * as results from "./workbench/results.js";
 import { makeSlider, makeSwitch } from "./workbench/sliders.js";
 
 const KEPT = "rigctl-workbench";
-// ms between two moves that are one step
+// ms between two moves that count as one step
 const TOGETHER = 250;
-// steps back that a reload keeps
+// undo steps kept over a reload
 const MOST_STEPS = 50;
 const remembered = () => {
   try {
@@ -24,11 +24,11 @@ const remember = (what) => {
   try {
     sessionStorage.setItem(KEPT, JSON.stringify(what));
   } catch {
-    // a browser that keeps nothing forgets it at a reload
+    // without session storage it is lost at a reload
   }
 };
 
-// The socket to the process behind this page: one message after the other, answers by kind.
+// The socket to the process of this page: messages in order, answers by kind.
 const connect = (hear) => {
   const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/api/workbench/session`);
   socket.binaryType = "arraybuffer";
@@ -50,7 +50,7 @@ const connect = (hear) => {
   return { ready, socket, send: (message) => socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message)) };
 };
 
-// Measured data of the project that are no run yet.
+// Measured data of the project that have not been imported.
 const importer = (found, imported) => {
   const file = h("input", { type: "text", id: "import-file", list: "import-files", placeholder: "data/unknown-bench.csv", spellcheck: "false", autocomplete: "off" });
   const rig = h("select", { id: "import-rig" }, ...found.rigs.map((path) => h("option", { value: path }, path)), h("option", { value: "" }, "no bench: a table"));
@@ -106,9 +106,9 @@ const chooser = async (open, again) => {
   return { element, auto: () => (before.runs && !empty && before.runs.every((id) => found.runs.some((run) => run.id === id)) && known(before.model) ? before : null) };
 };
 
-// The buttons: each stands for a command, does what that does in a process of its own, and shows what it found.
-// `current()` is the model as it is open now: every version that is made opens it anew. The server keeps what
-// was found, so that it is there again after a reload, and work that goes on is waited for again.
+// The buttons: each runs its command in a separate process, and shows the result.
+// `current()` is the open model: each new version reopens it. The server stores
+// results, which reappear after a reload, and jobs in progress are awaited again.
 const makeDesk = (current) => {
   const jobs = h("div", { class: "jobs", "aria-live": "polite" });
   const found = h("div", { class: "found" });
@@ -116,7 +116,7 @@ const makeDesk = (current) => {
   const list = (cards) => remember({ ...(remembered() ?? {}), cards });
   const unlist = (id) => list(listed().filter((one) => one.id !== id));
 
-  // What was moved is kept first, so that the command's model is the one that is seen.
+  // Changes are saved first, so that the command uses the displayed model.
   const begin = async (verb, { effect = "", beside = "" } = {}) => {
     if (current().changed()) await current().keep();
     const { runs, model, hold_out, only, assume } = current().asked;
@@ -125,7 +125,7 @@ const makeDesk = (current) => {
     try {
       return { job, result: await work(jobs, job) };
     } catch (problem) {
-      if (problem instanceof Refusal) unlist(job.id); // not where the page is being left
+      if (problem instanceof Refusal) unlist(job.id); // not while leaving the page
       throw problem;
     }
   };
@@ -144,18 +144,18 @@ const makeDesk = (current) => {
     made.scrollIntoView({ block: "nearest" });
     made.focus({ preventScroll: true });
   };
-  // What was found of an earlier version stays to be read; its buttons were for that version.
+  // Results of an earlier version remain readable, without their buttons.
   const stripped = (place) => {
     for (const one of place.querySelectorAll(".buttons, .toolbar")) one.remove();
   };
-  // What was found before a reload, as far as the server still has it.
+  // Results from before a reload, as far as the server still has them.
   const restore = async () => {
     for (const { verb, id, version } of listed()) {
       try {
         const job = await api(`/api/jobs/${id}`);
         card(verb, job, shows[verb](job.state === "working" ? await work(jobs, job) : done(job)), { version, quiet: true });
       } catch (problem) {
-        if (problem instanceof Refusal) unlist(id); // stopped, or more than the server keeps
+        if (problem instanceof Refusal) unlist(id); // stopped, or no longer stored
         else throw problem;
       }
     }
@@ -234,10 +234,10 @@ const bench = (place, told, { send, asked, desk }) => {
   let sequence = 0;
   let waiting = false;
   let again = null;
-  // the steps of this page, so that undo goes on after a reload; as the server counts them
+  // the steps of this page, as counted by the server, so that undo works after a reload
   let steps = { past: [], future: [] };
   let present = null;
-  let before = null; // a step that is refused is none
+  let before = null; // a refused step does not count
 
   const said = () => ({
     values: Object.fromEntries(Object.entries(state.values).filter(([name, value]) => value !== start.values[name])),
@@ -245,7 +245,7 @@ const bench = (place, told, { send, asked, desk }) => {
   });
   const counts = (name) => !name.includes(".") || state.on.has(name.split(".")[0]);
   const changed = () => Object.keys(said().values).some(counts) || [...state.on].sort().join() !== [...start.on].sort().join();
-  // One picture is under way at a time; of what has moved meanwhile the last counts.
+  // One picture is requested at a time; only the latest of later moves counts.
   const followNow = () => {
     sequence += 1;
     const message = { do: "follow", seq: sequence, sent: performance.now(), ...said() };
@@ -255,7 +255,7 @@ const bench = (place, told, { send, asked, desk }) => {
       send(message);
     }
   };
-  // Arrow keys let a slider go at every press: what follows at once is one step, as one drag is.
+  // Arrow keys release a slider at every press: presses in quick succession are one step, like a drag.
   let resting = null;
   const rested = () => {
     clearTimeout(resting);
@@ -425,7 +425,7 @@ const bench = (place, told, { send, asked, desk }) => {
   const hear = (header, arrays) => {
     if (header.kind === "record" && header.record === shownRecord) curves.setRecord({ arrays });
     if (header.kind === "picture") {
-      // also the first one of all, where steps are taken up again after a reload
+      // also the first one, when steps are restored after a reload
       const stale = header.exact && (header.seq ?? 0) < sequence;
       if (!stale) {
         kept.size = arrays.size;
@@ -489,7 +489,7 @@ const bench = (place, told, { send, asked, desk }) => {
   document.addEventListener("keydown", keys);
   const restore = (saved) => {
     if (!saved?.state?.on || (saved.version && saved.version !== told.version)) return;
-    // names that this model does not have were another version's
+    // names missing in this model are from another version
     const known = (one) => ({
       values: Object.fromEntries(Object.entries(one.values).filter(([name]) => name in start.values)),
       on: one.on.filter((name) => told.switches.some((each) => each.name === name)),
@@ -510,7 +510,7 @@ const bench = (place, told, { send, asked, desk }) => {
     changed: () => (flush(), changed()),
     commands: told.commands,
     version: told.version,
-    // The next version is open: whoever waits for it goes on with it.
+    // The next version is open: continue with it.
     close: () => {
       document.removeEventListener("keydown", keys);
       curves.remove();

@@ -1,12 +1,12 @@
-// Measured and modelled over each other, what is between them beneath in sigmas, the noise always beside both.
+// Measured and modelled curves overlaid, with the residual below in sigmas, and the noise in both.
 import { h } from "../lib.js";
 import { plot } from "../plot.js";
 import { row } from "./frames.js";
 
-// One pair of plots for each channel. `set(record, picture)` as frames.js reads them.
+// One pair of plots for each channel. `set(record, picture)` with data from frames.js.
 export const makeCurves = (opened) => {
   const narrow = window.matchMedia("(max-width: 40rem)").matches;
-  // A table has points over what was varied, and no course between them.
+  // A table has points over the varied quantity, without lines between them.
   const { over } = opened;
   const xLabel = over ? `${over.title}${over.unit ? ` [${over.unit}]` : ""}` : "time in the record [s]";
   const along = over ? over.title : "time";
@@ -72,7 +72,7 @@ export const makeCurves = (opened) => {
     });
   };
   const remove = () => pairs.forEach(({ upper, lower }) => (upper.remove(), lower.remove()));
-  // The one that a narrow screen has room for.
+  // The one shown on a narrow screen.
   const choose = (channel) => pairs.forEach(({ section }, c) => section.classList.toggle("chosen", c === channel));
   return { element, setRecord, setPicture, remove, choose, says: pairs.map((pair) => pair.says) };
 };

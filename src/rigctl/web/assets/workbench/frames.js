@@ -12,7 +12,7 @@ export const readFrame = (buffer) => {
   return { header, arrays };
 };
 
-// Row `index` of an array with rows, as a plot takes it: what is not there is null.
+// Row `index` of a two-dimensional array for a plot: missing values are null.
 export const row = ({ shape, values }, index) => {
   const width = shape[1];
   return Array.from(values.subarray(index * width, (index + 1) * width), (value) => (Number.isNaN(value) ? null : value));

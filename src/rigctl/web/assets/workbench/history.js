@@ -1,4 +1,4 @@
-// How the error fell from version to version, down to the noise, below which no model comes.
+// The reduction of the error from version to version, limited by the noise.
 import { api, button, h } from "../lib.js";
 import { figure, plain } from "./numbers.js";
 
@@ -12,7 +12,7 @@ const svg = (tag, attributes, ...inside) => {
 
 const WIDTH = 360, HEIGHT = 150, LEFT = 46, RIGHT = 12, TOP = 12, BOTTOM = 26;
 
-// What is systematic of an error, in sigmas: the noise is taken off.
+// The systematic part of an error, in sigmas, without the noise.
 const systematic = (error, name) => {
   const [rmse, noise] = [error.rmse[name], error.noise[name]];
   return noise ? Math.sqrt(Math.max(rmse * rmse - noise * noise, 0)) / noise : null;
@@ -36,7 +36,7 @@ const chart = (name, errors) => {
   return h("figure", { class: "fall" }, h("figcaption", {}, `${plain(name)} [σ]`), drawing);
 };
 
-// `open(version)` looks at another version; `beside(version)` compares it with the one that is open.
+// `open(version)` shows another version; `beside(version)` compares it with the open one.
 export const history = async (place, model, { version: here, open, beside }) => {
   const found = await api("/api/workbench/history", { query: { model } });
   const channels = [...new Set(found.errors.flatMap((error) => Object.keys(error.rmse)))];

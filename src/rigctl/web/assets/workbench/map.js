@@ -1,4 +1,4 @@
-// The error of every record: how large, and apart from that to which side, in sigmas of the noise.
+// The error of every record: its size, and separately its bias, in sigmas of the noise.
 import { h } from "../lib.js";
 import { figure } from "./numbers.js";
 
@@ -8,7 +8,7 @@ const BINS = 6;
 const sizeBin = (value) => Math.min(Math.max(Math.ceil(2 * Math.log2(Math.max(value, 1e-9) / 1.1)), 0), BINS);
 const biasBin = (value) => Math.sign(value) * Math.min(Math.ceil(Math.max(Math.abs(value) - 0.1, 0) / 0.4), BINS);
 
-// `choose(record)` when a cell is taken. Rows and columns are the operating point; records of one point share a cell.
+// `choose(record)` when a cell is selected. Rows and columns are the operating point; its records share a cell.
 export const makeMap = (opened, choose) => {
   const { axes, cells } = opened.map;
   const rows = axes[0]?.shown ?? ["all"];

@@ -1,7 +1,7 @@
-// Values as people read and type them.
+// Formatting and parsing of values.
 export const plain = (name) => name.replaceAll("_", " ");
 
-// Digits that a slider's place deserves: 3.912, 7.0e-15
+// The significant digits of a slider's position: 3.912, 7.0e-15
 export const figure = (value, digits = 4) => {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   if (value === 0) return "0";
@@ -14,7 +14,7 @@ export const shown = (slider, si) => (si - slider.offset) / slider.factor;
 export const unitText = (unit) => (unit === "1" ? "" : unit.replaceAll("*", "·").replace(/\^(-?\d)/g, (_, power) => [...power].map((one) => ({ "-": "⁻", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵" })[one] ?? one).join("")));
 export const withUnit = (slider, si) => `${figure(shown(slider, si))} ${unitText(slider.unit)}`.trim();
 
-// A value to the digits that its uncertainty allows: 6.84e-15 ± 0.06e-15
+// A value with the significant digits from its uncertainty: 6.84e-15 ± 0.06e-15
 export const spread = (value, std) => {
   if (!std || !Number.isFinite(std)) return figure(value);
   const digits = Math.min(Math.max(Math.floor(Math.log10(Math.abs(value) || std)) - Math.floor(Math.log10(std)) + 2, 1), 8);
@@ -27,7 +27,7 @@ export const spread = (value, std) => {
 export const chance = (p) => (p === null || p === undefined ? "–" : p < 1e-6 ? "< 1e-6" : figure(p, 2));
 export const percent = (share) => (share < 0.0005 ? "< 0.1 %" : `${(100 * share).toFixed(share > 0.1 ? 0 : 1)} %`);
 
-// s as a person says them
+// a duration in s as text
 export const duration = (seconds) => {
   const whole = Math.round(seconds);
   if (whole < 60) return `${whole} s`;

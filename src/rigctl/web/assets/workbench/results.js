@@ -1,4 +1,4 @@
-// What the buttons found: the answer in a sentence first, then what it rests on.
+// Results of the buttons: the answer in a sentence first, then the evidence.
 import { button, h } from "../lib.js";
 import { plot } from "../plot.js";
 import { chance, duration, figure, percent, plain, spread, unitText } from "./numbers.js";
@@ -22,7 +22,7 @@ const curves = ({ x, named, xLabel, yLabel, describe, height, bands = [], hidden
   return drawn.element;
 };
 
-// The channels on which something is to be seen, and always that with the largest. `quiet` is drawn behind the others.
+// The channels with a visible signal, and always the one with the largest. `quiet` is drawn behind the others.
 const inSigmas = (found, { quiet = "" } = {}) => {
   const most = (channel) => Math.max(0, ...Object.entries(channel.curves).filter(([name]) => name !== quiet).flatMap(([, values]) => values.map((value) => Math.abs(value ?? 0))));
   const largest = Math.max(...found.channels.map(most));
@@ -31,7 +31,7 @@ const inSigmas = (found, { quiet = "" } = {}) => {
     .map(({ title, curves: named }) => curves({ x: found.times, named, quiet, first: quiet ? -1 : 0, xLabel: "time in the record [s]", yLabel: `${title} [σ]`, describe: `${title} in sigmas: ${Object.keys(named).join(", ")}` }));
 };
 
-// Versions of a model on the same records and the same noise, a column each.
+// Versions of a model on the same records and noise, one per column.
 const beside = (found) => {
   const [first, last] = found.models;
   const names = Object.keys(last.channels);
@@ -131,7 +131,7 @@ export const experiment = (found, { approve, toReal }) => {
     h("h3", {}, `${one.duration ? "Record" : "Row"} ${k + 1}: ${Object.entries(one.settings).map(([name, value]) => `${plain(name)} ${value}`).join(", ")}`),
     h("p", { class: "note" }, one.duration ? `${one.why}. It takes ${duration(one.duration)}.` : `${one.why}.`),
     ...telling(found.predictions[k] ?? []).flatMap(predicted));
-  // What the rivals do not differ in says nothing of them.
+  // Channels in which the rivals agree are left out.
   const telling = (channels) => {
     const some = channels.filter((channel) => apart(channel) > 0.5);
     return some.length ? some : channels.slice(-1);

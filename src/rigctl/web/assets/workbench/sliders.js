@@ -1,4 +1,4 @@
-// A slider with its typed value for every parameter, a switch for every effect.
+// A slider with an input field for every parameter, and a switch for every effect.
 import { h } from "../lib.js";
 import { figure, plain, shown, unitText, withUnit } from "./numbers.js";
 
@@ -13,12 +13,12 @@ const place = (slider, si) => {
 const at = (slider, step) => {
   const share = step / STEPS;
   const si = slider.scale === "log" ? slider.low * (slider.high / slider.low) ** share : slider.low + share * (slider.high - slider.low);
-  return Number(si.toPrecision(6)); // no digits that nobody has chosen
+  return Number(si.toPrecision(6)); // no spurious digits
 };
 
 let count = 0;
 
-// One parameter. `moved(name, si)` while it is dragged, `rested()` when it is let go.
+// One parameter. `moved(name, si)` while it is dragged, `rested()` when it is released.
 export const makeSlider = (slider, { moved, rested }) => {
   const id = `slider-${++count}`;
   const range = h("input", { type: "range", id, min: 0, max: STEPS, step: 1, value: place(slider, slider.value) });
