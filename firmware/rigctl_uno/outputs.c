@@ -1,4 +1,4 @@
-/* Heater, solenoids and relief valve. Every switch is reported with its time; nothing is switched on while a trip is latched.
+/* Heater, solenoids and relief valve. Every switch is reported with its time; nothing comes on while a trip is latched.
  *
  * A solenoid is energised VALVE_REST_MS after the valve's last switch at the earliest: a command that comes too
  * soon waits on the board, and the latest one counts. Both solenoids are never on together, since one function
