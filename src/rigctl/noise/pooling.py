@@ -137,10 +137,13 @@ def _agreed(
     tolerance: float,
 ) -> _Taken | None:
     """What agrees with a fit: of the records, else of their differences; None if nothing does."""
-    far = [_far(group, fit) for group in groups]
-    far_differences = [_far(group, fit) for group in differences]
-    used = _agreeing(groups, far, fit, cells, tolerance, means=True)
-    instead = _agreeing(differences, far_differences, fit, cells, tolerance, means=False) & ~used
+    white = [whitened(group, fit) for group in groups]
+    white_differences = [whitened(group, fit) for group in differences]
+    far = [_far(z, group) for z, group in zip(white, groups, strict=True)]
+    far_differences = [_far(z, group) for z, group in zip(white_differences, differences, strict=True)]
+    used = _agreeing(groups, white, far, fit, cells, tolerance, means=True)
+    instead = _agreeing(differences, white_differences, far_differences, fit, cells, tolerance, means=False)
+    instead &= ~used
     if not (used.any() or instead.any()):
         return None
     return _taken(groups, differences, used, instead, far, far_differences)
@@ -194,15 +197,16 @@ def _chosen(
     return [group for group in chosen if group.rows.size]
 
 
-def _far(group: WindowGroup, fit: NoiseFit) -> NDArray[np.bool_]:
-    """Windows whose Σz² is too large for chance."""
+def _far(z: NDArray[np.float64], group: WindowGroup) -> NDArray[np.bool_]:
+    """Windows whose Σz² is too large for chance; z as `whitened` gives it."""
     from scipy.special import chdtri
 
-    return np.asarray(np.sum(whitened(group, fit) ** 2, axis=1) > chdtri(group.degrees, _WINDOW_LEVEL))
+    return np.asarray(np.sum(z**2, axis=1) > chdtri(group.degrees, _WINDOW_LEVEL))
 
 
 def _agreeing(
     groups: Sequence[WindowGroup],
+    white: Sequence[NDArray[np.float64]],
     far: Sequence[NDArray[np.bool_]],
     fit: NoiseFit,
     cells: int,
@@ -215,8 +219,7 @@ def _agreeing(
 
     squares, degrees, count, left = (np.zeros(cells) for _ in range(4))
     mean_squares, mean_degrees = np.zeros(cells), np.zeros(cells)
-    for group, out in zip(groups, far, strict=True):
-        z = whitened(group, fit)
+    for group, z, out in zip(groups, white, far, strict=True):
         for cell in np.unique(group.cells).tolist():
             here = group.cells == cell
             taken = z[here & ~out]

@@ -44,6 +44,8 @@ _STEPS = 100
 _SMOOTHED = 5
 #: least variance at rest, as a share of a block's typical one
 _SMALLEST = 1e-6
+#: a smaller mean, or sum of means, counts as this one: it is divided by
+_NOTHING = 1e-300
 
 
 @dataclass(frozen=True)
@@ -302,12 +304,23 @@ def most_likely_squares(terms: Floats, variance: Floats) -> Floats:
 
     Each step lowers ``Σ (ln μ + v/μ)``: C. Févotte & J. Idier, Neural Computation 23 (2011) 2421.
     """
-    typical = np.maximum(terms.mean(axis=0), 1e-300)
+    typical = np.maximum(terms.mean(axis=0), _NOTHING)
     squares = np.full(terms.shape[1], float(variance.mean())) / (terms.shape[1] * typical)
+    # each term's values in a row, and the same two rows in every step: the time goes into moving them
+    rows = np.ascontiguousarray(terms.T)
+    least = rows.min(axis=1)
+    both = np.empty((2, variance.size))
+    inverse, ratio = both
     for _ in range(_STEPS):
-        mean = np.maximum(terms @ squares, 1e-300)
+        np.matmul(squares, rows, out=inverse)
+        if not least @ squares >= _NOTHING:
+            np.maximum(inverse, _NOTHING, out=inverse)
+        np.divide(1.0, inverse, out=inverse)
+        np.multiply(variance, inverse, out=ratio)
+        np.multiply(ratio, inverse, out=ratio)
+        down, up = (rows @ both.T).T
         before = squares
-        squares = squares * np.sqrt((variance / mean**2) @ terms / np.maximum((1.0 / mean) @ terms, 1e-300))
+        squares = squares * np.sqrt(up / np.maximum(down, _NOTHING))
         if np.array_equal(squares, before):
             break
     return np.asarray(squares)
