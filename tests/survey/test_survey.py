@@ -15,7 +15,8 @@ import rigctl
 from commands import answer, call, refusal, told
 from rigctl.dataset import list_runs
 from rigctl.errors import ExitCode
-from rigctl.monitoring.survey import survey
+from rigctl.model import load_model
+from rigctl.monitoring.survey import _picked, survey
 from rigctl.tasks import Workers
 
 FAMILY = """\
@@ -109,6 +110,24 @@ def test_an_alarm_is_an_exit_code_and_a_failed_case(year: Path) -> None:
     assert any(line.startswith("  apart ") and line.endswith("(slip)") for line in lines)
     assert len(lines) <= 8 and "scatter between runs" not in done.stdout
     assert "Changed." in page and "course-1" in page and "<script src" not in page
+
+
+def test_notes_on_the_data_are_those_of_compare(year: Path) -> None:
+    with chdir(year):
+        ids = [run.id for run in list_runs()][:3]
+        notes = [run["notes"] for run in answer("survey", *ids, *SHARED)["runs"]]
+        compared = answer("compare", ids[0], "--model", "models/pump.yaml")["notes"]
+        evidence = told("survey", *ids, *SHARED, "-v")
+    assert compared and notes[0] == compared
+    assert all(note in evidence for each in notes for note in each)
+
+
+def test_an_effect_is_looked_at_in_its_typical_shape() -> None:
+    model = load_model(Path(__file__).parents[2] / "models" / "hl32-textbook.yaml")
+    found = {one.name: one for one in _picked(model, None, None)}
+    assert not found["coulomb_friction"].shapes and not found["stribeck_friction"].shapes
+    sizes = found["pump_slip"].parameter("pump_slip.conductance").grid
+    assert list(found["pump_slip"].secants.values()) == [sorted(sizes)[len(sizes) // 2]]
 
 
 def test_before_anything_has_changed_nothing_is_told(year: Path) -> None:

@@ -77,7 +77,7 @@ def compare(
         fitted = fit_to_data(model, data, refit=refit, on_progress=said)
         said(f"Locating the errors of {model.name}")
         compared.append(judge(fitted, model.name, excluded=excluded, on_progress=said))
-        notes += _notes(fitted)
+        notes += data_notes(fitted)
     return Comparison(
         runs=tuple(run.id for run in runs),
         held_out=labels,
@@ -179,7 +179,7 @@ def _statement(
     return f"{text}. {direction}" if direction else text
 
 
-def _notes(fitted: FitResult) -> list[str]:
+def data_notes(fitted: FitResult) -> list[str]:
     """What should be known about the data and the fit before a verdict is trusted."""
     problem = fitted.problem
     spikes = [

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.adequacy import adequacy
 from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.comparison import data_notes
 from rigctl.analysis.fitting import Data, fit_problem, read_runs
 from rigctl.analysis.linearisation import Linearisation, linearise
 from rigctl.analysis.nuisance_projection import HIDDEN, project
@@ -85,6 +86,7 @@ class Reading:
     p_value: of the three tests of adequacy; `adequate` whether none rejects.
     chi2_reduced: squared misfit per degree of freedom.
     records, samples: their numbers.
+    notes: remarks on its data, as `rigctl compare` has them.
     """
 
     values: Floats
@@ -97,6 +99,7 @@ class Reading:
     chi2_reduced: float = 1.0
     records: int = 0
     samples: int = 0
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -204,6 +207,7 @@ def _made(plan: Plan, problem: Problem, data: Data) -> Reading:
         chi2_reduced=fitted.chi2_reduced,
         records=len(measured.records),
         samples=measured.samples,
+        notes=tuple(dict.fromkeys(note for note in data_notes(fitted) if note)),
     )
 
 

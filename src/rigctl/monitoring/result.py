@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 from rigctl.analysis.adequacy import chance_text
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 INTERVAL = 1.96
 #: largest number of step levels in a sentence
 _LEVELS = 6
+#: number of entries that a note names
+_NAMED = 3
 #: the nearest quantity is named if its p-value is below this, though it is no change
 _NEAR = 0.1
 
@@ -73,6 +76,23 @@ class Survey:
     def failed(self) -> tuple[Line, ...]:
         """The entries that could not be read."""
         return tuple(line for line in self.lines if line.reading is None)
+
+    @cached_property
+    def data_notes(self) -> dict[str, tuple[str, ...]]:
+        """The remarks on the data, each with the labels of the entries to which it applies."""
+        found: dict[str, list[str]] = {}
+        for line in self.lines:
+            for note in line.reading.notes if line.reading is not None else ():
+                found.setdefault(note, []).append(line.entry.label)
+        return {note: tuple(labels) for note, labels in found.items()}
+
+    def note_text(self, note: str) -> str:
+        """A note on the data, with the entries to which it applies unless these are all."""
+        labels = self.data_notes[note]
+        if len(labels) == len(self.read):
+            return note
+        more = f" and {len(labels) - _NAMED} more" if len(labels) > _NAMED else ""
+        return f"{note} ({', '.join(labels[:_NAMED])}{more})"
 
     @property
     def verdict(self) -> Literal["changed", "no_change_seen", "cannot_tell"]:
@@ -222,6 +242,7 @@ class Survey:
             "p_value": line.reading.p_value,
             "chi2_reduced": line.reading.chi2_reduced,
             "records": line.reading.records,
+            "notes": list(line.reading.notes),
         }
 
     def _in_unit(self, quantity: Quantity, si: float | None, *, difference: bool = False) -> float | None:

@@ -55,7 +55,7 @@ def survey(
         parameters that the model's file frees are fitted in each run.
     effects: effects to test besides the model's own; by default every one that the model may lack.
     only, assume: as for `rigctl compare`.
-    notes: remarks on the runs, repeated in the result.
+    notes: remarks on the runs, repeated in the result; those on the data of each run are in its line.
     name: diagnose a run after a change, and fit the effect that is named in every run; False reports only
         what changes.
 
@@ -168,7 +168,7 @@ def _begun(
 def _picked(
     model: Model, measurements: Measurements | None, wanted: Sequence[str] | None
 ) -> tuple[Candidate, ...]:
-    """One candidate for each effect: if it has a grid of shapes, the middle one.
+    """One candidate for each effect, see `_typical`.
 
     All runs are evaluated with the same shapes; otherwise the sizes would not be comparable.
     """
@@ -181,7 +181,13 @@ def _picked(
         if name not in found:
             raise unknown_name("effect that the model may lack", name, ["none", *found])
     chosen = found if wanted is None else {name: found[name] for name in found if name in wanted}
-    return tuple(tried[places[len(places) // 2]] for places in chosen.values())
+    return tuple(_typical([tried[place] for place in places]) for places in chosen.values())
+
+
+def _typical(shapes: Sequence[Candidate]) -> Candidate:
+    """Of an effect's shapes the typical one, at which its declaration starts; else the middle of its grid."""
+    middle = shapes[len(shapes) // 2]
+    return next((one for one in shapes if not one.shapes and not one.secants), middle)
 
 
 def _quantities(plan: Plan) -> list[Quantity]:

@@ -10,6 +10,7 @@ from rich.markup import escape
 from rigctl.analysis.adequacy import chance_text
 from rigctl.cli.tables import console, table
 from rigctl.cli.views.answer import counted, show_answer
+from rigctl.cli.views.compare import routine
 from rigctl.monitoring.result import Line, Survey
 from rigctl.report.answer import Answer
 from rigctl.report.numbers import plural
@@ -18,16 +19,20 @@ from rigctl.report.numbers import plural
 _COURSES, _LINES, _TESTS = 4, 24, 8
 #: changes that are told in full; single runs and failures that are named
 _CHANGES, _NAMED = 4, 3
+#: notes on the data that are told without ``-v``
+_NOTES = 2
 _HEADS = {"changed": "Changed", "no_change_seen": "No change seen", "cannot_tell": "Cannot tell"}
 
 
 def show_survey(found: Survey, written: Sequence[Path], *, verbose: bool = False) -> None:
     """The answer; with `verbose` the runs with what they say, and what was tested."""
     out = console()
+    notes = _notes_on_data(found)
     more = [
         *counted(len(found.lines), "run with what it says", "runs with what they say"),
         *counted(len(found.judged.tested), "quantity's scatter and chance", "quantities' scatter and chance"),
         *counted(max(len(found.failed) - 1, 0), "more failure", "more failures"),
+        *counted(len(found.data_notes) - len(notes), "note on the data", "notes on the data"),
     ]
     show_answer(survey_answer(found), more=[] if verbose else more)
     if verbose:
@@ -35,10 +40,20 @@ def show_survey(found: Survey, written: Sequence[Path], *, verbose: bool = False
         _show_tests(found)
         for line in found.failed:
             out.print(f"  [yellow]{escape(line.entry.label)}: {escape(line.failed)}[/]", soft_wrap=True)
-    for note in (*found.named.remarks, *found.notes):
+        notes = [found.note_text(note) for note in found.data_notes]
+    for note in (*found.named.remarks, *found.notes, *notes):
         out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
     for path in written:
         out.print(f"  written: {escape(path.as_posix())}", soft_wrap=True)
+
+
+def _notes_on_data(found: Survey) -> list[str]:
+    """The notes on the data that are told without ``-v``: not the routine ones, those of most runs first."""
+    usual = set(routine(list(found.data_notes)))
+    unusual = sorted(
+        (one for one in found.data_notes.items() if one[0] not in usual), key=lambda one: -len(one[1])
+    )
+    return [found.note_text(note) for note, _ in unusual[:_NOTES]]
 
 
 def survey_answer(found: Survey) -> Answer:

@@ -45,7 +45,7 @@ def survey_sections(found: Survey) -> list[Section]:
         changes=[_change(found, k) for k in range(len(found.changes))],
         level=f"{100 * SURVEY_ALPHA:g}",
         tests=[_test(found, k) for k in range(len(found.judged.tested))],
-        remarks=[*found.named.remarks, *found.notes],
+        remarks=[*found.named.remarks, *found.notes, *map(found.note_text, found.data_notes)],
     )
     others = render("survey_courses.html", plots=[plot_slot(plot) for plot in plots[len(first) :]])
     return [
