@@ -132,6 +132,33 @@ def test_the_latest_of_the_waiting_commands_counts(chip: Chip) -> None:
     assert not chip.pins["extend"]
 
 
+@pytest.mark.parametrize("end", ["OUTP:SAFE", "*RST", "VALV OFF", "trip"])
+def test_a_command_that_waits_is_forgotten_when_outputs_go_off(chip: Chip, end: str) -> None:
+    chip.send("VALV EXT\nVALV RET", 0.01)
+    assert chip.pins == {"heater": False, "extend": False, "retract": False}, "it rests for 50 ms"
+    if end == "trip":
+        chip.put(680, 500, 300)
+    else:
+        chip.send(end, 0.01)
+    chip.run(0.2)
+    assert not chip.pins["retract"]
+    assert chip.ask("VALV?") == "OFF"
+
+
+def test_while_a_trip_is_latched_nothing_comes_on(chip: Chip) -> None:
+    chip.put(680, 500, 300)
+    chip.run(0.02)
+    assert "-221" in chip.ask("#1 SYST:TRIP:CLE"), "its cause lasts"
+    chip.put(200, 500, 300)
+    chip.run(0.02)
+    for command in ("OUTP:HEAT ON", "VALV EXT", "VALV RET,100", "SOUR:PRES 500"):
+        assert "-221" in chip.ask(f"#1 {command}"), command
+    chip.run(0.1)
+    assert chip.ask("MEAS:ALL?").split(",")[4:] == ["0", "0", "2"]
+    assert chip.ask("#1 SYST:TRIP:CLE") == "#1 OK"
+    assert chip.ask("#1 OUTP:HEAT ON") == "#1 OK"
+
+
 def test_the_heater_rests_between_two_times_on(chip: Chip) -> None:
     chip.send("OUTP:HEAT ON\nOUTP:HEAT OFF")
     assert chip.ask("#1 OUTP:HEAT ON") == '#1 !-221,"Settings conflict"'
