@@ -161,6 +161,14 @@ def test_in_a_record_no_loss_of_contact_may_interrupt_a_loop(
     assert "went to the safe state" in str(done.result.reason)
 
 
+def test_a_loop_that_nobody_can_stop_is_named_though_its_output_was_safe(board: BoardWorkshop) -> None:
+    """It may command another value a moment later."""
+    text = recorded("rate: 100 Hz, where: board, for: 3 s").replace("to: 30 bar", "to: 5 bar")
+    done = board.run(text, noise="off", faults=["backend_lost@1 s..60 s"])
+    assert not [value for _, value in done.commands("relief_valve") if value > 10 * BAR]
+    assert "relief_valve" in str(done.result.unconfirmed)
+
+
 def test_after_the_loop_the_output_is_safe_before_the_next_step(board: BoardWorkshop) -> None:
     done = board.run(f"{alone('rate: 100 Hz, where: board, for: 1 s')}  - wait: 1 s\n", noise="off")
     assert done.result.status == "finished", done.result.reason

@@ -11,9 +11,10 @@ import pytest
 
 from rigctl.backends.arduino.bench import ArduinoBench
 from rigctl.backends.emulated import library
-from rigctl.backends.emulated.board import EmulatedBoard
+from rigctl.backends.emulated.avr import FREQUENCY
+from rigctl.backends.emulated.board import EmulatedBoard, millivolt
 from rigctl.backends.emulated.create import create
-from rigctl.backends.errors import BackendLost
+from rigctl.backends.errors import BackendLost, BenchTripped
 from rigctl.backends.protocol import Notice, Sample
 from rigctl.clock import VirtualClock
 from rigctl.errors import RigctlError
@@ -152,6 +153,23 @@ def test_what_another_program_has_left_on_is_off_before_anything_else(uno_rig: R
     assert sample is not None
     assert sample.commands[:2] == (0.0, 0.0)
     bench.close()
+
+
+def test_a_silent_host_beside_another_trip_is_not_cleared(uno_rig: Rig) -> None:
+    bench = create(uno_rig, VirtualClock(), {"plant": "roles", "seed": 1})
+    meet = bench._meet
+
+    def tripped_twice(port: Any, *, again: bool) -> Any:
+        avr = port._board.avr
+        avr.send(b"OUTP:HEAT ON\n")
+        avr.run_to(avr.cycle + 2 * FREQUENCY)
+        avr.put_voltage(0, millivolt(700))
+        avr.run_to(avr.cycle + FREQUENCY // 50)
+        return meet(port, again=again)
+
+    bench._meet = tripped_twice  # type: ignore[method-assign]
+    with pytest.raises(BenchTripped, match=r"over-pressure.*host silent"):
+        bench.open()
 
 
 def test_a_lost_line_comes_back_with_outputs_off_and_a_gap(make_bench: Make) -> None:
