@@ -161,3 +161,16 @@ def test_no_pattern_takes_unbounded_time() -> None:
     text = PROCEDURE.replace("HB-[0-9]{4}", "(a+)+b")
     demands = parse_procedure(text).identity
     assert not demands.serial_number.matches("a" * 200)
+
+
+@pytest.mark.parametrize("text", ["", "   "])
+def test_a_scanner_that_read_nothing_does_not_mean_the_default(project: Path, text: str) -> None:
+    """The run was recorded under the default's name: another device than the one on the bench."""
+    path = project / "procedures" / "default.yaml"
+    path.write_text(
+        PROCEDURE.replace("{required: true, pattern", "{default: HB-0001, pattern"), encoding="utf-8"
+    )
+    with chdir(project):
+        said = refusal("simulate", "procedures/default.yaml", "--serial-number", text)
+    assert "the serial number is empty" in said
+    assert "'HB-0001'" in said

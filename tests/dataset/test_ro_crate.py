@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import shutil
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +14,11 @@ from typing import Any
 import pytest
 from rocrate.rocrate import ROCrate
 
-from commands import refusal, told
+from commands import call, refusal, told
 from rigctl.dataset import RunWriter, calibrations_of, open_run
 from rigctl.dataset.exporting import export_junit, export_ro_crate
 from rigctl.dataset.storage import Store, upload
+from rigctl.errors import ExitCode, RigctlError
 from rigctl.testing import VirtualBench
 
 STEPS = """\
@@ -123,3 +126,55 @@ def test_a_failed_export_leaves_nothing_behind(runs: list[Path]) -> None:
     said = refusal("export", *names, "--to", "ro-crate", "-o", "b", exit_code=1)  # type: ignore[arg-type]
     assert "changed since the run was closed" in said
     assert sorted(path.name for path in Path().iterdir()) == ["rigctl.toml", "runs", "there"]
+
+
+def _sealed(info: dict[str, Any]) -> str:
+    """A run.json with the checksum that the format's page describes."""
+    said = {key: value for key, value in info.items() if key != "checksum"}
+    text = json.dumps(said, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+    return json.dumps({**said, "checksum": hashlib.sha256(text.encode("ascii")).hexdigest()})
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "says"),
+    [
+        ("files", {"../../outside.txt": {"bytes": 6, "sha256": ""}}, "names a file that is not in the run's"),
+        ("files", {"C:x": {"bytes": 6, "sha256": ""}}, "names a file that is not in the run's"),
+        ("files", None, "'files' is not what rigctl writes"),
+        ("device", ["HC-0042"], "'device' is not what rigctl writes"),
+        ("procedure", {"name": None, "text": ""}, "the name in 'procedure' is not a text"),
+        ("calibrations", {"position": None}, "'calibrations' is not what rigctl writes"),
+        ("duration", None, "'duration' is not what rigctl writes"),
+    ],
+)
+def test_a_forged_run_is_refused_and_hides_no_other(
+    runs: list[Path], field: str, value: object, says: str
+) -> None:
+    """Its checksum is right; 'runs list' ended with it, and a crate could hold any file of the computer."""
+    forged = runs[0].with_name("20260101-000000-forged")
+    shutil.copytree(runs[0], forged)
+    (runs[0].parent.parent / "outside.txt").write_text("SECRET", encoding="utf-8")
+    if isinstance(value, dict) and field == "files":
+        value = {name: {"bytes": 6, "sha256": hashlib.sha256(b"SECRET").hexdigest()} for name in value}
+    info = {**json.loads((forged / "run.json").read_text(encoding="utf-8")), "id": forged.name, field: value}
+    (forged / "run.json").write_text(_sealed(info), encoding="utf-8")
+    for to in ("ro-crate", "junit"):
+        said = refusal("export", forged.name, "--to", to, "-o", "out", exit_code=ExitCode.FAILED)
+        assert says in said
+    listed = told("runs", "list", "--json")
+    assert all(folder.name in listed for folder in runs)
+    assert not Path("out").exists()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes in folders and /dev/zero are of POSIX")
+@pytest.mark.parametrize("how", ["pipe", "device", "folder"])
+@pytest.mark.parametrize("name", ["log.jsonl", "events.parquet", "run.json"])
+def test_what_never_ends_is_no_file_of_a_run(runs: list[Path], name: str, how: str) -> None:
+    """A pipe was waited for, and /dev/zero filled the memory."""
+    path = runs[0] / name
+    path.unlink()
+    {"pipe": os.mkfifo, "device": lambda to: Path(to).symlink_to("/dev/zero"), "folder": os.mkdir}[how](path)
+    assert isinstance(call("export", runs[0].name, "--to", "ro-crate", "-o", "out").exception, RigctlError)
+    assert runs[1].name in told("runs", "list", "--json")
+    assert call("runs", "verify", runs[0].name).exit_code == 1
+    assert not Path("out").exists()

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.files.regular import regular
 
 if TYPE_CHECKING:
     import numpy as np
@@ -284,7 +285,7 @@ class JournalReader:
             if self._file is not None and same_file(self._file, self._path):
                 return True
             self.close()
-            self._file = self._path.open("rb")
+            self._file = open(self._path, "rb", opener=regular)  # noqa: SIM115
             if self._file.read(len(MAGIC)) != MAGIC:
                 self.close()
                 return False
@@ -327,7 +328,7 @@ def read_journal(path: Path) -> Journal:
         the file cannot be read.
     """
     try:
-        with path.open("rb") as file:
+        with open(path, "rb", opener=regular) as file:
             return _scan(path, file)
     except OSError as problem:
         raise RigctlError(

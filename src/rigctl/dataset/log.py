@@ -18,6 +18,7 @@ from zlib import crc32
 
 from rigctl.dataset.journal import everything_in, same_file, write_fully
 from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.files.regular import regular
 
 NAME: Final = "log.jsonl"
 #: the end of a line with a checksum
@@ -121,7 +122,8 @@ class LogWriter:
 
 def whole_length(path: Path) -> int:
     """Return the number of bytes up to the end of the last complete line."""
-    return path.read_bytes().rfind(b"\n") + 1
+    with open(path, "rb", opener=regular) as file:
+        return file.read().rfind(b"\n") + 1
 
 
 def read_lines(path: Path) -> list[dict[str, Any] | None]:
@@ -135,7 +137,8 @@ def read_lines(path: Path) -> list[dict[str, Any] | None]:
         the file cannot be read.
     """
     try:
-        content = path.read_bytes()
+        with open(path, "rb", opener=regular) as file:
+            content = file.read()
     except OSError as problem:
         raise RigctlError(
             f"cannot read the file: {problem.strerror}", where=Location(path), exit_code=ExitCode.FAILED
@@ -162,7 +165,7 @@ class LogReader:
     def poll(self) -> list[dict[str, Any]]:
         """Return the complete lines added since the last call; damaged ones are skipped."""
         try:
-            with self._path.open("rb") as file:
+            with open(self._path, "rb", opener=regular) as file:
                 if self._at is None:
                     self._at = max(file.seek(0, os.SEEK_END) - self._most, 0)
                     file.seek(self._at)

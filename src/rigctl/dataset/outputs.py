@@ -8,6 +8,7 @@ from typing import Final
 
 from rigctl.dataset import log, run_json
 from rigctl.errors import Location, RigctlError
+from rigctl.files.regular import regular
 
 #: bytes that are read to recognise a file
 _HEAD: Final = 4096
@@ -93,7 +94,7 @@ def containing_run(path: Path) -> Path | None:
 
 def _head(path: Path) -> bytes:
     try:
-        with path.open("rb") as file:
+        with open(path, "rb", opener=regular) as file:
             return file.read(_HEAD)
     except OSError:
         return b""

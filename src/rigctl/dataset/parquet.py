@@ -45,6 +45,8 @@ def open_parquet(path: Path | StoredFile) -> Iterator[pq.ParquetFile]:
                 ) from problem
         return
     try:
+        if path.exists() and not path.is_file():
+            raise OSError("a folder, a pipe or a device")
         with pq.ParquetFile(path) as file:
             yield file
     except FileNotFoundError as problem:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.files.regular import regular
 from rigctl.files.write import to_json, write_json
 
 NAME: Final = "run.json"
@@ -20,6 +21,17 @@ _CHECKSUM: Final = "checksum"
 _PROTECTED: Final = 2
 #: status of a run in progress, or of one whose program was killed
 RUNNING: Final = "running"
+#: the types of fields that others rely on; a field may be missing
+_SHAPES: Final[dict[str, type | tuple[type, ...]]] = {
+    **dict.fromkeys(("procedure", "rig", "layout", "calibrations", "backend", "versions"), dict),
+    **dict.fromkeys(("arguments", "device", "test", "files"), dict),
+    **dict.fromkeys(("measures", "annotations", "sessions", "damaged_lines"), list),
+    **dict.fromkeys(("id", "status", "source", "started"), str),
+    **dict.fromkeys(("records", "rows"), int),
+    "duration": (int, float),
+}
+#: characters of a path that leads out of the run's folder
+_ELSEWHERE: Final = frozenset("/\\:\0")
 _canonical: Final = json.JSONEncoder(sort_keys=True, separators=(",", ":"), ensure_ascii=True).encode
 
 
@@ -33,7 +45,7 @@ def read_info(folder: Path) -> dict[str, Any]:
     """
     try:
         # making a Path for each file takes as long as reading it
-        with open(f"{folder}{os.sep}{NAME}", "rb") as file:  # noqa: PTH123
+        with open(f"{folder}{os.sep}{NAME}", "rb", opener=regular) as file:
             text = file.read().decode("utf-8")
     except OSError as problem:
         raise RigctlError(f"no run: {problem.strerror}", where=Location(folder / NAME)) from problem
@@ -68,7 +80,26 @@ def _checked(text: str, folder: Path) -> dict[str, Any]:
         raise _damaged(folder / NAME)
     if info.get("format", _PROTECTED) >= _PROTECTED and info.get(_CHECKSUM) != _digest(info):
         raise _damaged(folder / NAME, "the file was changed since it was written")
+    _require_shape(info, folder)
     return info
+
+
+def _require_shape(info: Mapping[str, Any], folder: Path) -> None:
+    """Refuse a file that is intact, and yet none that rigctl writes: a forger can compute checksums too.
+
+    Without it, one such run in a folder would make listing all the others fail.
+    """
+    for name, kind in _SHAPES.items():
+        if name in info and not isinstance(info[name], kind):
+            raise _damaged(folder / NAME, f"'{name}' is not what rigctl writes there")
+    for name in ("procedure", "rig"):
+        if not isinstance(info.get(name, {}).get("name", ""), str):
+            raise _damaged(folder / NAME, f"the name in '{name}' is not a text")
+    for name in ("calibrations", "files"):
+        if not all(isinstance(value, dict) for value in info.get(name, {}).values()):
+            raise _damaged(folder / NAME, f"'{name}' is not what rigctl writes there")
+    if any(_ELSEWHERE.intersection(name) for name in info.get("files", ())):
+        raise _damaged(folder / NAME, "it names a file that is not in the run's folder")
 
 
 def require_own(folder: Path, run_id: object, path: Path) -> None:
@@ -131,7 +162,7 @@ def set_aside(folder: Path) -> Path | None:
 
 def file_facts(path: Path) -> dict[str, Any]:
     """Return the size and SHA-256 of a file, for ``run.json``."""
-    with path.open("rb") as file:
+    with open(path, "rb", opener=regular) as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return {"sha256": digest, "bytes": path.stat().st_size}
 

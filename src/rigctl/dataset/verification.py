@@ -15,6 +15,7 @@ from rigctl.dataset.history import read_history
 from rigctl.dataset.storage.store import StoredFolder
 from rigctl.dataset.writer_lock import try_lock
 from rigctl.errors import RigctlError
+from rigctl.files.regular import regular
 
 
 class Condition(Enum):
@@ -69,7 +70,8 @@ def _annotated_since(folder: Path, info: dict[str, Any]) -> bool:
     path = folder / ANNOTATIONS
     if not path.exists():
         return False
-    content, known = path.read_bytes(), info.get("files", {}).get(ANNOTATIONS)
+    with open(path, "rb", opener=regular) as file:
+        content, known = file.read(), info.get("files", {}).get(ANNOTATIONS)
     if known is None:
         return True
     before = content[: known["bytes"]]

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.files.regular import regular
 
 if TYPE_CHECKING:
     from filelock import FileLock
@@ -125,7 +126,8 @@ def read_state(folder: Path) -> RunState | None:
     path = folder / STATE_NAME
     try:
         age = time.time() - path.stat().st_mtime
-        fields = json.loads(path.read_text(encoding="utf-8"))
+        with open(path, "rb", opener=regular) as file:
+            fields = json.loads(file.read().decode("utf-8"))
     except (OSError, ValueError):
         return None
     if not isinstance(fields, dict):

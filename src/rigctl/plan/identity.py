@@ -143,5 +143,11 @@ def settled(demands: IdentityFields, given: Mapping[str, str | None]) -> tuple[I
         text = given.get(name)
         demand: IdentityField = getattr(demands, name)
         found[name] = checked(demands, name, text) if text is not None else demand.default or ""
+        if not found[name] and demand.default:
+            # a scanner that read nothing does not mean the default
+            raise RigctlError(
+                f"the {name.replace('_', ' ')} is empty",
+                expected=f"a text, or nothing at all for the procedure's default, '{demand.default}'",
+            )
     missing = tuple(name for name in NAMES if getattr(demands, name).required and not found[name])
     return Identity(**found), missing

@@ -21,6 +21,7 @@ from rigctl.dataset import run_json
 from rigctl.dataset.outputs import require_output
 from rigctl.dataset.run_id import slug
 from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.files.regular import regular
 from rigctl.files.write import write_error
 
 if TYPE_CHECKING:
@@ -207,11 +208,11 @@ def _run_entities(folder: Path, run: Run) -> Iterable[Entity]:
 
 def _copied(folder: Path, run: Run) -> Iterable[Entity]:
     """Copy the files of a run and compare them with the run's checksums."""
-    for name in ("run.json", *run.info["files"]):
+    for name in ("run.json", *run.info.get("files", ())):
         target = folder / run.id / name
         _fetch(run, name, target)
         facts = run_json.file_facts(target)
-        kept = run.info["files"].get(name)
+        kept = run.info.get("files", {}).get(name)
         if kept is not None and facts["sha256"] != kept["sha256"]:
             raise RigctlError(
                 "the file was changed since the run was closed",
@@ -228,12 +229,17 @@ def _fetch(run: Run, name: str, target: Path) -> None:
         with (run.folder / name).open() as source, target.open("wb") as copy:
             shutil.copyfileobj(source, copy)
         return
+    where = Location(run.folder / name)
     try:
-        shutil.copyfile(run.folder / name, target)
+        source = open(run.folder / name, "rb", opener=regular)  # noqa: SIM115
     except FileNotFoundError as problem:
+        raise RigctlError("a file of the run is missing", where=where, exit_code=ExitCode.FAILED) from problem
+    except OSError as problem:
         raise RigctlError(
-            "a file of the run is missing", where=Location(run.folder / name), exit_code=ExitCode.FAILED
+            f"cannot read the file: {problem.strerror}", where=where, exit_code=ExitCode.FAILED
         ) from problem
+    with source, target.open("wb") as copy:
+        shutil.copyfileobj(source, copy)
 
 
 def _sources(folder: Path, run: Run) -> Iterable[Entity]:
