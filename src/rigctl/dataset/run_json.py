@@ -156,7 +156,13 @@ def set_aside(folder: Path) -> Path | None:
     number = 1
     while (kept := folder / f"{NAME}.changed-{number}").exists():
         number += 1
-    kept.write_bytes(path.read_bytes())
+    try:
+        with open(path, "rb", opener=regular) as file:
+            content = file.read()
+    except OSError:  # a folder, a pipe or a device: it has no content, and makes room for the file
+        path.rename(kept)
+        return kept
+    kept.write_bytes(content)
     return kept
 
 
