@@ -252,8 +252,8 @@ class _Search:
         before, largest = self.cost, self._largest(found.step)
         enough = before - _LEAST_GAIN * self._expected(found.step)
         self.damping = damping
-        for _ in range(1 + _ASIDE):
-            if not self._went(found.step):
+        for left in range(_ASIDE, -1, -1):
+            if not self._went(found.step, below=math.inf if left else enough):
                 break
             if self.cost < enough:
                 self.timid += before - self.cost <= self.options.cost * before
@@ -264,10 +264,19 @@ class _Search:
         self.timid += 1
         return False
 
-    def _went(self, step: Vector) -> bool:
-        """Move to the end of a step, whatever the cost there; False if the model cannot be evaluated."""
-        trial = self._ahead(step, 1.0)
-        blocks = self._blocks(trial, derivatives=True)
+    def _went(self, step: Vector, *, below: float) -> bool:
+        """Move to the end of a step if the cost there is less than `below`; False if it is not, or if the
+        model cannot be evaluated.
+
+        With a limit most steps end here: derivatives, the larger part of the work, are computed only below
+        it.
+        """
+        trial, limited = self._ahead(step, 1.0), below < math.inf
+        blocks = self._blocks(trial, derivatives=not limited)
+        if limited and not isinstance(blocks, Refused):
+            if not self._cost(blocks, trial) < below:
+                return False
+            blocks = self._blocks(trial, derivatives=True)
         if isinstance(blocks, Refused):
             return False
         self._move(trial, self._cost(blocks, trial), blocks)
