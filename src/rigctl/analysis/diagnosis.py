@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from rigctl.analysis.decision_levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLER
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.analysis.fitting import require_free_parameters
 from rigctl.analysis.identity import Levels, levels_of, same_cause
-from rigctl.analysis.laws.answer import LawAnswer, law_answers, laws_instead
+from rigctl.analysis.laws.answer import LawAnswer, Laws, laws_instead
 from rigctl.analysis.laws.simpler_law import simpler_does
 from rigctl.analysis.laws.size_scatter import SizeScatter
 from rigctl.analysis.linearisation import slopes_at
@@ -97,9 +97,14 @@ def diagnose_comparison(
     notes: Sequence[str] = (),
     *,
     most: int = 2,
+    further_laws: Callable[[Diagnosis], bool] = lambda _: True,
     on_progress: OnProgress | None = None,
 ) -> Diagnosis:
-    """Diagnose a model that has been compared with data."""
+    """Diagnose a model that has been compared with data.
+
+    `further_laws` is called with the diagnosis, and says whether the laws of the effects that the model has
+    are to be estimated too, on which nothing else in it depends; those of the named effects always are.
+    """
     search, best = _searched(before, most, on_progress or (lambda _: None))
     before = search.before
     best, rivals = _sure_members(search, best)
@@ -108,7 +113,8 @@ def diagnose_comparison(
     left = remainder(search, best)
     ranking = [_with_check(one, checks.get(one.effect)) for one in _ranking(search, best)]
     verdict = _verdict(search, best, close, checks, left)
-    laws = _laws(search, best, verdict)
+    outside, every_law = verdict is Verdict.OUTSIDE_LIBRARY, Laws(search, best)
+    laws = () if outside else every_law.of(best.effects)
     against = _against(search, best, checks, left)
     scatters = _scatters(search, best)
     undriven = [law.statement for law in laws if law.constant and law.effect in best.effects]
@@ -133,7 +139,7 @@ def diagnose_comparison(
     levels = _levels(search, best, classes, checks, left, laws, scatters) if named else ()
     evidence += [one.statement for one in levels if one.statement]
     evidence += [one.statement for one in scatters if named and one.statement and not one.follows]
-    return Diagnosis(
+    found = Diagnosis(
         runs=tuple(runs),
         model=before.name,
         verdict=verdict,
@@ -167,16 +173,14 @@ def diagnose_comparison(
         outside=departures(best.fit),
         unconfirmed=failed_checks(checks) if only_unpredicted else (),
     )
+    if not further_laws(found):
+        return found
+    return replace(found, laws=_laws_instead(search) if outside else every_law.of())
 
 
-def _laws(search: Search, best: RefittedSet, verdict: Verdict) -> tuple[LawAnswer, ...]:
-    """The laws of the named effects, and of the effects that the model has.
-
-    If something is missing and nothing is named, the law of an effect already in the model may be at fault:
-    such a law is reported only if it removes nearly all of the misfit.
-    """
-    if verdict is not Verdict.OUTSIDE_LIBRARY:
-        return law_answers(search, best) if best.fit.problem.model.with_laws else ()
+def _laws_instead(search: Search) -> tuple[LawAnswer, ...]:
+    """If something is missing and nothing is named, the law of an effect already in the model may be at
+    fault: such a law is reported only if it removes nearly all of the misfit."""
     return laws_instead(search) if search.none.fit.problem.model.with_laws else ()
 
 

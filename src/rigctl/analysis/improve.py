@@ -46,7 +46,7 @@ class Step:
     Attributes
     ----------
     effects: the effects added; more than one if they improve mBIC only together.
-    diagnosis: of the model before it.
+    diagnosis: of the model before it; later ones lack the laws of the effects that the model has.
     reason: why these effects, in words; it says so if these data cannot distinguish them from others.
     delta_bic: mBIC with them less mBIC without.
     before, after: the error.
@@ -196,18 +196,22 @@ def improve(
     here, steps, source = compared.models[0], list[Step](), path
     while True:
         room = most - sum(len(step.effects) for step in steps)
+        this = _Round(not steps, room, sure, unless)
         diagnosis = diagnose_comparison(
-            here, compared.runs, compared.held_out, compared.notes, most=max(room, 1), on_progress=on_progress
+            here,
+            compared.runs,
+            compared.held_out,
+            compared.notes,
+            most=max(room, 1),
+            further_laws=this.shown,
+            on_progress=on_progress,
         )
         here = diagnosis.before
-        unsure = sure and diagnosis.verdict in (Verdict.AMBIGUOUS, Verdict.OUTSIDE_LIBRARY)
-        unsure = unsure or (not steps and diagnosis.verdict is not Verdict.ADEQUATE and unless(diagnosis))
-        plan = [] if unsure else _plan(diagnosis, room)
-        if not plan:
+        if not this.plan:
             elsewhere = unseen(compared, here, on_progress=on_progress)
-            ended = Ended.NOT_SURE if unsure and not diagnosis.doubt else _why(diagnosis, room)
+            ended = Ended.NOT_SURE if this.unsure and not diagnosis.doubt else _why(diagnosis, room)
             return Improvement(path, tuple(steps), diagnosis, ended, elsewhere)
-        for chosen in plan:
+        for chosen in this.plan:
             said(f"Adding {', '.join(chosen.effects)}")
             after = _compared(here, chosen.trial, excluded, said)
             step = _saved(diagnosis, chosen, here, after, source, compared.choice)
@@ -223,6 +227,26 @@ class _Choice:
     effects: tuple[str, ...]
     delta_bic: float
     reason: str
+
+
+@dataclass
+class _Round:
+    """What one diagnosis leads to: `plan` lists the additions, and is empty if there are none."""
+
+    first: bool
+    room: int
+    sure: bool
+    unless: Callable[[Diagnosis], bool]
+    unsure: bool = False
+    plan: list[_Choice] = field(default_factory=list)
+
+    def shown(self, found: Diagnosis) -> bool:
+        """Plan the additions; whether this is the first or the last diagnosis, whose laws are shown."""
+        unsure = self.sure and found.verdict in (Verdict.AMBIGUOUS, Verdict.OUTSIDE_LIBRARY)
+        stopped = self.first and found.verdict is not Verdict.ADEQUATE and self.unless(found)
+        self.unsure = unsure or stopped
+        self.plan = [] if self.unsure else _plan(found, self.room)
+        return self.first or not self.plan
 
 
 def _plan(diagnosis: Diagnosis, room: int) -> list[_Choice]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -138,19 +140,39 @@ def _listed(values: Floats) -> list[float | None]:
     return [value if math.isfinite(value) else None for value in values.tolist()]
 
 
-def law_answers(search: Search, best: RefittedSet) -> tuple[LawAnswer, ...]:
+@dataclass(frozen=True)
+class Laws:
     """The laws of all effects in the best set's model, both those named and those already there.
 
-    A law that the data do not distinguish from another needs no fit.
+    A law that the data do not distinguish from another needs no fit; the others are fitted when their effect
+    is first asked for.
     """
-    try:
-        asked = asked_laws(search, best)
-    except RigctlError:  # the model cannot be simulated with deviating laws, so nothing can be drawn
-        return ()
-    by_effect: dict[str, list[AskedLaw]] = {}
-    for law in asked:
-        by_effect.setdefault(law.effect.name, []).append(law)
-    return tuple(answer for laws in by_effect.values() for answer in _of_effect(search, best, laws))
+
+    search: Search = field(repr=False)
+    best: RefittedSet = field(repr=False)
+    _answers: dict[str, tuple[LawAnswer, ...]] = field(default_factory=dict, repr=False)
+
+    def of(self, effects: Collection[str] | None = None) -> tuple[LawAnswer, ...]:
+        """The laws of `effects`, by default of all."""
+        found: list[LawAnswer] = []
+        for name, laws in self._asked.items():
+            if effects is None or name in effects:
+                if name not in self._answers:
+                    self._answers[name] = tuple(_of_effect(self.search, self.best, laws))
+                found += self._answers[name]
+        return tuple(found)
+
+    @cached_property
+    def _asked(self) -> dict[str, list[AskedLaw]]:
+        by_effect: dict[str, list[AskedLaw]] = {}
+        if not self.best.fit.problem.model.with_laws:
+            return by_effect
+        try:
+            for law in asked_laws(self.search, self.best):
+                by_effect.setdefault(law.effect.name, []).append(law)
+        except RigctlError:  # the model cannot be simulated with deviating laws, so nothing can be drawn
+            return {}
+        return by_effect
 
 
 def laws_instead(search: Search) -> tuple[LawAnswer, ...]:
