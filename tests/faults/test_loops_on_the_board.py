@@ -269,6 +269,12 @@ def test_auto_uses_the_host_on_a_simulated_bench(tmp_path: Path, board: BoardWor
     assert simulate("auto").result.status == "finished"
 
 
+def test_auto_runs_a_period_of_fractional_milliseconds_on_the_host(board: BoardWorkshop) -> None:
+    done = board.run(alone("rate: 30 Hz, where: auto, for: 1 s"), noise="off")
+    assert done.result.status == "finished", done.result.reason
+    assert any("the loop runs on the host: a period of 33.3333 ms" in text for text in done.messages("note"))
+
+
 def test_a_period_of_fractional_milliseconds_is_refused_with_its_place(board: BoardWorkshop) -> None:
     with pytest.raises(
         RigctlError, match=r"whole milliseconds.*got '30 Hz'.*e\.g\. 30\.303 Hz, 33 ms"
