@@ -42,7 +42,12 @@ def index_path(runs: Path) -> Path:
 
 def stored_index_path(address: str) -> Path:
     """Return the index file of a storage."""
-    return cache_folder() / "catalogue" / f"{hashlib.sha256(address.encode()).hexdigest()[:24]}.sqlite"
+    return _path_of(address.encode())
+
+
+def _path_of(place: bytes) -> Path:
+    """The file of the index of the runs in one place."""
+    return cache_folder() / "catalogue" / f"{hashlib.sha256(place).hexdigest()[:24]}.sqlite"
 
 
 def is_indexed(runs: Path) -> bool:
