@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.dataset.history import EventEntry
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig, parse_rig
 from rigctl.units import Dimension, parse_unit
@@ -76,18 +77,6 @@ class RecordData:
 
 
 @dataclass(frozen=True)
-class Event:
-    """One thing that happened, `time` in s of the run."""
-
-    time: float
-    kind: str
-    record: int
-    path: str | None
-    message: str | None
-    data: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
 class RunData:
     """A run with all its numbers in memory; `info` is its ``run.json``."""
 
@@ -96,7 +85,7 @@ class RunData:
     time: NDArray[np.float64]
     signals: Mapping[str, Signal]
     records: tuple[RecordData, ...]
-    events: tuple[Event, ...]
+    events: tuple[EventEntry, ...]
     measures: tuple[Measured, ...]  #: those of the run itself
     rig: Rig | None
 
@@ -140,12 +129,12 @@ def _column(frame: pd.DataFrame, name: str) -> NDArray[np.float64]:
     return np.asarray(frame[name].to_numpy(), dtype=np.float64)
 
 
-def _events(frame: pd.DataFrame) -> Iterator[Event]:
+def _events(frame: pd.DataFrame) -> Iterator[EventEntry]:
     names = ("time", "kind", "record", "path", "message", "data")
     columns = [frame[name].tolist() for name in names]
     for time, kind, record, path, message, data in zip(*columns, strict=True):
         facts = json.loads(data) if isinstance(data, str) else {}
-        yield Event(float(time), str(kind), int(record), _text(path), _text(message), facts)
+        yield EventEntry(float(time), str(kind), int(record), _text(path), _text(message), facts)
 
 
 def _text(value: object) -> str | None:
@@ -153,7 +142,7 @@ def _text(value: object) -> str | None:
     return value if isinstance(value, str) else None
 
 
-def _measure(event: Event) -> Measured:
+def _measure(event: EventEntry) -> Measured:
     facts = event.data
     unit = parse_unit(str(facts["unit"]))
 
@@ -174,7 +163,7 @@ def _measure(event: Event) -> Measured:
 
 def _records(
     frame: pd.DataFrame,
-    events: Sequence[Event],
+    events: Sequence[EventEntry],
     measures: Sequence[Measured],
     row_records: NDArray[np.int32],
 ) -> Iterator[RecordData]:

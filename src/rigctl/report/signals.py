@@ -8,10 +8,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.dataset.history import EventEntry
 from rigctl.report.decimation import changes, thin
 from rigctl.report.numbers import setting, symbol
 from rigctl.report.plot import Look, Mark, Panel, Plot, Span, Trace
-from rigctl.report.run_data import Event, RecordData, RunData, Signal
+from rigctl.report.run_data import RecordData, RunData, Signal
 from rigctl.units import DIMENSIONLESS, Dimension, parse_unit
 
 #: panels from top to bottom; others come between these and the plain numbers
@@ -111,7 +112,7 @@ def plain_name(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _mark_label(event: Event) -> str:
+def _mark_label(event: EventEntry) -> str:
     return event.message or str(event.data.get("name") or event.data.get("limit") or event.kind)
 
 

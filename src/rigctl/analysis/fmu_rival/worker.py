@@ -38,7 +38,7 @@ class _Fmu:
         from fmpy import extract, platform, read_model_description
 
         try:
-            _require_harmless(path)
+            platforms = _checked_platforms(path)
             self.description: Any = read_model_description(str(path))
         except RigctlError:
             raise
@@ -50,7 +50,6 @@ class _Fmu:
                 value=f"FMI {self.description.fmiVersion}",
                 expected="2.0, co-simulation",
             )
-        platforms = _platforms(path)
         if platform not in platforms:
             raise RigctlError(
                 "the FMU has no program for this computer",
@@ -90,8 +89,14 @@ class _Fmu:
         return parse_unit(one.unit or declared or "1")
 
 
-def _require_harmless(path: Path) -> None:
-    """Refuse an archive that would fill the disk or write elsewhere, and XML that declares entities."""
+def _checked_platforms(path: Path) -> list[str]:
+    """The kinds of computers that it has a program for.
+
+    Raises
+    ------
+    RigctlError
+        the archive would fill the disk or write elsewhere, or its XML declares entities.
+    """
     with zipfile.ZipFile(path) as archive:
         entries = archive.infolist()
         size = sum(entry.file_size for entry in entries)
@@ -113,12 +118,7 @@ def _require_harmless(path: Path) -> None:
     # entities could stand for other files of this computer, or for more text than it has memory
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text or text[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise RigctlError("the description of the FMU declares a document type", value=_ABOUT)
-
-
-def _platforms(path: Path) -> list[str]:
-    """The kinds of computers that it has a program for."""
-    with zipfile.ZipFile(path) as archive:
-        parts = [PurePosixPath(name).parts for name in archive.namelist()]
+    parts = [PurePosixPath(entry.filename).parts for entry in entries]
     return sorted({one[1] for one in parts if len(one) > 2 and one[0] == "binaries"})
 
 

@@ -11,6 +11,7 @@ import typer
 
 from rigctl.cli.echo import echo, echo_json
 from rigctl.cli.options.family import FamilyOption, check_family_of
+from rigctl.cli.options.procedure import ArgumentOption
 from rigctl.errors import RigctlError
 
 #: a plan's tree is wide
@@ -24,10 +25,7 @@ def check(
             metavar="FILE", help="Procedure, rig, model, family or effect file.", show_default=False
         ),
     ],
-    arg: Annotated[
-        list[str] | None,
-        typer.Option("--arg", "-a", metavar="NAME=VALUE", help="Argument of the procedure; repeatable."),
-    ] = None,
+    arg: ArgumentOption = None,
     rig: Annotated[Path | None, typer.Option(help="Another rig file than the one it names.")] = None,
     family: FamilyOption = None,
     *,

@@ -13,6 +13,7 @@ from rigctl.cli.commands.compare import HoldOut
 from rigctl.cli.options.cache import Evidence
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.identity import NotesOption, PartOption, SerialNumberOption
+from rigctl.cli.options.procedure import ArgumentOption, RigOption
 from rigctl.cli.options.serve import ServeOption
 from rigctl.errors import ExitCode, RigctlError
 
@@ -74,13 +75,8 @@ def learn(
         str | None, typer.Option(help="Backend, as for 'rigctl run'; by default that of the rig file.")
     ] = None,
     port: Annotated[str | None, typer.Option(help="Serial port or pyserial URL.")] = None,
-    rig: Annotated[
-        Path | None, typer.Option(help="Rig file to use instead of the one that the procedure names.")
-    ] = None,
-    arg: Annotated[
-        list[str] | None,
-        typer.Option("--arg", "-a", metavar="NAME=VALUE", help="Argument of the procedure; repeatable."),
-    ] = None,
+    rig: RigOption = None,
+    arg: ArgumentOption = None,
     operator: Annotated[str | None, typer.Option(help="Person in charge; kept with each run.")] = None,
     serial_number: SerialNumberOption = None,
     part: PartOption = None,

@@ -9,6 +9,7 @@ import typer
 
 from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.identity import NotesOption, PartOption, SerialNumberOption
+from rigctl.cli.options.procedure import ArgumentOption, RigOption
 from rigctl.cli.options.serve import ServeOption
 
 
@@ -25,13 +26,8 @@ def run(
         ),
     ] = None,
     port: Annotated[str | None, typer.Option(help="Serial port or pyserial URL, e.g. /dev/ttyACM0.")] = None,
-    rig: Annotated[
-        Path | None, typer.Option(help="Rig file to use instead of the one that the procedure names.")
-    ] = None,
-    arg: Annotated[
-        list[str] | None,
-        typer.Option("--arg", "-a", metavar="NAME=VALUE", help="Argument of the procedure; repeatable."),
-    ] = None,
+    rig: RigOption = None,
+    arg: ArgumentOption = None,
     operator: Annotated[str | None, typer.Option(help="Person in charge; kept with the run.")] = None,
     serial_number: SerialNumberOption = None,
     part: PartOption = None,

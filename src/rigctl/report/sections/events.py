@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rigctl.dataset.history import EventEntry
 from rigctl.report.numbers import duration, number, plural
-from rigctl.report.run_data import Event, RunData
+from rigctl.report.run_data import RunData
 from rigctl.report.section import Section, cut, render
 from rigctl.report.signals import ALARMS
 
@@ -45,7 +46,7 @@ def build(runs: Sequence[RunData]) -> Section:
     return Section("events", "Events", body, folded=not count, hint=hint)
 
 
-def _row(run: RunData, event: Event) -> Row:
+def _row(run: RunData, event: EventEntry) -> Row:
     return Row(
         run=run.id,
         seconds=f"{number(event.time, 7)} s",
@@ -58,7 +59,7 @@ def _row(run: RunData, event: Event) -> Row:
     )
 
 
-def _facts(event: Event) -> str:
+def _facts(event: EventEntry) -> str:
     """The text of an event that has no message."""
     hidden = ("record", "session")
     return ", ".join(
