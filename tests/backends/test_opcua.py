@@ -59,6 +59,21 @@ def test_an_old_value_by_the_server_s_clock_counts_as_missing(server: OpcUaServe
             bench.next_sample(1.0)
 
 
+@pytest.mark.parametrize("value", [math.inf, -math.inf])
+def test_an_infinite_value_is_missing_and_the_others_are_not(
+    server: OpcUaServer, monkeypatch: pytest.MonkeyPatch, value: float
+) -> None:
+    """An overflow in one node made the readings of all nodes missing, and ended the run for each of them."""
+    values = server.values
+    monkeypatch.setattr(server, "values", lambda: {**values(), "SupplyPressure": value})
+    with opened(server) as bench:
+        sample = bench.next_sample(bench.clock.now() + 2.0)
+        assert sample is not None
+        assert math.isnan(sample.values[PRESSURE])
+        others = [reading for place, reading in enumerate(sample.values) if place != PRESSURE]
+        assert all(math.isfinite(reading) for reading in others)
+
+
 def test_a_refusal_by_the_server_is_an_error(server: OpcUaServer) -> None:
     rig = parse_rig(RIG.text.replace("s=Circuit.Heater", "s=Circuit.Heatr"))
     with pytest.raises(RigctlError, match="does not exist"), opened(server, rig):

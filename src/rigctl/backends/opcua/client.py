@@ -70,7 +70,8 @@ class _Item:
             return "nan"
         if self.scale == 1.0 and self.offset == 0.0 and not isinstance(value, float):
             return str(int(value))
-        return f"{value * self.scale + self.offset:.12g}"
+        number = value * self.scale + self.offset
+        return f"{number:.12g}" if math.isfinite(number) else "nan"
 
 
 class OpcUaClient:
