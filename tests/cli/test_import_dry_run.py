@@ -45,7 +45,7 @@ def test_a_dry_run_previews_the_import_and_makes_nothing() -> None:
     assert (found["rows"], found["bad_rows"], len(found["records"])) == (100, 1, 1)
     assert not list(Path("runs").glob("2*"))
     Path("note.png").write_text("mine", encoding="utf-8")
-    assert "a file of another kind is there already" in refusal(
+    assert "a file of another kind exists already" in refusal(
         "import", "log.csv", *BOARD, "--dry-run", "-o", "note.png"
     )
 
@@ -68,7 +68,7 @@ def test_a_mapping_is_saved_and_used_again() -> None:
     assert both.records["start"].tolist() == [0.0, 86403.0]
     # the same once more is no change; something else would overwrite it
     answer("import", "mon.csv", *BOARD, "--mapping", "lab.yaml", "--save-mapping", "lab.yaml")
-    assert "says something else" in refusal(
+    assert "a different file exists" in refusal(
         "import", "mon.csv", *BOARD, *columns, "--save-mapping", "lab.yaml"
     )
 

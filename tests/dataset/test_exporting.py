@@ -67,7 +67,7 @@ def test_the_other_tables(run: Run, tmp_path: Path, table: str, rows: int) -> No
 def test_an_existing_file_is_kept(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "out.csv"
     path.write_text("precious", encoding="utf-8")
-    with pytest.raises(RigctlError, match="there already") as caught:
+    with pytest.raises(RigctlError, match="exists already") as caught:
         export_run(run, path)
     assert "--overwrite" in str(caught.value.hint)
     assert path.read_text(encoding="utf-8") == "precious"

@@ -180,7 +180,7 @@ def test_the_rig_time_is_that_of_the_preview(result: DesignResult) -> None:
         (("--budget", "5 s"), "the budget is too small for any record"),
         (("--budget", "30 mm"), "no time"),
         (("--budget", "-3 min"), "no time is left"),
-        (("-o", "procedures/campaign.yaml"), "a file of another kind is there already"),
+        (("-o", "procedures/campaign.yaml"), "a file of another kind exists already"),
     ],
 )
 def test_impossible_requests_are_refused_in_one_message(

@@ -144,7 +144,7 @@ def test_expressions_of_variables(steps: Callable[..., Plan]) -> None:
         ("{a: [20, 40 bar]}", "3:15", ["the unit is missing, got '20'", "a value like '40 bar'"]),
         ("{a: [20 bar, 40]}", "3:23", ["the unit is missing, got '40'", "a value like '20 bar'"]),
         ("{a: [1 s, x]}", "3:20", ["not a quantity", "'x'"]),
-        ("{a: {from: 1 s, to: 5 s}}", "3:14", ["a range needs its spacing", "'step' or 'count'"]),
+        ("{a: {from: 1 s, to: 5 s}}", "3:14", ["a range needs a spacing", "'step' or 'count'"]),
         ("{a: {from: 1 s, to: 5 s, step: 0 s}}", "3:41", ["the step of a range is zero"]),
         ("{a: {from: 1 s, to: 5 s, step: -1 s}}", "3:41", ["leads away from 'to'", "a positive step"]),
         ("{a: {from: 1 s, to: 5 s, step: 1 bar}}", "3:41", ["wrong dimension", "'1 bar'"]),

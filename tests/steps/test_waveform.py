@@ -86,7 +86,7 @@ def test_a_table_is_read_from_a_file_with_units(tmp_path: Path) -> None:
         ("time [s],heater_1 [%]\n0,10\n1,120\n", "out of range"),
         ("time [s],heater_1 [K]\n0,10\n1,20\n", "wrong dimension"),
         ("time [s],heater_2 [%]\n0,10\n1,20\n", "one column 'heater_1'"),
-        ("time [s],heater_1 [%]\n0,10\n0,20\n", "the time does not rise"),
+        ("time [s],heater_1 [%]\n0,10\n0,20\n", "the time does not increase"),
         ("time [s],heater_1 [%]\n0,10\n1,much\n", "no number"),
     ]:
         (tmp_path / "drive.csv").write_text(content, encoding="utf-8")
@@ -115,7 +115,7 @@ def test_a_table_is_read_from_a_file_with_units(tmp_path: Path) -> None:
             "",
             "two",
         ),
-        ("rate: 1 Hz", "", "needs its course"),
+        ("rate: 1 Hz", "", "needs a shape"),
         (
             "sine: {mean: 50 %, amplitude: 9 %, frequency: 50 Hz, for: 1 s}, rate: 5 Hz",
             "",

@@ -182,7 +182,7 @@ def test_an_object_that_arrives_short_is_sent_again(
     assert verify_stored(store.find(NAME)).good
     faults = iter([True] * 9)
     worse = make_run("20261122-000000-x")
-    with pytest.raises(RigctlError, match=r"something else than it was sent as samples\.parquet") as caught:
+    with pytest.raises(RigctlError, match=r"has different data than were sent as samples\.parquet") as caught:
         upload(worse, store)
     assert "bytes" in str(caught.value.expected)
     assert [run.id for run in list_runs(store.address)] == [NAME]
@@ -194,7 +194,7 @@ def test_truncated_and_missing_objects_are_reported(bucket: Any, make_run: MakeR
     upload(make_run(), store)
     whole = bucket.Object(f"runs/{NAME}/samples.parquet").get()["Body"].read()
     bucket.Object(f"runs/{NAME}/samples.parquet").put(Body=whole[:-7])
-    with pytest.raises(RigctlError, match="object in storage is not whole") as caught:
+    with pytest.raises(RigctlError, match="object in storage is incomplete") as caught:
         open_run(f"{store.address}/{NAME}").samples()
     assert (caught.value.value, caught.value.expected) == (f"{len(whole) - 7} bytes", f"{len(whole)} bytes")
     bucket.Object(f"runs/{NAME}/records.parquet").delete()

@@ -40,7 +40,7 @@ def test_errors_faults_and_crashes_of_jobs_are_reported(jobs: Jobs) -> None:
     assert (wrong.error or {})["nearest"] == "y"
     assert "ZeroDivisionError" in str((ended(broken).error or {})["what"])
     assert ended(dead).state == "died"
-    assert "ended without a word" in str((dead.error or {})["what"])
+    assert "ended without a message" in str((dead.error or {})["what"])
 
 
 def test_jobs_can_be_stopped_and_are_limited_in_number(jobs: Jobs) -> None:

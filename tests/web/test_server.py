@@ -128,7 +128,7 @@ def test_a_project_that_vanishes_is_said_and_may_come_back(served: Served, cooki
         assert served.get("/api/status", cookie)["there"] is False
         for path in ("/api/runs", "/api/runs/x", "/api/procedure", "/api/report/models"):
             status, _, text = served.ask("GET", path, cookie=cookie)
-            assert (status, json.loads(text)["error"]["what"]) == (409, "the project's folder is gone")
+            assert (status, json.loads(text)["error"]["what"]) == (409, "the project's folder is missing")
         assert served.get("/api/live", cookie)["runs"] == []
         started = {"path": "procedures/quick-check.yaml", "bench": "simulated"}
         assert served.post("/api/procedure/start", started, cookie)[0] == 409

@@ -45,7 +45,7 @@ def _state(folder: Path, said: Sequence[Annotation]) -> None:
     for statement in said:
         if statement.record is not None and not 0 <= statement.record < count:
             raise RigctlError(
-                "the run has no such record",
+                "there is no such record in the run",
                 value=str(statement.record),
                 expected=f"0 to {count - 1}" if count else "none, for it has no records",
             )

@@ -69,7 +69,7 @@ def require_output(
     if not (path.exists() or path.is_symlink()) or force:
         return
     if replaces is None or not replaces(_head(path)):
-        what = "the file is there already" if replaces is None else "a file of another kind is there already"
+        what = "the file exists already" if replaces is None else "a file of another kind exists already"
         raise RigctlError(
             what,
             where=Location(path),

@@ -124,7 +124,7 @@ class RunWriter:
         began = history.header
         header = replace(header or began, id=began.id)
         if history.status == "finished":
-            raise RigctlError("the run is finished; there is nothing to go on with", value=began.id)
+            raise RigctlError("the run is finished; there is nothing to resume", value=began.id)
         if header.layout != began.layout:
             raise RigctlError(
                 "the rig's channels or units have changed since the run began",

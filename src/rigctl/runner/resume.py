@@ -53,7 +53,7 @@ def open_interrupted(folder: Path) -> Interrupted:
     if history.header.source != "bench":
         raise RigctlError("the run was imported, not carried out", value=folder.name)
     if history.status == "finished":
-        raise RigctlError("the run is finished; there is nothing to go on with", value=folder.name)
+        raise RigctlError("the run is finished; there is nothing to resume", value=folder.name)
     return Interrupted(folder, plan_of(history.header), history, _done(history))
 
 

@@ -32,7 +32,7 @@ class Spaced(Part):
     @model_validator(mode="after")
     def _step_or_count(self) -> Self:
         if (self.step is None) == (self.count is None):
-            raise refusal(RigctlError("a range needs its spacing", expected="either 'step' or 'count'"))
+            raise refusal(RigctlError("a range needs a spacing", expected="either 'step' or 'count'"))
         return self
 
 

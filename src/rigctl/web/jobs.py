@@ -306,7 +306,7 @@ def _settle(job: Job, code: int, answer: str, said: Sequence[str]) -> None:
 
 def _death(code: int | None) -> dict[str, Any]:
     return RigctlError(
-        f"the process that worked on it has ended without a word (code {code})",
+        f"the process that worked on it has ended without a message (code {code})",
         hint="It may have run out of memory, or somebody has ended it; begin it again",
     ).as_dict()
 

@@ -164,8 +164,8 @@ class Procedures:
                 raise RigctlError(begun.last_words(), exit_code=ExitCode.FAILED)
             sleep(0.05)
         raise RigctlError(
-            f"the run has not begun within {_BEGINS_WITHIN:g} s",
-            hint="It may yet begin; the page Live shows it then",
+            f"the run has not started within {_BEGINS_WITHIN:g} s",
+            hint="It may still start; the page Live then shows it",
             exit_code=ExitCode.FAILED,
         )
 
@@ -215,7 +215,7 @@ class _Begun:
         """The reason for its end."""
         self._over.wait(2.0)
         lines = [line.removeprefix("rigctl: ") for line in self.said.splitlines() if line.strip()]
-        return "\n".join(lines[-5:]) or "the run's program has ended without a word"
+        return "\n".join(lines[-5:]) or "the run's program has ended without a message"
 
 
 def _within(root: Path, name: str) -> Path:

@@ -140,9 +140,9 @@ def _fields(content: bytes) -> Mapping[str, Any]:
     try:
         fields = json.loads(content or b"{}")
     except (ValueError, RecursionError) as problem:
-        raise RigctlError("the request is no JSON") from problem
+        raise RigctlError("the request is not JSON") from problem
     if not isinstance(fields, dict):
-        raise RigctlError("the request is no JSON object")
+        raise RigctlError("the request is not a JSON object")
     return cast("dict[str, Any]", fields)
 
 

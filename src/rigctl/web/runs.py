@@ -134,7 +134,7 @@ def plain_id(text: str) -> str:
         it is none.
     """
     if not text or text[0] in ".-" or set(text) & set("/\\:\0"):
-        raise RigctlError("this is no id of a run", value=text)
+        raise RigctlError("this is not a run's id", value=text)
     return text
 
 

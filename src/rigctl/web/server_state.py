@@ -50,9 +50,9 @@ class Site:
         root = self.project.root
         if not root.is_dir():
             raise RigctlError(
-                "the project's folder is gone",
+                "the project's folder is missing",
                 value=str(root),
-                hint="Nothing can be read or begun until it is back; this page goes on by itself then",
+                hint="Nothing can be read or started until it is back; this page then continues by itself",
                 exit_code=ExitCode.FAILED,
             )
         return root

@@ -217,7 +217,7 @@ def test_structures_are_records(tmp_path: Path, rig: Rig) -> None:
     done = import_file(tmp_path / "log.mat", rig, tmp_path / "runs")
     run = open_run(done.path)
     assert run.records["name"].tolist() == ["cold", "really hot"]
-    assert "variable 'rate' is no structure and is left out" in done.notes
+    assert "variable 'rate' is not a structure and is left out" in done.notes
     assert run.record(1).channels["position"] == pytest.approx(POSITION * 1e-3)
 
 

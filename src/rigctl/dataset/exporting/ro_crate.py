@@ -109,7 +109,7 @@ def export_ro_crate(
         the path exists, a file of a run is missing or was changed, or the disk is full.
     """
     if path.exists():
-        raise RigctlError("there is something already", value=str(path), expected="a new folder or .zip file")
+        raise RigctlError("the path exists already", value=str(path), expected="a new folder or .zip file")
     require_output(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = Path(mkdtemp(prefix=f".{path.name}.", dir=path.parent))

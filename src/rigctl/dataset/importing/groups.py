@@ -234,8 +234,8 @@ def _check_alike(path: Path, groups: Sequence[Group], options: Options, noun: st
     if parts and options.resample is None:
         listed = ", ".join(f"'{group.name}'" for group in groups[:5]) + (", …" if len(groups) > 5 else "")
         raise RigctlError(
-            f"its {noun}s have no channel in common: they are no records, but parts of one measurement with "
-            "times of their own",
+            f"its {noun}s have no channel in common: they are not records, but parts of one measurement with "
+            "separate times",
             value=listed,
             expected=f"one {noun} for each record, with the same channels",
             hint="Bring the channels to the same times: --resample '100 ms', say",

@@ -103,7 +103,7 @@ def save_mapping(path: Path, options: Options) -> None:
         if same:
             return
         raise RigctlError(
-            "the file is there already, and says something else",
+            "a different file exists already",
             where=Location(path),
             hint="Name another one, or delete it first",
         )

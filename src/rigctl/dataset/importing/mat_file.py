@@ -64,7 +64,7 @@ def open_mat(path: Path, options: Options) -> GroupedFile:
     if not found.groups:
         found.groups += _group(path, "", vectors, units, options, found.remarks)
     else:
-        found.remarks += [f"variable '{name}' is no structure and is left out" for name in vectors]
+        found.remarks += [f"variable '{name}' is not a structure and is left out" for name in vectors]
     if not found.groups:
         raise RigctlError(
             "; ".join(["nothing in it is a table", *found.remarks]),

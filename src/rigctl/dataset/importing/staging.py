@@ -67,7 +67,7 @@ def publish(folder: Path, runs: Path) -> Path:
                 f"cannot put the run in its place: {problem.strerror}", where=Location(place)
             ) from problem
         raise RigctlError(
-            "another import has taken this name in the same second", where=Location(place), hint="Try again"
+            "another import took this name in the same second", where=Location(place), hint="Try again"
         ) from problem
 
 

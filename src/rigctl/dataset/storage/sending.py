@@ -79,7 +79,7 @@ def _require_same(info: dict[str, Any], there: StoredFolder) -> None:
         raise RigctlError(
             "storage has another run of this name",
             value=str(there),
-            hint="Nothing that was recorded is written over; give this bench an address of its own",
+            hint="Recorded runs are never overwritten; give this bench a separate address",
             exit_code=ExitCode.FAILED,
         )
 
@@ -109,7 +109,7 @@ def _send(path: Path, there: StoredFile, info: dict[str, Any]) -> bool:
         if found == known:
             return True
         problem = RigctlError(
-            f"storage keeps something else than it was sent as {path.name}",
+            f"storage has different data than were sent as {path.name}",
             value="nothing" if found is None else f"{found['bytes']} bytes",
             expected=f"{known['bytes']} bytes, SHA-256 {known['sha256'][:12]}…",
             hint="The run is whole here; 'rigctl runs upload' tries again",

@@ -63,12 +63,12 @@ class Store:
                 self.files.retries = 1  # its own errors, beside those of the library that it uses
         except ImportError as problem:
             raise RigctlError(
-                f"what reads this storage is not installed: {problem}",
+                f"the package for this storage is not installed: {problem}",
                 value=address,
                 hint="pip install 'rigctl[storage]'",
             ) from problem
         except ValueError as problem:
-            raise RigctlError(f"no address of storage: {problem}", value=address) from problem
+            raise RigctlError(f"not a storage address: {problem}", value=address) from problem
 
     @cached_property
     def arrow(self) -> Any:
@@ -260,7 +260,7 @@ class StoredFile:
             try:
                 content: bytes = store.files.cat_file(self._path)
             except FileNotFoundError as problem:
-                raise RigctlError("no run: there is no such file in storage", value=str(self)) from problem
+                raise RigctlError("not a run: the file is missing in storage", value=str(self)) from problem
         return content
 
     def open(self) -> Any:
@@ -274,7 +274,7 @@ class StoredFile:
         size, known = self.size(), self._known()
         if size is None or (known is not None and size != known):
             raise RigctlError(
-                "the object is missing in storage" if size is None else "the object in storage is not whole",
+                "the object is missing in storage" if size is None else "the object in storage is incomplete",
                 value=str(self) if size is None else f"{size} bytes",
                 expected=None if known is None else f"{known} bytes",
                 hint=f"'rigctl runs upload {self.folder.name}' where it was recorded sends it again",

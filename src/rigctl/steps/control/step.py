@@ -269,7 +269,7 @@ class _Builder:
         if rate is not None and not 0.0 < rate <= fastest:
             with context.located("control", "max_rate"):
                 raise RigctlError(
-                    "no rate that the actuator may have",
+                    "a rate that the actuator does not allow",
                     value=show(rate, f"{unit}/s", difference=True),
                     expected="more than 0, and not above the actuator's own",
                 )
@@ -279,7 +279,7 @@ class _Builder:
         rate = self._context.optional_si(self._fields.ramp, "control", "ramp", unit=f"({self._interval})/s")
         if rate is not None and not rate > 0.0:
             with self._context.located("control", "ramp"):
-                raise RigctlError("the set-point would never come", expected="more than 0")
+                raise RigctlError("the set-point would never be reached", expected="more than 0")
         return rate
 
     def _feed_forward(self) -> FeedForward | None:

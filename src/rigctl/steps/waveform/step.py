@@ -105,7 +105,7 @@ class WaveformFields(Part):
     def _one_shape(self) -> Self:
         given = [name for name in _SHAPES if getattr(self, name) is not None]
         if len(given) != 1:
-            what = f"two courses, {' and '.join(given)}" if given else "a waveform needs its course"
+            what = f"two shapes, {' and '.join(given)}" if given else "a waveform needs a shape"
             raise refusal(RigctlError(what, expected=f"one of {', '.join(_SHAPES)}"), tuple(given[1:2]))
         return self
 
@@ -190,7 +190,7 @@ class _Builder:
             return self._steps(fields.steps)
         if fields.table is not None:
             return self._table(fields.table)
-        raise ValueError("a waveform without its course")
+        raise ValueError("a waveform without a shape")
 
     def _ramp(self, fields: RampFields) -> Ramp:
         end = self._value(fields.to, "ramp", "to")
@@ -233,7 +233,7 @@ class _Builder:
             values.append(self._value(value, "table", "points", index, 1))
             if index and times[-1] <= times[-2]:
                 with context.located(*keys):
-                    raise RigctlError("the time does not rise", value=f"{times[-1]:g} s")
+                    raise RigctlError("the time does not increase", value=f"{times[-1]:g} s")
         return Table(tuple(time - times[0] for time in times), tuple(values), held)
 
     def _value(self, command: Command, *keys: str | int) -> float:

@@ -57,7 +57,7 @@ def read_table(
         except RigctlError as error:
             raise error.at(where) from None
         if len(times) > 1 and times[-1] <= times[-2]:
-            raise RigctlError("the time does not rise", value=row[time_column].strip(), where=where)
+            raise RigctlError("the time does not increase", value=row[time_column].strip(), where=where)
     if len(times) < 2:
         raise RigctlError("too few rows", expected="at least two", where=Location(path))
     return tuple(time - times[0] for time in times), tuple(values)

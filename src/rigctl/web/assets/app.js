@@ -19,7 +19,7 @@ const showProject = (status) => {
   working.textContent = status.working.length
     ? status.working.map((job) => `${job.name}${job.share === null ? "" : ` ${Math.round(100 * job.share)} %`}`).join(", ")
     : "";
-  settle("project", status.there ? null : `The project's folder is gone: ${status.root}. This page goes on by itself when it is back.`);
+  settle("project", status.there ? null : `The project's folder is gone: ${status.root}. This page continues by itself when it is back.`);
 };
 
 // A folder without a project: a button for the first step, with its command.
@@ -43,7 +43,7 @@ const follow = async () => {
       showProject(await api("/api/status"));
       settle("server", null);
     } catch (problem) {
-      settle("server", problem.status === 401 ? problem.message : "The server does not answer: it was ended, or is busy. This page goes on by itself.");
+      settle("server", problem.status === 401 ? problem.message : "The server does not answer: it was ended, or is busy. This page continues by itself.");
     }
   }
 };

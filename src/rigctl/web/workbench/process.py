@@ -91,7 +91,7 @@ class _Session:
         if isinstance(asked, dict):
             self.take(asked)
         else:
-            self._problem({}, RigctlError("the message is no JSON object").as_dict())
+            self._problem({}, RigctlError("the message is not a JSON object").as_dict())
 
     def take(self, asked: Mapping[str, Any]) -> None:
         """Put a message into the queue of its worker."""
