@@ -107,15 +107,17 @@ def _measured(history: History, entry: RecordEntry) -> bool:
 
 def _summary(history: History, facts: SampleFacts, missing: int) -> Mapping[str, Any]:
     """Return the content of ``run.json`` without annotations and checksums."""
-    duration = max(history.last_time, facts.last_time)
+    last = max(history.last_time, facts.last_time)
+    # the times of a file may be a clock's, or continue those of an earlier file
+    first = facts.first_time if history.header.source == "import" and facts.rows else 0.0
     return {
         "format": FORMAT,
         **history.header.to_json(),
         "status": history.status,
         "reason": history.reason,
         "unconfirmed": history.unconfirmed,
-        "ended": ended_at(history, duration).isoformat(),
-        "duration": duration,
+        "ended": ended_at(history, last - first).isoformat(),
+        "duration": last - first,
         "records": len(history.records),
         "complete_records": sum(entry.outcome == COMPLETE for entry in history.records),
         "rows": facts.rows,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -41,6 +42,7 @@ class SampleFacts:
     """
 
     rows: int = 0
+    first_time: float = math.inf
     last_time: float = 0.0
     last_of_record: dict[int, float] = field(default_factory=dict)
     rows_of_record: Counter[int] = field(default_factory=Counter)
@@ -52,6 +54,7 @@ class SampleFacts:
 
         self.rows += len(times)
         if len(times):
+            self.first_time = min(self.first_time, float(np.nanmin(times)))
             self.last_time = max(self.last_time, float(np.nanmax(times)))
         found, index, counts = np.unique(records[::-1], return_index=True, return_counts=True)
         for record, last, count in zip(found.tolist(), index.tolist(), counts.tolist(), strict=True):

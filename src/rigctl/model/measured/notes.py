@@ -11,11 +11,15 @@ from rigctl.dataset.gaps import find_gap
 from rigctl.model.measured.record import MeasuredRecord
 
 
+def _seconds(value: float) -> str:
+    return f"{value:.3g} s" if value >= 1.0 else f"{1e3 * value:.3g} ms"
+
+
 def notes(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> Iterator[str]:
     """Imprecise switch times, gaps in time, missing values, channels that never change."""
     half = max((float(record.switch_half.max(initial=0.0)) for record in records), default=0.0)
     if half > 0.0:
-        yield f"Commands were written down with the samples: their times are known to ±{1e3 * half:.3g} ms"
+        yield f"Commands were written down with the samples: their times are known to ±{_seconds(half)}"
     yield from _gaps(records)
     for index, name in enumerate(outputs):
         missing = sum(int((~record.here[:, index]).sum()) for record in records)

@@ -37,8 +37,8 @@ export const show = async (place) => {
 
   place.replaceChildren(
     h("div", { class: "toolbar" },
-      h("label", { for: "search" }, "Find"), search,
-      h("label", { for: "where" }, "Where"), where,
+      h("span", { class: "labelled" }, h("label", { for: "search" }, "Find"), search),
+      h("span", { class: "labelled" }, h("label", { for: "where" }, "Where"), where),
       stated, actions),
     h("div", { class: "split" },
       h("div", {},

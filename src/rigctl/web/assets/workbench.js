@@ -9,6 +9,7 @@ import * as results from "./workbench/results.js";
 import { makeSlider, makeSwitch } from "./workbench/sliders.js";
 
 const KEPT = "rigctl-workbench";
+const records = (count) => `${count} record${count === 1 ? "" : "s"}`;
 // ms between two moves that count as one step
 const TOGETHER = 250;
 // undo steps kept over a reload
@@ -59,7 +60,7 @@ const importer = (found, imported) => {
   const bring = button("Import", async () => {
     const job = await api("/api/workbench/import", { method: "POST", body: { file: file.value.trim(), rig: rig.value, assume: assume.value.split(/\s+/).filter(Boolean) } });
     const result = await work(jobs, job);
-    say(`${result.run}: ${result.records} records, ${result.rows} rows. ${job.command}`, "good");
+    say(`${result.run}: ${records(result.records)}, ${result.rows} rows. ${job.command}`, "good");
     await imported(result.run);
   });
   return h("details", { class: "import" }, h("summary", {}, "Bring in measured data"),
@@ -77,7 +78,7 @@ const chooser = async (open, again) => {
   const wanted = asked.getAll("run").length ? asked.getAll("run") : (before.runs ?? found.runs.slice(0, 1).map((run) => run.id));
   const boxes = found.runs.map((run) => {
     const box = h("input", { type: "checkbox", value: run.id, checked: wanted.includes(run.id) });
-    return h("label", { class: "pickrun" }, box, h("span", {}, run.id), h("span", { class: "note" }, ` ${run.records} records, ${run.status}`));
+    return h("label", { class: "pickrun" }, box, h("span", {}, run.id), h("span", { class: "note" }, ` ${records(run.records)}, ${run.status}`));
   });
   const model = h("select", { id: "choose-model" }, ...found.models.map(({ path }) => h("option", { value: path }, path)));
   const known = (path) => found.models.some((one) => one.path === path);
@@ -553,7 +554,7 @@ export const show = async (place) => {
         older?.close();
         tools.hidden = false;
         area.dataset.open = `${header.model}@${header.version}`;
-        summary.textContent = `${header.model}, version ${header.version}, on ${header.runs.join(", ")}: ${header.records.length} records`;
+        summary.textContent = `${header.model}, version ${header.version}, on ${header.runs.join(", ")}: ${records(header.records.length)}`;
         choosing.open = false;
         if (older) remember({ ...asked, cards: remembered()?.cards });
         now.restore(restoring);
