@@ -227,6 +227,7 @@ def test_a_clock_of_any_name_that_passes_midnight_with_rows_written_twice(empty:
     record = open_run("latest").record(0)
     assert record.channels["oven"].size == 90
     assert np.diff(record.time).tolist() == [2.0] * 89
+    assert open_run("latest").info["duration"] == 178.0
 
 
 def test_a_flywheel_s_turns_are_counted_in_rpm_and_the_room_is_no_output(empty: Path) -> None:
@@ -275,3 +276,30 @@ def test_records_of_a_file_are_kept_apart(empty: Path) -> None:
         4.0, rel=0.15
     )
     assert float(model.partition("gain: {value: ")[2].partition(" ")[0]) == pytest.approx(5.0, rel=0.05)
+
+
+def test_what_was_added_is_not_said_to_suffice_where_a_comparison_rejects_it(empty: Path) -> None:
+    """A hole in the side of a tank: the overflow of the library is linear above its limit, the hole not."""
+    rng = np.random.default_rng(7)
+    root = 0.62 * np.sqrt(2.0 * 9.80665)
+
+    def pump(t: float) -> float:
+        return float(np.array([0.0, 14.0, 6.0, 18.0, 0.0])[np.searchsorted([20.0, 200.0, 420.0, 600.0], t)])
+
+    def change(t: float, h: np.ndarray) -> list[float]:
+        hole = 0.9e-4 * root * np.sqrt(max(h[0] - 0.25, 0.0))
+        return [(pump(t) / 60e3 - 1.13e-4 * root * np.sqrt(max(h[0], 0.0)) - hole) / 0.045]
+
+    times = np.arange(0.0, 760.0, 2.0)
+    level = 1e3 * solve_ivp(change, (0.0, 760.0), [0.08], t_eval=times, max_step=1.0).y[0]
+    noisy = level + rng.normal(0.0, 1.2, level.size)
+    rows = [f"{t:.0f},{pump(t):.1f},{mm:.0f}" for t, mm in zip(times, noisy, strict=True)]
+    (empty / "tank.csv").write_text(
+        "\n".join(["time [s],Inlet flow [l/min],Level [mm]", *rows]) + "\n", encoding="utf-8"
+    )
+    done = answer("family", "new", "tank", "--csv", "tank.csv", "--template", "tank", "--no-fit")
+    follow(done["next"][:1])
+    added = answer("diagnose", "latest", "--model", done["model"], "--apply")
+    assert [step["effects"] for step in added["steps"]] == [["threshold_on_leak_1"]]
+    compared = answer("compare", "latest", "--model", done["model"])
+    assert compared["adequate"] == ("now agrees" in added["improvement"])

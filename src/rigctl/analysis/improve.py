@@ -106,10 +106,14 @@ class Improvement:
         """What was added and why it ended, in one sentence."""
         names = [name for step in self.steps for name in step.effects]
         added = f"added {', '.join(names)}" if names else "added nothing"
+        agrees = f"the model {'now ' if names else ''}agrees with the measurements within their noise"
+        if not self.last.before.adequate:
+            agrees = (
+                "what is left may be the shape of a law alone: the model still does not agree with the "
+                "measurements"
+            )
         why = {
-            Ended.ADEQUATE: "the model now agrees with the measurements within their noise"
-            if names
-            else "the model agrees with the measurements within their noise",
+            Ended.ADEQUATE: agrees,
             Ended.NOTHING_HELPS: "no further effect of the library lowers mBIC, and the model still does "
             "not agree with the measurements",
             Ended.NOT_DECIDED: f"these data cannot tell whether anything {'more ' if names else ''}is "

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter, Ranked, Verdict
 from rigctl.analysis.improve import Ended, Improvement
 from rigctl.analysis.remainder import share_text
@@ -136,7 +137,10 @@ def _left(found: Diagnosis) -> str:
     if not found.best.candidates:
         return ""
     if found.remainder is None:
-        return f"nothing: with it the model agrees within the noise ({chance_text(found.p_value_after)})"
+        chance = chance_text(found.p_value_after)
+        if found.p_value_after < ALPHA:
+            return f"nothing but the shape of its law, which is rejected as assumed ({chance})"
+        return f"nothing: with it the model agrees within the noise ({chance})"
     left = found.remainder
     where = f", most at {left.slot}" if left.slot else ""
     over = f", over {left.over}" if left.over else ""
