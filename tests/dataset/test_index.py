@@ -210,6 +210,22 @@ def test_without_a_writable_index_the_folders_are_read(
     assert "no index of the runs can be kept" in caplog.text
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes in folders and /dev/zero are of POSIX")
+@pytest.mark.parametrize("how", ["pipe", "device", "folder"])
+@pytest.mark.usefixtures("four")
+def test_an_index_that_is_not_a_file_is_bypassed(
+    runs: Path, caplog: pytest.LogCaptureFixture, how: str
+) -> None:
+    """A pipe in its place was waited for, and Ctrl-C did not help."""
+    path = index_path(runs)
+    path.unlink(missing_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    {"pipe": os.mkfifo, "device": lambda to: Path(to).symlink_to("/dev/zero"), "folder": os.mkdir}[how](path)
+    with caplog.at_level(logging.WARNING):
+        assert ids(runs) == list(NAMES)
+    assert "no index of the runs can be kept" in caplog.text
+
+
 def test_a_locked_index_is_bypassed(
     four: list[Path], runs: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -145,6 +145,8 @@ def _remove_file(path: Path) -> None:
 
 def _ask_file(path: Path, update: _Update, question: Callable[[sqlite3.Connection], T]) -> T:
     path.parent.mkdir(parents=True, exist_ok=True)
+    if path.exists() and not path.is_file():  # SQLite would wait for a pipe
+        raise OSError(f"{path} is not a file")
     with closing(sqlite3.connect(path, timeout=_PATIENCE, isolation_level=None)) as index:
         _prepare(index, path)
         update(index)
