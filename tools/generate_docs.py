@@ -20,6 +20,7 @@ def pages() -> Iterator[tuple[Path, str]]:
     sys.path[:0] = [str(ROOT), str(ROOT / "tools")]  # benchmarks and tools are no installed packages
     from api_page import api_page
     from benchmarks.engine.page import with_figures
+    from benchmarks.validation.page import with_rates
 
     from rigctl.effects.generic.page import generic_page
     from rigctl.effects.page import effects_page
@@ -37,6 +38,8 @@ def pages() -> Iterator[tuple[Path, str]]:
     yield DOCS / "reference" / "run-states.md", run_states_page()
     engine = DOCS / "explanation" / "engine.md"
     yield engine, with_figures(engine)
+    validation = DOCS / "explanation" / "diagnosis-validation.md"
+    yield validation, with_rates(validation)
     yield DOCS / "reference" / "effects" / "generic.md", generic_page()
     for family in FAMILIES.values():
         yield DOCS / "reference" / "effects" / f"{family.name}.md", effects_page(family)

@@ -53,6 +53,12 @@ def shape_rates(outcomes: Sequence[Outcome]) -> tuple[Rate, ...]:
         rate_of("a strong and a weak effect: one, and that is all", "all", two, _one_is_all),
         *_by_size("truth removed, outside or a true level", removed, _honest, at_least=0.95),
         *_by_size("truth removed, wrong place or driver", removed, _wrong_cause, at_most=0.01),
+        rate_of(
+            "truth removed, wrong place or driver",
+            "no other effect is nearly equivalent",
+            [o for o in removed if not _nearly_equivalent(o)],
+            _wrong_cause,
+        ),
     ]
     return tuple(rate for rate in found if rate.trials)
 
@@ -93,16 +99,18 @@ def _cause_named(outcome: Outcome) -> bool:
 
 def _as_far_as_told(outcome: Outcome) -> bool:
     """Whether location and variables are named; or a class with the truth, if another effect is nearly
-    equivalent.
+    equivalent."""
+    return _cause_named(outcome) or (_nearly_equivalent(outcome) and outcome.right)
+
+
+def _nearly_equivalent(outcome: Outcome) -> bool:
+    """Whether another effect of the library is nearly equivalent to the hidden one.
 
     That is one that no data of these sensors distinguish from it in 99 cases of 100, or that differs by less
     than the shape tolerance of either law: such two are indistinguishable whatever their size.
     """
-    if _cause_named(outcome):
-        return True
     apart = math.inf if outcome.separation is None else outcome.separation
-    alike = apart < max(LEAST_SEPARATION, SHAPE_TOLERANCE * outcome.scenario.hidden[0].size)
-    return alike and outcome.right
+    return apart < max(LEAST_SEPARATION, SHAPE_TOLERANCE * outcome.scenario.hidden[0].size)
 
 
 def _beyond_usual(outcome: Outcome) -> bool:
