@@ -84,7 +84,10 @@ def test_a_set_below_the_noise_is_ambiguous_at_most_and_its_remainder_is_said() 
     search, best = searched(Adequacy(little, below_noise=True), (member("valve_leakage"),))
     assert search.sure(best)
     left = Remainder(0.007, 2.0, 0.004, "", "", "", "0.7 % of the misfit is left", below_noise=True)
-    best = cast("RefittedSet", SimpleNamespace(candidates=best.candidates, unusual={}, chi2=best.chi2))
+    best = cast(
+        "RefittedSet",
+        SimpleNamespace(candidates=best.candidates, unusual={}, undetermined=(), chi2=best.chi2),
+    )
     assert _verdict(search, best, [], {}, replace(left, below_noise=False)) is Verdict.MISSING_EFFECT
     assert _verdict(search, best, [], {}, left) is Verdict.AMBIGUOUS
     chosen: Any = [(SimpleNamespace(effect=LEAK), SimpleNamespace(parameters={}))]

@@ -99,7 +99,7 @@ def statement(verdict: Verdict, left: float, failed: Sequence[str], rivals: Sequ
     names = ("valve_leakage", "coulomb_friction")
     chosen: Any = [(SimpleNamespace(effect=known[name]), SimpleNamespace(parameters={})) for name in names]
     checks = {name: CrossValidation(1.2, 1.1, 1.0, 2.0 if name in failed else 0.1, 5) for name in names}
-    best: Any = SimpleNamespace(candidates=[pair[0] for pair in chosen], unusual={})
+    best: Any = SimpleNamespace(candidates=[pair[0] for pair in chosen], unusual={}, undetermined=())
     against = against_identity(best, checks, leaves(left))
     before = cast("ModelComparison", None)
     return verdict_text(verdict, before, chosen, rivals, leaves(left), checks, against=against)
@@ -115,7 +115,7 @@ def test_a_failed_check_is_reported_instead_of_an_empty_remainder() -> None:
 def test_a_small_effect_leaves_nothing_by_its_shape() -> None:
     """A tenth of 30 sigmas is not seen, so that 6 sigmas are something else; a tenth of 300 sigmas is."""
     leak = SimpleNamespace(effect=library(find_family("hydraulic_cylinder"))["rod_leakage"])
-    best: Any = SimpleNamespace(candidates=[leak], unusual={})
+    best: Any = SimpleNamespace(candidates=[leak], unusual={}, undetermined=())
     left = Remainder(0.04, 6.0, 0.001, "", "", "", "4 % is left")
     assert against_identity(best, {}, left, 30.0**2) == [
         "it leaves 6 sigma, although another shape of so small an effect would not be seen"
@@ -123,7 +123,7 @@ def test_a_small_effect_leaves_nothing_by_its_shape() -> None:
     assert not against_identity(best, {}, left, 300.0**2)
     assert not against_identity(best, {}, replace(left, size=4.0), 30.0**2)
     assert not against_identity(best, {}, None, 30.0**2)
-    pair: Any = SimpleNamespace(candidates=[leak, leak], unusual={})
+    pair: Any = SimpleNamespace(candidates=[leak, leak], unusual={}, undetermined=())
     assert not against_identity(pair, {}, left, 30.0**2)
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.decision_levels import SIZE_INTERVAL
 from rigctl.analysis.mbic import mbic
 from rigctl.effects.declaration import EffectParameter, qualified
 from rigctl.engine.least_squares import Options, Refused, Unknown, started
@@ -172,6 +173,22 @@ class RefittedSet:
         """By effect, in words, its parameters outside their usual range; empty if there are none."""
         texts = {one.name: unusual_text(self.fit, one) for one in self.candidates}
         return {name: text for name, text in texts.items() if text}
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """The effects of which the 95 % interval of every parameter that switches them on contains its null.
+
+        An effect with several parameters may reduce χ² considerably without any of them being determined:
+        only a combination is, which is then that of many laws.
+        """
+        return tuple(one.name for one in self.candidates if not self._determined(one))
+
+    def _determined(self, candidate: Candidate) -> bool:
+        sizes = [name for name in candidate.columns if not candidate.parameter(name).shape]
+        away = [(self.value(name), candidate.parameter(name).at_null) for name in sizes]
+        return not away or any(
+            value != null and not abs(value - null) <= SIZE_INTERVAL * std for (value, std), null in away
+        )
 
     def value(self, column: str) -> tuple[float, float]:
         """A parameter of an effect and its standard deviation, SI; NaN for that if it acts on no reading."""

@@ -170,15 +170,19 @@ def against_identity(
 ) -> list[str]:
     """Why the best set may not be what is missing, apart from its rivals; empty if nothing speaks against it.
 
-    Reasons are: a parameter outside its usual range; a failed cross-validation; noise that differs from what
-    the tests assume; a remainder of several effects at a slot where none of them acts; a remainder of a
-    single effect that is too small for another shape of its law to be visible.
+    Reasons are: a parameter outside its usual range; an undetermined size; a failed cross-validation; noise
+    that differs from what the tests assume; a remainder of several effects at a slot where none of them acts;
+    a remainder of a single effect that is too small for another shape of its law to be visible.
 
     Parameters
     ----------
     explained: the reduction of χ² by the set.
     """
     reasons = [f"{name} has its {text}" for name, text in best.unusual.items()]
+    reasons += [
+        f"these data do not determine {name}: the 95 % interval of its size contains none at all"
+        for name in best.undetermined
+    ]
     failed = _failed_text(checks)
     reasons += [failed] if failed else []
     if left is not None and left.below_noise:
