@@ -137,7 +137,8 @@ def test_a_member_whose_rest_cannot_be_fitted_is_said_with_its_own_parameters() 
 def test_nothing_is_added_where_it_is_not_decided_whether_anything_is_missing(verdict: Verdict) -> None:
     """The set improves the fit, but no version is saved on inconclusive data."""
     doubt = "the error of every channel is within its noise"
-    found = cast("Diagnosis", SimpleNamespace(verdict=verdict, doubt=doubt, best=None, before=None))
+    before = SimpleNamespace(adequate=False)
+    found = cast("Diagnosis", SimpleNamespace(verdict=verdict, doubt=doubt, best=None, before=before))
     assert _plan(found, 4) == []
     assert _why(found, 4) is Ended.NOT_DECIDED
     said = Improvement(cast("Any", None), (), found, Ended.NOT_DECIDED).statement

@@ -120,7 +120,7 @@ def test_a_failed_export_leaves_nothing_behind(runs: list[Path]) -> None:
     assert "several runs" in refusal("export", *names, "-o", "a.csv")
     assert "only a crate" in refusal("export", names[0], "-o", "a.csv", "--licence", "CC0-1.0")
     Path("there").mkdir()
-    assert "something already" in refusal("export", names[0], "--to", "ro-crate", "-o", "there")
+    assert "the path exists already" in refusal("export", names[0], "--to", "ro-crate", "-o", "there")
     with (runs[1] / "events.parquet").open("ab") as file:
         file.write(b"x")
     said = refusal("export", *names, "--to", "ro-crate", "-o", "b", exit_code=1)  # type: ignore[arg-type]

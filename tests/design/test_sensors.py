@@ -45,15 +45,17 @@ def test_inseparable_effects_name_the_sensor_that_would_separate(
 ) -> None:
     """Both move the reading in proportion to the stroke; whether the piston really went there, another sensor
     of its motion, or of what drives it, says."""
-    assert designed["separates"] == [["position_thermal_drift", "flow_area_thermal_drift"]]
+    pair = {"position_thermal_drift", "flow_area_thermal_drift"}  # which of them comes first is chance
+    assert [set(one) for one in designed["separates"]] == [pair]
     assert designed["probability"] < 0.5
-    assert "not reliably distinguished" in designed["statement"].lower()
+    said = designed[
+        "statement"
+    ].lower()  # a record either does not do it reliably, or none that can be made does
+    assert "not reliably distinguished" in said or "no record that this bench can make distinguishes" in said
     best = designed["sensor"]
     assert best["probability"] > 0.5
     assert set(best["channels"]) <= {"velocity", "pressure_a", "pressure_b"}
-    assert best["splits"] == [["flow_area_thermal_drift", "position_thermal_drift"]] or best["splits"] == [
-        ["position_thermal_drift", "flow_area_thermal_drift"]
-    ]
+    assert [set(one) for one in best["splits"]] == [pair]
     assert " and ".join(best["channels"]) in designed["statement"]
 
 

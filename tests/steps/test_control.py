@@ -288,7 +288,7 @@ def test_one_seed_gives_one_run_to_the_byte(tmp_path: Path) -> None:
         ("to: 40 degC, gain: 1 %/K, for: 1 min, feed_forward: setpoint", "feed_forward"),
         ("to: 40 degC, gain: 1 %/K, for: 1 min, feed_forward: convecton*setpoint", "convection"),
         ("to: 40 degC, gain: 1 %/K, for: 1 min, parameters_of: m.yaml", "parameters without a formula"),
-        ("to: 40 degC, gain: 1 %/K, for: 1 min, max_rate: 0 %/s", "no rate"),
+        ("to: 40 degC, gain: 1 %/K, for: 1 min, max_rate: 0 %/s", "a rate that the actuator does not allow"),
     ],
 )
 def test_a_loop_that_does_not_fit_the_rig_is_refused(tmp_path: Path, fields: str, said: str) -> None:
