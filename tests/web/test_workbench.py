@@ -165,6 +165,7 @@ def test_the_hidden_effect_is_found_and_added_without_a_terminal(bench: Page, le
     page.locator('[data-open$="@3"]').wait_for()
     with chdir(leaking.project):
         assert answer("model", "history", MODEL)["versions"][-1]["kind"] == "set"
+    versions_beside_each_other(page)
 
 
 def measured_what_was_designed(page: Page, leaking: Served) -> None:
@@ -187,7 +188,8 @@ def measured_what_was_designed(page: Page, leaking: Served) -> None:
         assert Path("procedures/next-1.yaml").read_text("utf-8") == design.locator("pre").inner_text()
 
 
-def test_versions_are_compared_beside_each_other(bench: Page) -> None:
+def versions_beside_each_other(bench: Page) -> None:
+    """Any two of the versions made so far, compared on the same records."""
     verb(bench, "History")
     bench.get_by_role("button", name="Compare version 1 with version 3").click()
     said = card(bench, "Compare")
