@@ -98,6 +98,9 @@ class Avr:
             the program crashed.
         """
         state, count = self._state, c.c_size_t(0)
+        if self._arriving and not self._receiving:
+            self._receiving = True
+            self._sim.avr_cycle_timer_register(self._core, self._character, self._receiver, None)
         while state.cycle < cycle:
             if state.state in (DONE, CRASHED, STOPPED):
                 raise RigctlError(
@@ -122,11 +125,12 @@ class Avr:
         self._restarted()
 
     def send(self, data: bytes) -> None:
-        """Send bytes to its receiver, which arrive one per character time, as on a wire."""
+        """Send bytes to its receiver, which arrive one per character time, as on a wire.
+
+        Another thread than the one that runs it may call this: simavr's timers are not touched here, since
+        registering one while the program runs can close their list to a ring.
+        """
         self._arriving += data
-        if not self._receiving and self._arriving:
-            self._receiving = True
-            self._sim.avr_cycle_timer_register(self._core, self._character, self._receiver, None)
 
     def take(self) -> bytes:
         """Return what it has sent since the last call."""
