@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -24,6 +25,11 @@ settings.load_profile("suite")
 # its own would compile this package again, 0.1 to 0.4 s of processor.
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
     sys.dont_write_bytecode = False
+
+# A shell without job control starts what it puts in the background with Ctrl-C ignored, which what the tests
+# start would inherit: Ctrl-C would not end it.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 #: files that wait more than they compute, for a silence, a process or a board in real time: one worker begins
 #: with them while the others compute. In the first one this process is host and device: it comes before the

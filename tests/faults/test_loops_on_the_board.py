@@ -147,14 +147,18 @@ def test_between_records_a_loop_on_the_host_goes_on_after_a_loss_of_contact(boar
     assert late[0] == pytest.approx(30.0, abs=4.0)
 
 
-@pytest.mark.parametrize("where", ["host", "board"])
-@pytest.mark.parametrize("to", ["30 bar", "5 bar"], ids=["above", "at the safe value"])
+@pytest.mark.parametrize(
+    ("where", "to"),
+    [("host", "30 bar"), ("board", "30 bar"), ("board", "5 bar")],
+    ids=["host-above", "board-above", "board-at the safe value"],
+)
 def test_in_a_record_no_loss_of_contact_may_interrupt_a_loop(
     board: BoardWorkshop, where: str, to: str
 ) -> None:
-    """It was begun again, and the record kept as if nothing had happened."""
-    if (where, to) == ("host", "5 bar"):
-        pytest.skip("the host goes on with it, and the output was what it commanded")
+    """It was begun again, and the record kept as if nothing had happened.
+
+    A loop on the host whose output is at its safe value is not interrupted: the output is what it commanded.
+    """
     text = recorded(f"rate: 100 Hz, where: {where}, for: 3 s").replace("to: 30 bar", f"to: {to}")
     done = board.run(text, noise="off", faults=["backend_lost@1.2 s..1.8 s"])
     assert done.result.status == "failed", done.messages("note")

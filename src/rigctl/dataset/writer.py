@@ -204,13 +204,16 @@ class RunWriter:
         """
         if self._record >= 0:
             raise ValueError(f"record {self._record} is still open")
-        self._record, self._record_rows = self._next_record, 0
+        index = self._next_record
         self._next_record += 1
         values = {key: [value, unit] for key, (value, unit) in sweep.items()}
-        opened = {"state": "open", "record": self._record, "name": name, "path": path, "rate": rate}
+        opened = {"state": "open", "record": index, "name": name, "path": path, "rate": rate}
         self.event(time, "record", **opened, sweep=values)
-        if self._failure is None:
-            self.flush()  # the log must have every record that samples on disk refer to
+        try:
+            if self._failure is None:
+                self.flush()  # the log must have every record that samples on disk refer to
+        finally:  # only now: the heartbeat, from another thread, names no record that a kill would lose
+            self._record, self._record_rows = index, 0
         return self._record
 
     def measure(self, value: MeasuredValue) -> None:
