@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import multiprocessing
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -11,7 +12,8 @@ from typing import Any, cast
 
 from starlette.websockets import WebSocket
 
-from rigctl.web.workbench.socket import _from_page
+from rigctl.web.workbench.process import TEXT, _Session
+from rigctl.web.workbench.socket import _from_page, _read, _to_page
 
 
 class _Page:
@@ -54,3 +56,72 @@ def test_a_process_that_does_not_read_does_not_stop_the_server() -> None:
     assert heard == [text.encode() for text in texts]
     ours.close()
     theirs.close()
+
+
+class _Silent:
+    """A page that takes nothing until it is allowed to."""
+
+    def __init__(self) -> None:
+        self.reads = asyncio.Event()
+        self.taken: list[str] = []
+
+    async def send_text(self, text: str) -> None:
+        await self.reads.wait()
+        self.taken.append(text)
+
+
+def test_a_page_that_does_not_read_stops_its_process_and_loses_nothing() -> None:
+    """Every picture waited in the server's memory: a page left in the background filled it."""
+    ours, theirs = multiprocessing.Pipe()
+    count, sent = 40, []
+
+    def work() -> None:
+        for k in range(count):
+            theirs.send_bytes(TEXT + f"{k}".encode() + b" " * 200_000)
+            sent.append(k)
+
+    async def served() -> tuple[int, list[str]]:
+        said: asyncio.Queue[bytes | None] = asyncio.Queue()
+        room, over, page = threading.Semaphore(4), threading.Event(), _Silent()
+        loop = asyncio.get_running_loop()
+        reader = threading.Thread(target=_read, args=(ours, loop, said, room, over))
+        passing = asyncio.create_task(_to_page(cast("WebSocket", page), said, room))
+        process = threading.Thread(target=work)
+        reader.start()
+        process.start()
+        while len(sent) < 4:
+            await asyncio.sleep(0.01)
+        await asyncio.sleep(0.3)  # what would be read beyond that is read in this time
+        ahead = len(sent)
+        page.reads.set()
+        while len(page.taken) < count:
+            await asyncio.sleep(0.01)
+        process.join()
+        over.set()
+        theirs.close()
+        await asyncio.to_thread(reader.join)
+        passing.cancel()
+        return ahead, page.taken
+
+    with ThreadPoolExecutor() as aside:
+        ahead, taken = aside.submit(lambda: asyncio.run(served())).result()
+    assert ahead <= 5
+    assert [int(text) for text in taken] == list(range(count))
+    ours.close()
+
+
+def test_requests_beyond_what_may_wait_are_refused() -> None:
+    ours, theirs = multiprocessing.Pipe()
+    session = _Session(theirs)  # its workers have not begun: everything waits
+    for k in range(102):
+        session.take({"do": "settle", "seq": k})
+    theirs.close()
+    refused = []
+    while True:
+        try:
+            refused.append(json.loads(ours.recv_bytes()[1:]))
+        except EOFError:
+            break
+    assert [(one["kind"], one["seq"]) for one in refused] == [("problem", 100), ("problem", 101)]
+    assert "100 requests are waiting" in refused[0]["error"]["message"]
+    ours.close()

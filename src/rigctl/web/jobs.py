@@ -11,6 +11,7 @@ import shlex
 import subprocess
 import sys
 import threading
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -215,7 +216,7 @@ class Jobs:
         """Read the output of a command until it ends."""
         assert process.stdout is not None  # noqa: S101 - opened as pipes
         assert process.stderr is not None  # noqa: S101
-        said: list[str] = []
+        said: deque[str] = deque(maxlen=1)  # only the last line is shown, and a job can write for days
 
         def listen(lines: IO[str]) -> None:
             for line in lines:

@@ -37,6 +37,8 @@ logger = logging.getLogger(__name__)
 
 #: most undo and redo steps accepted from a page
 _RETRACED = 200
+#: requests that may wait for the worker; each can hold a state of thousands of parameters
+_MOST_WAITING = 100
 #: before a message to the page: its text, or its bytes
 TEXT, BYTES = b"t", b"b"
 
@@ -94,13 +96,16 @@ class _Session:
             self._problem({}, RigctlError("the message is not a JSON object").as_dict())
 
     def take(self, asked: Mapping[str, Any]) -> None:
-        """Put a message into the queue of its worker."""
+        """Put a message into the queue of its worker; it is refused if too many wait already."""
         with self._there:
+            full = len(self._waiting) >= _MOST_WAITING
             if asked.get("do") == "follow":
                 self._moving = asked
-            else:
+            elif not full:
                 self._waiting.append(asked)
             self._there.notify_all()
+        if full and asked.get("do") != "follow":
+            self._problem(asked, RigctlError(f"{_MOST_WAITING} requests are waiting already").as_dict())
 
     def _follow_always(self) -> None:
         while True:

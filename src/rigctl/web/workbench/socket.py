@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 _MOST: Final = 4
 #: bytes of a message from a page: a state of thousands of parameters
 _LONGEST: Final = 500_000
+#: messages of a process that wait for a page; the process waits with the next
+_MOST_WAITING: Final = 8
 #: s for a process to end
 _GRACE: Final = 1.0
 
@@ -60,29 +62,45 @@ async def _through(socket: WebSocket, folder: str) -> None:
     await loop.run_in_executor(None, process.start)
     theirs.close()
     said: asyncio.Queue[bytes | None] = asyncio.Queue()
-    reader = threading.Thread(target=_read, args=(ours, loop, said), name="workbench", daemon=True)
+    room = threading.Semaphore(_MOST_WAITING)
+    over = threading.Event()
+    reader = threading.Thread(
+        target=_read, args=(ours, loop, said, room, over), name="workbench", daemon=True
+    )
     reader.start()
-    tasks = [asyncio.create_task(_to_page(socket, said)), asyncio.create_task(_from_page(socket, ours))]
+    tasks = [asyncio.create_task(_to_page(socket, said, room)), asyncio.create_task(_from_page(socket, ours))]
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+        over.set()
+        room.release()
         process.terminate()
         await loop.run_in_executor(None, _ended, process)
         ours.close()
 
 
-def _read(pipe: Connection, loop: asyncio.AbstractEventLoop, said: asyncio.Queue[bytes | None]) -> None:
+def _read(
+    pipe: Connection,
+    loop: asyncio.AbstractEventLoop,
+    said: asyncio.Queue[bytes | None],
+    room: threading.Semaphore,
+    over: threading.Event,
+) -> None:
+    """Read a process's messages while there is `room`, so that a page that does not read fills no memory."""
     with suppress(EOFError, OSError, RuntimeError):  # the last: the loop has ended
         while True:
+            room.acquire()
+            if over.is_set():
+                return
             loop.call_soon_threadsafe(said.put_nowait, pipe.recv_bytes())
     with suppress(RuntimeError):
         loop.call_soon_threadsafe(said.put_nowait, None)
 
 
-async def _to_page(socket: WebSocket, said: asyncio.Queue[bytes | None]) -> None:
+async def _to_page(socket: WebSocket, said: asyncio.Queue[bytes | None], room: threading.Semaphore) -> None:
     while True:
         message = await said.get()
         if message is None:
@@ -99,6 +117,7 @@ async def _to_page(socket: WebSocket, said: asyncio.Queue[bytes | None]) -> None
             await socket.send_text(message[1:].decode("utf-8"))
         else:
             await socket.send_bytes(message[1:])
+        room.release()
 
 
 async def _from_page(socket: WebSocket, pipe: Connection) -> None:
