@@ -8,6 +8,7 @@ position by them.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
@@ -222,6 +223,17 @@ def walk(node: Node) -> Iterator[Node]:
         current = stack.pop()
         yield current
         stack.extend(reversed(children(current)))
+
+
+def all_nodes(plan: Plan) -> Iterator[Node]:
+    """Every node of a plan, those of cleanup blocks after the others."""
+    blocks = (plan.root, plan.on_failure, plan.on_abort, plan.finally_)
+    waiting = deque(block for block in blocks if block is not None)
+    while waiting:
+        for node in walk(waiting.popleft()):
+            yield node
+            if isinstance(node, Group):
+                waiting.extend(cleanup_blocks(node))
 
 
 def iteration_path(loop: Loop, iteration: int, path: str) -> str:

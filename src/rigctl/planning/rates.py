@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rigctl.errors import RigctlError
-from rigctl.plan import Plan, RecordNode, walk
+from rigctl.plan import Plan, RecordNode, all_nodes
 from rigctl.rig import Rig
 
 _ROUNDING = 1e-9
@@ -18,14 +18,14 @@ def too_fast(rig: Rig, rate: float) -> str | None:
 
 
 def refuse_rates(plan: Plan) -> None:
-    """Refuse a plan with such a record before anything moves.
+    """Refuse a plan with such a record, also in a cleanup block, before anything moves.
 
     Raises
     ------
     RigctlError
         there is one; with the location of the first.
     """
-    for node in walk(plan.root):
+    for node in all_nodes(plan):
         if isinstance(node, RecordNode):
             message = too_fast(plan.rig, node.rate)
             if message is not None:

@@ -7,7 +7,7 @@ from array import array
 from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 
-from rigctl.plan import Group, Leaf, Node, Plan, cleanup_blocks, walk
+from rigctl.plan import Leaf, Plan, all_nodes
 from rigctl.plan.behaviour import Row
 from rigctl.plan.statistics import DURATION, Statistic, Stretch
 from rigctl.steps.measure import Measure
@@ -94,11 +94,6 @@ def history_for(plan: Plan, columns: Mapping[str, int]) -> History:
 
 
 def _measures(plan: Plan) -> Iterable[Measure]:
-    blocks = (plan.root, plan.on_failure, plan.on_abort, plan.finally_)
-    waiting: list[Node] = [block for block in blocks if block is not None]
-    while waiting:
-        for node in walk(waiting.pop()):
-            if isinstance(node, Leaf) and isinstance(node.action, Measure):
-                yield node.action
-            elif isinstance(node, Group):
-                waiting.extend(cleanup_blocks(node))
+    for node in all_nodes(plan):
+        if isinstance(node, Leaf) and isinstance(node.action, Measure):
+            yield node.action

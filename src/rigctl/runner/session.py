@@ -13,7 +13,7 @@ from rigctl.dataset.history import read_history
 from rigctl.dataset.pass_fail import Judgement, judge
 from rigctl.dataset.run_json import read_info
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.plan import Group, Leaf, Plan, cleanup_blocks, walk
+from rigctl.plan import Leaf, Plan, all_nodes
 from rigctl.plan.outcomes import Aborted, Ending, SamplesLost, Tripped
 from rigctl.runner.bench import Bench
 from rigctl.runner.control_thread import Watching, beside
@@ -344,13 +344,9 @@ class _Session:
 
 def _refuse_impossible(plan: Plan, bench: Bench) -> None:
     """Refuse a step that this bench cannot carry out; raises `RigctlError` with its place."""
-    groups = [plan.root, *(b for b in (plan.on_failure, plan.on_abort, plan.finally_) if b is not None)]
-    while groups:
-        for node in walk(groups.pop()):
-            if isinstance(node, Group):
-                groups += cleanup_blocks(node)
-            elif isinstance(node, Leaf) and (refused := node.action.refusal(bench)) is not None:
-                raise refused.at(node.where)
+    for node in all_nodes(plan):
+        if isinstance(node, Leaf) and (refused := node.action.refusal(bench)) is not None:
+            raise refused.at(node.where)
 
 
 def _judged(folder: Path | None) -> Judgement | None:

@@ -1,0 +1,43 @@
+"""A record faster than its bench can be read is refused wherever it is in a procedure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
+from rigctl.planning.rates import refuse_rates
+from rigctl.procedure import expand, parse_procedure
+from rigctl.rig import load_rig
+
+
+@pytest.mark.parametrize("block", ["on_failure", "on_abort", "finally"])
+@pytest.mark.parametrize("nested", [False, True])
+def test_a_record_in_a_cleanup_block_counts(block: str, *, nested: bool) -> None:
+    """It was refused only when the cleanup had begun, or recorded at another rate."""
+    rig = load_rig(shipped("rigs", "tclab-board.yaml"))
+    record = "- record: {name: fast, rate: 50 Hz}"
+    if nested:
+        text = f"""\
+procedure: p
+steps:
+  - repeat: 2
+    do: [wait: 1 s]
+    {block}:
+      {record}
+        do: [wait: 1 s]
+"""
+    else:
+        text = f"""\
+procedure: p
+steps: [wait: 1 s]
+{block}:
+  {record}
+    do: [wait: 1 s]
+"""
+    plan = expand(parse_procedure(text, Path("p.yaml")), rig, {})
+    with pytest.raises(RigctlError, match="50 Hz is more than the device can be asked for") as refused:
+        refuse_rates(plan)
+    assert "p.yaml" in str(refused.value)
