@@ -15,15 +15,40 @@ from rigctl.rig import Rig
 
 
 class Emulation:
-    """A board on a pty, running until it is stopped; its plug can be pulled and put back."""
+    """A board on a pty, running until it is stopped; its plug can be pulled and put back.
+
+    A computer that stands still stops the board, too: what a test compares are times of the board.
+
+    Attributes
+    ----------
+    heard: board time of the last bytes from a host, s.
+    switched: board time of each switch of an output, s, and the outputs from then on.
+    """
 
     def __init__(self, rig: Rig, name: Path) -> None:
         device = prepare(rig, {"plant": "roles", "noise": "off", "seed": 1}).switch_on()
         self.board = EmulatedBoard(rig, wiring_of(rig, {}), read_intel_hex(shipped_image(115200)), device)
+        self.heard = 0.0
+        self.switched: list[tuple[float, tuple[bool, bool, bool]]] = []
+        self._witness()
         self.name = name
         self._clock = real_clock()
         self._end = threading.Event()
         self.plug()
+
+    def _witness(self) -> None:
+        board, send, switch = self.board, self.board.avr.send, self.board._switch
+
+        def hear(data: bytes) -> None:
+            self.heard = board.time
+            send(data)
+
+        def see(time: float, pin: tuple[str, int]) -> None:
+            switch(time, pin)
+            self.switched.append((time, board.outputs))
+
+        board.avr.send = hear  # type: ignore[method-assign]
+        board._switch = see  # type: ignore[method-assign]
 
     def plug(self) -> None:
         self._end.clear()

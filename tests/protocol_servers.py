@@ -115,8 +115,14 @@ class Server(ABC):
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    async def _late(self) -> None:
+        """Let an answer wait; a delay that is taken back ends that."""
+        began = time.monotonic()
+        while time.monotonic() - began < self.delay:
+            await asyncio.sleep(0.01)
+
     def _wait(self, work: Coroutine[Any, Any, None]) -> None:
-        asyncio.run_coroutine_threadsafe(work, self._loop).result(10.0)
+        asyncio.run_coroutine_threadsafe(work, self._loop).result(60.0)
 
 
 class ModbusServer(Server):
@@ -169,7 +175,7 @@ class ModbusServer(Server):
         from pymodbus.constants import ExcCodes
 
         self.asked += 1
-        await asyncio.sleep(self.delay)
+        await self._late()
         if written:
             self._written(function, address, written)
             return None
@@ -251,11 +257,13 @@ class ScpiServer(Server):
     Attributes
     ----------
     received: every line.
+    answered: how many of them have been answered, or would have been.
     errors: what `SYST:ERR?` gives, first come first.
     """
 
     def __init__(self, rig: Rig) -> None:
         self.received: list[str] = []
+        self.answered = 0
         self.errors: list[str] = []
         self._writers: set[asyncio.StreamWriter] = set()
         super().__init__(rig)
@@ -281,10 +289,13 @@ class ScpiServer(Server):
                 text = line.decode("ascii", "replace").strip()
                 self.received.append(text)
                 answers = [answer for part in text.split(";") if (answer := self._answer(part)) is not None]
-                await asyncio.sleep(self.delay)
-                if answers and not self.mute:
-                    writer.write(f"{';'.join(answers)}\n".encode())
-                    await writer.drain()
+                await self._late()
+                try:
+                    if answers and not self.mute:
+                        writer.write(f"{';'.join(answers)}\n".encode())
+                        await writer.drain()
+                finally:
+                    self.answered += 1
 
     def _answer(self, part: str) -> str | None:
         command, _, arguments = part.partition(" ")
@@ -433,7 +444,7 @@ class OpcUaServer(Server):
     async def _copy(self, source: asyncio.StreamReader, target: asyncio.StreamWriter) -> None:
         with suppress(OSError):
             while data := await source.read(65536):
-                await asyncio.sleep(self.delay)
+                await self._late()
                 if not self.mute:
                     target.write(data)
                     await target.drain()

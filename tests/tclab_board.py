@@ -146,7 +146,7 @@ class Served:
         self.close()
 
     def _take(self, data: bytes) -> bytes:
-        if self.mute:
+        if self.mute or self.unplugged:
             return b""
         before = self.sketch.heaters
         answer = self.sketch.take(data)

@@ -168,7 +168,7 @@ def test_ctrl_c_ends_a_comparison_with_an_fmu_that_never_returns(project: Path) 
         while "simulation 1 of" not in (line := process.stderr.readline()):
             assert line, "it ended by itself"
         process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=30.0)
+        _, said = process.communicate(timeout=600.0)
     assert process.returncode == ExitCode.INTERRUPTED
     assert "Stopped; nothing was saved" in said
     assert "Traceback" not in said

@@ -43,9 +43,10 @@ class Board:
 
 @pytest.fixture
 def make() -> Callable[..., Board]:
-    def made(rig: Rig = TCLAB) -> Board:
+    def made(rig: Rig = TCLAB, delay: float = 0.01) -> Board:
         clock = VirtualClock()
         port = MemoryPort(Sketch(clock.now), clock)
+        port.delay = delay
         assert rig.backend.lines is not None
         bench = LineBench(rig, rig.backend.lines, clock, lambda: port, kind="serial")
         bench.open()
@@ -68,6 +69,13 @@ def with_lines(old: str, new: str) -> Rig:
 def test_it_asks_who_it_is_and_switches_off_before_anything_else(board: Board) -> None:
     assert board.bench.identity["firmware"] == "1.4.0 Arduino Uno"
     assert board.sketch.received == ["VER", "X", "Q1 0.00", "Q2 0.00"]
+
+
+def test_a_device_that_answers_just_in_time_is_opened(make: Callable[..., Board]) -> None:
+    """To what makes it safe, too: only at an ending are answers waited for no longer than 0.2 s."""
+    board = make(delay=0.45)
+    board.bench.start(0.4)
+    assert board.samples(2)[-1].commands == (0.0, 0.0)
 
 
 def test_samples_are_what_the_board_answers_at_the_rate_asked_for(board: Board) -> None:

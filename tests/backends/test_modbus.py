@@ -18,6 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from commands import call
+from patience import patient, unhurried
 from protocol_servers import ModbusServer, RtuServer
 from rigctl.backends.modbus.client import ModbusClient
 from rigctl.backends.modbus.create import settings_of
@@ -31,6 +32,7 @@ from rigctl.rig import load_rig, parse_rig
 from rigctl.rig.modbus import Modbus
 
 RIG = load_rig(shipped("rigs", "oil-circuit-modbus.yaml"))
+PATIENT = parse_rig(patient(RIG.text))
 
 FORMATS = {
     "int16": "h", "uint16": "H", "int32": "i", "uint32": "I",
@@ -140,11 +142,11 @@ def doctor(rig: Path, port: str) -> dict[str, Any]:
 
 def test_the_doctor_reads_every_channel_and_names_the_right_word_order(tmp_path: Path) -> None:
     rig = tmp_path / "rig.yaml"
-    rig.write_text(RIG.text.replace("timeout: 0.3 s", "timeout: 0.3 s\n    wake: 1 s"), encoding="utf-8")
+    rig.write_text(PATIENT.text, encoding="utf-8")
     with ModbusServer(RIG) as server:
         server.circuit.set("relief_valve", 30e5)
         while server.circuit.read()["supply_pressure"] < 29.99e5:
-            pass
+            time.sleep(0.01)
         well = doctor(rig, server.port)
         assert well["values"]["supply_pressure"] == pytest.approx(30e5, rel=1e-3)
         assert well["findings"]["supply_pressure"]["state"] == "ok"
@@ -162,8 +164,8 @@ def test_the_doctor_reads_every_channel_and_names_the_right_word_order(tmp_path:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
 def test_rtu_on_a_serial_line() -> None:
-    with RtuServer(RIG) as server:
-        rig = parse_rig(RIG.text.replace("unit: 1 ", "unit: 1\n    frame: 8N1 "))  # a pty knows no parity
+    with unhurried(), RtuServer(RIG) as server:
+        rig = parse_rig(PATIENT.text.replace("unit: 1 ", "unit: 1\n    frame: 8N1 "))  # a pty knows no parity
         bench = create_backend(rig, None, real_clock(), {"port": server.port})
         bench.open()
         try:
@@ -183,8 +185,8 @@ def test_rtu_on_a_serial_line() -> None:
 
 
 def test_the_heartbeat_continues_during_sampling() -> None:
-    with ModbusServer(RIG) as server:
-        bench = create_backend(RIG, None, real_clock(), {"port": server.port})
+    with unhurried(), ModbusServer(RIG) as server:
+        bench = create_backend(PATIENT, None, real_clock(), {"port": server.port})
         bench.open()
         try:
             bench.start(20.0)
@@ -197,7 +199,7 @@ def test_the_heartbeat_continues_during_sampling() -> None:
 def test_a_guard_continues_until_a_returning_device_is_off(tmp_path: Path) -> None:
     from backends.contract.test_devices import HOST
 
-    (tmp_path / "rig.yaml").write_text(RIG.text, encoding="utf-8")
+    (tmp_path / "rig.yaml").write_text(PATIENT.text, encoding="utf-8")
     with ModbusServer(RIG) as server:
         command = [sys.executable, "-c", HOST, str(tmp_path / "rig.yaml"), "modbus", server.port]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as host:
@@ -231,11 +233,11 @@ def test_an_answer_to_something_else_confirms_no_output(broken: str) -> None:
                 found[2] ^= 1
             line.sendall(head + bytes(found))
 
-    assert RIG.backend.modbus is not None
+    assert PATIENT.backend.modbus is not None
     with socket.create_server(("127.0.0.1", 0)) as listening:
         thread = threading.Thread(target=answer, args=(listening,))
         thread.start()
-        settings = settings_of(RIG.backend.modbus, 19200)
+        settings = settings_of(PATIENT.backend.modbus, 19200)
         client = ModbusClient(f"127.0.0.1:{listening.getsockname()[1]}", settings)
         said = client.answer(f"write {next(iter(settings['writes']))} 0")
         client.close()

@@ -11,7 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from backends.contract.subjects import samples
 from commands import call
+from patience import patient, unhurried
 from protocol_servers import OpcUaServer
 from rigctl.backends.protocol import Backend
 from rigctl.backends.registry import create_backend
@@ -21,17 +23,18 @@ from rigctl.files.shipped import shipped
 from rigctl.rig import Rig, load_rig, parse_rig
 
 RIG = load_rig(shipped("rigs", "oil-circuit-opcua.yaml"))
+PATIENT = parse_rig(patient(RIG.text, wake="60 s"))
 PRESSURE, AGE = (RIG.layout.channels.index(name) for name in ("supply_pressure", "pressure_age"))
 
 
 @pytest.fixture
 def server() -> Iterator[OpcUaServer]:
-    with OpcUaServer(RIG) as made:
+    with unhurried(), OpcUaServer(RIG) as made:
         yield made
 
 
 @contextmanager
-def opened(server: OpcUaServer, rig: Rig = RIG) -> Iterator[Backend]:
+def opened(server: OpcUaServer, rig: Rig = PATIENT) -> Iterator[Backend]:
     bench = create_backend(rig, None, real_clock(), {"port": server.port})
     bench.open()
     try:
@@ -67,15 +70,14 @@ def test_an_infinite_value_is_missing_and_the_others_are_not(
     values = server.values
     monkeypatch.setattr(server, "values", lambda: {**values(), "SupplyPressure": value})
     with opened(server) as bench:
-        sample = bench.next_sample(bench.clock.now() + 2.0)
-        assert sample is not None
+        (sample,) = samples(bench, 1)
         assert math.isnan(sample.values[PRESSURE])
         others = [reading for place, reading in enumerate(sample.values) if place != PRESSURE]
         assert all(math.isfinite(reading) for reading in others)
 
 
 def test_a_refusal_by_the_server_is_an_error(server: OpcUaServer) -> None:
-    rig = parse_rig(RIG.text.replace("s=Circuit.Heater", "s=Circuit.Heatr"))
+    rig = parse_rig(PATIENT.text.replace("s=Circuit.Heater", "s=Circuit.Heatr"))
     with pytest.raises(RigctlError, match="does not exist"), opened(server, rig):
         pass
     assert server.circuit.off
@@ -83,8 +85,8 @@ def test_a_refusal_by_the_server_is_an_error(server: OpcUaServer) -> None:
 
 def test_a_different_plant_is_not_changed(server: OpcUaServer, tmp_path: Path) -> None:
     rig = tmp_path / "rig.yaml"
-    text = RIG.text.replace("equals: oil circuit 4711", "equals: oil circuit 4712")
-    rig.write_text(text.replace("timeout: 1 s", "timeout: 1 s\n    wake: 2 s"), encoding="utf-8")
+    text = PATIENT.text.replace("equals: oil circuit 4711", "equals: oil circuit 4712")
+    rig.write_text(text.replace("wake: 60 s", "wake: 10 s"), encoding="utf-8")
     server.circuit.set("heater", 1.0)
     with pytest.raises(RigctlError, match="another device"), opened(server, load_rig(rig)):
         pass

@@ -6,10 +6,12 @@ import socket
 import threading
 import time
 from contextlib import suppress
+from threading import Semaphore
 from typing import Any
 
 import pytest
 
+from patience import patient, unhurried
 from protocol_servers import ScpiServer
 from rigctl.backends.registry import create_backend
 from rigctl.backends.transport.port import PortLost
@@ -21,6 +23,8 @@ from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig, parse_rig
 
 RIG = load_rig(shipped("rigs", "oil-circuit-visa.yaml"))
+#: ms, more than a busy computer takes to answer
+PATIENCE = 60_000
 
 
 def settings(server: ScpiServer, **other: Any) -> dict[str, Any]:
@@ -30,14 +34,17 @@ def settings(server: ScpiServer, **other: Any) -> dict[str, Any]:
 def test_a_late_answer_is_not_taken_for_that_of_a_later_query() -> None:
     with ScpiServer(RIG) as server:
         client = VisaClient(server.port, settings(server, timeout=0.2))
-        server.delay = 0.4
+        server.delay = 600.0
         assert client.answer("ROUT:CLOS? (@201)") is None
         server.delay = 0.0
-        time.sleep(0.5)  # it has been sent by now, and nobody takes it
+        while not server.answered:  # nobody takes it
+            time.sleep(0.01)
+        client._instrument.timeout = PATIENCE
         for _ in range(3):
             assert str(client.answer("*IDN?")).startswith("ACME,")
             assert client.answer("*OPC?") == "1"
         assert client.answer("*CLS") is None
+        client._instrument.timeout = 200
         server.stop()
         with pytest.raises(PortLost):
             for _ in range(10):
@@ -45,35 +52,39 @@ def test_a_late_answer_is_not_taken_for_that_of_a_later_query() -> None:
         client.close()
 
 
-def _talkative(listening: socket.socket) -> None:
+def _talkative(listening: socket.socket, said: Semaphore) -> None:
     """An instrument that greets, and reports an error of its own after its second answer."""
     with suppress(OSError):
         line, _ = listening.accept()
         with line, line.makefile("rb") as asked:
+            line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # what it has sent is there at once
             line.sendall(b"READY\n")
+            said.release()
             for count, question in enumerate(asked, start=1):
                 line.sendall(b"answer to " + question)
                 if count == 2:
                     line.sendall(b'-113,"Undefined header"\n')
+                said.release()
 
 
 def test_unsolicited_data_are_not_an_answer() -> None:
     """One additional line used to shift every later reading to another channel."""
     with ScpiServer(RIG) as server:
-        known = settings(server)
+        known = settings(server, timeout=60.0)
     with socket.create_server(("127.0.0.1", 0)) as listening:
-        thread = threading.Thread(target=_talkative, args=(listening,))
+        said = Semaphore(0)
+        thread = threading.Thread(target=_talkative, args=(listening, said))
         thread.start()
         client = VisaClient(f"TCPIP::127.0.0.1::{listening.getsockname()[1]}::SOCKET", known)
-        time.sleep(0.1)  # until what it sends by itself is there
+        assert said.acquire(timeout=60.0)  # what it sends by itself is there
         for name in "ABCD":
             assert client.answer(f"{name}?") == f"answer to {name}?"
-            time.sleep(0.05)
+            assert said.acquire(timeout=60.0)
         client.close()
         thread.join()
 
 
-def _answering(listening: socket.socket, answers: list[list[bytes]]) -> None:
+def _answering(listening: socket.socket, answers: list[list[bytes]], go_on: threading.Event) -> None:
     """An instrument that gives each question the next answer, in pieces; the last one without end."""
     while answers:
         line, _ = listening.accept()
@@ -82,7 +93,7 @@ def _answering(listening: socket.socket, answers: list[list[bytes]]) -> None:
                 *pieces, last = answers.pop(0)
                 for piece in pieces:
                     line.sendall(piece)
-                    time.sleep(0.4)  # longer than the time-out
+                    go_on.wait(60.0)  # longer than the time-out
                 line.sendall(last)
                 while not answers:
                     line.sendall(last)
@@ -91,14 +102,17 @@ def _answering(listening: socket.socket, answers: list[list[bytes]]) -> None:
 def test_an_answer_counts_only_when_complete() -> None:
     """Incomplete answers used to be taken for numbers, and one without end filled the memory."""
     with ScpiServer(RIG) as server:
-        known = settings(server, timeout=0.2)
+        known = settings(server, timeout=60.0)
     answers = [[b"1\n"], [b"1", b"2.5\n"], [b"3\n"], [b"+1.234E+01,"]]
     with socket.create_server(("127.0.0.1", 0)) as listening:
-        thread = threading.Thread(target=_answering, args=(listening, answers))
+        go_on = threading.Event()
+        thread = threading.Thread(target=_answering, args=(listening, answers, go_on))
         thread.start()
         client = VisaClient(f"TCPIP::127.0.0.1::{listening.getsockname()[1]}::SOCKET", known)
         assert client.answer("A?") == "1"
+        client._instrument.timeout = 200
         assert client.answer("A?") is None
+        go_on.set()
         assert client.answer("A?") == "3"
         with pytest.raises(PortLost, match=r"does not end within 4096 bytes, with '\\n'"):
             client.answer("A?")
@@ -117,10 +131,10 @@ def test_no_connection_is_reported() -> None:
 
 
 def test_message_terminators_are_those_of_the_instrument() -> None:
-    rig = parse_rig(RIG.text.replace("    timeout: 0.5 s", '    timeout: 0.5 s\n    send_ends: "\\r\\n"'))
+    rig = parse_rig(patient(RIG.text).replace("    tries: 1", '    tries: 1\n    send_ends: "\\r\\n"'))
     assert rig.lines is not None
     assert rig.lines.send_ends == "\n"
-    with ScpiServer(rig) as server:
+    with unhurried(), ScpiServer(rig) as server:
         bench = create_backend(rig, None, real_clock(), {"port": server.port})
         bench.open()
         try:

@@ -14,7 +14,9 @@ from typing import Any
 import pytest
 
 import own_process
+from patience import patient
 from rigctl.dataset import open_run
+from rigctl.files.shipped import shipped
 from tclab_board import Served
 
 SHORT = ("--arg", "rest=2 s", "--arg", "dwell=2 s")
@@ -26,9 +28,24 @@ def board() -> Iterator[Served]:
         yield served
 
 
-def begin(folder: Path, board: Served, *more: str) -> subprocess.Popen[str]:
+def patient_project(folder: Path) -> None:
     (folder / "rigctl.toml").write_text("", encoding="utf-8")
-    run = ("run", "procedures/tclab-step.yaml", "--port", board.url, "--json")
+    (folder / "rigs").mkdir()
+    text = shipped("rigs", "tclab-board.yaml").read_text(encoding="utf-8")
+    (folder / "rigs" / "tclab-board.yaml").write_text(patient(text), encoding="utf-8")
+
+
+def begin(folder: Path, board: Served, *more: str) -> subprocess.Popen[str]:
+    patient_project(folder)
+    run = (
+        "run",
+        "procedures/tclab-step.yaml",
+        "--rig",
+        "rigs/tclab-board.yaml",
+        "--port",
+        board.url,
+        "--json",
+    )
     return own_process.begin(folder, *run, *more)
 
 
@@ -76,7 +93,7 @@ def test_the_wrong_board_is_named(board: Served, tmp_path: Path) -> None:
 
 def test_off_works_without_a_run(board: Served, tmp_path: Path) -> None:
     board.sketch.model._Q1 = 60
-    (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
+    patient_project(tmp_path)
     command = [sys.executable, "-m", "rigctl", "off", "--rig", "rigs/tclab-board.yaml", "--port", board.url]
     done = subprocess.run(
         command,

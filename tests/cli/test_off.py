@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from own_process import begin, rigctl
+from patience import patient
 from rigctl.files.shipped import shipped
 from tclab_board import Served
 from torture import switching_off
@@ -104,7 +105,7 @@ def test_the_host_s_memory_confirms_nothing(
             setting = f'heater_{heater}: {{send: "Q{heater} {{value:.2f}}", reply: "{{value}}"}}'
             assert setting in text
             text = text.replace(setting, f'heater_{heater}: {{send: "Q{heater} {{value:.2f}}"}}')
-    (tmp_path / "board.yaml").write_text(text, encoding="utf-8")
+    (tmp_path / "board.yaml").write_text(patient(text), encoding="utf-8")
     with Served() as board:
         for heater in ("1", "2"):
             if not answers:

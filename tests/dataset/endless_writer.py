@@ -24,10 +24,11 @@ def main() -> None:
     while True:
         record = writer.open_record(float(count), "stroke", {"oil": (300.0, "degC")}, "1", 100.0)
         for _ in range(chance.randrange(1, 20000)):
+            began = monotonic()
             writer.append(sample(float(count), record))
             if count % 100 == 0:
-                # the wall time of this row: what is older than a second when the kill comes must be there
-                print(count, monotonic(), flush=True)  # noqa: T201
+                # its wall time, before it was kept: then everything older than a second must be there
+                print(count, began, flush=True)  # noqa: T201
                 writer.event(float(count), "note", n=count)
             count += 1
         writer.close_record(float(count), "complete")

@@ -136,10 +136,10 @@ def test_a_permanently_hanging_disk_ends_the_run_without_loss(
     writer.close_record(50.0, "complete")
     writer.open_record(50.0, "stroke", {}, "1", 100.0)
     wait_for(lambda: not writer._tasks)
-    monkeypatch.setattr(disk_thread, "STALLED", 0.3)
     disk.free.clear()
     row = 50
     if moment == "measuring":
+        monkeypatch.setattr(disk_thread, "STALLED", 0.3)
         with pytest.raises(RigctlError, match="the disk has not answered"):
             while True:
                 put(writer, range(row, row + 1))
@@ -148,6 +148,7 @@ def test_a_permanently_hanging_disk_ends_the_run_without_loss(
         row += 1  # the row that the error came with is kept as well
     put(writer, range(row, row + 100))
     writer.close_record(row + 100.0, "lost")
+    monkeypatch.setattr(disk_thread, "STALLED", 0.3)
     with pytest.raises(RigctlError) as told:
         writer.close("failed", "the disk")
     kept = tmp_path / "rescued" / ID

@@ -173,9 +173,9 @@ def test_ctrl_c_stops_a_query_that_never_ends(two: Path, monkeypatch: pytest.Mon
     heard = signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores it
     monkeypatch.callback = None
     endless = "SELECT count(*) FROM range(10000000) a, range(10000000) b WHERE a.range + b.range = 7"
-    Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
     try:
         with pytest.raises(KeyboardInterrupt):
+            Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
             query(endless, two)
     finally:
         signal.signal(signal.SIGINT, heard)

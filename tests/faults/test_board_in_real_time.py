@@ -79,17 +79,23 @@ def heated(emulation: Emulation, process: subprocess.Popen[str], *, on: bool = T
         time.sleep(0.005)
 
 
+def recorded_bytes(project: Path, process: subprocess.Popen[str], least: int) -> None:
+    """Wait until so much of a run is in its journal."""
+    while not any(path.stat().st_size > least for path in (project / "runs").glob("2*/samples.journal")):
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.01)
+
+
 def test_a_host_that_is_killed_while_heating_leaves_outputs_off_and_its_data(
     project: Path, emulation: Emulation
 ) -> None:
     with begin(project, "run", "heating.yaml", "--port", "ttyRIG") as process:
         try:
             heated(emulation, process)
-            time.sleep(2.0)
-            killed = emulation.board.time
+            recorded_bytes(project, process, 20_000)
             process.kill()
             heated(emulation, process, on=False)
-            assert emulation.board.time - killed <= 2.1
+            assert emulation.switched[-1][0] - emulation.heard <= 2.1
         finally:
             process.kill()
     (folder,) = (project / "runs").glob("2*")
@@ -97,7 +103,8 @@ def test_a_host_that_is_killed_while_heating_leaves_outputs_off_and_its_data(
     samples = open_run(folder).samples()
     recorded = samples[samples["record"] == 0]["time"]
     assert recorded.iloc[-1] - recorded.iloc[0] > 1.0  # at most the last second is lost
-    assert recorded.diff().dropna().max() < 0.05
+    gaps = open_run(folder).events["kind"].eq("gap").sum()  # a computer that stood still
+    assert recorded.diff().gt(0.05).sum() <= gaps
 
     code, out, err = rigctl(project, "run", "heating.yaml", "--port", "ttyRIG", "--dry", "--json")
     assert code == ExitCode.DONE, err

@@ -130,6 +130,29 @@ def test_a_wait_for_the_operator_does_not_hide_a_silent_bench(
     assert done.result.duration < 4.0
 
 
+@pytest.mark.parametrize("moment", [0.52, 0.55, 0.59])
+def test_a_computer_that_stood_still_does_not_take_the_bench_for_silent(
+    moment: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The bench sampled meanwhile; it was the look for a sample that came late."""
+    stand = Stand("simulated", Workshop(tmp_path), monkeypatch)
+    wall, stood = [0.0], []
+
+    def sleep(seconds: float) -> None:
+        wall[0] += seconds
+        if wall[0] > moment and not stood:
+            stood.append(wall[0])
+            wall[0] += 3.0
+
+    rig = stand.rig()
+    clock = ScaledClock(monotonic=lambda: wall[0], sleep=sleep)
+    backend = create_backend(rig, "simulated", clock, {"plant": "roles"})
+    backend.open()
+    done = stand.workshop.run("steps:\n  - wait: 5 s\n", rig=rig, backend=backend)
+    assert stood
+    assert done.result.status == "finished", done.result.reason
+
+
 def test_an_unread_terminal_blocks_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stand = Stand("simulated", Workshop(tmp_path), monkeypatch)
     never, shown = threading.Event(), threading.Event()

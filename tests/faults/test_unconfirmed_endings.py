@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from own_process import begin, rigctl
+from patience import patient
 from rigctl.backends.transport.pursuit import Notice
 from rigctl.files.shipped import shipped
 from tclab_board import Served
@@ -36,10 +37,8 @@ def board() -> Iterator[Served]:
 def project(tmp_path: Path) -> Iterator[Path]:
     (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
     text = shipped("rigs", "tclab-board.yaml").read_text(encoding="utf-8")
-    (tmp_path / "board.yaml").write_text(
-        text.replace("stale_after: 5 s", "stale_after: 1 s").replace("wake: 5 s", "wake: 1 s"),
-        encoding="utf-8",
-    )
+    limited = patient(text, wake="5 s", stale_after="8 s")
+    (tmp_path / "board.yaml").write_text(limited, encoding="utf-8")
     (tmp_path / "heating.yaml").write_text(HEATING, encoding="utf-8")
     yield tmp_path
     for _ in range(100):  # a second guard may just be about to find the device safe
@@ -55,6 +54,11 @@ def wait_for(condition: Callable[[], object]) -> None:
         time.sleep(0.01)
 
 
+def after(lines: list[str], line: str) -> list[str]:
+    """What follows a line; nothing where it has not come yet."""
+    return lines[lines.index(line) + 1 :] if line in lines else []
+
+
 def guards(project: Path) -> list[Notice]:
     files = (project / "state" / "rigctl" / "guards").glob("*.json")
     return [Notice(**json.loads(path.read_text(encoding="utf-8"))) for path in files]
@@ -65,8 +69,7 @@ def test_a_dead_line_at_the_end_is_reported_and_the_guard_continues(
     board: Served, project: Path, how: str
 ) -> None:
     run = begin(project, "run", "heating.yaml", "--port", board.url, "--json")
-    wait_for(lambda: board.sketch.heaters == (60.0, 0.0))
-    time.sleep(0.6)
+    wait_for(lambda: "R1" in after(board.sketch.received, "Q1 60.00"))  # it knows that the heater is on
     setattr(board, how, True)
     out, err = run.communicate(timeout=600)
     answer = json.loads(out)

@@ -15,9 +15,11 @@ import pytest
 
 import own_process
 from commands import answer
+from patience import patient
 from rigctl.cli.commands.init import create_project
 from rigctl.dataset import open_run
 from rigctl.dataset.run_json import read_info
+from rigctl.files.shipped import shipped
 from tclab_board import Served
 
 ONE_ROUND = ("--max-rounds", "1", "--json")
@@ -33,6 +35,8 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
         own = text.replace(f"rigs/{name.replace('hl32-textbook', 'hl32-bench')}.yaml", f"rigs/{rig}.yaml")
         assert own != text
         (folder / "models" / f"{rig}.yaml").write_text(own, encoding="utf-8")
+    text = shipped("rigs", "tclab-board.yaml").read_text(encoding="utf-8")
+    (folder / "rigs" / "tclab-board.yaml").write_text(patient(text), encoding="utf-8")
     return folder
 
 

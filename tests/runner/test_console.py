@@ -85,7 +85,10 @@ def test_a_notice_is_shown_once_and_keys_stay_requests() -> None:
 def test_a_file_of_answers_is_read_ahead_and_keeps_its_order() -> None:
     keys = open_keys(io.StringIO("12\n13 s\n"))
     console = Console("me", write=None, keys=keys)
-    time.sleep(0.05)
+    give_up = time.monotonic() + 60.0
+    while not keys.ended:  # they are read by a thread
+        assert time.monotonic() < give_up
+        time.sleep(0.005)
     assert console.poll() == []
     other = Question("Again?", name="again", unit="s")
     values = []

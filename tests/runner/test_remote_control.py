@@ -43,8 +43,8 @@ def run(control: ControlFile) -> Iterator[None]:
 
 @pytest.mark.usefixtures("run")
 def test_a_request_waits_for_its_own_acknowledgement(tmp_path: Path) -> None:
-    assert send(tmp_path, Request.PAUSE) == "pause: done"
-    assert send(tmp_path, Request.CONTINUE) == "continue: done"
+    assert send(tmp_path, Request.PAUSE, timeout=60.0) == "pause: done"
+    assert send(tmp_path, Request.CONTINUE, timeout=60.0) == "continue: done"
 
 
 def test_a_run_that_does_not_answer_is_named(control: ControlFile, tmp_path: Path) -> None:

@@ -81,7 +81,7 @@ def test_one_of_two_workers_is_killed_and_nothing_is_lost(tmp_path: Path) -> Non
 def test_a_scheduler_that_dies_is_told_and_the_results_before_it_are_there(
     tmp_path: Path, scheduler: tuple[str, subprocess.Popen[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cluster, "_PATIENCE", 15.0)
+    monkeypatch.setattr(cluster, "_PATIENCE", 60.0)
     address, process = scheduler
     found = []
     with pytest.raises(RigctlError, match="scheduler does not answer any more"):

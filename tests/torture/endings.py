@@ -47,7 +47,7 @@ WATCHDOG_BOUND = 1.6
 #: s of samples that an ending may cost
 LOSS_BOUND = 1.0
 #: s of wall time after which a trial hangs
-_HANGS = 60.0
+_HANGS = 300.0
 
 _CYLINDER = """\
 steps:

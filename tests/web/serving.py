@@ -55,7 +55,7 @@ class Served:
         cookie: str | None = None,
     ) -> tuple[int, dict[str, str], str]:
         """A request by Python's own client, which sends what it is told to and nothing of a browser's."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=120)
         sent = {"Host": self.host, **(headers or {})}
         if cookie:
             sent["Cookie"] = cookie
@@ -113,7 +113,7 @@ def serving(project: Path, *options: str, state: Path) -> Iterator[Served]:
             address = found.group()
             break
     if not address:
-        process.wait(10)
+        process.wait(120)
         errors.join(5)
         raise AssertionError("".join(said + faults))
     rest = threading.Thread(target=said.extend, args=(process.stdout,), daemon=True)
@@ -123,7 +123,7 @@ def serving(project: Path, *options: str, state: Path) -> Iterator[Served]:
     finally:
         process.send_signal(signal.SIGINT)
         try:
-            assert process.wait(20) == 0, "".join(faults)
+            assert process.wait(120) == 0, "".join(faults)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()

@@ -205,7 +205,7 @@ def test_only_files_of_the_page_are_served(served: Served, cookie: str) -> None:
     "sent", [b"\x00\xff\r\n\r\n", b"GET / HTTP/1.1\r\n\r\n", b"GET / HTTP/9\r\nHost: x\r\n\r\n"]
 )
 def test_an_invalid_request_only_ends_its_connection(served: Served, cookie: str, sent: bytes) -> None:
-    with socket.create_connection(("127.0.0.1", served.port), timeout=10) as line:
+    with socket.create_connection(("127.0.0.1", served.port), timeout=120) as line:
         line.sendall(sent)
         assert line.recv(100).startswith((b"HTTP/1.1 400", b"HTTP/1.1 421"))
     assert served.get("/api/status", cookie)["there"] is True

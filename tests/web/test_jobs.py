@@ -55,7 +55,12 @@ def test_jobs_can_be_stopped_and_are_limited_in_number(jobs: Jobs) -> None:
 def test_a_command_job_succeeds_fails_or_crashes(jobs: Jobs) -> None:
     listed = jobs.start_command("Runs", ["runs", "list"])
     wrong = jobs.start_command("Runs", ["runs", "show", "nothing"])
-    killed = jobs.start_command("Runs", ["runs", "list"])
+    (jobs._folder / "rigctl.toml").write_text("", encoding="utf-8")
+    steps = "procedure: p\nrig: rigs/heater-board.yaml\nsteps: [wait: 1 h]\n"
+    (jobs._folder / "p.yaml").write_text(steps, encoding="utf-8")
+    killed = jobs.start_command(
+        "Simulate", ["simulate", "p.yaml", "--speed", "1x"]
+    )  # it does not end by itself
     jobs._processes[killed.id].kill()
     assert ended(listed).document()["result"] == {"runs": []}
     assert listed.command == "rigctl runs list"

@@ -40,7 +40,7 @@ def test_a_socket_is_opened_to_a_page_of_this_server_alone(
     headers = {"Cookie": cookie} if with_cookie else {}
     named = origin.format(base=served.base) if origin else None
     address = f"ws://{host or served.host}/api/live/stream?viewer=x"
-    line = socket.create_connection(("127.0.0.1", served.port), timeout=10)
+    line = socket.create_connection(("127.0.0.1", served.port), timeout=120)
     with pytest.raises(InvalidStatus) as refused, line:
         connect(address, sock=line, origin=named, additional_headers=headers).__enter__()
     assert refused.value.response.status_code == 403
@@ -117,7 +117,7 @@ def test_a_browser_without_sockets_is_told_and_asks(window: Window, running: InP
 
 def test_a_window_that_does_not_read_costs_nothing(served: Served, cookie: str, running: InProgress) -> None:
     """Its socket fills up; the run and the other windows go on."""
-    line = socket.create_connection(("127.0.0.1", served.port), timeout=10)
+    line = socket.create_connection(("127.0.0.1", served.port), timeout=120)
     line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
     address = f"ws://{served.host}/api/live/stream?viewer=asleep"
     asleep = connect(
@@ -172,7 +172,7 @@ def test_the_run_is_aborted_and_whole_and_holds_what_was_seen(window: Window, ru
     page.get_by_text("This run is over: aborted").wait_for()
     assert page.locator(".commands dd").all_inner_texts() == ["off (safe)", "neutral (safe)", "–"]
     page.locator(".statement", has_text="at a browser").wait_for()
-    running.process.wait(30)
+    running.process.wait(120)
     assert verify(running.folder).good
     run = open_run(running.folder)
     time = run.signals("time")

@@ -39,7 +39,7 @@ def test_everybody_can_use_every_page(browser: Browser, served: Served, width: i
     run = page_of_runs(served.project / "runs").runs[-1].id
     scheme = "dark" if dark else "light"
     context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
-    context.set_default_timeout(20_000)
+    context.set_default_timeout(120_000)
     window = Window(context, served)
     page = window.open(f"/runs?run={run}")
     for name, settled in SETTLED.items():

@@ -35,7 +35,7 @@ def refused(project: Path, state: Path, *options: str) -> str:
         check=False,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=600,
     )
     assert done.returncode in (1, 2)
     assert "Traceback" not in done.stderr
@@ -171,7 +171,7 @@ def test_a_command_shows_itself_and_takes_its_server_along(tmp_path: Path) -> No
         cookie = served.enter()
         wait_for(lambda: len(served.get("/api/live", cookie)["runs"]) == 1)
         os.kill(process.pid, signal.SIGKILL)
-        process.wait(10)
+        process.wait(120)
 
     def gone() -> bool:
         try:

@@ -36,7 +36,7 @@ def test_a_process_that_does_not_read_does_not_stop_the_server() -> None:
     heard: list[bytes] = []
 
     def read_late(pipe: Connection) -> None:
-        went_on.wait(20.0)
+        went_on.wait(60.0)
         heard.extend(pipe.recv_bytes() for _ in range(3))
 
     reader = threading.Thread(target=read_late, args=(theirs,))

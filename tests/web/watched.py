@@ -52,7 +52,7 @@ class InProgress:
         return str(found.fields.get("state")) if found is not None else ""
 
 
-def wait_for(condition: Callable[[], object], seconds: float = 20.0) -> None:
+def wait_for(condition: Callable[[], object], seconds: float = 120.0) -> None:
     """Until something is so; a busy machine may take its time."""
     give_up = time.monotonic() + seconds
     while not condition():
@@ -93,7 +93,7 @@ def run_in_progress(project: Path) -> Iterator[InProgress]:
         yield found
     finally:
         process.terminate()
-        process.communicate(timeout=30)
+        process.communicate(timeout=120)
 
 
 @dataclass
@@ -110,7 +110,7 @@ class Listener:
 
     def hear(self) -> None:
         """The next message."""
-        message = self.socket.recv(20)
+        message = self.socket.recv(120)
         if isinstance(message, str):
             said = json.loads(message)
             self.told[said["kind"]] = said[said["kind"]]
@@ -123,7 +123,7 @@ class Listener:
         self.batches.append(values)
 
     def hear_until(self, condition: Callable[[], object]) -> None:
-        give_up = time.monotonic() + 20.0
+        give_up = time.monotonic() + 120.0
         while not condition():
             assert time.monotonic() < give_up, self.told
             self.hear()

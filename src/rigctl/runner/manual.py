@@ -96,7 +96,10 @@ def watch(rig: Rig, how: Access, rate: float) -> Generator[Reading, None, None]:
                 lock.beat()
                 if lock.poll():
                     raise RigctlError("another program has taken the bench over", exit_code=ExitCode.FAILED)
-            sample = backend.next_sample(min(_RESPONSE * clock.speed, interlocks.silence_limit(1.0 / rate)))
+            silence_limit = interlocks.silence_limit(1.0 / rate)
+            sample = backend.next_sample(min(_RESPONSE * clock.speed, silence_limit))
+            if sample is None and clock.now() - newest >= silence_limit:  # this computer may have stood still
+                sample = backend.next_sample(0.0)
             if sample is not None:
                 newest = sample.time
                 row = (sample.time, -1.0, *sample.values, *sample.commands)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
+from patience import patient, unhurried
 from protocol_servers import SERVERS, ScpiServer, Server
 from rigctl.backends.protocol import Backend, Sample
 from rigctl.backends.registry import create_backend
@@ -54,17 +55,11 @@ def unreal(kind: str, name: str) -> Subject:
     return Subject(kind, rig, lambda: create_backend(rig, kind, clock, options))
 
 
-def patient(rig: Rig) -> Rig:
-    """Allow for a slow Python server on busy cores."""
-    if rig.backend.opcua is None:
-        return rig
-    return parse_rig(rig.text.replace("  opcua:\n", "  opcua:\n    wake: 60 s\n"))
-
-
 def served(kind: str, clock: Clock) -> Iterator[Subject]:
-    rig = lines_over_tcp() if kind == "lines" else patient(shipped_rig(f"oil-circuit-{kind}"))
+    rig = lines_over_tcp() if kind == "lines" else shipped_rig(f"oil-circuit-{kind}")
+    rig = parse_rig(patient(rig.text, wake="60 s"))  # a server in Python is slow
     make = ScpiServer if kind == "lines" else SERVERS[kind]
-    with make(rig) as server:
+    with unhurried(), make(rig) as server:
         port = f"socket://127.0.0.1:{server.number}" if kind == "lines" else server.port
         yield Subject(
             "serial" if kind == "lines" else kind,

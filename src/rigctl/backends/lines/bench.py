@@ -24,7 +24,7 @@ from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Exchange, Lines, Rig
 
-_SAFE_ANSWER = 0.2  # s for the answer to each command that makes safe: one second is all there is
+_SAFE_ANSWER = 0.2  # s for the answer to each command that makes safe at an ending: it has one second in all
 
 
 @dataclass(slots=True)
@@ -123,7 +123,7 @@ class LineBench(PortBench[Talk]):
                 exit_code=ExitCode.FAILED,
             )
         self.identity = {**self.identity, "port": talk.port.name, **found}
-        trouble = yield from self._making_safe(talk)
+        trouble = yield from self._making_safe(talk, self._lines.timeout)
         if trouble is not None:
             raise trouble
         for exchange in self._lines.begin:
@@ -151,14 +151,14 @@ class LineBench(PortBench[Talk]):
         self._let_go(talk)
 
     def _let_go(self, talk: Talk) -> None:
-        trouble = carry_through(self._making_safe(talk), talk.take)
+        trouble = carry_through(self._making_safe(talk, _SAFE_ANSWER), talk.take)
         if trouble is not None:
             raise trouble
 
-    def _making_safe(self, talk: Talk) -> Conversation[PortLost | Refused | None]:
+    def _making_safe(self, talk: Talk, patience: float) -> Conversation[PortLost | Refused | None]:
         """Send all commands that make outputs safe, even if some of them fail.
 
-        Once a device is silent its answers are no longer waited for: this takes one second at most.
+        Once a device has not answered for `patience` s, its answers are no longer waited for.
         """
         first: PortLost | Refused | None = None
         silent = False
@@ -168,7 +168,7 @@ class LineBench(PortBench[Talk]):
                     talk.send(step.text)
                     continue
                 answer = yield from talk.asking(
-                    step.exchange, step.text, tries=1, timeout=_SAFE_ANSWER, anyway=True
+                    step.exchange, step.text, tries=1, timeout=patience, anyway=True
                 )
                 step.require(answer)
             except GuardActed as acted:
