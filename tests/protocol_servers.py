@@ -370,8 +370,10 @@ class _Controller:
         if served.refusing and name == "SupplyPressure":
             return ua.DataValue(StatusCode=ua.StatusCode(ua.StatusCodes.BadSensorFailure))
         here = datetime.now(UTC) + timedelta(seconds=served.skew)
+        value = served.values()[name]
         return ua.DataValue(
-            ua.Variant(served.values()[name], kind),
+            ua.Variant(value, ua.VariantType.String if isinstance(value, str) else kind),
+            StatusCode=ua.StatusCode(getattr(ua.StatusCodes, served.statuses.get(name, "Good"))),
             SourceTimestamp=served.frozen or here,
             ServerTimestamp=here,
         )
@@ -393,6 +395,7 @@ class OpcUaServer(Server):
     beats: how often its heartbeat has changed.
     frozen: its sources have stopped, and their last time stamp stays; may be set at any time.
     skew: s by which the controller's clock is ahead of this computer's; may be set at any time.
+    statuses: status codes other than "Good", by name of the node; may be changed at any time.
     """
 
     beats = 0
@@ -401,6 +404,7 @@ class OpcUaServer(Server):
 
     def __init__(self, rig: Rig) -> None:
         self._ends: set[asyncio.StreamWriter] = set()
+        self.statuses: dict[str, str] = {}
         _controller().served = self
         super().__init__(rig)
 

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -74,6 +74,60 @@ def test_an_infinite_value_is_missing_and_the_others_are_not(
         assert math.isnan(sample.values[PRESSURE])
         others = [reading for place, reading in enumerate(sample.values) if place != PRESSURE]
         assert all(math.isfinite(reading) for reading in others)
+
+
+def test_a_source_whose_clock_is_ahead_is_not_fresh_for_ever(server: OpcUaServer) -> None:
+    """Its age was negative, so that a source that had stopped counted as fresh for a day."""
+    server.frozen = datetime.now(UTC) + timedelta(days=1)
+    with opened(server) as bench:
+        sample = bench.next_sample(bench.clock.now() + 2.0)
+        assert sample is not None
+        assert math.isnan(sample.values[PRESSURE])
+
+
+@pytest.mark.parametrize(
+    "status", ["UncertainLastUsableValue", "UncertainSubNormal", "BadOutOfService", "BadNodeIdUnknown"]
+)
+def test_a_value_that_is_not_good_is_missing_though_it_is_there(server: OpcUaServer, status: str) -> None:
+    server.statuses["SupplyPressure"] = status
+    with opened(server) as bench:
+        sample = bench.next_sample(bench.clock.now() + 2.0)
+        assert sample is not None
+        missing = [math.isnan(reading) for reading in sample.values]
+        assert (missing[PRESSURE], sum(missing)) in ((True, 1), (True, 2))  # with its age
+
+
+@pytest.mark.parametrize("value", ["12.5", "on", ""])
+def test_a_text_is_no_reading(server: OpcUaServer, monkeypatch: pytest.MonkeyPatch, value: str) -> None:
+    values = server.values
+    monkeypatch.setattr(server, "values", lambda: {**values(), "SupplyPressure": value})
+    with opened(server) as bench:
+        sample = bench.next_sample(bench.clock.now() + 2.0)
+        assert sample is not None
+        assert math.isnan(sample.values[PRESSURE])
+
+
+def wired(node: str) -> Rig:
+    """The rig with its relief valve at another node, in tenths of a bar."""
+    text = RIG.text.replace('s=Circuit.ReliefValve"}', f's=Circuit.{node}", scale: 0.1}}')
+    assert text != RIG.text
+    return parse_rig(text)
+
+
+def test_a_value_that_the_node_cannot_hold_is_refused_and_the_session_goes_on(server: OpcUaServer) -> None:
+    """The connection was given up for it, and the bench was out of reach for everything else."""
+    with opened(server, wired("HostAlive")) as bench:
+        with pytest.raises(RigctlError, match="600 is no value of type Byte"):
+            bench.command("relief_valve", 60e5).wait()
+        bench.command("heater", 1.0).wait()
+        assert server.circuit.outputs["heater"] == 1.0
+    assert server.circuit.off
+
+
+def test_an_output_at_a_node_of_text_is_refused(server: OpcUaServer) -> None:
+    with pytest.raises(RigctlError, match="0 is no value of type String"), opened(server, wired("Plant")):
+        pass
+    assert server.circuit.off
 
 
 def test_a_refusal_by_the_server_is_an_error(server: OpcUaServer) -> None:

@@ -58,7 +58,7 @@ class _Item:
     age: bool
 
     def text(self, answer: Any, now: datetime | None) -> str:
-        """Return the number of a node's answer; ``nan`` if there is none, or only a bad or an old one."""
+        """Return the number of a node's answer; ``nan`` if it has none, or a bad or old one, or one of the future."""
         source, read_at = answer.SourceTimestamp, answer.ServerTimestamp or now
         age = math.nan if source is None or read_at is None else (read_at - source).total_seconds()
         if self.age:
@@ -66,7 +66,8 @@ class _Item:
         value = None if answer.Value is None else answer.Value.Value
         if not (answer.StatusCode.is_good() and isinstance(value, bool | int | float)):
             return "nan"
-        if self.max_age is not None and not age <= self.max_age:
+        # a source whose clock is ahead would be fresh until its time has come, though it may have stopped
+        if self.max_age is not None and not abs(age) <= self.max_age:
             return "nan"
         if self.scale == 1.0 and self.offset == 0.0 and not isinstance(value, float):
             return str(int(value))
@@ -231,7 +232,11 @@ class OpcUaClient:
             value = round(number) != 0
         elif kind not in (ua.VariantType.Float, ua.VariantType.Double):
             value = round(number)
-        written = ua.DataValue(ua.Variant(value, kind))
+        try:
+            written = ua.DataValue(ua.Variant(value, kind))
+            ua.ua_binary.variant_to_binary(written.Value)
+        except Exception:  # noqa: BLE001 - asyncua has an error for each type; sent, it would end the session
+            raise ValueError(f"node {node}: {value:g} is no value of type {kind.name}") from None
         (status,) = await self._session.uaclient.write_attributes([ua.NodeId.from_string(node)], [written])
         status.check()
         if kind is ua.VariantType.Float:
