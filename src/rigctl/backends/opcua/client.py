@@ -58,7 +58,7 @@ class _Item:
     age: bool
 
     def text(self, answer: Any, now: datetime | None) -> str:
-        """Return the number of a node's answer; ``nan`` if it has none, or a bad or old one, or one of the future."""
+        """Return the number of a node's answer; ``nan`` if it has none, or a bad, old or future one."""
         source, read_at = answer.SourceTimestamp, answer.ServerTimestamp or now
         age = math.nan if source is None or read_at is None else (read_at - source).total_seconds()
         if self.age:
