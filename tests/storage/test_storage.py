@@ -164,6 +164,60 @@ def test_later_notes_are_uploaded_and_other_runs_never_overwritten(bucket: Any, 
         upload(folder, store)
 
 
+@pytest.mark.parametrize("kind", ["s3", "memory", "file"])
+def test_of_two_runs_of_one_name_sent_at_once_one_is_refused(
+    kind: str, bucket: Any, make_run: MakeRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Neither saw the other's run.json, both were reported as sent, and one of them was overwritten."""
+    store = Store(address_of(kind, bucket, tmp_path))
+    first = make_run()
+    other = make_run(runs="other", started=datetime(2026, 11, 22, tzinfo=UTC))
+    sending, refused = StoredFile.send, []
+
+    def meanwhile(self: StoredFile, path: str) -> None:
+        if not refused:
+            refused.append("")
+            with pytest.raises(RigctlError, match="another run of this name") as caught:
+                upload(other, store)
+            refused[0] = str(caught.value)
+        sending(self, path)
+
+    monkeypatch.setattr(StoredFile, "send", meanwhile)
+    assert upload(first, store).sent == 5
+    assert refused[0]
+    assert open_run(f"{store.address}/{NAME}").info["started"] == open_run(first).info["started"]
+    assert verify_stored(store.find(NAME)).good
+    assert upload(first, store).there == 5
+
+
+@pytest.mark.parametrize("kind", ["s3", "memory", "file"])
+def test_the_latest_run_is_none_of_the_foreign_objects(
+    kind: str, bucket: Any, make_run: MakeRun, tmp_path: Path
+) -> None:
+    """A folder marker, a note, or an upload in progress was taken for the newest run."""
+    store = Store(address_of(kind, bucket, tmp_path))
+    upload(make_run(), store)
+    root = store.path("", "")[:-2]
+    store.files.pipe_file(f"{root}/readme.txt", b"of this bench")
+    store.files.makedirs(f"{root}/zz", exist_ok=True)
+    store.files.pipe_file(f"{root}/zz/note.txt", b"")
+    store.files.makedirs(f"{root}/20261130-000000-begun", exist_ok=True)
+    store.files.pipe_file(f"{root}/20261130-000000-begun/samples.parquet", b"a part")
+    assert store.newest() == NAME
+    assert open_run("latest", store.address).id == NAME
+    assert [run.id for run in list_runs(store.address)] == [NAME]
+
+
+@pytest.mark.parametrize("name", ["a[1]", "what*", "ü +%2F#?"])
+def test_a_prefix_may_have_any_characters(name: str, bucket: Any, make_run: MakeRun) -> None:
+    """`[` and `*` were taken for patterns, and the upload ended with a traceback."""
+    address = f"s3://{bucket.name}/{name}"
+    upload(make_run(), Store(address))
+    assert [run.id for run in list_runs(address)] == [NAME]
+    assert open_run("latest", address).id == NAME
+    assert verify_stored(Store(address).find(NAME)).good
+
+
 def test_an_object_that_arrives_short_is_sent_again(
     bucket: Any, make_run: MakeRun, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

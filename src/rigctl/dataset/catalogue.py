@@ -219,8 +219,8 @@ def locate_run(ref: str | Path, runs: str | Path | None = None) -> Path | Stored
         return Store(store).find(str(ref))
     if str(ref) != LATEST:
         return here
-    there = Store(store).ids()[-1:]
-    return Store(store).folder(there[0]) if there and there[0][:15] > here.name[:15] else here
+    there = Store(store).newest()
+    return Store(store).folder(there) if there is not None and there[:15] > here.name[:15] else here
 
 
 def find_run(ref: str | Path, runs: Path | None = None) -> Path:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import logging
 import time
 from dataclasses import dataclass
@@ -22,6 +24,8 @@ _PAUSE: Final = 0.5
 _LEFT: Final = (LOCK_NAME, STATE_NAME)
 #: fields by which a run in storage is recognised as an earlier state of the same run
 _SAME: Final = ("id", "started", "plan_digest", "backend", "layout")
+#: object with the SHA-256 of these fields: sent first, so that only one run is sent to a folder
+_RESERVED: Final = ".reserved"
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,8 @@ def upload(folder: Path, store: Store) -> Uploaded:
     """
     info = _closed(folder)
     there = store.folder(folder.name)
-    _require_same(info, there)
+    if not _require_same(info, there):
+        _reserve(info, there)
     files = sorted(path for path in folder.iterdir() if path.is_file() and _belongs(path.name))
     files.sort(key=lambda path: path.name == run_json.NAME)
     sent = sum(_send(path, there / path.name, info) for path in files)
@@ -69,19 +74,39 @@ def _closed(folder: Path) -> dict[str, Any]:
     return info
 
 
-def _require_same(info: dict[str, Any], there: StoredFolder) -> None:
-    """Refuse to overwrite another run, since each computer assigns ids independently."""
+def _require_same(info: dict[str, Any], there: StoredFolder) -> bool:
+    """Refuse to overwrite another run, since each computer assigns ids independently.
+
+    Returns whether this run is there already.
+    """
     found = there.store.infos([there.name])
     _, known = found.get(there.name, (0, None))
     if there.name in found and known is None:
-        return  # damaged in transit: sent again
+        return False  # damaged in transit: sent again
     if known is not None and any(known.get(key) != info.get(key) for key in _SAME):
-        raise RigctlError(
-            "storage has another run of this name",
-            value=str(there),
-            hint="Recorded runs are never overwritten; give this bench a separate address",
-            exit_code=ExitCode.FAILED,
-        )
+        raise _another(there)
+    return known is not None
+
+
+def _reserve(info: dict[str, Any], there: StoredFolder) -> None:
+    """Reserve the name for this run: two that are sent at once would overwrite each other's files."""
+    own = _identity(info)
+    if (there / _RESERVED).create(own) != own:
+        raise _another(there)
+
+
+def _identity(info: dict[str, Any]) -> bytes:
+    own = {key: info.get(key) for key in _SAME}
+    return hashlib.sha256(json.dumps(own, sort_keys=True).encode("utf-8")).hexdigest().encode("ascii")
+
+
+def _another(there: StoredFolder) -> RigctlError:
+    return RigctlError(
+        "storage has another run of this name",
+        value=str(there),
+        hint="Recorded runs are never overwritten; give this bench a separate address",
+        exit_code=ExitCode.FAILED,
+    )
 
 
 def _send(path: Path, there: StoredFile, info: dict[str, Any]) -> bool:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cached_property
 from typing import Any, Final
 
 from rigctl.dataset import run_json
 from rigctl.dataset.day_folders import is_shard
-from rigctl.dataset.run_id import chosen_id
+from rigctl.dataset.run_id import LATEST, chosen_id
 from rigctl.errors import ExitCode, RigctlError
 
 #: time-outs of storage for a connection, and for the next bytes, s
@@ -82,7 +82,7 @@ class Store:
         return StoredFolder(self, run_id)
 
     def ids(self) -> list[str]:
-        """Return the ids of the complete runs, oldest first.
+        """Return the names of the folders, oldest run first; one may be an upload that is not complete.
 
         Raises
         ------
@@ -91,11 +91,23 @@ class Store:
         """
         with self.answering("list the runs"):
             try:
-                found = self.files.ls(self._root, detail=False)
+                found = self.files.ls(self._root, detail=True)
             except FileNotFoundError:
                 return []
-        names = [path.rstrip("/").rpartition("/")[2] for path in found]
+        folders = [facts["name"] for facts in found if facts["type"] == "directory"]
+        names = [path.rstrip("/").rpartition("/")[2] for path in folders]
         return sorted(name for name in names if name and not name.startswith(".") and not is_shard(name))
+
+    def newest(self) -> str | None:
+        """Return the id of the newest complete run; None if there is none.
+
+        Raises
+        ------
+        RigctlError
+            the storage does not respond, or refuses.
+        """
+        complete = (name for name in reversed(self.ids()) if (self.folder(name) / run_json.NAME).size())
+        return next(complete, None)
 
     def states(self) -> dict[str, tuple[int, str]]:
         """Return the length and version mark of each run's ``run.json``, from one listing; oldest run first.
@@ -129,14 +141,15 @@ class Store:
         RigctlError
             the storage does not respond, or refuses.
         """
-        paths = {self.path(run_id, run_json.NAME): run_id for run_id in ids}
-        if not paths:
+        names = list(ids)
+        if not names:
             return {}
+        paths = [self.path(run_id, run_json.NAME) for run_id in names]
         with self.answering("read the runs"):
-            answers = self.files.cat(list(paths), on_error="return")
+            # 'cat' of several paths would take '[' and '*' in them for patterns
+            answers = self.files.cat_ranges(paths, None, None, on_error="return")
         found: dict[str, tuple[int, dict[str, Any] | None]] = {}
-        for path, content in answers.items():
-            run_id = paths.get(path) or paths.get(path.lstrip("/")) or path.rstrip("/").split("/")[-2]
+        for run_id, content in zip(names, answers, strict=True):
             if isinstance(content, FileNotFoundError | NotADirectoryError):
                 continue  # incomplete upload: not a run yet
             if isinstance(content, BaseException):
@@ -157,7 +170,7 @@ class Store:
         RigctlError
             there is none, or the start is ambiguous.
         """
-        ids = self.ids()
+        ids = self.ids() if ref != LATEST else [name for name in [self.newest()] if name is not None]
         if not ids:
             raise RigctlError("there are no runs in this storage", value=self.address)
         return self.folder(chosen_id(ref, ids, shown=f"{self.address}/{ref}"))
@@ -301,6 +314,19 @@ class StoredFile:
             except FileNotFoundError:
                 return None
         return {"sha256": digest.hexdigest(), "bytes": size}
+
+    def create(self, content: bytes) -> bytes:
+        """Write the file unless it exists, and return what it holds then."""
+        store = self.folder.store
+        with store.answering(f"reserve the name {self.folder.name}"):
+            store.files.makedirs(self._path.rpartition("/")[0], exist_ok=True)
+            with suppress(FileExistsError):
+                try:
+                    store.files.pipe_file(self._path, content, mode="create")
+                except (TypeError, ValueError, NotImplementedError, OSError):
+                    if not store.files.exists(self._path):  # a storage without conditional writes
+                        store.files.pipe_file(self._path, content)
+        return self.read()
 
     def send(self, path: str) -> None:
         """Upload a local file."""
