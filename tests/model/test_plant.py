@@ -1,4 +1,4 @@
-"""The compiled bench against SciPy's Radau on the same equations written a second time."""
+"""The compiled bench against SciPy's integrators on the same equations written a second time."""
 
 from __future__ import annotations
 
@@ -58,7 +58,9 @@ def record(system: System, celsius: float, bar: float, heater: float = 0.0) -> E
 
 def plain(celsius: float, bar: float, bench: PlainCylinder | None = None) -> dict[str, Vector]:
     bench = replace(bench or PlainCylinder(), p_set=bar * 1e5)
-    y = bench.record(celsius, CAMPAIGN, TIMES, start_at=START_AT)
+    # several times faster, and as near where no seal lets go
+    method, rtol = ("Radau", 1e-8) if bench.presliding else ("LSODA", 1e-10)
+    y = bench.record(celsius, CAMPAIGN, TIMES, start_at=START_AT, method=method, rtol=rtol)
     names = ("oil_temperature", "spool", "supply_pressure", "pressure_a", "pressure_b", "position")
     return {name: y[:, column] for column, name in enumerate(names)}
 
