@@ -13,7 +13,7 @@ from rigctl.cli.commands.init import create_project
 pytestmark = pytest.mark.usefixtures("small_search", "inside")
 
 CAMPAIGN = (
-    *("procedures/campaign.yaml", "-a", "temperatures=20 degC, 40 degC, 60 degC, 80 degC"),
+    *("procedures/campaign.yaml", "-a", "temperatures=20 degC, 80 degC"),
     *("-a", "pressures=20 bar, 35 bar, 50 bar", "--seed", "4"),
 )
 LEAK = "valve_leakage:conductance=6e-16 m^3"
