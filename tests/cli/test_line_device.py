@@ -19,7 +19,8 @@ from rigctl.dataset import open_run
 from rigctl.files.shipped import shipped
 from tclab_board import Served
 
-SHORT = ("--arg", "rest=2 s", "--arg", "dwell=2 s")
+#: longer than a busy computer stands still: each part has samples
+SHORT = ("--arg", "rest=5 s", "--arg", "dwell=5 s")
 
 
 @pytest.fixture
@@ -71,7 +72,7 @@ def test_a_step_test_from_the_port_to_the_records(board: Served, tmp_path: Path)
 
 
 def test_over_temperature_is_detected_and_switches_off(board: Served, tmp_path: Path) -> None:
-    run = begin(tmp_path, board, "--arg", "rest=2 s")
+    run = begin(tmp_path, board, "--arg", "rest=5 s")
     while board.sketch.heaters == (0.0, 0.0):
         time.sleep(0.01)
         assert run.poll() is None, run.communicate()

@@ -55,7 +55,7 @@ def only_run(folder: Path) -> Path:
 def test_an_interrupted_round_on_a_line_device_ends_safely_and_resumes(bench: Path) -> None:
     model = ("--model", "models/tclab-board.yaml")
     with Served() as board:
-        times = ("-a", "rest=2 s", "-a", "dwell=3 s", "--port", board.url)
+        times = ("-a", "rest=5 s", "-a", "dwell=5 s", "--port", board.url)
         first = own_process.begin(bench, "learn", "procedures/tclab-step.yaml", *model, *times, *ONE_ROUND)
         while board.sketch.heaters == (0.0, 0.0):
             time.sleep(0.02)
