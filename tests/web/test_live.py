@@ -13,6 +13,7 @@ from websockets.sync.client import connect
 
 from rigctl.dataset import open_run, verify
 from rigctl.web.feed import Watcher
+from rigctl.web.live import _between
 from web.serving import Served, Window
 from web.watched import InProgress, listening, run_in_progress, wait_for
 
@@ -196,3 +197,8 @@ def test_what_a_slow_window_leaves_out_is_the_oldest_and_is_counted() -> None:
     begins = [struct.unpack("<HHHHd", batch[:16])[4] for batch in batches]
     assert begins == [float(step) for step in range(160, 200)]
     assert watcher.waiting() == ({}, [])
+
+
+def test_a_number_too_large_for_a_float_closes_no_window() -> None:
+    assert _between(10**400, 60.0, 1.0, 900.0) == 900.0
+    assert _between(-(10**400), 60.0, 1.0, 900.0) == 1.0

@@ -331,7 +331,7 @@ def _wake(loop: asyncio.AbstractEventLoop, changed: asyncio.Event) -> None:
 def _between(given: object, otherwise: float, low: float, high: float) -> float:
     if not isinstance(given, int | float) or given != given:  # noqa: PLR0124 - NaN
         return otherwise
-    return min(max(float(given), low), high)
+    return float(min(max(given, low), high))  # an integer may be too large for a float
 
 
 PART = Part("live", "Live", "The run in progress, watched and commanded.", routes)
