@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,6 +13,9 @@ from rigctl.dataset import log, run_json
 from rigctl.dataset.day_folders import is_shard
 from rigctl.dataset.run_json import read_info
 from rigctl.errors import RigctlError
+
+#: the start of the id of a run
+_BEGINS = re.compile(r"\d{8}-\d{6}-")
 
 
 class Order(NamedTuple):
@@ -25,7 +30,21 @@ def is_run(folder: Path) -> bool:
     """Return whether a folder is a run: it has ``run.json`` or a log; a dot marks one in the making."""
     if folder.name.startswith("."):
         return False
-    return (folder / run_json.NAME).is_file() or (folder / log.NAME).is_file()
+    try:
+        return any(stat.S_ISREG(mode) for mode in _modes(folder))
+    except PermissionError:  # a run is listed as damaged; 'lost+found' of a disk is none
+        return _BEGINS.match(folder.name) is not None
+
+
+def _modes(folder: Path) -> Iterator[int]:
+    """The modes of the files by which a run is recognised, of those that exist."""
+    for name in (run_json.NAME, log.NAME):
+        try:
+            yield (folder / name).stat().st_mode
+        except PermissionError:
+            raise
+        except (OSError, ValueError):
+            continue
 
 
 def run_folders(runs: Path) -> list[Path]:

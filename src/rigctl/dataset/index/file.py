@@ -95,7 +95,9 @@ def ask_stored(store: Store, question: Callable[[sqlite3.Connection], T], *, cha
     def up_to_date(index: sqlite3.Connection) -> None:
         refresh_stored(index, store, channels=channels)
 
-    return _ask_kept(stored_index_path(store.address), up_to_date, up_to_date, question, "the storage")
+    return _ask_kept(
+        stored_index_path(store.address), up_to_date, up_to_date, question, "the objects in storage"
+    )
 
 
 def _ask_kept(path: Path, update: _Update, in_memory: _Update, question: Callable[..., T], truth: str) -> T:

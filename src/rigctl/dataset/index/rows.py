@@ -9,10 +9,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rigctl.dataset import log, run_json, samples_file
+from rigctl.dataset import run_json, samples_file
 from rigctl.dataset.annotations import Annotation, excluded_records
 from rigctl.dataset.parquet import open_parquet
-from rigctl.dataset.run_order import order_of
+from rigctl.dataset.run_order import is_run, order_of
 from rigctl.dataset.run_status import status_of
 from rigctl.dataset.storage.store import StorageSilent, StoredFolder
 from rigctl.errors import RigctlError
@@ -54,7 +54,7 @@ def file_state(folder: Path | str) -> FileState | None:
         facts = os.stat(f"{folder}{os.sep}{run_json.NAME}")  # noqa: PTH116 - Path objects take twice as long
     except OSError:
         # a damaged run may lack one of run.json and its log
-        return FileState(-1, 0) if Path(folder, log.NAME).is_file() else None
+        return FileState(-1, 0) if is_run(Path(folder)) else None
     return FileState(facts.st_size, facts.st_mtime_ns)
 
 
