@@ -33,12 +33,43 @@ finally:
 """
 
 
+LOOP = """\
+procedure: loop
+rig: bench.yaml
+steps:
+  - record: {name: heating, rate: 100 Hz}
+    do:
+      - set: {heater: on}
+      - control: {actuator: relief_valve, channel: supply_pressure, to: 30 bar,
+                  gain: 0.5, integral: 8 1/s, rate: 100 Hz, where: WHERE, for: 1 h}
+finally:
+  - set: {heater: off}
+"""
+
+
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
     (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
     (tmp_path / "bench.yaml").write_text(bench_file(), encoding="utf-8")
     (tmp_path / "heating.yaml").write_text(HEATING, encoding="utf-8")
     return tmp_path
+
+
+@pytest.fixture
+def driven(project: Path) -> Iterator[Emulation]:
+    """The bench with a proportional relief valve, on the board's PWM."""
+    text = bench_file()
+    for old, new in (
+        ("    kind: level\n    by: operator\n", "    kind: level\n"),
+        ("    prompt: Turn the relief valve until the supply pressure reads\n", ""),
+        ("  valve: neutral\n", "  valve: neutral\n  relief_valve: 10 bar\n"),
+    ):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    (project / "bench.yaml").write_text(text, encoding="utf-8")
+    made = Emulation(load_rig(project / "bench.yaml"), project / "ttyRIG")
+    yield made
+    made.close()
 
 
 def bench_file() -> str:
@@ -110,6 +141,27 @@ def test_a_host_that_is_killed_while_heating_leaves_outputs_off_and_its_data(
     assert code == ExitCode.DONE, err
     notes = open_run(Path(json.loads(out)["path"])).events
     assert any("host silent; cleared" in str(text) for text in notes["message"])
+
+
+@pytest.mark.parametrize("where", ["board", "host"])
+def test_a_host_that_is_killed_in_a_loop_leaves_outputs_off_and_its_data(
+    project: Path, driven: Emulation, where: str
+) -> None:
+    """A loop on the board goes on by itself; it must not outlive the host that watches its limits."""
+    (project / "loop.yaml").write_text(LOOP.replace("WHERE", where), encoding="utf-8")
+    with begin(project, "run", "loop.yaml", "--port", "ttyRIG") as process:
+        try:
+            heated(driven, process)
+            recorded_bytes(project, process, 20_000)
+            process.kill()
+            heated(driven, process, on=False)
+            assert driven.switched[-1][0] - driven.heard <= 2.1
+            while driven.board.avr.pwm != 0.0:  # the level follows the switches
+                time.sleep(0.005)
+        finally:
+            process.kill()
+    (folder,) = (project / "runs").glob("2*")
+    assert verify(folder).good
 
 
 def test_two_hosts_on_one_port(project: Path, emulation: Emulation) -> None:
