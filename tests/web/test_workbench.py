@@ -359,6 +359,7 @@ def test_unknown_messages_are_refused_and_the_session_continues(leaking: Served)
             "no JSON",
             "[]",
             '{"do": "fly"}',
+            '{"do": "fly", "values": "' + 200_000 * "x" + '"}',
             '{"do": "settle", "values": {"flow_area": 1e999}}',
             '{"do": "open", "runs": ["no such run"], "model": "models/hl32-textbook.yaml"}',
             '{"do": "open", "runs": [], "model": "../../../etc/passwd"}',
@@ -366,7 +367,7 @@ def test_unknown_messages_are_refused_and_the_session_continues(leaking: Served)
             socket.send(message)
             answers = iter(lambda: json.loads(socket.recv(timeout=60)), None)
             problem = next(one for one in answers if one["kind"] == "problem")
-            assert problem["error"]["message"], message
+            assert problem["error"]["message"], message[:200]
 
 
 @settings(max_examples=15)

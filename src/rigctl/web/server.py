@@ -115,7 +115,7 @@ def serve(settings: Settings, started: Callable[[str], None], ends: Callable[[],
             app,
             http=PatientProtocol,
             ws="websockets-sansio",
-            ws_max_size=1 << 16,
+            ws_max_size=1 << 19,  # the longest request of the workbench, with its frame
             ws_per_message_deflate=False,
             lifespan="on",
             log_level="warning",
