@@ -12,7 +12,7 @@ from rigctl.backends.lines import bench as line_bench
 from rigctl.backends.transport import guard_port
 
 
-def patient(text: str, *, wake: str = "10 s", watchdog: str = "30 s", stale_after: str = "60 s") -> str:
+def patient(text: str, *, wake: str = "4 s", watchdog: str = "30 s", stale_after: str = "60 s") -> str:
     """A rig file of a device behind a guard: no answer comes late, and the guard does not act by itself.
 
     A test of such a limit gives it: longer than a busy computer stands still.

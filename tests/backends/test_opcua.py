@@ -140,7 +140,7 @@ def test_a_refusal_by_the_server_is_an_error(server: OpcUaServer) -> None:
 def test_a_different_plant_is_not_changed(server: OpcUaServer, tmp_path: Path) -> None:
     rig = tmp_path / "rig.yaml"
     text = PATIENT.text.replace("equals: oil circuit 4711", "equals: oil circuit 4712")
-    rig.write_text(text.replace("wake: 60 s", "wake: 10 s"), encoding="utf-8")
+    rig.write_text(text.replace("wake: 60 s", "wake: 4 s"), encoding="utf-8")
     server.circuit.set("heater", 1.0)
     with pytest.raises(RigctlError, match="another device"), opened(server, load_rig(rig)):
         pass
