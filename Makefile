@@ -72,12 +72,13 @@ $(BIN)/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "rigctl needs Python 3.11 or newer")'
 	$(PYTHON) -m venv $(VENV)
 
-# Both install the versions that constraints.txt names: what was tested is what runs. The tests import a small part
-# of what they need, and Python compiles that by itself; all of it would take most of the installation.
+# Both install the versions that constraints.txt names: what was tested is what runs.
 $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable .
 	touch $@
 
+# The tests import a small part of what is installed, and Python compiles that by itself; all of it would take most
+# of the installation.
 $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 	$(BIN)/pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev]'
 	touch $@ $(VENV)/.installed

@@ -73,6 +73,18 @@ class DisturbedPort:
             action(script.board)
 
 
+def with_driven_valve(text: str) -> str:
+    """The rig file with a proportional relief valve, on the board's PWM."""
+    for old, new in (
+        ("    kind: level\n    by: operator\n", "    kind: level\n"),
+        ("    prompt: Turn the relief valve until the supply pressure reads\n", ""),
+        ("  valve: neutral\n", "  valve: neutral\n  relief_valve: 10 bar\n"),
+    ):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    return text
+
+
 @dataclass
 class BoardWorkshop:
     """Carries out procedures on the emulated board, with the plain plant behind it."""
@@ -87,15 +99,7 @@ class BoardWorkshop:
         path = shipped("rigs", "hl32-bench-uno.yaml")
         if not self.driven:
             return load_rig(path)
-        text = path.read_text(encoding="utf-8")
-        for old, new in (
-            ("    kind: level\n    by: operator\n", "    kind: level\n"),
-            ("    prompt: Turn the relief valve until the supply pressure reads\n", ""),
-            ("  valve: neutral\n", "  valve: neutral\n  relief_valve: 10 bar\n"),
-        ):
-            assert text.count(old) == 1
-            text = text.replace(old, new)
-        return parse_rig(text)
+        return parse_rig(with_driven_valve(path.read_text(encoding="utf-8")))
 
     def bench(self, **options: object) -> ArduinoBench:
         """A bench on the board, not yet open."""

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from board_emulation import Emulation
+from board_workshop import with_driven_valve
 from rigctl.dataset import open_run, verify
 from rigctl.errors import ExitCode
 from rigctl.files.shipped import shipped
@@ -58,15 +59,7 @@ def project(tmp_path: Path) -> Path:
 @pytest.fixture
 def driven(project: Path) -> Iterator[Emulation]:
     """The bench with a proportional relief valve, on the board's PWM."""
-    text = bench_file()
-    for old, new in (
-        ("    kind: level\n    by: operator\n", "    kind: level\n"),
-        ("    prompt: Turn the relief valve until the supply pressure reads\n", ""),
-        ("  valve: neutral\n", "  valve: neutral\n  relief_valve: 10 bar\n"),
-    ):
-        assert text.count(old) == 1
-        text = text.replace(old, new)
-    (project / "bench.yaml").write_text(text, encoding="utf-8")
+    (project / "bench.yaml").write_text(with_driven_valve(bench_file()), encoding="utf-8")
     made = Emulation(load_rig(project / "bench.yaml"), project / "ttyRIG")
     yield made
     made.close()

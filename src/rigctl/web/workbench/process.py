@@ -98,13 +98,14 @@ class _Session:
     def take(self, asked: Mapping[str, Any]) -> None:
         """Put a message into the queue of its worker; it is refused if too many wait already."""
         with self._there:
-            full = len(self._waiting) >= _MOST_WAITING
-            if asked.get("do") == "follow":
+            follows = asked.get("do") == "follow"
+            refused = not follows and len(self._waiting) >= _MOST_WAITING
+            if follows:
                 self._moving = asked
-            elif not full:
+            elif not refused:
                 self._waiting.append(asked)
             self._there.notify_all()
-        if full and asked.get("do") != "follow":
+        if refused:
             self._problem(asked, RigctlError(f"{_MOST_WAITING} requests are waiting already").as_dict())
 
     def _follow_always(self) -> None:
