@@ -6,6 +6,7 @@ Not by default: an installation from a checkout would need the site's builder, a
 from __future__ import annotations
 
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,12 @@ class SiteHook(BuildHookInterface):  # type: ignore[type-arg, misc]
         sys.path.insert(0, str(Path(self.root) / "tools"))
         from make_site import make_site
 
-        site = Path(self.root) / "build" / "site"
+        # a folder of its own: another process may be reading or making the site of the checkout
+        self.folder = tempfile.TemporaryDirectory(prefix="rigctl-wheel-")
+        site = Path(self.folder.name) / "site"
         make_site(site)
         build_data["force_include"][str(site)] = "rigctl/shipped/site"
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+        if version != "editable":
+            self.folder.cleanup()

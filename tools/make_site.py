@@ -108,7 +108,21 @@ def navigation() -> list[object]:
 
 
 def make_site(into: Path) -> None:
-    """Write the site to a folder; raises `subprocess.CalledProcessError` for a broken link."""
+    """Write the site to a folder; raises `subprocess.CalledProcessError` for a broken link.
+
+    It takes the place of an earlier one when it is complete: a server may be reading that one.
+    """
+    into.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{into.name}-", dir=into.parent) as folder:
+        complete = Path(folder) / "complete"
+        build_site(complete)
+        if into.exists():
+            into.rename(Path(folder) / "earlier")
+        complete.rename(into)
+
+
+def build_site(into: Path) -> None:
+    """Build the site in a folder that nobody reads yet."""
     with tempfile.TemporaryDirectory(prefix="rigctl-site-") as folder:
         pages, config = Path(folder) / "docs", Path(folder) / "mkdocs.yml"
         copy_pages(pages)
