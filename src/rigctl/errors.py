@@ -23,9 +23,12 @@ class ExitCode(IntEnum):
 
 @dataclass(frozen=True)
 class Location:
-    """A place in a file a user wrote; line and column count from 1, as editors do."""
+    """A place in a file a user wrote; line and column count from 1, as editors do.
 
-    file: Path | None = None
+    `file` is a path, or the text of an address in storage, which a path would change: ``s3://lab``.
+    """
+
+    file: Path | str | None = None
     line: int | None = None
     column: int | None = None
 

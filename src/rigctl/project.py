@@ -121,6 +121,25 @@ def is_address(text: object) -> bool:
     return isinstance(text, str) and _ADDRESS.match(text) is not None
 
 
+def require_local(path: Path) -> None:
+    """Refuse a path that was written as an address of storage.
+
+    Raises
+    ------
+    RigctlError
+        its first part is a scheme, ``s3:``; a path has lost the second slash of the address.
+    """
+    first, *rest = path.parts or ("",)
+    address = f"{first}//{'/'.join(rest)}"
+    if rest and is_address(address):
+        raise RigctlError(
+            "an address of storage is no local file",
+            value=address,
+            expected="a path on this computer",
+            hint="Runs are read at such addresses; other files are not",
+        )
+
+
 def _read_settings(marker: Path) -> dict[str, str]:
     """The paths that the project file names."""
     import tomllib

@@ -110,3 +110,21 @@ def test_unused_modules_of_scipy_are_loaded_only_on_request() -> None:
         "assert callable(numpy.f2py.run_main)\n"
     )
     subprocess.run([sys.executable, "-W", "error", "-c", program], check=True)
+
+
+@pytest.mark.parametrize(
+    "call", ["report latest --output {}", "init {}", "check {}", "compare latest --model {}"]
+)
+def test_an_address_of_storage_is_no_file(call: str, tmp_path: Path) -> None:
+    """`--output s3://lab/x.html` wrote a page to a new folder `s3:`."""
+    address = "s3://lab/x.yaml"
+    done = subprocess.run(
+        [sys.executable, "-m", "rigctl", *call.format(address).split()],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"an address of storage is no local file, got '{address}'" in done.stderr
+    assert list(tmp_path.iterdir()) == []

@@ -11,7 +11,8 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
+from email.utils import format_datetime
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
@@ -485,3 +486,61 @@ def test_a_truncated_answer_is_not_stored(
         monkeypatch.setattr(Cutting, "cuts", False)
         assert list_runs(address)[0].status == "finished", "asked for again, though its mark is the same"
         between.shutdown()
+
+
+class Elsewhen(BaseHTTPRequestHandler):
+    """A server two hours ahead of this computer: it refuses every request, as S3, MinIO and Ceph do."""
+
+    def _refuse(self) -> None:
+        self.rfile.read(int(self.headers.get("Content-Length") or 0))
+        now = datetime.now(UTC) + timedelta(hours=2, seconds=20)
+        body = (
+            "<Error><Code>RequestTimeTooSkewed</Code><Message>The difference between the request time and the"
+            " current time is too large.</Message></Error>"
+        ).encode()
+        self.send_response_only(403)
+        self.send_header("Date", format_datetime(now, usegmt=True))
+        self.send_header("Content-Type", "application/xml")
+        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Connection", "close")
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(body)
+
+    do_GET = do_HEAD = do_PUT = do_POST = _refuse  # noqa: N815 - names of http.server
+
+
+@pytest.mark.parametrize(
+    "command", [["upload", "--to", "s3://lab/runs"], ["show", f"s3://lab/runs/{NAME}"]], ids=["HEAD", "GET"]
+)
+def test_a_clock_that_is_wrong_is_named(
+    command: list[str], make_run: MakeRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`Forbidden` and `Is it there?` were all that an upload said: HEAD has no text."""
+    folder = make_run()
+    monkeypatch.chdir(tmp_path)
+    with ThreadingHTTPServer(("127.0.0.1", 0), Elsewhen) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        access(monkeypatch, f"http://127.0.0.1:{server.server_port}")
+        try:
+            done = CliRunner().invoke(app, ["runs", *command])
+        finally:
+            server.shutdown()
+            thread.join()
+    said = f"{done.output}{done.exception or str()}"
+    assert "s3://lab/runs: cannot" in said
+    assert "the clock of this computer is 2 h behind the server's. Set the clock" in said
+    assert done.exit_code != 0
+    assert verify(folder).condition is Condition.WHOLE
+
+
+def test_a_damaged_run_is_named_by_its_address(bucket: Any, make_run: MakeRun) -> None:
+    """It was shown as `s3:/bucket`, with one slash, as a path."""
+    store = Store(f"s3://{bucket.name}/runs")
+    upload(make_run(), store)
+    bucket.Object(f"runs/{NAME}/run.json").put(Body=b"{")
+    with pytest.raises(RigctlError, match="the file is damaged") as caught:
+        open_run(f"{store.address}/{NAME}")
+    assert str(caught.value.where) == f"{store.address}/{NAME}/run.json"
+    assert verify_stored(store.find(NAME)).problems[0].startswith(f"{store.address}/{NAME}/run.json: ")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import sys
+from collections.abc import Callable
+from functools import wraps
 from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
@@ -56,7 +58,25 @@ def load_command(name: str) -> Any:
     target.rich_markup_mode = "markdown"  # plain brackets, as in 'time [s]', mean themselves there
     command = typer.main.get_command(target)
     command.name = name
+    for one in getattr(command, "commands", {}).values() or [command]:
+        one.callback = _with_local_paths(one.callback)
     return command
+
+
+def _with_local_paths(carry_out_command: Callable[..., Any]) -> Callable[..., Any]:
+    """Refuse an address of storage where a file is meant: as a path, ``s3://a`` is a folder ``s3:`` here."""
+
+    @wraps(carry_out_command)
+    def checked(**given: Any) -> Any:
+        from rigctl.project import require_local
+
+        for value in given.values():
+            for path in value if isinstance(value, list | tuple) else (value,):
+                if isinstance(path, Path):
+                    require_local(path)
+        return carry_out_command(**given)
+
+    return checked
 
 
 #: containers made between two garbage collections in a command that no bench waits for

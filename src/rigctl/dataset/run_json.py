@@ -50,8 +50,8 @@ def read_info(folder: Path) -> dict[str, Any]:
     except OSError as problem:
         raise RigctlError(f"no run: {problem.strerror}", where=Location(folder / NAME)) from problem
     except ValueError as problem:
-        raise _damaged(folder / NAME) from problem
-    info = _checked(text, folder)
+        raise _damaged(folder / NAME, folder.name) from problem
+    info = _checked(text, f"{folder}{os.sep}{NAME}", folder.name)
     require_own(folder, info["id"], folder / NAME)
     return info
 
@@ -65,41 +65,42 @@ def read_text(text: str, folder: os.PathLike[str]) -> dict[str, Any]:
         it is damaged, was changed since it was written, or belongs to another run.
     """
     address = os.fspath(folder)
-    info = _checked(text, Path(address))
-    if info["id"] != address.rpartition("/")[2]:
+    run_id = address.rpartition("/")[2]
+    info = _checked(text, f"{address}/{NAME}", run_id)  # no Path: it would change '//'
+    if info["id"] != run_id:
         raise RigctlError("the file belongs to another run", value=str(info["id"]), expected=address)
     return info
 
 
-def _checked(text: str, folder: Path) -> dict[str, Any]:
+def _checked(text: str, file: str, run_id: str) -> dict[str, Any]:
     try:
         info = json.loads(text)
     except ValueError as problem:
-        raise _damaged(folder / NAME) from problem
+        raise _damaged(file, run_id) from problem
     if not isinstance(info, dict) or "id" not in info or "status" not in info:
-        raise _damaged(folder / NAME)
+        raise _damaged(file, run_id)
     if info.get("format", _PROTECTED) >= _PROTECTED and info.get(_CHECKSUM) != _digest(info):
-        raise _damaged(folder / NAME, "the file was changed since it was written")
-    _require_shape(info, folder)
+        raise _damaged(file, run_id, "the file was changed since it was written")
+    _require_shape(info, file, run_id)
     return info
 
 
-def _require_shape(info: Mapping[str, Any], folder: Path) -> None:
+def _require_shape(info: Mapping[str, Any], file: str, run_id: str) -> None:
     """Refuse a file that is intact, and yet none that rigctl writes: a forger can compute checksums too.
 
     Without it, one such run in a folder would make listing all the others fail.
     """
     for name, kind in _SHAPES.items():
         if name in info and not isinstance(info[name], kind):
-            raise _damaged(folder / NAME, f"'{name}' is not what rigctl writes there")
+            raise _damaged(file, run_id, f"'{name}' is not what rigctl writes there")
     for name in ("procedure", "rig"):
         if not isinstance(info.get(name, {}).get("name", ""), str):
-            raise _damaged(folder / NAME, f"the name in '{name}' is not a text")
+            raise _damaged(file, run_id, f"the name in '{name}' is not a text")
     for name in ("calibrations", "files"):
         if not all(isinstance(value, dict) for value in info.get(name, {}).values()):
-            raise _damaged(folder / NAME, f"'{name}' is not what rigctl writes there")
+            raise _damaged(file, run_id, f"'{name}' is not what rigctl writes there")
     if any(_ELSEWHERE.intersection(name) for name in info.get("files", ())):
-        raise _damaged(folder / NAME, "it names a file that is not in the run's folder")
+        raise _damaged(file, run_id, "it names a file that is not in the run's folder")
 
 
 def require_own(folder: Path, run_id: object, path: Path) -> None:
@@ -173,10 +174,10 @@ def file_facts(path: Path) -> dict[str, Any]:
     return {"sha256": digest, "bytes": path.stat().st_size}
 
 
-def _damaged(path: Path, what: str = "the file is damaged") -> RigctlError:
+def _damaged(file: Path | str, run_id: str, what: str = "the file is damaged") -> RigctlError:
     return RigctlError(
         what,
-        hint=f"'rigctl runs verify {path.parent.name}' says what can be saved",
-        where=Location(path),
+        hint=f"'rigctl runs verify {run_id}' says what can be saved",
+        where=Location(file),
         exit_code=ExitCode.FAILED,
     )

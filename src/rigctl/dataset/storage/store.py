@@ -12,7 +12,8 @@ from typing import Any, Final
 from rigctl.dataset import run_json
 from rigctl.dataset.day_folders import is_shard
 from rigctl.dataset.run_id import LATEST, chosen_id
-from rigctl.errors import ExitCode, RigctlError
+from rigctl.dataset.storage.failure import describe
+from rigctl.errors import ExitCode, Location, RigctlError
 
 #: time-outs of storage for a connection, and for the next bytes, s
 CONNECTS_WITHIN: Final = 10.0
@@ -188,10 +189,11 @@ class Store:
             raise
         except Exception as problem:
             # each storage library has its own errors
+            why, hint = describe(problem)
             raise StorageSilent(
-                f"cannot {doing}: {_in_words(problem)}",
-                value=self.address,
-                hint="Is it there, and may you read and write in it? Nothing that was recorded here is lost",
+                f"cannot {doing}: {why}",
+                hint=hint,
+                where=Location(self.address),
                 exit_code=ExitCode.FAILED,
             ) from problem
 
@@ -350,12 +352,6 @@ def _options(address: str) -> dict[str, Any]:
             "retries": {"max_attempts": _ATTEMPTS - 1, "mode": "standard"},
         },
     }
-
-
-def _in_words(problem: BaseException) -> str:
-    """Return the first line of a library's message, or the type of the error if it is empty."""
-    text = next(iter(str(problem).strip().splitlines()), "")
-    return text or type(problem).__name__
 
 
 def _parts(path: str) -> list[str]:
