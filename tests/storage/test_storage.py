@@ -495,9 +495,9 @@ class Elsewhen(BaseHTTPRequestHandler):
         self.rfile.read(int(self.headers.get("Content-Length") or 0))
         now = datetime.now(UTC) + timedelta(hours=2, seconds=20)
         body = (
-            "<Error><Code>RequestTimeTooSkewed</Code><Message>The difference between the request time and the"
-            " current time is too large.</Message></Error>"
-        ).encode()
+            b"<Error><Code>RequestTimeTooSkewed</Code><Message>The difference between the request time"
+            b" and the current time is too large.</Message></Error>"
+        )
         self.send_response_only(403)
         self.send_header("Date", format_datetime(now, usegmt=True))
         self.send_header("Content-Type", "application/xml")
@@ -528,7 +528,7 @@ def test_a_clock_that_is_wrong_is_named(
         finally:
             server.shutdown()
             thread.join()
-    said = f"{done.output}{done.exception or str()}"
+    said = f"{done.output}{done.exception or ''}"
     assert "s3://lab/runs: cannot" in said
     assert "the clock of this computer is 2 h behind the server's. Set the clock" in said
     assert done.exit_code != 0
