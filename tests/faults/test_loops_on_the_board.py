@@ -14,6 +14,7 @@ from board_workshop import BoardWorkshop
 from rigctl.backends.emulated.board import EmulatedBoard
 from rigctl.dataset import open_run
 from rigctl.errors import RigctlError
+from rigctl.rig import Limit
 from rigctl.runner.requests import Order, Request
 from run_workshop import Done, ScriptedControl, Workshop
 
@@ -130,6 +131,30 @@ def test_every_ending_stops_the_loop_with_its_output_safe(
     assert max(value for _, value in done.commands("relief_valve")) > 20 * BAR
     assert chip.avr.pwm == 0.0
     assert not loop_runs(chip)
+
+
+@pytest.mark.parametrize("where", ["board", "host"])
+@pytest.mark.parametrize("fault", ["sensor_stuck", "sensor_open", "samples_stop"])
+def test_a_sensor_that_fails_in_a_loop_ends_it_with_its_output_safe(
+    board: BoardWorkshop, fault: str, where: str
+) -> None:
+    """A reading that was stuck below the set-point kept the output at its bound until the end of the step."""
+    stuck = Limit.model_validate(
+        {"channel": "supply_pressure", "unchanged": "0.6 s", "while_on": "relief_valve"}
+    )
+    rig = board.rig()
+    rig = rig.model_copy(update={"limits": {**rig.limits, "transducer_stuck": stuck}})
+    injected = f"{fault}@1 s" if fault == "samples_stop" else f"{fault}:supply_pressure@1 s"
+    bench = board.bench(faults=[injected])
+    bench.open()
+    text = recorded(f"rate: 50 Hz, where: {where}, for: 6 s")
+    done = board.workshop.run(text, rig=rig, backend=bench)
+    assert done.result.status == "failed"
+    expected = {"sensor_stuck": "has read exactly", "samples_stop": "no sample for 1 s"}
+    assert expected.get(fault, "sensor") in str(done.result.reason)
+    assert max(value for _, value in done.commands("relief_valve")) > 20 * BAR
+    assert board.script.board.avr.pwm == 0.0
+    assert not loop_runs(board.script.board)
 
 
 def test_between_records_a_loop_restarts_after_a_loss_of_contact(board: BoardWorkshop) -> None:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigctl.rig import Rig, load_rig
+from rigctl.rig import Limit, Rig, load_rig
 from rigctl.runner.interlocks import REARM, Alarm, Interlocks
 
 SHIPPED = load_rig(Path(__file__).parents[2] / "rigs" / "hl32-bench.yaml")
@@ -160,3 +160,45 @@ def test_a_disturbed_line_is_detected_and_motion_is_not_a_disturbance() -> None:
     shaken = [row(0.01 * i, position=0.1 + 0.05 * chance.random()) for i in range(100)]
     alarms = [alarm for alarm in feed(Interlocks(SHIPPED), shaken) if alarm.name == "position noise"]
     assert [(alarm.action, alarm.active) for alarm in alarms] == [("warn", True)]
+
+
+def standstill(**fields: Any) -> Interlocks:
+    """Of the shipped bench, with nothing but a limit on a standstill of the oil temperature."""
+    limit = Limit.model_validate({"channel": "oil_temperature", "unchanged": "10 s", **fields})
+    return Interlocks(SHIPPED.model_copy(update={"limits": {"thermometer_stuck": limit}}))
+
+
+def test_a_reading_that_stays_exactly_the_same_is_a_stuck_sensor() -> None:
+    alarms = feed(standstill(message="Thermometer"), [row(float(i)) for i in range(30)])
+    assert [(a.name, a.time, a.action, a.active) for a in alarms] == [
+        ("thermometer_stuck", 10.0, "stop", True)
+    ]
+    assert alarms[0].message == "Thermometer: oil_temperature has read exactly 20 degC for 10 s: sensor stuck"
+    moving = [row(float(i), oil=WARM + 0.25 * (i // 9 % 2)) for i in range(90)]
+    assert feed(standstill(), moving) == []
+    gaps = [row(float(i), oil=math.nan if i % 9 == 8 else WARM) for i in range(90)]
+    assert [alarm.name for alarm in feed(standstill(), gaps)] == []
+
+
+def test_a_stuck_sensor_is_clear_with_its_first_change_and_trips_again() -> None:
+    rows = [row(float(i), oil=WARM if i < 15 else WARM + 1.0) for i in range(30)]
+    found = [(a.time, a.active) for a in feed(standstill(action="warn"), rows)]
+    assert found == [(10.0, True), (15.0, False), (25.0, True)]
+
+
+def test_few_readings_are_no_standstill() -> None:
+    alarms = feed(standstill(), [row(20.0 * i) for i in range(6)])
+    assert [alarm.time for alarm in alarms] == [80.0]  # the fifth
+
+
+def test_a_standstill_counts_only_while_its_actuator_is_driven() -> None:
+    heater = SHIPPED.layout.columns.index("heater")
+
+    def heated(time: float) -> tuple[float, ...]:
+        values = list(row(time))
+        values[heater] = float(time >= 40.0)
+        return tuple(values)
+
+    alarms = feed(standstill(while_on="heater"), [heated(float(i)) for i in range(60)])
+    assert [alarm.time for alarm in alarms] == [49.0]  # 10 s after the last reading with the heater off
+    assert "while heater was on" in alarms[0].message

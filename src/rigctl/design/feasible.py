@@ -33,7 +33,7 @@ def clear_of_limits(
         _clear(limit, times, outputs[:, place], room[:, place])
         for limit in rig.limits.values()
         for place in [channels.index(limit.channel) if limit.channel in channels else -1]
-        if place >= 0
+        if place >= 0 and limit.bound != "unchanged"
     ) and all(_possible(rig, name, outputs[:, k], room[:, k]) for k, name in enumerate(channels))
 
 

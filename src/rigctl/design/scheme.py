@@ -315,7 +315,7 @@ def allowed(rig: Rig, channel: str, low: float, high: float) -> tuple[float, flo
     if described.range is not None:
         low, high = max(low, float(described.range[0])), min(high, float(described.range[1]))
     for limit in rig.limits.values():
-        if limit.channel != channel or limit.of_rate:
+        if limit.channel != channel or not limit.of_value:
             continue
         low, high = (
             (low, min(high, limit.threshold)) if limit.bound == "above" else (max(low, limit.threshold), high)

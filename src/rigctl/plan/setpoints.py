@@ -25,7 +25,7 @@ def check_set_point(rig: Rig, channel: str, value: float) -> None:
             expected=f"{show(low, described.unit)} to {show(high, described.unit)}",
         )
     for name, limit in rig.limits.items():
-        if limit.channel != channel or limit.action != "stop" or limit.of_rate:
+        if limit.channel != channel or limit.action != "stop" or not limit.of_value:
             continue
         bound = limit.threshold
         if value > bound if limit.bound == "above" else value < bound:

@@ -26,8 +26,8 @@ class LimitUse:
 
 
 def limits_used(rig: Rig, extents: Extents) -> tuple[LimitUse, ...]:
-    """Every limit on a value with the nearest expected reading; limits on rates cannot be foreseen."""
-    return tuple(_use(rig, name, limit, extents) for name, limit in rig.limits.items() if not limit.of_rate)
+    """Every limit on a value with the nearest expected reading; the others cannot be foreseen."""
+    return tuple(_use(rig, name, limit, extents) for name, limit in rig.limits.items() if limit.of_value)
 
 
 def _use(rig: Rig, name: str, limit: Limit, extents: Extents) -> LimitUse:

@@ -212,6 +212,10 @@ def _limits(rig: Rig) -> Iterator[Problem]:
         if limit.channel not in rig.channels:
             yield from _known(rig.channels, "channel", limit.channel, (*keys, "channel"))
             continue
+        if limit.bound == "unchanged":
+            if limit.while_on is not None:
+                yield from _known(rig.actuators, "actuator", limit.while_on, (*keys, "while_on"))
+            continue
         unit = rig.channels[limit.channel].unit
         bound: Amount = getattr(limit, limit.bound)
         per_second = f"{unit}/s" if unit not in ("", "1") else "1/s"

@@ -12,13 +12,14 @@ from rigctl.files.quantity import Q
 from rigctl.files.refusal import refusal
 from rigctl.rig.base import Part
 
-_BOUNDS = ("above", "below", "rate_above", "rate_below")
+_BOUNDS = ("above", "below", "rate_above", "rate_below", "unchanged")
 
 
 class Limit(Part):
-    """One bound of one channel: on its value, or on its rate of change over the last `over` seconds.
+    """One bound of one channel: on its value, its rate of change over the last `over` seconds, or standstill.
 
-    It trips when the bound is exceeded for longer than `for`, and then warns, or stops the run.
+    It trips when the bound is exceeded for longer than `for`, or when the reading has stayed exactly the same
+    for `unchanged`, and then warns, or stops the run.
     """
 
     model_config = ConfigDict(
@@ -31,6 +32,14 @@ class Limit(Part):
     rate_above: AnyDifference | None = Field(default=None, description="trips when it rises faster")
     rate_below: AnyDifference | None = Field(
         default=None, description="trips when it falls faster (negative)"
+    )
+    unchanged: Annotated[float, Q("s", positive=True)] | None = Field(
+        default=None,
+        description="trips when the reading stays exactly the same for this long: a stuck sensor",
+    )
+    while_on: str | None = Field(
+        default=None,
+        description="for `unchanged`: an actuator; time counts only while it is commanded off its safe value",
     )
     over: Annotated[float, Q("s", positive=True)] = Field(
         default=1.0, description="the interval over which a rate is calculated"
@@ -47,20 +56,31 @@ class Limit(Part):
         if len(given) != 1:
             what = "a limit needs a bound" if not given else f"a limit has one bound, here {', '.join(given)}"
             raise refusal(RigctlError(what, expected="one of " + ", ".join(_BOUNDS)))
+        if self.unchanged is None and self.while_on is not None:
+            raise refusal(
+                RigctlError("'while_on' belongs to 'unchanged'", expected="a limit with 'unchanged'")
+            )
+        if self.unchanged is not None and self.for_ > 0.0:
+            raise refusal(RigctlError("'unchanged' has its own duration", expected="no 'for' beside it"))
         return self
 
     @property
-    def bound(self) -> Literal["above", "below", "rate_above", "rate_below"]:
-        """Which of the four bounds it is."""
-        for name in ("above", "below", "rate_above"):
+    def bound(self) -> Literal["above", "below", "rate_above", "rate_below", "unchanged"]:
+        """Which of the bounds it is."""
+        for name in ("above", "below", "rate_above", "rate_below"):
             if getattr(self, name) is not None:
                 return name
-        return "rate_below"
+        return "unchanged"
 
     @property
     def threshold(self) -> float:
-        """The bound in SI (per second for a rate)."""
+        """The bound in SI (per second for a rate; in seconds for `unchanged`)."""
         return float(getattr(self, self.bound))
+
+    @property
+    def of_value(self) -> bool:
+        """True when it bounds the value itself."""
+        return self.bound in ("above", "below")
 
     @property
     def of_rate(self) -> bool:

@@ -25,6 +25,9 @@ _NOISE_SAMPLES = 32
 _NOISE_MASK = (1 << _NOISE_SAMPLES) - 1
 _NOISE_FACTOR = 20.0
 
+#: fewest equal readings that count as a standstill
+_SAME_READINGS = 5
+
 _SLACK = 1e-9  # s; times on a sampling grid are sums of rounded numbers
 
 
@@ -156,6 +159,49 @@ class Disturbance:
         return Alarm(time, f"{self.channel} noise", self.channel, "warn", text, value)
 
 
+@dataclass(slots=True)
+class Standstill:
+    """Trips when the reading stays exactly the same: a stuck sensor, or a logger that repeats its last value.
+
+    Parameters
+    ----------
+    column: index of the channel in a row.
+    duration: s without a change; in at least `_SAME_READINGS` readings, however slowly it is sampled.
+    command, safe: index of an actuator's command in a row, and its safe value, SI: time counts only while the
+        command differs from it; None: always.
+    """
+
+    name: str
+    channel: str
+    column: int
+    duration: float
+    action: Literal["warn", "stop"]
+    describe: Callable[[float], str]
+    command: int | None = None
+    safe: float = 0.0
+    value: float = math.nan
+    since: float = math.nan
+    readings: int = 0
+    raised: Alarm | None = None
+
+    def update(self, row: Sequence[float]) -> Alarm | None:
+        """Take the next row; returns an alarm if it raises or clears one."""
+        time, value = row[0], row[self.column]
+        on = self.command is None or abs(row[self.command] - self.safe) > 0.0
+        if value != self.value or not on:  # a missing value differs from itself
+            self.value, self.since, self.readings = value, time, 1
+            if self.raised is None:
+                return None
+            cleared, self.raised = replace(self.raised, time=time, value=value, active=False), None
+            return cleared
+        self.readings += 1
+        stood = time - self.since
+        if self.raised is not None or self.readings < _SAME_READINGS or stood < self.duration - _SLACK:
+            return None
+        self.raised = Alarm(time, self.name, self.channel, self.action, self.describe(value), value)
+        return self.raised
+
+
 class Interlocks:
     """Every watch of a rig. Rows are ``(time, record, *channels, *commands)``, SI."""
 
@@ -167,6 +213,7 @@ class Interlocks:
         self._values = [watch for watch in self._watches if watch.window is None]
         self._bands = _narrowest(self._values)
         self._noise = _disturbances(rig, columns)
+        self._still = _standstills(rig, columns)
         self._busy = False
         self._silent = False
 
@@ -176,6 +223,8 @@ class Interlocks:
         noisy = [
             alarm for watch in self._noise if (alarm := watch.update(row[0], row[watch.column])) is not None
         ]
+        if self._still:
+            noisy += [alarm for watch in self._still if (alarm := watch.update(row)) is not None]
         if not self._busy:
             for column, low, high in self._bands:
                 if not low <= row[column] <= high:
@@ -263,10 +312,33 @@ def _disturbances(rig: Rig, columns: Mapping[str, int]) -> list[Disturbance]:
     return found
 
 
+def _standstills(rig: Rig, columns: Mapping[str, int]) -> list[Standstill]:
+    """One for each limit on a standstill."""
+    found = []
+    for name, limit in rig.limits.items():
+        if limit.bound == "unchanged":
+            actuator = limit.while_on
+            found.append(
+                Standstill(
+                    name=name,
+                    channel=limit.channel,
+                    column=columns[limit.channel],
+                    duration=limit.threshold,
+                    action=limit.action,
+                    describe=partial(_stands_still, limit, rig.channels[limit.channel]),
+                    command=None if actuator is None else columns[actuator],
+                    safe=0.0 if actuator is None else float(rig.safe_state.get(actuator, 0.0)),
+                )
+            )
+    return found
+
+
 def _of_limits(rig: Rig, columns: Mapping[str, int]) -> list[Watch]:
     """One watch per limit of the rig file."""
     watches = []
     for name, limit in rig.limits.items():
+        if limit.bound == "unchanged":
+            continue
         upper = limit.bound.endswith("above")
         watches.append(
             Watch(
@@ -288,6 +360,13 @@ def _impossible(name: str, channel: Channel, value: float) -> str:
     if math.isnan(value):
         return f"{name} gives no value: sensor or line broken"
     return f"{name} reads {show(value, channel.unit)}, which is impossible: sensor or line broken"
+
+
+def _stands_still(limit: Limit, channel: Channel, value: float) -> str:
+    found = show(value, channel.unit, difference=channel.difference)
+    driven = f" while {limit.while_on} was on" if limit.while_on else ""
+    text = f"{limit.channel} has read exactly {found} for {limit.threshold:g} s{driven}: sensor stuck"
+    return f"{limit.message}: {text}" if limit.message else text
 
 
 def _exceeded(limit: Limit, channel: Channel, value: float) -> str:

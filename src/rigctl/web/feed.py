@@ -435,5 +435,5 @@ def _limits(rig: Rig, name: str) -> list[dict[str, Any]]:
             "message": limit.message,
         }
         for key, limit in rig.limits.items()
-        if limit.channel == name and not limit.of_rate
+        if limit.channel == name and limit.of_value
     ]
