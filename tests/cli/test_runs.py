@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -107,6 +109,21 @@ def test_sql(project: Path) -> None:
     assert document["columns"] == ["run", "s", "t", "n"]
     assert document["rows"][0][:2] == [FIRST, 3]
     assert FIRST in text("sql", "SELECT id FROM runs")
+
+
+@pytest.mark.parametrize(("statement", "code"), [("SELECT count(*) FROM samples", 0), ("SELEC", 2)])
+def test_a_query_leaves_nothing_else_on_stderr(project: Path, statement: str, code: int) -> None:
+    """The database's bindings reported a hundred leaked objects at the end of every `runs sql`."""
+    done = subprocess.run(
+        [sys.executable, "-m", "rigctl", "runs", "sql", statement],
+        cwd=project,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == code
+    assert "nanobind" not in done.stderr
+    assert done.stderr.count("\n") == (code != 0)
 
 
 @pytest.mark.parametrize(
