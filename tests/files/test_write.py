@@ -135,3 +135,52 @@ def test_a_new_file_that_cannot_be_written_leaves_nothing(
         write_new(tmp_path / "a.txt", b"one")
     assert caught.value.exit_code is ExitCode.FAILED
     assert list(tmp_path.iterdir()) == []
+
+
+def held_open(monkeypatch: pytest.MonkeyPatch, times: int, winerror: int = 5) -> list[Path]:
+    """Renaming is refused as Windows does while a reader has the file open; returns the attempts."""
+    attempts: list[Path] = []
+    rename = Path.replace
+
+    def refused(draft: Path, path: Path) -> Path:
+        attempts.append(path)
+        if len(attempts) <= times:
+            problem = PermissionError(13, "Access is denied")
+            problem.winerror = winerror  # type: ignore[attr-defined, unused-ignore]
+            raise problem
+        return rename(draft, path)
+
+    monkeypatch.setattr(Path, "replace", refused)
+    return attempts
+
+
+@pytest.mark.parametrize("winerror", [5, 32])
+def test_a_file_that_a_reader_holds_on_windows_is_replaced_afterwards(
+    winerror: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.txt"
+    write_text(path, "old")
+    attempts = held_open(monkeypatch, 3, winerror)
+    write_text(path, "new")
+    assert len(attempts) == 4
+    assert path.read_text(encoding="utf-8") == "new"
+
+
+def test_a_file_that_is_held_for_good_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.txt"
+    write_text(path, "old")
+    monkeypatch.setattr("rigctl.files.write._PAUSE", 0.1)
+    attempts = held_open(monkeypatch, 10**6)
+    with pytest.raises(RigctlError, match="Access is denied"):
+        write_text(path, "new")
+    assert 1 < len(attempts) < 20
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_a_refusal_for_another_reason_is_reported_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    attempts = held_open(monkeypatch, 10**6, winerror=19)  # the disk is write-protected
+    with pytest.raises(RigctlError, match="denied"):
+        write_text(tmp_path / "a.txt", "new")
+    assert len(attempts) == 1

@@ -12,7 +12,7 @@ import pytest
 
 from rigctl.errors import RigctlError
 from rigctl.runner.remote_control import CONTROL_NAME, ControlFile, send, write_line
-from rigctl.runner.requests import Request
+from rigctl.runner.requests import Order, Request
 from rigctl.runner.snapshot import View
 
 
@@ -111,3 +111,22 @@ def test_a_deleted_folder_does_not_disturb_the_run(tmp_path: Path) -> None:
     control.publish(View("a-run", "running", 0.0))
     assert control.poll() == ()
     control.close()
+
+
+def test_a_reader_of_the_heartbeat_on_windows_delays_it_only(
+    control: ControlFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Windows does not replace a file that is open: an acknowledgement was lost until the next heartbeat."""
+    rename, refusals = Path.replace, iter([True, True])
+
+    def refused(draft: Path, path: Path) -> Path:
+        if next(refusals, False):
+            problem = PermissionError(13, "Access is denied")
+            problem.winerror = 5  # type: ignore[attr-defined, unused-ignore]
+            raise problem
+        return rename(draft, path)
+
+    monkeypatch.setattr(Path, "replace", refused)
+    control.acknowledge(Order(Request.PAUSE, "a test", "1"), "paused")
+    told = json.loads((tmp_path / "state.json").read_text(encoding="utf-8"))
+    assert told["acknowledged"] == [{"id": "1", "message": "paused"}]

@@ -10,7 +10,7 @@ from tempfile import mkstemp
 from typing import TYPE_CHECKING, Any
 
 from rigctl.errors import ExitCode, Location, RigctlError
-from rigctl.files.write import write_error
+from rigctl.files.write import replace_file, write_error
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -86,7 +86,7 @@ def replace_with(path: Path) -> Iterator[Path]:
             draft.chmod(0o644)
             with draft.open("rb+") as file:
                 os.fsync(file.fileno())
-            draft.replace(path)
+            replace_file(draft, path)
     finally:
         with suppress(OSError):
             draft.unlink(missing_ok=True)

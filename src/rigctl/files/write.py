@@ -6,14 +6,20 @@ import json
 import math
 import os
 import tempfile
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import date
 from enum import Enum
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Any, Final
 
 from rigctl.errors import ExitCode, Location, RigctlError
+
+#: errors of Windows for a file that another program has open: access denied, sharing violation
+_IN_USE: Final = (5, 32)
+#: s between two attempts
+_PAUSE: Final = 0.002
 
 
 def write_text(path: Path, text: str) -> None:
@@ -34,7 +40,7 @@ def write_bytes(path: Path, content: bytes) -> None:
         temporary = _draft(path, content)
         try:
             _keep_mode(path, temporary)
-            temporary.replace(path)
+            replace_file(temporary, path)
         except BaseException:
             with suppress(OSError):
                 temporary.unlink()
@@ -66,6 +72,29 @@ def write_new(path: Path, content: bytes) -> None:
         raise FileExistsError(path)
     with write_error(path):  # only now: Windows would not remove the draft, which is the same file
         path.chmod(0o444)
+
+
+def replace_file(draft: Path, path: Path, patience: float = 0.5) -> None:
+    """Rename `draft` to `path`, in the place of the file there.
+
+    Windows refuses this while another program has the file open. Readers of ours hold a file for less than a
+    millisecond, scanners somewhat longer: the rename is tried again for `patience` s.
+
+    Raises
+    ------
+    OSError
+        it is refused for longer, or for another reason.
+    """
+    give_up = time.monotonic() + patience
+    while True:
+        try:
+            draft.replace(path)
+        except OSError as problem:
+            if getattr(problem, "winerror", None) not in _IN_USE or time.monotonic() >= give_up:
+                raise
+            time.sleep(_PAUSE)
+        else:
+            return
 
 
 def _draft(path: Path, content: bytes) -> Path:

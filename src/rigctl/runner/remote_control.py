@@ -19,7 +19,7 @@ from uuid import uuid4
 
 from rigctl.dataset.writer_lock import STATE_NAME, read_state
 from rigctl.errors import ExitCode, Location, RigctlError
-from rigctl.files.write import to_json
+from rigctl.files.write import replace_file, to_json
 from rigctl.runner.appended_lines import LONGEST_LINE, AppendedLines
 from rigctl.runner.requests import Order, Request
 
@@ -31,6 +31,9 @@ CONTROL_NAME = "control.jsonl"
 _POLL = 0.2
 #: s of wall time between two heartbeats
 _BEAT = 1.0
+#: s for which a heartbeat waits, on Windows, for a reader of the last one; the run waits too
+_PATIENCE = 0.05
+_LAST_PATIENCE = 0.5
 
 
 class ControlFile:
@@ -70,18 +73,18 @@ class ControlFile:
 
     def close(self) -> None:
         """A last heartbeat, with the final state."""
-        self._beat()
+        self._beat(_LAST_PATIENCE)
 
-    def _beat(self) -> None:
+    def _beat(self, patience: float = _PATIENCE) -> None:
         self._next_beat = time.monotonic() + _BEAT
         state: dict[str, Any] = {"host": platform.node(), "pid": os.getpid()}
         if self._view is not None:
             state |= summary(self._view)
         state["acknowledged"] = list(self._acknowledged)
         draft = self._state.with_suffix(".tmp")
-        with suppress(OSError):  # a full disk or a reader that holds the file (Windows): the next one will do
+        with suppress(OSError):  # a full disk, or a reader that holds the file for long: the next one will do
             draft.write_text(to_json(state) + "\n", encoding="utf-8", newline="\n")
-            draft.replace(self._state)
+            replace_file(draft, self._state, patience)
 
 
 def summary(view: View) -> dict[str, Any]:

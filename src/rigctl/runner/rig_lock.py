@@ -21,6 +21,7 @@ from uuid import uuid4
 from rigctl.backends.processes import process_exists
 from rigctl.dataset.run_id import slug
 from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.files.write import replace_file
 from rigctl.runner.requests import Order, Request
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
 OLD = 30.0
 #: s between two heartbeats
 _BEAT = 2.0
+#: s for which a heartbeat waits, on Windows, for a reader of the last one; the run waits too
+_PATIENCE = 0.05
 
 
 @dataclass(frozen=True)
@@ -191,7 +194,7 @@ class RigLock:
         )
         draft = self._path.with_suffix(".tmp")
         draft.write_text(json.dumps(asdict(owner)), encoding="utf-8", newline="\n")
-        draft.replace(self._path)
+        replace_file(draft, self._path, _PATIENCE)
 
 
 def read_owner(path: Path) -> Owner | None:

@@ -23,6 +23,7 @@ from rigctl.backends.transport.duty import SafeOrder
 from rigctl.backends.transport.port import Port, PortLost
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
+from rigctl.files.write import replace_file
 
 LASTS = 24 * 3600.0  #: s, after which the guard gives up
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.1, 5.0  # s between two attempts; doubled each time
@@ -325,7 +326,7 @@ def _write(path: Path, notice: Notice) -> bool:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         draft.write_text(json.dumps(asdict(notice)), encoding="utf-8", newline="\n")
-        draft.replace(path)
+        replace_file(draft, path)
     except OSError:
         return False
     return True
