@@ -51,10 +51,53 @@ def test_an_undeliverable_answer_is_a_failure(tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     try:
-        assert simulate(tmp_path, "--json", out=writer, err=subprocess.DEVNULL) == 1
+        assert simulate(tmp_path, "--json", out=writer, err=subprocess.DEVNULL) == 141
     finally:
         os.close(writer)
     assert status(tmp_path) == "finished"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a closed pipe has another error there")
+@pytest.mark.parametrize("call", ["--help", "effects", "schema rig", "runs list", "check p.yaml"])
+def test_a_reader_that_closes_the_pipe_ends_a_command_without_a_message(tmp_path: Path, call: str) -> None:
+    """`rigctl effects | head` exited with 1, and `rigctl --help | true` with a traceback."""
+    (tmp_path / "p.yaml").write_text(STEPS.replace("WAIT", "1"), encoding="utf-8")
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "rigctl", *call.split()],
+            cwd=tmp_path,
+            stdout=writer,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=600,
+            check=False,
+        )
+    finally:
+        os.close(writer)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a closed pipe has another error there")
+def test_a_mistake_keeps_its_exit_status_although_nobody_reads_it(tmp_path: Path) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        command = [sys.executable, "-m", "rigctl", "check", "nowhere.yaml"]
+        assert subprocess.run(command, cwd=tmp_path, stderr=writer, timeout=600, check=False).returncode == 2
+    finally:
+        os.close(writer)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_output_that_finds_no_room_is_a_failure_with_a_message(tmp_path: Path) -> None:
+    with Path("/dev/full").open("w", encoding="utf-8") as full:
+        command = [sys.executable, "-m", "rigctl", "effects"]
+        done = subprocess.run(
+            command, cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, timeout=600, check=False
+        )
+    assert (done.returncode, done.stderr) == (1, "rigctl: No space left on device\n")
 
 
 class Stuck:

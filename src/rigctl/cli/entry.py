@@ -7,13 +7,41 @@ import gc
 import os
 import sys
 
+from rigctl.cli.closed_output import UNREAD, by_closed_pipe, discard_output, is_unread
+
 
 def main() -> None:
-    """Show the overview, or carry out a command; see `rigctl.cli.main`."""
+    """Show the overview, or carry out a command; see `rigctl.cli.main`.
+
+    Where the reader of the output has closed the pipe, as ``head`` does, the process ends without a message.
+    """
+    code: int | str | None = 0
+    unread = False
+    try:
+        _show_or_carry_out()
+    except SystemExit as end:
+        code, unread = end.code, by_closed_pipe(end)
+    except BrokenPipeError:
+        if not is_unread():  # of something else
+            raise
+        unread = True
+    try:
+        for stream in (sys.stdout, sys.stderr):
+            if stream is not None:
+                stream.flush()
+    except BrokenPipeError:
+        unread = True
+    if unread:
+        discard_output()
+        sys.exit(code if code not in (0, 1, None) else UNREAD)
+    sys.exit(code)
+
+
+def _show_or_carry_out() -> None:
     if sys.argv[1:] in (["--help"], ["-h"]) and "_RIGCTL_COMPLETE" not in os.environ:
         from rigctl.cli.overview import overview
 
-        sys.stdout.write(overview())
+        print(overview(), end="")  # noqa: T201 - not with a process that has no stdout
         return
     from rigctl.cli.late_modules import load_late
     from rigctl.cli.main import main as carry_out

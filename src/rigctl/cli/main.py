@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import wraps
 from importlib import import_module
 from io import TextIOWrapper
@@ -15,6 +16,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from rigctl.cli.catalogue import BY_NAME, ENTRIES
+from rigctl.cli.closed_output import has_broken_pipe, is_unread
 from rigctl.cli.echo import echo
 from rigctl.cli.outlet import ON_A_BENCH, carry_out
 from rigctl.cli.overview import overview
@@ -137,6 +139,8 @@ def _carry_out() -> None:
         _refuse(RigctlError("the input is nested too deeply"), as_json=wanted)
     except MemoryError:
         _refuse(RigctlError("out of memory", exit_code=ExitCode.FAILED), as_json=wanted)
+    except BrokenPipeError:
+        raise  # see `rigctl.cli.entry`
     except OSError as problem:  # a disk that is full or gone, anywhere
         name = Path(problem.filename) if isinstance(problem.filename, str) else None
         text = problem.strerror or str(problem)
@@ -144,6 +148,10 @@ def _carry_out() -> None:
     except SystemExit as end:
         if end.code == ExitCode.INTERRUPTED and _by_keyboard(end):
             _refuse(RigctlError("Stopped", exit_code=ExitCode.INTERRUPTED), as_json=wanted)
+        if end.code == ExitCode.FAILED and has_broken_pipe(end) and not is_unread():
+            # the library of the command line ends silently, as if it were the output's
+            text = "a connection was closed by its other end"
+            _refuse(RigctlError(text, exit_code=ExitCode.FAILED), as_json=wanted)
         # the call itself was wrong, as reported on stderr
         say = getattr(end.__context__, "format_message", None)
         if wanted and end.code == ExitCode.USAGE and say is not None:
@@ -161,7 +169,8 @@ def _by_keyboard(end: BaseException) -> bool:
 
 def _refuse(error: RigctlError, *, as_json: bool) -> NoReturn:
     """One message on stderr, one document on stdout where a program asked for it, and the exit code."""
-    print(f"rigctl: {error}", file=sys.stderr)  # noqa: T201
+    with suppress(BrokenPipeError):  # the exit code is still the mistake's
+        print(f"rigctl: {error}", file=sys.stderr)  # noqa: T201
     if as_json:
         _print_refusal(error)
     sys.exit(error.exit_code)

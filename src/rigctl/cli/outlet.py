@@ -11,6 +11,8 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Any, TextIO
 
+from rigctl.cli.closed_output import UNREAD
+
 #: commands that operate a bench, and whose output may be dropped if nobody reads it
 ON_A_BENCH = ("run", "simulate", "resume", "jog", "off")
 _LAST_WORDS = 3.0  # s that the end waits for the output to be read
@@ -128,19 +130,21 @@ def carry_out(work: Callable[[], None]) -> None:
         said, lost = _say_last_words(outlets)
         sys.stdout, sys.stderr = usual
         if lost or not said:  # what is left in the streams would be waited for again
-            os._exit((code if isinstance(code, int) else 1) or int(lost))
+            os._exit((code if isinstance(code, int) else 1) or lost)
     sys.exit(code)
 
 
-def _say_last_words(outlets: tuple[Outlet, Outlet]) -> tuple[bool, bool]:
-    """Whether all text was passed on, and whether some is lost: a closed pipe, a full disk."""
+def _say_last_words(outlets: tuple[Outlet, Outlet]) -> tuple[bool, int]:
+    """Whether all text was passed on, and the exit status if some is lost: a closed pipe, a full disk."""
     give_up = monotonic() + _LAST_WORDS
-    said, lost = True, False
+    said, lost = True, 0
     for outlet in outlets:
         try:
             said = outlet.drain(max(give_up - monotonic(), 0.0)) and said
+        except BrokenPipeError:
+            lost = lost or UNREAD
         except OSError:
-            lost = True
+            lost = 1
         except KeyboardInterrupt:
             said = False
     return said, lost

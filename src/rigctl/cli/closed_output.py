@@ -1,0 +1,55 @@
+"""Output whose reader has gone: ``rigctl diagnose … | head`` ends as other programs in a pipe do."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Final
+
+#: exit status of a program whose output is not read to its end: a shell's number for SIGPIPE, 128 + 13
+UNREAD: Final = 141
+
+
+def by_closed_pipe(end: BaseException) -> bool:
+    """Return whether the command ended since its output's reader closed the pipe."""
+    return has_broken_pipe(end) and is_unread()
+
+
+def has_broken_pipe(end: BaseException) -> bool:
+    """Return whether a broken pipe, of the output or of anything else, is behind an exception."""
+    error: BaseException | None = end
+    while error is not None and not isinstance(error, BrokenPipeError):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
+def is_unread() -> bool:
+    """Return whether nobody reads stdout or stderr; a broken pipe may also be a device's or a worker's."""
+    try:
+        from select import POLLERR, POLLHUP, poll
+    except ImportError:  # Windows
+        return True
+    asked = poll()
+    for handle in (1, 2):
+        asked.register(handle, 0)
+    return any(state & (POLLERR | POLLHUP) for _, state in asked.poll(0)) or _goes_nowhere()
+
+
+def _goes_nowhere() -> bool:
+    """Return whether stdout is the null device, which Rich puts there when the pipe is closed."""
+    try:
+        return os.path.samestat(os.fstat(1), Path(os.devnull).stat())
+    except OSError:
+        return False
+
+
+def discard_output() -> None:
+    """Let what is left in the streams go nowhere: the interpreter writes it when it ends."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream, handle in ((sys.stdout, 1), (sys.stderr, 2)):
+        try:
+            stream.flush()
+        except (OSError, ValueError, AttributeError):
+            os.dup2(nowhere, handle)
+    os.close(nowhere)
