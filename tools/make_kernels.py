@@ -9,7 +9,7 @@ from __future__ import annotations
 from rigctl.engine.kernels.making import text_of
 from rigctl.engine.kernels.portable import keep
 
-KERNELS = ("record", "step")
+KERNELS = ("record", "step", "variances")
 
 
 def main() -> None:

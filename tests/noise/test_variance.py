@@ -23,7 +23,7 @@ from rigctl.noise import (
     whiten,
 )
 from rigctl.noise.statements import channel_statement
-from rigctl.noise.variance import VarianceLaw
+from rigctl.noise.variance import VarianceLaw, most_likely_squares
 
 Floats = NDArray[np.float64]
 SIZE, RECORDS, REST = 600, 12, 0.03
@@ -260,3 +260,35 @@ def test_the_text_says_that_counting_noise_grows_with_the_root(level: float, sai
     assert said in channel_statement(
         ChannelNoise("body", 0.05, source="residuals", guessed=False, law=law), None
     )
+
+
+def _by_multiplications(terms: Floats, variance: Floats) -> Floats:
+    """The steps of `most_likely_squares` as its formula has them."""
+    mean = np.maximum(terms.mean(axis=0), 1e-300)
+    squares = variance.mean() / (terms.shape[1] * mean)
+    for _ in range(100):
+        weight = 1.0 / np.maximum(terms @ squares, 1e-300)
+        squares = squares * np.sqrt(terms.T @ (variance * weight**2) / np.maximum(terms.T @ weight, 1e-300))
+    return np.asarray(squares)
+
+
+@pytest.mark.parametrize("count", [1, 7, 8, 255, 256, 1001])
+@pytest.mark.parametrize("columns", [1, 2, 3])
+def test_the_most_likely_squares_are_those_of_the_formula(count: int, columns: int) -> None:
+    rng = np.random.default_rng(count + columns)
+    terms = np.column_stack([np.ones(count), rng.random(count), rng.random(count) ** 2])[:, :columns]
+    variance = 1e-12 * (1.0 + terms.sum(axis=1)) * rng.chisquare(1, count)
+    found = most_likely_squares(terms, variance)
+    np.testing.assert_allclose(found, _by_multiplications(terms, variance), rtol=1e-10, atol=1e-300)
+
+
+def test_readings_without_variance_have_no_squares() -> None:
+    terms = np.column_stack([np.ones(30), np.linspace(0.0, 1.0, 30)])
+    assert most_likely_squares(terms, np.zeros(30)).tolist() == [0.0, 0.0]
+
+
+def test_a_term_that_is_zero_everywhere_spoils_nothing() -> None:
+    variance = np.random.default_rng(1).chisquare(1, 40)
+    found = most_likely_squares(np.column_stack([np.ones(40), np.zeros(40)]), variance)
+    assert found[0] == pytest.approx(variance.mean())
+    assert np.isfinite(found[1])

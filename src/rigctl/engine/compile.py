@@ -49,12 +49,12 @@ class CompiledSystem:
     @property
     def integrate_record(self) -> Kernel:
         """The compiled kernel of `kernels.record`, which takes the words of its arrays."""
-        return _kernel("record", width() > 0)
+        return kernel("record", width() > 0)
 
     @property
     def step_to(self) -> Kernel:
         """The compiled kernel of `kernels.step`, likewise."""
-        return _kernel("step", width() > 0)
+        return kernel("step", width() > 0)
 
     def __reduce__(self) -> tuple[Callable[[System], CompiledSystem], tuple[System]]:
         return compile_system, (self.system,)
@@ -70,7 +70,7 @@ def compile_system(
     step; that takes some seconds, and is reported to `progress`. The other kernel is compiled when it is
     first used.
     """
-    _kernel("step" if stepping else "record", width() > 0, progress)
+    kernel("step" if stepping else "record", width() > 0, progress)
     source = source_of(system)
     model = load_compiled(
         "model", source.text, lambda: compiled(module_of(source.text), ARGUMENTS, vectors=False)
@@ -83,9 +83,10 @@ def compile_system(
 _kernels: dict[tuple[str, bool], Kernel] = {}
 
 
-def _kernel(module: str, checked: bool, progress: Progress | None = None) -> Kernel:
-    """A compiled kernel. They are compiled separately, because most processes need only one and compilation
-    takes seconds.
+def kernel(module: str, checked: bool, progress: Progress | None = None) -> Kernel:
+    """The compiled kernel in a `module` of `engine.kernels`; `checked` checks the bounds of its arrays.
+
+    They are compiled separately, because most processes need only some and compilation takes seconds.
     """
 
     def announce() -> None:

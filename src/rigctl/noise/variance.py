@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.engine.kernels.sizes import LANES, TILE
 from rigctl.noise.record import NoiseRecord
 
 Floats = NDArray[np.float64]
@@ -303,24 +304,31 @@ def most_likely_squares(terms: Floats, variance: Floats) -> Floats:
     """The non-negative squares of highest likelihood: ``s_k ← s_k·√(Σ t_k·v/μ² / Σ t_k/μ)``, μ = t·s.
 
     Each step lowers ``Σ (ln μ + v/μ)``: C. Févotte & J. Idier, Neural Computation 23 (2011) 2421.
+
+    Parameters
+    ----------
+    terms: (n, k) t, at most three.
+    variance: (n) v.
     """
+    from rigctl.engine.compile import kernel, words_of
+    from rigctl.engine.guards import width
+
+    count, columns = terms.shape
+    length = -(-count // LANES) * LANES
+    # vector instructions read what begins at a multiple of their length twice as fast
+    whole = _aligned((columns + 1) * length + 2 * TILE + 2 * columns * LANES)
+    rows, values, work = np.split(whole, [columns * length, (columns + 1) * length])
+    rows = rows.reshape(columns, length)
+    rows[:, :count], values[:count] = terms.T, variance
     typical = np.maximum(terms.mean(axis=0), _NOTHING)
-    squares = np.full(terms.shape[1], float(variance.mean())) / (terms.shape[1] * typical)
-    # each term's values in a row, and the same two rows in every step: the time goes into moving them
-    rows = np.ascontiguousarray(terms.T)
-    least = rows.min(axis=1)
-    both = np.empty((2, variance.size))
-    inverse, ratio = both
-    for _ in range(_STEPS):
-        np.matmul(squares, rows, out=inverse)
-        if not least @ squares >= _NOTHING:
-            np.maximum(inverse, _NOTHING, out=inverse)
-        np.divide(1.0, inverse, out=inverse)
-        np.multiply(variance, inverse, out=ratio)
-        np.multiply(ratio, inverse, out=ratio)
-        down, up = (rows @ both.T).T
-        before = squares
-        squares = squares * np.sqrt(up / np.maximum(down, _NOTHING))
-        if np.array_equal(squares, before):
-            break
-    return np.asarray(squares)
+    squares: Floats = np.full(columns, float(variance.mean())) / (columns * typical)
+    steps = np.array([_STEPS], dtype=np.int64)
+    kernel("variances", width() > 0)(words_of(steps, rows, values, squares, work))
+    return squares
+
+
+def _aligned(size: int) -> Floats:
+    """Zeros, at an address that is a multiple of `LANES` doubles."""
+    whole = np.zeros(size + LANES)
+    first = -(whole.ctypes.data // whole.itemsize) % LANES
+    return whole[first : first + size]

@@ -23,6 +23,10 @@ SIZES = 20
 #: what a kernel is told of an array: its address, then its length along each of up to three axes
 WORDS = 4
 
+#: readings that the kernel of variances takes at a time, so that what it makes of them stays in the nearest
+#: cache, and how many sums it adds them to, beside one another
+TILE, LANES = 256, 8
+
 #: of cubic splines: the degree, and by how much knots outnumber the functions
 DEGREE, MORE_KNOTS = 3, 4
 
