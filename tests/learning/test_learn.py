@@ -334,6 +334,21 @@ def test_a_run_that_failed_is_carried_out_again(stand: Any) -> None:
     assert here.learner.learn().ended is Ended.STOPPED
     assert here.learner.learn().ended is Ended.ADEQUATE
     assert here.bench.measured == [1, 2, 2]
+    assert here.kept.spent == 3 * 600.0
+
+
+def test_the_budget_counts_bench_time_of_failed_runs(stand: Any) -> None:
+    """A bench whose runs failed again and again could be tried for ever."""
+    verdicts, status = [UNSURE, UNSURE, UNSURE, SURE], ["finished", "failed", "failed", "finished"]
+    here = stand(verdicts, status=status, budget=2000.0)
+    assert here.learner.learn().ended is Ended.STOPPED
+    assert here.learner.learn().ended is Ended.STOPPED
+    learned = here.learner.learn()
+    assert (learned.ended, learned.spent) == (Ended.BUDGET, 1800.0)
+    assert "round 2 failed, and the budget does not allow it again" in learned.statement
+    assert here.bench.measured == [1, 2, 2]
+    here.kept.reopen(budget=3000.0)
+    assert here.learner.learn().ended is Ended.ADEQUATE
 
 
 @pytest.mark.parametrize("moment", range(1, 9))

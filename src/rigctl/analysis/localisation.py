@@ -190,7 +190,8 @@ def variable_units(measurements: Measurements) -> dict[str, str]:
     """The unit in which each operating variable is shown."""
     rig = measurements.rig
     units = {}
-    for name in {name for record in measurements.records for name in record.condition}:
+    # in the order of the records: that of a set differs from process to process
+    for name in dict.fromkeys(name for record in measurements.records for name in record.condition):
         channel = name.removeprefix(START)
         if rig is not None and channel in rig.channels:
             units[name] = rig.channels[channel].unit

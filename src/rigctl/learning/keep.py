@@ -216,5 +216,5 @@ class Kept:
 
     @property
     def spent(self) -> float:
-        """Bench time so far, s."""
-        return sum(one.duration for one in self.rounds)
+        """Bench time so far, s; that of runs that failed is spent too."""
+        return sum(one.duration + one.lost for one in self.rounds)

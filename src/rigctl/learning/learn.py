@@ -95,10 +95,14 @@ class Learner:
         task = self.kept.task
         arguments = task.arguments if here.number == 1 else {}
         plan = self.bench.plan(Path(here.procedure), arguments)
-        if here.number == 1:
+        if here.number == 1 and not here.lost:
             require_time(plan, task.budget)
+        elif here.lost and self._time_left is not None and seconds_of(plan) > self._time_left:
+            told = f"round {here.number} failed, and the budget does not allow it again"
+            return self._ended(Ended.BUDGET, told)
         result = self.bench.measure(plan, here.number, self.kept.folder.name)
         if result.folder is None or result.status != "finished":
+            self.kept.update(replace(here, lost=here.lost + result.duration))
             where = f"{result.folder.name} " if result.folder is not None else ""
             stopped = self._ended(Ended.STOPPED, f"the run {where}{result.status}: {result.reason}")
             return replace(stopped, exit_code=result.exit_code or ExitCode.FAILED)

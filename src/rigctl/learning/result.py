@@ -130,6 +130,7 @@ class Round:
     procedure: the file that was carried out.
     run: the run's folder name; "" if nothing has been measured yet.
     duration: its bench time, s.
+    lost: bench time of its runs that did not finish, s.
     verdict, effects, classes: of the diagnosis on all runs so far, before anything was added.
     probabilities: of the effects in question, by name.
     added: effects that were added because they were certain, each with the version in which it was.
@@ -145,6 +146,7 @@ class Round:
     procedure: str
     run: str = ""
     duration: float = 0.0
+    lost: float = 0.0
     verdict: str = ""
     effects: tuple[str, ...] = ()
     classes: tuple[tuple[str, ...], ...] = ()
@@ -169,6 +171,7 @@ class Round:
             "procedure": self.procedure,
             "run": self.run or None,
             "duration": self.duration,
+            "lost": self.lost,
             "verdict": self.verdict or None,
             "effects": list(self.effects),
             "classes": [list(names) for names in self.classes],
@@ -191,6 +194,7 @@ class Round:
             procedure=document["procedure"],
             run=document["run"] or "",
             duration=float(document["duration"]),
+            lost=float(document.get("lost", 0.0)),
             verdict=document["verdict"] or "",
             effects=tuple(document["effects"]),
             classes=tuple(tuple(names) for names in document["classes"]),
