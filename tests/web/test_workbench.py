@@ -18,12 +18,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from commands import answer
 from rigctl.dataset import open_run
+from rigctl.web.server_state import LONGEST_MESSAGE
 from rigctl.web.workbench.frames import frame, read_frame
 from web.pictures import outline, outline_of_picture
 from web.serving import Served, Window, serving
@@ -383,6 +384,24 @@ def test_unknown_messages_are_refused_and_the_session_continues(leaking: Served)
             answers = iter(lambda: json.loads(socket.recv(timeout=60)), None)
             problem = next(one for one in answers if one["kind"] == "problem")
             assert problem["error"]["message"], message[:200]
+
+
+@pytest.mark.parametrize(("length", "closed"), [(LONGEST_MESSAGE, None), (LONGEST_MESSAGE + 1, 1009)])
+def test_messages_have_one_longest_length(leaking: Served, length: int, closed: int | None) -> None:
+    """The server and the workbench had a number each: what lay between was read, and then refused."""
+    address = f"ws://{leaking.host}/api/workbench/session"
+    headers = {"Cookie": leaking.enter()}
+    text = '{"do": "fly", "values": ""}'.replace('""', f'"{(length - 27) * "x"}"')
+    assert len(text) == length
+    with connect(address, origin=Origin(leaking.base), additional_headers=headers) as socket:
+        socket.send(text)
+        if closed is None:
+            assert json.loads(socket.recv(timeout=60))["kind"] == "problem"
+            return
+        with pytest.raises(ConnectionClosed) as caught:
+            socket.recv(timeout=60)
+    assert caught.value.rcvd is not None
+    assert caught.value.rcvd.code == closed
 
 
 @settings(max_examples=15)

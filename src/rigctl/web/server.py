@@ -104,7 +104,7 @@ def serve(settings: Settings, started: Callable[[str], None], ends: Callable[[],
         from rigctl.web.app import application
         from rigctl.web.jobs import Jobs
         from rigctl.web.request_timeout import PatientProtocol
-        from rigctl.web.server_state import Site
+        from rigctl.web.server_state import LONGEST_MESSAGE, Site
 
         port = int(listener.getsockname()[1])
         keys = Keys()
@@ -115,7 +115,7 @@ def serve(settings: Settings, started: Callable[[str], None], ends: Callable[[],
             app,
             http=PatientProtocol,
             ws="websockets-sansio",
-            ws_max_size=1 << 19,  # the longest request of the workbench, with its frame
+            ws_max_size=LONGEST_MESSAGE,
             ws_per_message_deflate=False,
             lifespan="on",
             log_level="warning",

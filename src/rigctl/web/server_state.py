@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.project import MARKER, Project, find_project
@@ -14,6 +14,9 @@ from rigctl.web.jobs import Jobs
 
 if TYPE_CHECKING:
     from starlette.routing import BaseRoute
+
+#: bytes of the longest message of a page through a socket: a workbench's state of thousands of parameters
+LONGEST_MESSAGE: Final = 1 << 19
 
 
 @dataclass

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 #: workbenches that are open at a time; each holds its records in memory
 _MOST: Final = 4
-#: bytes of a message from a page: a state of thousands of parameters
-_LONGEST: Final = 500_000
 #: messages of a process that wait for a page; the process waits with the next
 _MOST_WAITING: Final = 8
 #: s for a process to end
@@ -126,8 +124,8 @@ async def _from_page(socket: WebSocket, pipe: Connection) -> None:
         if message["type"] == "websocket.disconnect":
             return
         text = message.get("text")
-        if text is None or len(text) > _LONGEST:
-            await socket.close(1009)
+        if text is None:  # the server closes one that is too long
+            await socket.close(1003)
             return
         with suppress(OSError):  # it has ended; the other task says so
             # a full pipe waits for a process that is busy, and the server must not wait with it
