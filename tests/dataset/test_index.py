@@ -97,6 +97,24 @@ def test_runs_are_selected_by_metadata_and_channel_ranges(four: list[Path], runs
     assert query("SELECT count(*) FROM samples", runs, where="rows = 5").rows == ((5,),)
 
 
+@pytest.mark.parametrize("busy", [-1.0, 2.0])
+def test_one_reading_thread_or_several_make_the_same_index(
+    four: list[Path], runs: Path, busy: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from rigctl.dataset.index import refresh as refreshing
+
+    monkeypatch.setattr(refreshing, "_BUSY", busy)  # one thread alone always, or never
+    monkeypatch.setattr(refreshing, "_BATCH", 3)
+    monkeypatch.setattr(refreshing, "_FEW", 1)
+    monkeypatch.setattr(refreshing, "_TASK", 1)
+    (four[1] / "samples.parquet").write_bytes(b"PAR1")
+    (four[3] / "run.json").write_text("{", encoding="utf-8")
+    assert ids(runs) == list(NAMES)
+    assert [run.status for run in list_runs(runs)].index("damaged") == 3
+    hotter = "id IN (SELECT run FROM channels WHERE name = 'position' AND high >= 99)"
+    assert ids(runs, hotter) == [NAMES[0], NAMES[2]]
+
+
 @pytest.mark.parametrize(
     ("where", "said", "nearest"),
     [

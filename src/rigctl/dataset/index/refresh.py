@@ -14,7 +14,7 @@ import random
 import sqlite3
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,10 +34,14 @@ _UNSETTLED: Final = 3_000_000_000
 _SAMPLE: Final = 1000
 #: runs read per transaction: the loss by an interrupt
 _BATCH: Final = 2000
-#: reading threads, so that one computes while another waits for the disk; not used for fewer runs
+#: reading threads, so that one computes while another waits for the disk. Where nothing waits they take
+#: twice the CPU time of one thread, since only one of them computes at a time.
 _READERS: Final = 4
+#: runs of a batch that are read first, to see whether reading waits for the disk
 _FEW: Final = 100
-#: how many of them a thread reads at a time: to hand over one takes as long as a tenth of reading it
+#: share of the time that one thread computes, above which it reads alone
+_BUSY: Final = 0.7
+#: number of runs that one of several threads reads at a time
 _TASK: Final = 20
 _COLUMNS: Final = (*RUN_COLUMNS, *INNER_COLUMNS)
 _NOTHING: Final[dict[str, Any]] = dict.fromkeys(_COLUMNS)
@@ -167,7 +171,10 @@ def _apply(index: sqlite3.Connection, runs: Path, changes: _Changes, *, channels
 def _rows(
     runs: Path, wanted: Sequence[tuple[tuple[str, str], FileState]], *, channels: bool
 ) -> Iterator[list[Row]]:
-    """The rows of these runs, batch by batch; while one is stored the next is read."""
+    """The rows of these runs, batch by batch.
+
+    If the first of a batch show that reading waits for the disk, the others are read by several threads.
+    """
 
     def read(some: Sequence[tuple[tuple[str, str], FileState]]) -> list[Row]:
         return [
@@ -175,22 +182,22 @@ def _rows(
             for (shard, run_id), state in some
         ]
 
-    if len(wanted) < _FEW:
-        yield read(wanted)
-        return
     with ThreadPoolExecutor(_READERS, thread_name_prefix="rigctl-index") as pool:
-        ahead: list[Future[list[Row]]] = []
-        try:
-            for start in range(0, len(wanted), _BATCH):
-                batch = wanted[start : start + _BATCH]
-                before = ahead
-                ahead = [pool.submit(read, batch[k : k + _TASK]) for k in range(0, len(batch), _TASK)]
-                if before:
-                    yield [row for task in before for row in task.result()]
-            yield [row for task in ahead for row in task.result()]
-        finally:
-            for task in ahead:
-                task.cancel()
+        for start in range(0, len(wanted), _BATCH):
+            batch = wanted[start : start + _BATCH]
+            began, busy = time.perf_counter(), time.thread_time()
+            rows = read(batch[:_FEW])
+            busy, took = time.thread_time() - busy, time.perf_counter() - began
+            rest = batch[_FEW:]
+            if busy > _BUSY * took:
+                yield rows + read(rest)
+                continue
+            tasks = [pool.submit(read, rest[k : k + _TASK]) for k in range(0, len(rest), _TASK)]
+            try:
+                yield rows + [row for task in tasks for row in task.result()]
+            finally:
+                for task in tasks:
+                    task.cancel()
 
 
 def remove_rows(index: sqlite3.Connection, places: Iterable[tuple[str, str]]) -> None:

@@ -136,6 +136,7 @@ def _read_ranges(folder: Path | StoredFolder, info: Mapping[str, Any]) -> tuple[
     units = dict(
         zip(("time", "record", *layout["channels"], *layout["commands"]), layout["units"], strict=False)
     )
+    channels = set(layout["channels"])
     found = []
     with open_parquet(folder / samples_file.NAME) as file:
         about = file.metadata
@@ -143,15 +144,13 @@ def _read_ranges(folder: Path | StoredFolder, info: Mapping[str, Any]) -> tuple[
         for index, name in enumerate(about.schema.names):
             if name == "record":
                 continue
-            blocks = [group.column(index).statistics for group in groups]
-            kept = [facts for facts in blocks if facts is not None and facts.has_min_max]
-            found.append(
-                ChannelRange(
-                    name,
-                    str(units.get(name, "")),
-                    "time" if name == "time" else "channel" if name in layout["channels"] else "command",
-                    min((facts.min for facts in kept), default=None),
-                    max((facts.max for facts in kept), default=None),
-                )
-            )
+            lows, highs = [], []
+            for group in groups:
+                facts = group.column(index).statistics
+                if facts is not None and facts.has_min_max:
+                    lows.append(facts.min)
+                    highs.append(facts.max)
+            kind = "time" if name == "time" else "channel" if name in channels else "command"
+            low, high = min(lows, default=None), max(highs, default=None)
+            found.append(ChannelRange(name, str(units.get(name, "")), kind, low, high))
     return tuple(found)
