@@ -10,8 +10,12 @@ import threading
 from pathlib import Path
 
 import pytest
+import typer
 
-from rigctl.cli.outlet import Outlet
+from rigctl.cli.outlet import Outlet, carry_out
+from rigctl.cli.running import tell
+from rigctl.errors import ExitCode
+from rigctl.runner.session import RunResult
 
 STEPS = "procedure: p\nrig: rigs/heater-board.yaml\nsteps:\n  - set: {heater_1: 60 %}\n  - wait: WAIT s\n"
 
@@ -130,3 +134,51 @@ def test_a_full_queue_keeps_the_newest_output_in_order() -> None:
     assert len(said) < 1_300_000
     numbers = [int(word) for word in said.split()]
     assert numbers == sorted(numbers)
+
+
+class Terminal:
+    """Two streams of one terminal; the display's is slow."""
+
+    encoding = "utf-8"
+
+    def __init__(self, shown: list[str], results: threading.Event, *, slow: bool) -> None:
+        self._shown, self._results, self._slow = shown, results, slow
+
+    def write(self, text: str) -> int:
+        if self._slow:
+            self._results.wait(1.0)
+        else:
+            self._results.set()
+        self._shown.append(text)
+        return len(text)
+
+    def flush(self) -> None: ...
+
+
+def test_the_last_picture_of_the_display_does_not_erase_the_results(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawn by another thread after them, it erased the line that says how the run ended."""
+    shown: list[str] = []
+    results = threading.Event()
+    monkeypatch.setattr(sys, "stdout", Terminal(shown, results, slow=False))
+    monkeypatch.setattr(sys, "stderr", Terminal(shown, results, slow=True))
+
+    def work() -> None:
+        sys.stderr.write("picture")
+        tell(RunResult("finished", None, ExitCode.DONE, None, 1, 2.0), as_json=False)
+
+    with pytest.raises(typer.Exit):
+        carry_out(work)
+    assert shown[0] == "picture"
+    assert "finished" in shown[1]
+
+
+def test_ctrl_c_at_the_very_end_leaves_no_traceback() -> None:
+    """The third of three ended `rigctl run` with one."""
+    code = (
+        "import sys\nfrom rigctl.cli import entry, main\n"
+        "def stopped():\n    try:\n        sys.exit(130)\n"
+        "    except SystemExit:\n        raise KeyboardInterrupt\n"
+        "main.main = stopped\nsys.argv = ['rigctl', 'run']\nentry.main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")

@@ -95,6 +95,14 @@ def test_a_frame_shows_state_progress_steps_values_and_events(plan: Plan) -> Non
         assert part in shown
 
 
+def test_the_progress_fits_a_narrow_terminal(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At 60 columns the word `left` had a line of its own."""
+    monkeypatch.setenv("COLUMNS", "60")
+    display = TerminalDisplay(plan, Terminal())
+    display(replace(VIEW, record=-1, records_done=0, records_total=10))
+    assert "0 of 10 records  about 1 h 12 min left" in frame(display, 60)
+
+
 def test_the_open_question_stands_near_the_top(plan: Plan) -> None:
     display = TerminalDisplay(plan, Terminal())
     display(View("r", "running", 0.0, question="Turn the relief valve until it reads 30 bar"))

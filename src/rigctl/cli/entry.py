@@ -5,9 +5,13 @@ from __future__ import annotations
 import atexit
 import gc
 import os
+import signal
 import sys
 
 from rigctl.cli.closed_output import UNREAD, by_closed_pipe, discard_output, is_unread
+
+#: exit status after Ctrl-C, as `rigctl.errors.ExitCode` has it, which is imported later
+INTERRUPTED = 130
 
 
 def main() -> None:
@@ -25,6 +29,10 @@ def main() -> None:
         if not is_unread():  # of something else
             raise
         unread = True
+    except KeyboardInterrupt:  # another one, while the first was dealt with
+        code = INTERRUPTED
+    # one more ends the process at once, without a traceback from the interpreter's own end
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     try:
         for stream in (sys.stdout, sys.stderr):
             if stream is not None:

@@ -69,6 +69,13 @@ class Outlet(io.TextIOBase):
             raise trouble
         return done
 
+    def settle(self, patience: float) -> None:
+        """Wait as `drain` does; a failure is left for the next `write` or `drain`."""
+        with self._changed:
+            self._changed.wait_for(
+                lambda: self._trouble is not None or not (self._waiting or self._busy), patience
+            )
+
     def flush(self) -> None:
         """The thread does that."""
 
@@ -108,6 +115,15 @@ class Outlet(io.TextIOBase):
             with self._changed:
                 self._trouble, self._busy = trouble or self._trouble, False
                 self._changed.notify_all()
+
+
+def finish_display() -> None:
+    """Wait until what was written to stderr is passed on, before results are written to stdout.
+
+    Each stream has a thread: on a terminal, the last picture of the display would erase them.
+    """
+    if isinstance(sys.stderr, Outlet):
+        sys.stderr.settle(_LAST_WORDS)
 
 
 def carry_out(work: Callable[[], None]) -> None:

@@ -85,8 +85,10 @@ def person_in_charge(given: str | None) -> str:
 
 def tell(result: RunResult, *, as_json: bool) -> NoReturn:
     """Report how a run ended, and end with its exit code."""
+    from rigctl.cli.outlet import finish_display
     from rigctl.files.write import to_json
 
+    finish_display()
     test = result.test
     if as_json:
         folder = result.folder

@@ -112,13 +112,14 @@ class TerminalDisplay:
         from rich.text import Text
 
         row = Table.grid(padding=(0, 2))
-        cells: list[RenderableType] = [
-            ProgressBar(total=1.0, completed=view.progress, width=max(min(self._console.width // 3, 40), 8)),
+        texts = [
             Text(f"{view.progress:4.0%}"),
             Text(_records(view)),
             Text(f"about {clock_time(view.time_left)} left" if view.time_left is not None else "", "dim"),
         ]
-        row.add_row(*cells)
+        room = self._console.width - sum(text.cell_len + 2 for text in texts)
+        width = max(min(self._console.width // 3, 40, room), 8)
+        row.add_row(ProgressBar(total=1.0, completed=view.progress, width=width), *texts)
         return row
 
     def _step(self, line: StepLine) -> RenderableType:
