@@ -152,3 +152,13 @@ def test_a_value_may_be_written_alone_or_with_what_it_is_for() -> None:
     branches = schema["$defs"]["Setting"]["anyOf"]
     assert branches[0]["examples"]
     assert set(branches[1]["properties"]) == {"value", "fit", "std", "prior", "from"}
+
+
+def test_base_physics_that_a_model_has_is_not_added_again() -> None:
+    """`rigctl model add M linear_friction` made a version in which the fitted damping was the family's."""
+    own = load_model(TEXTBOOK).with_values({"viscous_damping": 150.0})
+    with pytest.raises(RigctlError, match="has this effect already"):
+        own.with_effect("linear_friction", {})
+    without = own.without_effect("linear_friction")
+    assert without.values["viscous_damping"] == 0.0
+    assert without.with_effect("linear_friction", {}).values["viscous_damping"] > 0.0

@@ -189,9 +189,10 @@ class Model:
         if isinstance(name, Effect):
             return self._knowing(name).with_effect(name.name, values, fit=fit, shapes=shapes)
         effect = self.effect(name)
-        if effect.base:
+        removed = effect.base and all(self.values[each] == nothing for each, nothing in effect.base.items())
+        if removed:
             return self._with_base(effect, present=True)
-        if name in self.effects:
+        if effect.base or name in self.effects:
             raise RigctlError("the model has this effect already", value=name)
         refuse_contradictions([*map(self.effect, self.effects), effect])
         for parameter in values:
