@@ -30,6 +30,7 @@ class Script:
     actions: list[tuple[float, Callable[[EmulatedBoard], object]]] = field(default_factory=list)
     arriving: Filter = field(default=lambda line, _: [line])
     boards: list[EmulatedBoard] = field(default_factory=list)
+    ports: list[EmulatedPort] = field(default_factory=list)
 
     def at(self, time: float, action: Callable[[EmulatedBoard], object]) -> None:
         self.actions.append((time, action))
@@ -107,7 +108,8 @@ class BoardWorkshop:
         def disturbed(board: EmulatedBoard, clock: Clock, origin: float, link: Any) -> DisturbedPort:
             if board not in self.script.boards:
                 self.script.boards.append(board)
-            return DisturbedPort(EmulatedPort(board, clock, origin, link), clock, self.script)
+            self.script.ports.append(EmulatedPort(board, clock, origin, link))
+            return DisturbedPort(self.script.ports[-1], clock, self.script)
 
         self.monkeypatch.setattr(creation, "EmulatedPort", disturbed)
         return creation.create(self.rig(), VirtualClock(), {"plant": "roles", "seed": 1, **options})
@@ -129,7 +131,7 @@ class BoardWorkshop:
         """A run that fails; its last line and its events name the cause."""
         done = self.run(steps, **options)
         assert (done.result.status, done.result.exit_code) == ("failed", ExitCode.FAILED)
-        assert cause in done.result.reason
+        assert cause in done.result.reason, done.result.reason
         told = [text for kind in ("fault", "alarm", "gap", "note") for text in done.messages(kind)]
         assert any(cause in text for text in told), told
         return done

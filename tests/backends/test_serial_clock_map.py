@@ -37,6 +37,18 @@ def test_a_restarted_board_is_detected() -> None:
     assert not clock.add(20.0, 40_000, 20.002)
 
 
+def test_a_clock_that_stood_still_is_no_restart() -> None:
+    """An emulated board whose computer stood still had been restarted, as it was told."""
+    clock = ClockMap()
+    for tick in range(20):
+        assert clock.add(tick, 50_000_000 + tick * 1_000_000, tick + 0.002)
+    assert clock.behind == 0.0
+    assert not clock.add(23.0, 70_000_000, 23.002)
+    assert clock.behind == pytest.approx(3.0, abs=0.01)
+    assert not clock.add(24.0, 40_000, 24.002)
+    assert clock.behind == 0.0, "this one began at zero"
+
+
 def test_out_of_order_time_stamps_are_mapped() -> None:
     clock = ClockMap()
     clock.add(0.0, 1000, 0.0)

@@ -206,6 +206,17 @@ def test_out_of_order_sequence_numbers_never_reverse_time(board: BoardWorkshop, 
 # --- the board ---
 
 
+def test_a_board_that_stood_still_is_not_said_to_be_restarted(board: BoardWorkshop) -> None:
+    """In real time it loses the time for which its computer, and the host with it, stood still."""
+
+    def stand_still(_: object) -> None:
+        board.script.ports[-1]._origin += 0.8
+
+    board.script.at(IN_A_RECORD, stand_still)
+    done = board.failure(STROKES, "the board's clock stood still for")
+    assert not any("restarted" in text for text in done.messages("fault"))
+
+
 def test_a_board_that_is_reset_in_a_record(board: BoardWorkshop, script: Script) -> None:
     script.at(IN_A_RECORD, lambda chip: chip.avr.reset())
     done = board.failure(STROKES, "the board was restarted")

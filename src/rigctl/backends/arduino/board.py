@@ -104,7 +104,7 @@ class Heartbeat:
         Raises
         ------
         NoAnswer
-            the board's time shows that it was restarted.
+            the board's time shows that it was restarted, or stood still.
         """
         question = self._question
         if question is None or question.answer is None:
@@ -116,4 +116,11 @@ class Heartbeat:
         if not answer.text.isdigit():  # an error, since the query arrived damaged
             return
         if not self._board.clock_map.add(answer.sent, int(answer.text), answer.received):
-            raise NoAnswer("the board was restarted")
+            raise NoAnswer(_clock_text(self._board.clock_map.behind))
+
+
+def _clock_text(behind: float) -> str:
+    """Say what the board's time shows."""
+    if not behind:
+        return "the board was restarted"
+    return f"the board's clock stood still for {behind:.2g} s, as an emulated board's does with its computer"

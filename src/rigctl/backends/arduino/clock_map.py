@@ -36,6 +36,8 @@ class ClockMap:
     Attributes
     ----------
     uncertainty: half-width of the interval of the true time for a time stamp of the board, s.
+    behind: s that the board's clock, which went on, has lost since the exchange before, if `add` refused the
+        last one; 0 if that shows a restart. An emulated board loses time when its computer stands still.
     """
 
     def __init__(self) -> None:
@@ -46,6 +48,7 @@ class ClockMap:
         self._rate = 1.0
         self._doubted = 0
         self.uncertainty = 0.0
+        self.behind = 0.0
 
     def unwrap(self, board_us: int) -> float:
         """Return board time in s, with its roll-overs of 71.6 min; the previous stamp must be less than half
@@ -68,10 +71,11 @@ class ClockMap:
         return self._h0 + self._rate * (self.unwrap(board_us) - self._b0)
 
     def add(self, sent: float, board_us: int, received: float) -> bool:
-        """Add an exchange; return False if the board's time shows that it was restarted.
+        """Add an exchange; return False if the board was restarted, or its clock stood still (`behind`).
 
         An exchange that contradicts earlier ones slightly is omitted: a busy computer delays data.
         """
+        before, self.behind = self._board, 0.0
         board = self.unwrap(board_us)
         exchange = _Exchange(board, 0.5 * (sent + received), 0.5 * max(received - sent, 0.0))
         if self._exchanges:
@@ -79,6 +83,8 @@ class ClockMap:
             error = abs(expected - exchange.host) - exchange.half
             if error > _LOST_TRACK:
                 self._doubted += 1
+                if board >= before and exchange.host > expected:
+                    self.behind = exchange.host - expected
                 return error < _RESTARTED and self._doubted < _DOUBTFUL
         self._doubted = 0
         first = not self._exchanges
