@@ -10,7 +10,7 @@ from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.diagnosis_result import Exclusion
 from rigctl.analysis.fitting import fit_model
-from rigctl.analysis.refit import Alone, alone, at_amplitudes
+from rigctl.analysis.refit_alone import Alone, alone, at_amplitudes
 from rigctl.analysis.single_values.exclusions import exclusion_text, exclusions, main_trend
 from rigctl.dataset import open_run
 from rigctl.dataset.importing import import_file

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rigctl.analysis.adequacy import variance_factor
+from rigctl.analysis.adequacy import chance_text, variance_factor
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
@@ -302,8 +302,10 @@ def _shape_alone(search: Search) -> str:
     if search.before.adequate or not _nothing_seen(search):
         return ""
     return (
-        f"Nothing more is missing that these data show: what is left is within {share_text(SHAPE_TOLERANCE)} "
-        f"of the law of {_laws_of(search)}, which the bench need not follow exactly"
+        "Nothing more is missing that these data show: the model does not agree with the measurements "
+        f"({chance_text(search.before.adequacy.p_value)}), but what is left is within "
+        f"{share_text(SHAPE_TOLERANCE)} of the law of {_laws_of(search)}, which the bench need not follow "
+        "exactly"
     )
 
 

@@ -3,30 +3,28 @@
 A fit may stop at two kinds of bounds: physical limits hold, but limits of the usual range never decide. If it
 stopped at a limit of the usual range it is repeated with wider bounds; if it violated an order between two
 parameters (static friction is never less than Coulomb friction) it is repeated within that order.
-
-`alone` fits one effect at a time, at sizes up to the limit of its usual range.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.candidates import Candidate
-from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import SIZE_INTERVAL
 from rigctl.analysis.mbic import mbic
-from rigctl.effects.declaration import EffectParameter, qualified
-from rigctl.engine.least_squares import Options, Refused, Unknown, started
+from rigctl.effects.declaration import qualified
+from rigctl.engine.least_squares import Refused, Unknown, started
 from rigctl.errors import RigctlError
+from rigctl.model.fit.approach import brought_back
 from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import Problem
-from rigctl.model.fit.unknowns import effect_unknown
 from rigctl.units import show
 
 #: closer to a bound than this share of the distance between the bounds, a fit counts as held there
@@ -79,6 +77,24 @@ def in_order(fitted: FitResult, chosen: Sequence[Candidate]) -> list[Unknown] | 
     return _begun_there(fitted, parted) if parted else None
 
 
+def ordered(shared: Sequence[Unknown], chosen: Sequence[Candidate]) -> list[Unknown]:
+    """The unknowns bounded by their starts, so that no parameter falls below the one that is its lower limit.
+
+    For a fit that starts where the two are equal, at the limiting case of an effect.
+    """
+    bounded = {one.name: one for one in shared}
+    for candidate in chosen:
+        for column in candidate.columns:
+            other = candidate.parameter(column).at_least
+            lower = None if other is None else qualified(candidate.name, other)
+            if lower in bounded and column in bounded:
+                low, high = bounded[lower], bounded[column]
+                room = _APART * max(abs(high.start), high.size)
+                bounded[lower] = replace(low, upper=max(min(low.start, low.upper), low.lower + room))
+                bounded[column] = replace(high, lower=min(max(high.start, high.lower), high.upper - room))
+    return list(bounded.values())
+
+
 def value_of(fitted: FitResult, column: str) -> float:
     """A fitted parameter of an effect, SI; its fixed value if the fit left it out because it acts on
     nothing."""
@@ -109,7 +125,7 @@ def _unknown(fitted: FitResult, column: str) -> Unknown | None:
     return {one.name: one for one in fitted.problem.shared}.get(column)
 
 
-def _begun_there(fitted: FitResult, changed: dict[str, Unknown]) -> list[Unknown]:
+def _begun_there(fitted: FitResult, changed: Mapping[str, Unknown]) -> list[Unknown]:
     """The shared unknowns, each starting where the fit ended."""
     unknowns = []
     for unknown, value in zip(fitted.problem.shared, fitted.values, strict=True):
@@ -136,10 +152,14 @@ Floats = NDArray[np.float64]
 
 #: a trial on noisy data is fitted until the next step would lower its cost by less than this share
 _COST = 1e-5
+#: the same where a coarse answer is enough, and the χ² by which a precise fit may then still lower it
+COARSE, NEAR = 1e-3, 40.0
 #: a parameter may double in one step: an effect starts at its null, far below its size
-_STEP = 1.0
+STEP = 1.0
+#: only a set whose χ² is less than this multiple of the best one's may be in a local minimum that matters
+_BEHIND = 1.1
 #: distance from its bounds at which an effect's parameter starts, as a share of their distance
-_ROOM = 1e-6
+ROOM = 1e-6
 
 
 @dataclass(frozen=True)
@@ -212,6 +232,7 @@ def refit(
     chosen: Sequence[Candidate],
     begin: FitResult | None = None,
     *,
+    at: Mapping[str, float] | None = None,
     cost: float = _COST,
     rival: float = math.inf,
     usual: bool = False,
@@ -228,6 +249,8 @@ def refit(
     fitted: of the model with none of the effects.
     begin: the fit of another set, from which the unknowns start; `fitted` by default, or if that has the
         smaller misfit: parameters fitted beside an effect compensate for it, and are far off without it.
+    at: the parameters of an effect, SI, at which it equals its limiting case, which `begin` has in its place:
+        the fit starts there.
     cost: the fit ends when the next step would lower the cost by less than this share.
     rival: the least cost of the sets known: a set far behind it is fitted only coarsely.
     usual: keep to the limits of the usual range.
@@ -235,20 +258,101 @@ def refit(
     try:
         model = fitted.model
         for candidate in chosen:
-            model = model.with_effect(candidate.effect, _values(candidate))
+            model = model.with_effect(candidate.effect, starting_values(candidate))
         problem = fitted.problem.rebuilt(model)
-        known = fitted if begin is None else _better_begun(problem, begin, fitted)
-        problem = problem.with_shared(_started(problem, known))
-        again = fit(problem, fitted.held_out, local=known.local, cost=cost, largest_step=_STEP, rival=rival)
+        known = fitted if begin is None else begin if at else _better_begun(problem, begin, fitted)
+        shared = _started(problem, known, at)
+        begun = _Begun(problem.with_shared(ordered(shared, chosen) if at else shared), known)
+        again = begun.fitted(fitted.held_out, cost, rival)
+        limited = at is not None and _at_limit(again, chosen)
+        if at is not None and not limited and again.at_bound & at.keys():
+            again = _again(again, _begun_there(again, {one.name: one for one in shared}), cost)
         again, more = _refined(again, chosen, cost)
     except RigctlError:  # the model cannot be simulated, or contradicts itself: no explanation
         return None
-    if not usual:
-        again = _again(again, beyond_usual(again, chosen), cost)
-    again = _again(again, in_order(again, chosen), cost, forced=True)
+    if not limited:
+        if not usual:
+            again = _again(again, beyond_usual(again, chosen), cost)
+        again = _again(again, in_order(again, chosen), cost, forced=True)
     assert again.solution is not None  # noqa: S101 - there is something to fit
     columns = more + sum(len(candidate.columns) for candidate in chosen)
     return RefittedSet(tuple(chosen), again, 2.0 * again.solution.cost, columns)
+
+
+def at_limiting_case(candidate: Candidate, simpler: Candidate) -> dict[str, str | float] | None:
+    """For each parameter of an effect, its value where it equals a simpler effect: a parameter of that one,
+    or a number, SI; None if that is not a limiting case of it with the same shape parameters."""
+    limits = {name: limit for name, limit, law in candidate.effect.becomes if law == simpler.name}
+    if not limits or not _same_shapes(candidate, simpler):
+        return None
+    found: dict[str, str | float] = {}
+    for column in candidate.columns:
+        name = column.partition(".")[2]
+        limit = limits.get(name, name)
+        found[column] = qualified(simpler.name, limit) if isinstance(limit, str) else limit
+    known = {source for source in found.values() if isinstance(source, str)}
+    return found if known == set(simpler.columns) else None
+
+
+def _same_shapes(one: Candidate, other: Candidate) -> bool:
+    """Whether the shape parameters that two effects have in common have the same values."""
+    first, second = (
+        {
+            declared.name: candidate.shapes.get(qualified(candidate.name, declared.name), declared.start)
+            for declared in candidate.effect.parameters
+            if declared.shape
+        }
+        for candidate in (one, other)
+    )
+    return all(first[name] == second[name] for name in first.keys() & second.keys())
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """A problem that starts from the fit `known` of fewer effects."""
+
+    problem: Problem
+    known: FitResult
+
+    def fitted(self, held_out: Sequence[int], cost: float, rival: float) -> FitResult:
+        """The fit, as `rigctl.model.fit.fit.fit`.
+
+        Parameters far from their priors have compensated for what the effects explain, and may keep the fit
+        in a local minimum: it is repeated, coarsely, with those reset that are still far, and the better one
+        of the two is continued.
+        """
+        start = np.array([one.start for one in self.problem.shared])
+        if brought_back(self.problem.shared, start) is None:
+            return self._fit(self.problem.shared, self.known.local, held_out, cost, rival)
+        better = self._fit(self.problem.shared, self.known.local, held_out, COARSE, rival)
+        back = brought_back(better.problem.shared, better.values)
+        if back is not None and _cost(better) < min(_cost(self.known) - NEAR, _BEHIND * 2.0 * rival):
+            with suppress(RigctlError):  # the model cannot be simulated there
+                again = self._fit(back, better.local, held_out, COARSE, 0.5 * _cost(better))
+                better = again if _cost(again) < _cost(better) else better
+        there = started(better.problem.shared, better.values)
+        return self._fit(there, better.local, held_out, cost, rival)
+
+    def _fit(
+        self,
+        shared: Sequence[Unknown],
+        local: Sequence[Floats],
+        held_out: Sequence[int],
+        cost: float,
+        rival: float,
+    ) -> FitResult:
+        problem = self.problem.with_shared(shared)
+        return fit(problem, held_out, local=local, cost=cost, largest_step=STEP, rival=rival)
+
+
+def _at_limit(fitted: FitResult, chosen: Sequence[Candidate]) -> bool:
+    """Whether the order of an effect's parameters holds both of a pair at their common bound."""
+    for candidate in chosen:
+        for column in candidate.columns:
+            other = candidate.parameter(column).at_least
+            if other is not None and {column, qualified(candidate.name, other)} <= fitted.at_bound:
+                return True
+    return False
 
 
 def left_by_refit(fitted: FitResult, outside: Sequence[int], cost: float = _COST) -> float | None:
@@ -259,7 +363,7 @@ def left_by_refit(fitted: FitResult, outside: Sequence[int], cost: float = _COST
     problem = fitted.problem.with_shared(started(fitted.problem.shared, fitted.values))
     hold_out = [*fitted.held_out, *outside]
     try:
-        again = fit(problem, hold_out, local=fitted.local, cost=cost, largest_step=_STEP)
+        again = fit(problem, hold_out, local=fitted.local, cost=cost, largest_step=STEP)
     except RigctlError:
         return None
     rows = [whitened_residual(again.problem, again.outputs[k], k) for k in outside]
@@ -289,7 +393,7 @@ def _refined(fitted: FitResult, chosen: Sequence[Candidate], cost: float) -> tup
     problem = fitted.problem.rebuilt(replace(model, effects=free))
     problem = problem.with_shared(_started(problem, fitted))
     try:
-        better = fit(problem, fitted.held_out, local=fitted.local, cost=cost, largest_step=_STEP)
+        better = fit(problem, fitted.held_out, local=fitted.local, cost=cost, largest_step=STEP)
     except RigctlError:
         return fitted, 0
     samples = sum(int(problem.ok[k].sum()) for k in fitted.fitted)
@@ -313,28 +417,29 @@ def _again(
         return fitted
     try:
         problem = fitted.problem.with_shared(shared)
-        again = fit(problem, fitted.held_out, local=fitted.local, cost=cost, largest_step=_STEP)
+        again = fit(problem, fitted.held_out, local=fitted.local, cost=cost, largest_step=STEP)
     except RigctlError:  # the model cannot be simulated there
         return fitted
     assert again.solution is not None and fitted.solution is not None  # noqa: S101 - both have parameters
     return again if forced or again.solution.cost < fitted.solution.cost else fitted
 
 
-def _values(candidate: Candidate) -> dict[str, float]:
+def starting_values(candidate: Candidate) -> dict[str, float]:
     """Starting values of the effect's parameters: their null, or the size at which they were detected, but
     never at a bound, which a fit would first have to leave."""
     values = {}
     for column in candidate.columns:
         declared = candidate.parameter(column)
-        room = _ROOM * (declared.high - declared.low)
+        room = ROOM * (declared.high - declared.low)
         values[declared.name] = min(max(declared.at_null, declared.low + room), declared.high - room)
     chosen = {**candidate.secants, **candidate.shapes}
     return values | {name.partition(".")[2]: value for name, value in chosen.items()}
 
 
-def _started(problem: Problem, fitted: FitResult) -> list[Unknown]:
-    """The unknowns of a larger model, those of the smaller one starting where its fit ended."""
+def _started(problem: Problem, fitted: FitResult, at: Mapping[str, float] | None = None) -> list[Unknown]:
+    """The unknowns of a larger model, those of the smaller one starting where its fit ended, others `at`."""
     known = {u.name: float(v) for u, v in zip(fitted.problem.shared, fitted.values, strict=True)}
+    known |= at or {}
     return [replace(u, start=min(max(known.get(u.name, u.start), u.lower), u.upper)) for u in problem.shared]
 
 
@@ -356,184 +461,3 @@ def _better_begun(problem: Problem, begin: FitResult, fitted: FitResult) -> FitR
 
 def _chi2(fitted: FitResult) -> float:
     return fitted.chi2_reduced * sum(fitted.problem.whiteners[k].size for k in fitted.fitted)
-
-
-#: a fit ends when the next step would lower its cost by less than this share: a coarse answer is enough here,
-#: and a coarser one with the effect held at a size
-_COARSE, _COARSE_HELD = 1e-3, 5e-3
-#: in χ²: a precise fit brings a coarse one no closer than this
-_NEAR = 40.0
-#: number of sizes from the typical one to the bound at which an effect is evaluated, in each direction
-_STEPS = 3
-#: a fit that leaves less than this share of a misfit has found what the effect can explain
-_EXPLAINED = 0.5
-#: a fit is restarted at a size at which less than this share of its χ² is left
-_BETTER = 0.9
-
-
-@dataclass(frozen=True)
-class Alone:
-    """A model with one effect, fitted; `chi2` is what it leaves.
-
-    `at_amplitudes` are the fits of the model's own parameters with the effect held at a series of sizes, if
-    these were made (see the function).
-    """
-
-    candidate: Candidate
-    fit: FitResult = field(repr=False)
-    chi2: float
-    at_amplitudes: tuple[FitResult, ...] = field(default=(), repr=False)
-
-
-def alone(
-    before: ModelComparison, candidate: Candidate, *, from_null: bool, rival: float = math.inf
-) -> Alone | None:
-    """Fit a model with one more effect, starting at its null or at its typical size.
-
-    The action of an effect may be nonlinear in its size, and a fit stays in the minimum in which it starts: a
-    fit that explains little is restarted at the size, of a series up to the bound, at which the effect
-    explains most. None if the model cannot be simulated there.
-
-    Parameters
-    ----------
-    rival: χ² that another effect leaves: a fit at a size that leaves far more is coarse.
-    """
-    beside = _Beside.of(before, candidate)
-    if beside is None:
-        return None
-    share = 0.0 if from_null else 1.0
-    begin = {
-        column: declared.at_null + share * (declared.start - declared.at_null)
-        for column, declared in _declared(candidate).items()
-    }
-    fitted = beside.fitted(begin, before.fit)
-    if fitted is not None and _left(fitted) < _EXPLAINED * _left(before.fit):
-        return Alone(candidate, fitted, _left(fitted))
-    held = beside.held_at_amplitudes(rival)
-    if held:
-        amplitudes, nearest = min(held, key=lambda one: _left(one[1]))
-        if fitted is None or _left(nearest) < _BETTER * _left(fitted):
-            fitted = beside.fitted(amplitudes, nearest)
-    return None if fitted is None else Alone(candidate, fitted, _left(fitted), tuple(one for _, one in held))
-
-
-def at_amplitudes(before: ModelComparison, tried: Alone, rival: float = math.inf) -> tuple[FitResult, ...]:
-    """The model's own parameters fitted with an effect held at sizes from beyond its typical one up to the
-    limit of its usual range."""
-    beside = None if tried.at_amplitudes else _Beside.of(before, tried.candidate)
-    return (
-        tried.at_amplitudes if beside is None else tuple(fit for _, fit in beside.held_at_amplitudes(rival))
-    )
-
-
-def near_best(fits: Mapping[str, Alone | None]) -> list[str]:
-    """The effects whose fits come close to the best one, best first."""
-    fitted = [one for one in fits.values() if one is not None]
-    fitted.sort(key=lambda one: one.chi2)
-    return [one.candidate.name for one in fitted if one.chi2 < fitted[0].chi2 + _NEAR]
-
-
-def _declared(candidate: Candidate) -> dict[str, EffectParameter]:
-    return {name: candidate.parameter(name) for name in candidate.columns}
-
-
-def _amplitudes(candidate: Candidate) -> list[list[dict[str, float]]]:
-    """Sizes of an effect's parameters, varied together, in equal ratios from the typical ones to the bounds,
-    upwards and downwards."""
-    sides = []
-    for side in (1.0, -1.0):
-        starts = []
-        for k in range(1, _STEPS + 1):
-            amplitudes = {}
-            for column, declared in _declared(candidate).items():
-                typical = side * (declared.start - declared.at_null)
-                limit = (declared.high if typical > 0.0 else declared.low) - declared.at_null
-                if typical and limit / typical > 0.0:
-                    amplitudes[column] = declared.at_null + typical * (limit / typical) ** (k / _STEPS)
-            if len(amplitudes) == len(candidate.columns):
-                starts.append(amplitudes)
-        sides.append(starts)
-    return sides
-
-
-def _inside(candidate: Candidate, column: str, value: float) -> float:
-    declared = _declared(candidate)[column]
-    room = _ROOM * (declared.high - declared.low)
-    return float(np.clip(value, declared.low + room, declared.high - room))
-
-
-@dataclass(frozen=True)
-class _Beside:
-    """The equations of a model with one more effect, and fits in them.
-
-    They take a third of the time of the equations with the whole library.
-    """
-
-    before: ModelComparison
-    candidate: Candidate
-    problem: Problem
-
-    @classmethod
-    def of(cls, before: ModelComparison, candidate: Candidate) -> _Beside | None:
-        """None if the effect's term cannot be added."""
-        try:
-            model = before.fit.model.with_effect(candidate.effect, _values(candidate))
-            return cls(before, candidate, before.fit.problem.rebuilt(model))
-        except RigctlError:
-            return None
-
-    def held_at_amplitudes(self, rival: float) -> list[tuple[dict[str, float], FitResult]]:
-        """Sizes of the effect, and the fits of the model's own parameters at them; sizes that fail are left
-        out.
-
-        Each fit starts where the one before ended, which has compensated for most of the effect already.
-        """
-        fits = []
-        for side in _amplitudes(self.candidate):
-            begin = self.before.fit
-            for amplitudes in side:
-                held = {name: _inside(self.candidate, name, one) for name, one in amplitudes.items()}
-                fitted = self._fit(held, (), begin, rival)
-                if fitted is not None:
-                    fits.append((amplitudes, fitted))
-                    begin = fitted
-        return fits
-
-    def fitted(self, amplitudes: Mapping[str, float], begin: FitResult) -> FitResult | None:
-        """The model's own parameters and the effect's, which start at `amplitudes`, inside their bounds."""
-        free = [
-            effect_unknown(
-                self.candidate.effect, name.partition(".")[2], _inside(self.candidate, name, amplitude)
-            )
-            for name, amplitude in amplitudes.items()
-        ]
-        return self._fit({}, free, begin)
-
-    def _fit(
-        self, held: Mapping[str, float], free: Sequence[Unknown], begin: FitResult, rival: float = math.inf
-    ) -> FitResult | None:
-        names = self.problem.compiled.system.parameter_names
-        base = self.problem.base.copy()
-        for name, value in held.items():
-            base[names.index(name)] = value
-        at = {u.name: float(value) for u, value in zip(begin.problem.shared, begin.values, strict=True)}
-        unknowns = self.before.fit.problem.shared
-        shared = [replace(u, start=min(max(at[u.name], u.lower), u.upper)) for u in unknowns]
-        problem = self.problem.with_shared([*shared, *free], base)
-        cost, step = (_COARSE_HELD, Options.largest_step) if held else (_COARSE, _STEP)
-        try:
-            return fit(
-                problem,
-                self.before.fit.held_out,
-                local=begin.local,
-                cost=cost,
-                largest_step=step,
-                rival=0.5 * rival,
-            )
-        except RigctlError:
-            return None
-
-
-def _left(fitted: FitResult) -> float:
-    assert fitted.solution is not None  # noqa: S101 - a diagnosis asks for parameters to fit
-    return 2.0 * fitted.solution.cost

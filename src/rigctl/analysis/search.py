@@ -48,7 +48,8 @@ from rigctl.analysis.laws.size_scatter import SizeScatter, size_scatter, switch_
 from rigctl.analysis.linearisation import Linearisation, linearise
 from rigctl.analysis.mbic import mbic
 from rigctl.analysis.nuisance_projection import Projected, project
-from rigctl.analysis.refit import Alone, RefittedSet, alone, near_best, plain, refit
+from rigctl.analysis.refit import RefittedSet, at_limiting_case, plain, refit, value_of
+from rigctl.analysis.refit_alone import Alone, alone, near_best
 from rigctl.analysis.score_test import Score, Screening, cone, screen
 from rigctl.analysis.separability import cosine, separation, softened
 from rigctl.effects.declaration import Effect, qualified
@@ -872,14 +873,35 @@ class Search:
         """The set fitted, starting from the fit of another set; each set only once."""
         key = _key(chosen)
         if key not in self.trials:
-            # at ten times its usual size nearly every effect explains the few values of a table
+            begun, at = self._limiting_case(chosen, begin) or (begin, None)
             known = [0.5 * trial.chi2 for trial in self.trials.values()]
             rival = min(known, default=math.inf)
-            refitted = refit(self.before.fit, chosen, begin.fit, rival=rival, usual=self._few)
+            # at ten times its usual size nearly every effect explains the few values of a table
+            refitted = refit(self.before.fit, chosen, begun.fit, at=at, rival=rival, usual=self._few)
             if refitted is None:
                 return None
             self.trials[key] = refitted
         return self.trials[key]
+
+    def _limiting_case(
+        self, chosen: Sequence[Candidate], begin: RefittedSet
+    ) -> tuple[RefittedSet, dict[str, float]] | None:
+        """The set with a limiting case in place of one member, fitted, and the parameters of that member
+        there; None if there is no such effect.
+
+        A fit that starts there does not end with the larger misfit of the two.
+        """
+        for member in () if self._few else chosen:
+            rest = [one for one in chosen if one is not member]
+            for simpler in self.before.linearisation.candidates if member.effect.becomes else ():
+                sources = at_limiting_case(member, simpler)
+                limiting = None if sources is None else self._try((*rest, simpler), begin)
+                if sources is not None and limiting is not None:
+                    return limiting, {
+                        column: value_of(limiting.fit, source) if isinstance(source, str) else source
+                        for column, source in sources.items()
+                    }
+        return None
 
     def _least(self, trials: Iterable[RefittedSet]) -> RefittedSet:
         return min(trials, key=self.mbic)

@@ -13,7 +13,7 @@ from collections.abc import Collection, Mapping, Sequence
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import LEAST_DIFFERENCE
 from rigctl.analysis.diagnosis_result import Exclusion
-from rigctl.analysis.refit import Alone, at_amplitudes
+from rigctl.analysis.refit_alone import Alone, at_amplitudes
 from rigctl.analysis.single_values.rows import TableRow, table_rows
 from rigctl.analysis.trends import Trend, trends
 from rigctl.model.fit.fit import FitResult

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.localisation import variable_units
-from rigctl.analysis.refit import alone
+from rigctl.analysis.refit_alone import alone
 from rigctl.analysis.score_test import Score
 from rigctl.analysis.single_values.rows import short_condition
 from rigctl.analysis.single_values.statements import near_chance

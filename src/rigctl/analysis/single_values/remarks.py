@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.diagnosis_result import Exclusion, Ranked, Verdict
-from rigctl.analysis.refit import Alone, RefittedSet
+from rigctl.analysis.refit import RefittedSet
+from rigctl.analysis.refit_alone import Alone
 from rigctl.analysis.rivals import Rival, classes_of
 from rigctl.analysis.single_values.exclusions import exclusion_text, exclusions, main_trend
 from rigctl.analysis.single_values.next_values import next_against_chance, next_channels, next_rows

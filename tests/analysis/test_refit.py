@@ -1,0 +1,77 @@
+"""Refits of sets: from the fit of a limiting case, and out of what parameters had compensated for."""
+
+from __future__ import annotations
+
+import pytest
+
+from rigctl.analysis.candidates import Candidate, candidates
+from rigctl.analysis.comparison import judge
+from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.fitting import fit_model
+from rigctl.analysis.refit import at_limiting_case, refit, value_of
+from rigctl.analysis.search import Search
+from rigctl.files.shipped import shipped
+from rigctl.model.load import load_model
+from rigctl.model.measured.noise import noise_of
+from rigctl.rig.load import load_rig
+from rigctl.validation.hidden_effect import hide
+from rigctl.validation.hidden_effects import find_hidden
+from rigctl.validation.in_memory import measure
+from rigctl.validation.scenario import Scenario
+
+DRIFT, DRY, VOLUME = "flow_area_thermal_drift", "coulomb_friction", "dead_volume_a"
+MODEL = load_model(shipped("models", "hl32-textbook.yaml"))
+
+
+@pytest.fixture(scope="module")
+def before() -> ModelComparison:
+    """The textbook model on a bench with a drifting and leaking valve and dry friction."""
+    hidden = [(find_hidden(name), find_hidden(name).typical) for name in (DRIFT, DRY, "valve_leakage")]
+    campaign = hide(Scenario("nothing", repeated=1, seed=2).plain, hidden, "other")
+    measurements = measure(campaign, MODEL, load_rig(shipped("rigs", "hl32-bench.yaml")))
+    fitted = fit_model(MODEL, measurements, noise_of(measurements))
+    return judge(fitted, MODEL.name, locate=False)
+
+
+def candidate(name: str, **shapes: float) -> Candidate:
+    """An effect at these values of its shape parameters, SI."""
+    wanted = {f"{name}.{parameter}": value for parameter, value in shapes.items()}
+    return next(one for one in candidates(MODEL) if one.name == name and one.shapes == wanted)
+
+
+def test_a_limiting_case_is_an_effect_with_the_same_shape_parameters() -> None:
+    coulomb, fine = candidate(DRY, presliding=5e-6), candidate(DRY, presliding=100e-6)
+    stribeck = candidate("stribeck_friction", presliding=5e-6)
+    assert at_limiting_case(stribeck, coulomb) == {
+        "stribeck_friction.force": "coulomb_friction.force",
+        "stribeck_friction.static_force": "coulomb_friction.force",
+    }
+    assert at_limiting_case(stribeck, fine) is None
+    assert at_limiting_case(coulomb, stribeck) is None
+    assert at_limiting_case(stribeck, candidate("viscous_friction")) is None
+
+
+def test_parameters_that_had_compensated_for_an_effect_do_not_keep_its_fit_in_a_local_minimum(
+    before: ModelComparison,
+) -> None:
+    """Without the drift a dead volume is twelve times too large, with it alone at its lower bound of 5 cm³,
+    where a fit with friction stayed, with a χ² larger by 40."""
+    single = refit(before.fit, [candidate(DRIFT)])
+    assert single is not None
+    both = refit(before.fit, [candidate(DRIFT), candidate(DRY, presliding=100e-6)], single.fit)
+    assert both is not None
+    for fitted, far in ((single, True), (both, False)):
+        prior = next(one.prior for one in fitted.fit.problem.shared if one.name == VOLUME)
+        assert prior is not None
+        assert (abs(value_of(fitted.fit, VOLUME) - prior.mean) > 3.0 * prior.std) is far
+
+
+def test_a_law_never_fits_worse_than_its_limiting_case(before: ModelComparison) -> None:
+    search = Search(before, before.whole)
+    drift, stribeck = candidate(DRIFT), candidate("stribeck_friction", presliding=100e-6)
+    fitted = search._try((drift, stribeck), search.none)
+    limiting = search.known((drift, candidate(DRY, presliding=100e-6)))
+    assert fitted is not None
+    assert limiting is not None
+    assert fitted.chi2 <= limiting.chi2 + 1e-6
+    assert fitted.value("stribeck_friction.static_force")[0] >= fitted.value("stribeck_friction.force")[0]
