@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rigctl.noise import NoiseRecord, find_spikes, find_spikes_in_records
-from rigctl.noise.spikes import find_spikes_on_scales
+from rigctl.noise.spikes import _medians, _quantile, find_spikes_on_scales
 
 
 @pytest.mark.parametrize(("rho", "ten_bits"), [(0.0, False), (0.6, False), (0.6, True), (0.0, True)])
@@ -134,3 +134,11 @@ def test_missing_values_are_no_spikes_and_hide_none() -> None:
 @pytest.mark.parametrize("size", [0, 1, 5, 9, 10, 12])
 def test_short_records_pass(size: int) -> None:
     assert not find_spikes(np.arange(size) * 1.0, np.zeros((size, 2))).any()
+
+
+@pytest.mark.parametrize("size", [1, 2, 5, 8, 9, 376])
+def test_medians_and_quantiles_are_those_of_numpy(size: int) -> None:
+    rows = np.random.default_rng(size).standard_normal((7, size))
+    np.testing.assert_array_equal(_medians(rows), np.median(rows, axis=1))
+    for share in (0.0, 0.25, 0.5, 0.68, 1.0):
+        assert _quantile(rows[0], share) == np.quantile(rows[0], share)

@@ -344,21 +344,20 @@ def slopes_at(
     simulated = at.simulate(np.empty(0), local, columns, initial=True).require()
     index = {name: k for k, name in enumerate(simulated.columns)}
     every = [np.take(array, problem.channels, axis=1) for array in simulated.sensitivities]
-    parts: list[list[Floats]] = [[] for _ in every]
     further = {k: one for k, one in enumerate(chosen) if one.shapes and k not in first}
     elsewhere = _shaped(at, base, further, local) | _sized(at, base, chosen, local, simulated.outputs)
-    for position, one in enumerate(chosen):
-        for k, array in enumerate(every):
-            if position in elsewhere:
-                parts[k].append(elsewhere[position][k])
-            else:
-                parts[k].append(array[:, :, [index[name] for name in one.columns]])
+    starts = np.cumsum([0, *(len(one.columns) for one in chosen)])
+    here = [k for k in range(len(chosen)) if k not in elsewhere]
+    into = [place for k in here for place in range(starts[k], starts[k + 1])]
+    out_of = [index[name] for k in here for name in chosen[k].columns]
+    signatures = [np.empty((*array.shape[:2], starts[-1])) for array in every]
+    for k, (signature, array) in enumerate(zip(signatures, every, strict=True)):
+        signature[:, :, into] = array[:, :, out_of]
+        for position, arrays in elsewhere.items():
+            signature[:, :, starts[position] : starts[position + 1]] = arrays[k]
     return Slopes(
         nuisance=[array[:, :, [index[name] for name in free]] for array in every],
-        signatures=[
-            np.concatenate(blocks, axis=2) if blocks else np.empty((*array.shape[:2], 0))
-            for blocks, array in zip(parts, every, strict=True)
-        ],
+        signatures=signatures,
         record_local=[{name: array[:, :, k] for name, k in index.items()} for array in every],
     )
 

@@ -231,11 +231,35 @@ def _away(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float
     for begin in range(0, x.size, _CHUNK):
         part = padded[begin : begin + _CHUNK + width - 1]
         around = np.lib.stride_tricks.sliding_window_view(part, width)
-        slope = np.median(np.diff(around, axis=1), axis=1)
+        slope = _medians(np.diff(around, axis=1))
         along = around - slope[:, None] * np.arange(-_HALF, _HALF + 1.0)
-        level[begin : begin + _CHUNK] = np.median(along, axis=1)
-        still[begin : begin + _CHUNK] = np.median(around, axis=1)
+        level[begin : begin + _CHUNK] = _medians(along)
+        still[begin : begin + _CHUNK] = _medians(around)
     return x - level, x - still, still
+
+
+def _medians(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The median of each row, of finite numbers: NumPy's own looks for others first."""
+    half = rows.shape[1] // 2
+    if rows.shape[1] % 2:
+        return np.asarray(np.partition(rows, half, axis=1)[:, half])
+    middle = np.partition(rows, (half - 1, half), axis=1)
+    return np.asarray((middle[:, half - 1] + middle[:, half]) / 2.0)
+
+
+def _median(values: NDArray[np.float64]) -> float:
+    return float(_medians(values[None, :])[0])
+
+
+def _quantile(values: NDArray[np.float64], share: float) -> float:
+    """The quantile of finite numbers, interpolated between the two nearest, likewise."""
+    at = share * (values.size - 1)
+    below = int(at)
+    above = min(below + 1, values.size - 1)
+    ordered = np.partition(values, (below, above))
+    low, high = float(ordered[below]), float(ordered[above])
+    part = at - below
+    return high - (high - low) * (1.0 - part) if part >= 0.5 else low + (high - low) * part
 
 
 def _before(x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -243,8 +267,8 @@ def _before(x: NDArray[np.float64]) -> NDArray[np.float64]:
     part = x[1 : 2 + 3 * _HALF]
     at = np.arange(1.0, part.size + 1.0)
     half = part.size // 2
-    slope = float(np.median((part[-half:] - part[:half]) / (part.size - half)))
-    level = float(np.median(part - slope * at))
+    slope = _median((part[-half:] - part[:half]) / (part.size - half))
+    level = _median(part - slope * at)
     return level + slope * np.arange(-1.0, -1.0 - _HALF, -1.0)
 
 
@@ -264,13 +288,13 @@ def _flattest(level: NDArray[np.float64]) -> NDArray[np.bool_]:
     change = np.abs(np.roll(level, -_HALF) - np.roll(level, _HALF))
     change[:_HALF] = change[_HALF]
     change[-_HALF:] = change[-_HALF - 1]
-    return np.asarray(change <= np.quantile(change, 0.25))
+    return np.asarray(change <= _quantile(change, 0.25))
 
 
 def _clipped_scale(away: NDArray[np.float64]) -> float:
     """Standard deviation after repeatedly removing everything beyond three of them."""
     size = np.abs(away)
-    scale = max(1.4826 * float(np.median(size)), float(np.quantile(size, 0.68)))
+    scale = max(1.4826 * _median(size), _quantile(size, 0.68))
     for _ in range(10):
         kept = away[size <= 3.0 * scale]
         before, scale = scale, float(np.sqrt(np.mean(kept**2))) / _CUT_NORMAL

@@ -55,5 +55,8 @@ def first_reading(record: MeasuredRecord, output: int, count: int = 5) -> float:
     if record.switch_times.size > 1 and record.times[0] > record.switch_times[1]:
         return float("nan")
     values = record.values[record.phase == 0, output]
-    present = values[np.isfinite(values)][:count]
-    return float(np.median(present)) if present.size else float("nan")
+    ordered = sorted(values[np.isfinite(values)][:count].tolist())
+    if not ordered:
+        return float("nan")
+    half = len(ordered) // 2
+    return float(ordered[half]) if len(ordered) % 2 else 0.5 * (ordered[half - 1] + ordered[half])
