@@ -31,7 +31,8 @@ from rigctl.analysis.decision_levels import LEAST_DIFFERENCE, LEAST_SEPARATION
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.improve import Ended, Improvement, improve
-from rigctl.analysis.search import Search, pair_gains
+from rigctl.analysis.pair_gains import pair_gains
+from rigctl.analysis.search import Search
 from rigctl.model.load import load_model
 
 Floats = NDArray[np.float64]

@@ -11,7 +11,7 @@ import numpy as np
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.linearisation import Linearisation, RecordTriangle, Regions
 from rigctl.analysis.nuisance_projection import project
-from rigctl.analysis.search import pair_gains
+from rigctl.analysis.pair_gains import pair_gains
 from rigctl.effects.registry import library
 from rigctl.physics.families import find_family
 

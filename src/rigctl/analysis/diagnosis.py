@@ -15,7 +15,7 @@ from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.cross_validation import CrossValidation, held_out_gain
 from rigctl.analysis.decision_levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE, SLIGHT
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
-from rigctl.analysis.fitting import require_free_parameters
+from rigctl.analysis.fitting import OnProgress, no_progress, require_free_parameters
 from rigctl.analysis.identity import Levels, levels_of, same_cause
 from rigctl.analysis.laws.answer import LawAnswer, Laws, laws_instead
 from rigctl.analysis.laws.simpler_law import simpler_does
@@ -26,7 +26,7 @@ from rigctl.analysis.refit import RefittedSet, left_by_refit
 from rigctl.analysis.remainder import Remainder, remainder, share_text
 from rigctl.analysis.rivals import Rival, classes_of, find_rivals
 from rigctl.analysis.score_test import Score
-from rigctl.analysis.search import OnProgress, Search
+from rigctl.analysis.search import Search
 from rigctl.analysis.second_look import from_another_start, in_noise_of_the_leader
 from rigctl.analysis.separability import softened
 from rigctl.analysis.single_values.remarks import table_remarks
@@ -105,7 +105,7 @@ def diagnose_comparison(
     `further_laws` is called with the diagnosis, and says whether the laws of the effects that the model has
     are to be estimated too, on which nothing else in it depends; those of the named effects always are.
     """
-    search, best = _searched(before, most, on_progress or (lambda _: None))
+    search, best = _searched(before, most, on_progress or no_progress)
     before = search.before
     best, rivals = _sure_members(search, best)
     close = [rival for rival in rivals if not rival.separable]

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import Comparison, ModelComparison, in_unit
-from rigctl.analysis.fitting import fit_model
+from rigctl.analysis.fitting import OnProgress, fit_model, no_progress
 from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.remedies import Remedy, remedies, still_missing
-from rigctl.analysis.search import OnProgress
 from rigctl.model.fit.errors import ChannelError, whitened_residual
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.conditions import condition_text
@@ -398,7 +397,7 @@ def unseen(
     RigctlError
         the model cannot be simulated there.
     """
-    said = on_progress or (lambda _: None)
+    said = on_progress or no_progress
     problem, choice = model.fit.problem, compared.choice
     inside = [problem.records[k] for k in model.fit.fitted]
     evaluated = []

@@ -13,10 +13,10 @@ from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import Choice, Comparison, ModelComparison
 from rigctl.analysis.diagnosis import diagnose_comparison, found_parameters
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
-from rigctl.analysis.fitting import fit_again
+from rigctl.analysis.fitting import OnProgress, fit_again, no_progress
 from rigctl.analysis.held_out import Unseen, unseen
 from rigctl.analysis.refit import RefittedSet, refit
-from rigctl.analysis.search import OnProgress, Search
+from rigctl.analysis.search import Search
 from rigctl.analysis.text import effect_text
 from rigctl.model.fit.model_error import model_error
 from rigctl.model.history.change import Change, ModelError
@@ -196,7 +196,7 @@ def improve(
     RigctlError
         a version cannot be saved, or as `rigctl.analysis.comparison.judge`.
     """
-    said = on_progress or (lambda _: None)
+    said = on_progress or no_progress
     here, steps, source = compared.models[0], list[Step](), path
     while True:
         room = most - sum(len(step.effects) for step in steps)

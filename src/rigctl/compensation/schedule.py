@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.search import OnProgress
+from rigctl.analysis.fitting import OnProgress, no_progress
 from rigctl.compensation.check_text import procedure_text
 from rigctl.compensation.levers import Lever, lever, levers_of
 from rigctl.compensation.measured import TakenMeasure, Target, find_measure
@@ -66,7 +66,7 @@ def compensate(
         the runs have no such measure, or the model predicts none of its channels; nothing of that name can be
         set; setting it changes nothing; the target is out of reach everywhere.
     """
-    said = on_progress or (lambda _: None)
+    said = on_progress or no_progress
     target = Target.read(keep)
     compared = compare(runs, [model], on_progress=on_progress)
     (judged,) = compared.models

@@ -15,7 +15,7 @@ import numpy as np
 
 from rigctl.analysis.diagnosis import diagnose
 from rigctl.analysis.diagnosis_result import Diagnosis
-from rigctl.analysis.search import OnProgress
+from rigctl.analysis.fitting import OnProgress, no_progress
 from rigctl.dataset.run import Run
 from rigctl.design.assurance import DRAWS, Draws, Promise, as_refitted, promised
 from rigctl.design.criterion import Criterion, Detection, Discrimination, Precision
@@ -88,11 +88,11 @@ def design_experiment(
         nothing is left to be distinguished, or a name is unknown; the budget is too small for any record; the
         bench's conditions cannot be set.
     """
-    tell = on_progress or (lambda _: None)
+    said = on_progress or no_progress
     if separate is not None:
         require_names(model, separate)
     found = diagnosis or diagnose(
-        runs, model, hold_out=hold_out, only=only, excluded=excluded, on_progress=tell
+        runs, model, hold_out=hold_out, only=only, excluded=excluded, on_progress=said
     )
     question = question_of(found, separate, precise)
     measured = found.before.fit.problem.measurements
@@ -102,16 +102,16 @@ def design_experiment(
         return design_rows(found, question, records or MOST_RECORDS)
     rig = measured.rig
     assert rig is not None  # noqa: S101 - data with a course in time are of a bench
-    tell(f"Designing for {', '.join(one.name for one in question.rivals)}")
+    said(f"Designing for {', '.join(one.name for one in question.rivals)}")
     design = _Design.on(question, rig, rig_reference(runs, rig), seed, workers)
     try:
-        chosen = design.chosen(records or MOST_RECORDS, budget, tell)
+        chosen = design.chosen(records or MOST_RECORDS, budget, said)
     except NothingToSet as error:
         raise design.sensor_instead(error) from None
     made = design.result(found, chosen)
     if not sensors and (made.separable or made.aim != "discrimination"):
         return made
-    tell("Evaluating the sensors that the bench could have")
+    said("Evaluating the sensors that the bench could have")
     return design.with_sensors(made, chosen)
 
 
@@ -192,7 +192,7 @@ class _Design:
         """The rig's clock."""
         return RigTime(self.stage.rig)
 
-    def chosen(self, records: int, budget: float | None, tell: OnProgress) -> list[Proposal]:
+    def chosen(self, records: int, budget: float | None, said: OnProgress) -> list[Proposal]:
         """The records, in the order in which they are to be taken.
 
         Raises
@@ -202,16 +202,16 @@ class _Design:
         """
         workshop = self.workshop
         schemes = schemes_of(self.stage, self.question.rivals[0].fit.problem.records)
-        tell("Simulating candidates with every rival")
+        said("Simulating candidates with every rival")
         self.pool = first_candidates(workshop, schemes, self.seed)
         self.first = tuple(one.evidence for one in self.pool)
         self._require_time(budget)
-        tell("Improving the best records")
+        said("Improving the best records")
         limit = math.inf if budget is None else budget
         search = Search(workshop, self.criterion, self.clock, self.pool, records, limit)
         found = self._acceptable(replace(search, per_minute=self._cheap_enough(search)))
         if self._refit(found):
-            tell("Searching again, with what a rival absorbs in the records left out")
+            said("Searching again, with what a rival absorbs in the records left out")
             search = replace(search, criterion=self.criterion)
             found = self._acceptable(replace(search, per_minute=self._cheap_enough(search)))
             self._refit(found)

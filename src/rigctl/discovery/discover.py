@@ -13,7 +13,7 @@ from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import ALPHA, STAND_IN
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis
-from rigctl.analysis.fitting import require_free_parameters
+from rigctl.analysis.fitting import OnProgress, no_progress, require_free_parameters
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import share_text
 from rigctl.analysis.search import Search
@@ -26,7 +26,7 @@ from rigctl.discovery.formulas import score_formulas
 from rigctl.discovery.gate import gate_of
 from rigctl.discovery.grammar import DISTANCES
 from rigctl.discovery.locate import Located, Map, locate
-from rigctl.discovery.open_slots import OnProgress, OpenSlots, open_slots
+from rigctl.discovery.open_slots import OpenSlots, open_slots
 from rigctl.discovery.passivity import passivity
 from rigctl.discovery.result import Discovery, FormulaParameter, FoundFormula, Where, parameter
 from rigctl.effects.declaration import qualified
@@ -112,7 +112,7 @@ def discover_beside(
     RigctlError
         the model cannot be simulated at its fit.
     """
-    said = on_progress or (lambda _: None)
+    said = on_progress or no_progress
     before, gate = diagnosis.before, gate_of(diagnosis)
     result = Discovery(
         diagnosis.runs, diagnosis.model, gate, None, (), (), 0, gate.statement, diagnosis.notes, diagnosis

@@ -15,6 +15,7 @@ from time import monotonic
 from rigctl.analysis.adequacy import Adequacy, adequacy, variance_factor
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.cross_validation import CrossValidation, held_out_gain
+from rigctl.analysis.fitting import OnProgress
 from rigctl.analysis.linearisation import linearise
 from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.refit import RefittedSet, refit
@@ -22,7 +23,6 @@ from rigctl.analysis.score_test import screen
 from rigctl.discovery.effect_file import effect_of, scale_parameters
 from rigctl.discovery.formulas import Formula
 from rigctl.discovery.grammar import DISTANCES
-from rigctl.discovery.open_slots import OnProgress
 from rigctl.effects.declaration import qualified
 from rigctl.engine.one_thread import one_thread
 from rigctl.model.fit.fit import FitResult, lean

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.adequacy import chi2_tail
 from rigctl.analysis.decision_levels import ALPHA
+from rigctl.analysis.fitting import OnProgress, no_progress
 from rigctl.analysis.laws.shape_tolerance import FUNCTIONS
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.discovery.chance import Chance, draw_chance, span
-from rigctl.discovery.open_slots import OnProgress, OpenSlots, products_at, splines_at
+from rigctl.discovery.open_slots import OpenSlots, products_at, splines_at
 from rigctl.effects.drivers import Driver
 from rigctl.engine.one_thread import one_thread
 from rigctl.engine.splines import SplineArgument
@@ -114,13 +115,9 @@ class Map:
         return bool(self.located) and self.located[0].p_value < ALPHA
 
 
-def _silent(_: str) -> None:
-    """Ignore progress."""
-
-
 @one_thread()
 def locate(
-    opened: OpenSlots, samples: float, only: str | None = None, on_progress: OnProgress = _silent
+    opened: OpenSlots, samples: float, only: str | None = None, on_progress: OnProgress = no_progress
 ) -> Map:
     """Every slot and variable that these data can show, singly and, for the best, in pairs.
 

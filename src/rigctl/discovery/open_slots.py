@@ -3,7 +3,7 @@ there."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,8 +28,6 @@ from rigctl.physics.family import InputVariable, Slot, StateVariable
 Floats = NDArray[np.float64]
 #: two variables with a larger correlation than this count as one
 _LINE = 0.99999
-#: called with what is being done
-OnProgress = Callable[[str], None]
 
 
 @dataclass(frozen=True)

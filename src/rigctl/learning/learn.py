@@ -9,8 +9,8 @@ from pathlib import Path
 
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
+from rigctl.analysis.fitting import OnProgress
 from rigctl.analysis.improve import Improvement, improve
-from rigctl.analysis.search import OnProgress
 from rigctl.dataset import Run, find_run, open_run
 from rigctl.design.design import design_experiment
 from rigctl.design.precision import relative_width
