@@ -19,7 +19,7 @@ from rigctl.validation.benches.bench import BenchCampaign, write_bench
 from rigctl.validation.benches.register import find_bench
 from rigctl.validation.campaign_run import make_run
 from rigctl.validation.hidden_effect import hide
-from rigctl.validation.hidden_effects import find_hidden
+from rigctl.validation.hidden_library import find_hidden
 from rigctl.validation.planted.terms import find_planted
 
 ROOT = Path(__file__).parents[2]

@@ -31,7 +31,7 @@ from rigctl.model.measured.noise import noise_of
 from rigctl.physics.families import find_family
 from rigctl.rig.load import load_rig
 from rigctl.validation.hidden_effect import hide
-from rigctl.validation.hidden_effects import find_hidden
+from rigctl.validation.hidden_library import find_hidden
 from rigctl.validation.in_memory import measure
 from rigctl.validation.scenario import Scenario
 

@@ -18,7 +18,7 @@ from rigctl.model.fit.problem import make_problem
 from rigctl.noise import ChannelNoise, NoiseModel
 from rigctl.validation.bench.campaign import Campaign
 from rigctl.validation.hidden_effect import hide
-from rigctl.validation.hidden_effects import find_hidden
+from rigctl.validation.hidden_library import find_hidden
 from rigctl.validation.in_memory import measure
 from rigctl.validation.work import bench_model
 

@@ -27,7 +27,7 @@ from rigctl.noise import ChannelNoise, NoiseModel
 from rigctl.rig import load_rig
 from rigctl.validation.bench.campaign import Campaign
 from rigctl.validation.hidden_effect import hide
-from rigctl.validation.hidden_effects import find_hidden
+from rigctl.validation.hidden_library import find_hidden
 from rigctl.validation.in_memory import measure
 from rigctl.validation.work import bench_model
 

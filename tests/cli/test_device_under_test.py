@@ -122,7 +122,7 @@ def test_a_required_identity_is_asked_for_until_it_is_valid(
     plan = open_plan(Path("procedures/acceptance.yaml"))
     with pytest.raises(RigctlError, match="does not match the procedure's pattern"):
         identified(plan, {"serial_number": "HB-0042x"})
-    monkeypatch.setattr("rigctl.cli.running.typing_possible", lambda: True)
+    monkeypatch.setattr("rigctl.cli.attended_run.typing_possible", lambda: True)
     monkeypatch.setattr("sys.stdin", io.StringIO("HB-42\nHB-0007\nAda\n"))
     found = identified(plan, {})
     assert (found.serial_number, found.operator, found.part) == ("HB-0007", "Ada", "two heaters")

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 import typer
 
+from rigctl.cli.attended_run import tell
 from rigctl.cli.outlet import Outlet, carry_out
-from rigctl.cli.running import tell
 from rigctl.errors import ExitCode
 from rigctl.runner.session import RunResult
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigctl.compensation.judge import upper_bound
+from rigctl.compensation.paired_test import upper_bound
 
 
 @pytest.mark.parametrize("ratio", [0.2, 1.0, 1.5])

@@ -15,8 +15,8 @@ from discovery.guided_mass import LEVELS, MASS, nothing, rubbing_spot, worn_spot
 from rigctl.cli.views.discover import show_discovery
 from rigctl.dataset import open_run
 from rigctl.discovery.discover import discover
-from rigctl.discovery.hand_over import write_files
 from rigctl.discovery.result import Discovery
+from rigctl.discovery.written_effects import write_files
 from rigctl.effects.user import load_effect
 from rigctl.model.load import load_model
 from rigctl.report.analysis import discovery_sections

@@ -7,7 +7,7 @@ import pytest
 
 from rigctl.validation.amplitude import Amplitudes, Clean
 from rigctl.validation.bench.campaign import Campaign
-from rigctl.validation.hidden_effects import find_hidden
+from rigctl.validation.hidden_library import find_hidden
 
 SMALL = Campaign(temperatures=(30.0,), pressures=(30.0,))
 

@@ -14,7 +14,7 @@ from rigctl.validation.designed.picture import calibration_svg
 from rigctl.validation.designed.rates import Promises, design_rates, promises
 from rigctl.validation.designed.trial import TWINS, DesignTrial, design_trials
 from rigctl.validation.designed.work import DesignOutcome
-from rigctl.validation.hidden_effects import find_hidden
+from rigctl.validation.hidden_library import find_hidden
 from rigctl.validation.outcome import Learnt, TrialOutcome
 from rigctl.validation.store import every_outcome
 

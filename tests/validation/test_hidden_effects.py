@@ -13,7 +13,7 @@ from rigctl.physics.families import find_family
 from rigctl.validation.amplitude import Clean
 from rigctl.validation.bench.campaign import Campaign, clean_outputs
 from rigctl.validation.hidden_effect import SHAPES, hide
-from rigctl.validation.hidden_effects import HIDDEN_EFFECTS, find_hidden
+from rigctl.validation.hidden_library import HIDDEN_EFFECTS, find_hidden
 from rigctl.validation.tiers import acting
 
 LIBRARY = library(find_family("hydraulic_cylinder"))

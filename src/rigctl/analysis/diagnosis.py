@@ -24,10 +24,10 @@ from rigctl.analysis.linearisation import slopes_at
 from rigctl.analysis.power import hidden_at_typical_size, power_text
 from rigctl.analysis.refit import RefittedSet, left_by_refit
 from rigctl.analysis.remainder import Remainder, remainder, share_text
+from rigctl.analysis.repeated_fit import from_another_start, in_noise_of_the_leader
 from rigctl.analysis.rivals import Rival, classes_of, find_rivals
 from rigctl.analysis.score_test import Score
 from rigctl.analysis.search import Search
-from rigctl.analysis.second_look import from_another_start, in_noise_of_the_leader
 from rigctl.analysis.separability import softened
 from rigctl.analysis.single_values.remarks import table_remarks
 from rigctl.analysis.text import (

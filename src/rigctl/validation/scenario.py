@@ -12,7 +12,7 @@ from rigctl.validation.bench.campaign import PRESSURES, TEMPERATURES, Campaign, 
 from rigctl.validation.bench.parameters import Bench
 from rigctl.validation.bench.sensing import TEN_BITS, Noise
 from rigctl.validation.hidden_effect import Shape, hide
-from rigctl.validation.hidden_effects import find_hidden
+from rigctl.validation.hidden_library import find_hidden
 
 Kind: TypeAlias = Literal["nothing", "one", "two", "removed"]
 NoiseVariant: TypeAlias = Literal["white", "coloured", "ten_bits", "scatter", "all"]

@@ -12,7 +12,7 @@ from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import find_effect
 from rigctl.validation.amplitude import CLOSE
 from rigctl.validation.figures import Figures, Rate, rate_of
-from rigctl.validation.hidden_effects import find_hidden
+from rigctl.validation.hidden_library import find_hidden
 from rigctl.validation.outcome import Claim, Outcome
 from rigctl.validation.rates import TOGETHER, confusion
 

@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from rigctl.validation.hidden_effect import HiddenEffect, Shape
-from rigctl.validation.hidden_effects import HIDDEN_EFFECTS, find_hidden
+from rigctl.validation.hidden_library import HIDDEN_EFFECTS, find_hidden
 from rigctl.validation.scenario import NOISES, NoiseVariant, Scenario, Wanted
 
 Tier: TypeAlias = Literal["quick", "full", "shape"]

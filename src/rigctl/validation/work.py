@@ -36,7 +36,7 @@ from rigctl.validation.bench.campaign import Campaign, clean_outputs
 from rigctl.validation.bench.record import RATE
 from rigctl.validation.bench.sensing import Noise
 from rigctl.validation.hidden_effect import HiddenEffect, hide
-from rigctl.validation.hidden_effects import find_hidden
+from rigctl.validation.hidden_library import find_hidden
 from rigctl.validation.in_memory import measure
 from rigctl.validation.likeness import Likeness, beside_each_other, likeness
 from rigctl.validation.outcome import Claim, Interval, Outcome

@@ -76,8 +76,8 @@ def calibrate(
 
       rigctl calibrate supply_pressure --run latest --against reference_pressure
     """
+    from rigctl.cli.attended_run import typing_possible
     from rigctl.cli.commands.manual import open_rig
-    from rigctl.cli.running import typing_possible
     from rigctl.rig.calibration_fit import fit_calibration
     from rigctl.rig.calibration_points import read_points
     from rigctl.units import read_si

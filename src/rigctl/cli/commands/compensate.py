@@ -13,7 +13,7 @@ from rigctl.cli.options.cache import Evidence, NoCache
 from rigctl.cli.options.family import FamilyOption
 
 if TYPE_CHECKING:
-    from rigctl.compensation.judge import Verdict
+    from rigctl.compensation.paired_test import Verdict
     from rigctl.compensation.result import Schedule
 
 
@@ -149,7 +149,7 @@ def _judge(chosen: list[str], *, as_json: bool) -> None:
     from rigctl.cli.commands.compare import open_runs
     from rigctl.cli.tables import print_json
     from rigctl.cli.views.compensate import show_verdict
-    from rigctl.compensation.judge import judge as judged
+    from rigctl.compensation.paired_test import judge as judged
     from rigctl.errors import ExitCode
 
     found: Verdict = judged(open_runs(chosen))

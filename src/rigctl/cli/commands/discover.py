@@ -75,7 +75,7 @@ def discover(
     from rigctl.command_line import DataOptions
     from rigctl.discovery.discover import discover as discovered
     from rigctl.discovery.discover import require_slot
-    from rigctl.discovery.hand_over import require_folder, write_files
+    from rigctl.discovery.written_effects import require_folder, write_files
     from rigctl.tasks import Workers
 
     require_folder(output)

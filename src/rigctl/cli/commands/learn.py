@@ -254,7 +254,7 @@ def _begun(
 
 
 def _bench(task: Task, person: str) -> LaunchedBench:
-    from rigctl.cli.running import attended
+    from rigctl.cli.attended_run import attended
     from rigctl.learning.bench import LaunchedBench
 
     def present(how: Launch, plan: Plan) -> AbstractContextManager[Launch]:
@@ -316,14 +316,14 @@ def _launch(plan: Plan, number: int, bench: Mapping[str, Any], person: str) -> L
 
 
 def _person(given: str | None) -> str:
-    from rigctl.cli.running import person_in_charge
+    from rigctl.cli.attended_run import person_in_charge
 
     return person_in_charge(given)
 
 
 def _confirmed() -> bool:
     """Whether the person at the terminal agrees; False if there is none."""
-    from rigctl.cli.running import typing_possible
+    from rigctl.cli.attended_run import typing_possible
 
     if not typing_possible():
         return False

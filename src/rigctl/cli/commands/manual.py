@@ -101,7 +101,7 @@ def jog(
 
     Example: rigctl jog valve extend --for "0.5 s"
     """
-    from rigctl.cli.running import tell
+    from rigctl.cli.attended_run import tell
     from rigctl.runner.console import Console
     from rigctl.runner.launch import operated
     from rigctl.runner.manual import jog as carry_out

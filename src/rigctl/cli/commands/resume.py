@@ -31,7 +31,7 @@ def resume(
 
     Example: rigctl resume latest
     """
-    from rigctl.cli.running import attended, person_in_charge, tell
+    from rigctl.cli.attended_run import attended, person_in_charge, tell
     from rigctl.dataset import find_run
     from rigctl.dataset.day_folders import runs_root
     from rigctl.runner.bench_access import bench_options, clock_for

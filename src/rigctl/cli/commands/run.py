@@ -63,10 +63,10 @@ def run(
     """
     from datetime import UTC, datetime
 
+    from rigctl.cli.attended_run import attended, person_in_charge, say_warnings, tell
     from rigctl.cli.options.identity import identified
     from rigctl.cli.options.serve import shown
     from rigctl.cli.plans import open_plan, read_assignments
-    from rigctl.cli.running import attended, person_in_charge, say_warnings, tell
     from rigctl.project import find_project
     from rigctl.runner.bench_access import bench_options, clock_for
     from rigctl.runner.launch import Launch, launch

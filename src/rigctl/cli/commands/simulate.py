@@ -57,10 +57,10 @@ def simulate(
 
       rigctl simulate procedures/quick-check.yaml --with piston_leakage --fault "sensor_stuck:position@12 s"
     """
+    from rigctl.cli.attended_run import attended, person_in_charge, tell
     from rigctl.cli.options.identity import identified
     from rigctl.cli.options.serve import shown
     from rigctl.cli.plans import open_plan, read_assignments
-    from rigctl.cli.running import attended, person_in_charge, tell
     from rigctl.project import find_file, find_project
     from rigctl.runner.launch import launch
     from rigctl.runner.simulation import simulation_launch

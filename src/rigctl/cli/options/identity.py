@@ -38,7 +38,7 @@ def identified(plan: Plan, given: Mapping[str, str | None], *, demanded: bool = 
     """
     from dataclasses import replace
 
-    from rigctl.cli.running import typing_possible
+    from rigctl.cli.attended_run import typing_possible
     from rigctl.plan.identity import settled
 
     found, missing = settled(plan.procedure.identity, given)

@@ -102,6 +102,6 @@ def _end(server: subprocess.Popen[str]) -> None:
 
 
 def _at_a_terminal() -> bool:
-    from rigctl.cli.running import typing_possible
+    from rigctl.cli.attended_run import typing_possible
 
     return typing_possible() and sys.stdout.isatty()

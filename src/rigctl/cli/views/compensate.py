@@ -11,7 +11,7 @@ from rich.table import Table
 from rigctl.cli.next_command import show_next
 from rigctl.cli.tables import console, table
 from rigctl.cli.views.answer import counted, show_answer
-from rigctl.compensation.judge import Verdict
+from rigctl.compensation.paired_test import Verdict
 from rigctl.compensation.result import Schedule
 from rigctl.report.answer import Answer
 from rigctl.units import parse_unit, show, with_uncertainty

@@ -14,8 +14,8 @@ from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.fitting import fit_to_data, read_runs
 from rigctl.analysis.refit import refit
+from rigctl.analysis.repeated_fit import from_another_start, in_noise_of_the_leader
 from rigctl.analysis.search import Search
-from rigctl.analysis.second_look import from_another_start, in_noise_of_the_leader
 from rigctl.dataset import open_run
 from rigctl.dataset.importing.bring_in import import_file
 from rigctl.model.fit.fit import FitResult, fit
