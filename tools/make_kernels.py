@@ -9,7 +9,7 @@ from __future__ import annotations
 from rigctl.engine.kernels.making import text_of
 from rigctl.engine.kernels.portable import keep
 
-KERNELS = ("record", "step", "variances")
+KERNELS = ("record", "step", "variances", "likelihood")
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ from rigctl.engine.compile import _made
 from rigctl.engine.kernels import portable
 from rigctl.engine.machine_code import loaded
 
-KERNELS = ("record", "step", "variances")
+KERNELS = ("record", "step", "variances", "likelihood")
 RETURNS = f"define i32 @{portable.SYMBOL}() {{\n  ret i32 42\n}}\n"
 
 

@@ -47,9 +47,14 @@ class Innovations:
         return _forward(self.root, self.below, u)
 
 
+def has_correlation(correlation: float, white: float) -> bool:
+    """Whether noise of this correlation and white share differs from white noise."""
+    return correlation >= _NO_CORRELATION and white != 1.0
+
+
 def innovations(positions: NDArray[np.float64], correlation: float, white: float) -> Innovations:
     """The innovations of noise sampled at `positions`, in units of the spacing of `correlation`."""
-    if positions.size < 2 or correlation < _NO_CORRELATION or white == 1.0:
+    if positions.size < 2 or not has_correlation(correlation, white):
         return Innovations(np.empty(0), np.ones(positions.size), None)
     kept = correlation ** np.diff(positions)
     variance = np.ones(positions.size)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.noise.autoregression import innovations
+from rigctl.noise.autoregression import has_correlation, innovations
 from rigctl.noise.minimum import least_between
 from rigctl.noise.windows import WindowGroup
 
@@ -50,15 +50,18 @@ def fit_noise(groups: Sequence[WindowGroup], *, white: float | None = None) -> N
 
     Source: Patterson & Thompson, Biometrika 58 (1971) 545; Harville, J. Am. Stat. Assoc. 72 (1977) 320.
     """
-    parts = [_Part.of(group) for group in groups if group.rows.size]
-    degrees = sum(part.degrees for part in parts)
+    groups = [group for group in groups if group.rows.size]
+    if not groups:
+        return NoiseFit(0.0, 0.0, 0.0, 0)
+    degrees = sum(group.total_degrees for group in groups)
+    sums = _Likelihood(groups)
 
-    rounding = _ROUNDING * _sums(parts, 0.0, 0.0)[1]
+    rounding = _ROUNDING * sums(0.0, 0.0)[1]
     if rounding <= 0.0:
         return NoiseFit(0.0, 0.0, 0.0, degrees)
 
     def cost(rho: float, white: float) -> float:
-        determinant, quadratic = _sums(parts, rho, white)
+        determinant, quadratic = sums(rho, white)
         # readings that nearly follow their trend leave only rounding errors, which may be zero at some ρ
         quadratic = max(quadratic, rounding)
         return determinant + degrees * float(np.log(quadratic / degrees))
@@ -67,7 +70,7 @@ def fit_noise(groups: Sequence[WindowGroup], *, white: float | None = None) -> N
     rho, least = _best_correlation(lambda at: cost(at, share), within=1e-3 if white is None else 0.01)
     if white is None and rho > 0.02:
         rho, share = _with_white(cost, rho, least)
-    _, quadratic = _sums(parts, rho, share)
+    _, quadratic = sums(rho, share)
     return NoiseFit(float(np.sqrt(max(quadratic, rounding) / degrees)), rho, share, degrees)
 
 
@@ -79,28 +82,46 @@ def whitened(group: WindowGroup, fit: NoiseFit) -> NDArray[np.float64]:
     return np.asarray((z - trend @ (trend.T @ z)).T)
 
 
-@dataclass(frozen=True)
-class _Part:
-    """A group of windows in the form used by the likelihood.
+class _Likelihood:
+    """The sums of the likelihood over groups of windows, as functions of the correlation and the white share.
 
     Parameters
     ----------
-    columns: (samples, orders + samples at most) the trend, and the compressed windows: see `_compressed`.
-    orders: number of columns of the trend.
-    windows, degrees: number of windows, and their total degrees of freedom.
+    groups: of at least one window each.
     """
 
-    positions: NDArray[np.float64]
-    columns: NDArray[np.float64]
-    orders: int
-    windows: int
-    degrees: int
+    def __init__(self, groups: Sequence[WindowGroup]) -> None:
+        from rigctl.engine.compile import kernel, words_of
+        from rigctl.engine.guards import width
 
-    @classmethod
-    def of(cls, group: WindowGroup) -> _Part:
-        columns = np.hstack([group.trend, _compressed(group.rows)])
-        windows = int(group.rows.shape[0])
-        return cls(group.positions, columns, group.trend.shape[1], windows, group.total_degrees)
+        parts = [np.hstack([group.trend, _compressed(group.rows)]) for group in groups]
+        sizes = np.array(
+            [
+                (*part.shape, group.trend.shape[1], group.rows.shape[0])
+                for part, group in zip(parts, groups, strict=True)
+            ],
+            dtype=np.int64,
+        )
+        steps = np.concatenate([np.diff(group.positions, prepend=group.positions[:1]) for group in groups])
+        work = max(int(columns * (orders + 3)) for _, columns, orders, _ in sizes.tolist())
+        self._at, self._found = np.empty(2), np.empty(2)
+        self._arrays = (  # held here, since a kernel knows only where they are
+            sizes,
+            steps.astype(np.float64),
+            np.concatenate([part.ravel() for part in parts]),
+            self._at,
+            self._found,
+            np.empty(work),
+        )
+        self._words = words_of(*self._arrays)
+        self._kernel = kernel("likelihood", width() > 0)
+
+    def __call__(self, rho: float, white: float) -> tuple[float, float]:
+        """Σ (ln|R| + ln|XᵀR⁻¹X|) and Q over all windows."""
+        self._at[:] = (rho, white) if has_correlation(rho, white) else (0.0, 0.0)
+        self._kernel(self._words)
+        determinant, quadratic = self._found.tolist()
+        return determinant, quadratic
 
 
 def _compressed(rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -108,20 +129,6 @@ def _compressed(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     if rows.shape[0] <= rows.shape[1]:
         return rows.T
     return np.asarray(np.linalg.qr(rows, mode="r")).T
-
-
-def _sums(parts: Sequence[_Part], rho: float, white: float) -> tuple[float, float]:
-    """Σ (ln|R| + ln|XᵀR⁻¹X|) and Q over all windows."""
-    determinant = quadratic = 0.0
-    for part in parts:
-        change = innovations(part.positions, rho, white)
-        both = change(part.columns)
-        trend, z = both[:, : part.orders], both[:, part.orders :]
-        normal = trend.T @ trend
-        across = trend.T @ z
-        determinant += part.windows * (change.log_determinant + float(np.linalg.slogdet(normal)[1]))
-        quadratic += float(np.sum(z**2)) - float(np.sum(across * np.linalg.solve(normal, across)))
-    return determinant, quadratic
 
 
 def _best_correlation(cost: Callable[[float], float], *, within: float = 1e-3) -> tuple[float, float]:

@@ -19,7 +19,12 @@ from rigctl.engine.kernels.calling import OPTIONS
 from rigctl.engine.kernels.portable import SYMBOL
 from rigctl.engine.machine_code import host
 
-_FUNCTIONS = {"record": "integrate_record", "step": "step_to", "variances": "most_likely"}
+_FUNCTIONS = {
+    "record": "integrate_record",
+    "step": "step_to",
+    "variances": "most_likely",
+    "likelihood": "restricted",
+}
 #: what is of one computer, or of one process
 _LOCAL = re.compile(r"^(?:target (?:datalayout|triple)|source_filename) = .*\n", re.MULTILINE)
 _OF_PROCESS = re.compile(r"inttoptr \(i64 \d{4,} ")
