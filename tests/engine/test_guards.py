@@ -154,7 +154,19 @@ def test_nothing_is_written_beyond_an_array() -> None:
     )  # which starts this process
     chosen = [str(here), str(here.with_name("test_delays.py")), str(here.with_name("test_stepper.py"))]
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-n", "0", "-k", f"not {itself}", *chosen],
+        [
+            sys.executable,
+            "-m",
+            "pytest",
+            "-q",
+            "-p",
+            "no:cacheprovider",
+            "-n",
+            "0",
+            "-k",
+            f"not {itself}",
+            *chosen,
+        ],
         env=environment,
         capture_output=True,
         text=True,
