@@ -17,7 +17,7 @@ from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.diagnosis import _factor, _ranked, _score_beside, _verdict, diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.fitting import fit_model
-from rigctl.analysis.improve import Ended, Improvement, _plan, _why
+from rigctl.analysis.improve import Improvement, ImprovementEnd, _plan, _why
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
 from rigctl.analysis.score_test import Score
@@ -140,8 +140,8 @@ def test_nothing_is_added_where_it_is_not_decided_whether_anything_is_missing(ve
     before = SimpleNamespace(adequate=False)
     found = cast("Diagnosis", SimpleNamespace(verdict=verdict, doubt=doubt, best=None, before=before))
     assert _plan(found, 4) == []
-    assert _why(found, 4) is Ended.NOT_DECIDED
-    said = Improvement(cast("Any", None), (), found, Ended.NOT_DECIDED).statement
+    assert _why(found, 4) is ImprovementEnd.NOT_DECIDED
+    said = Improvement(cast("Any", None), (), found, ImprovementEnd.NOT_DECIDED).statement
     assert said == f"added nothing: these data cannot tell whether anything is missing: {doubt}"
 
 

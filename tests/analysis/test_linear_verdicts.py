@@ -30,7 +30,7 @@ from rigctl.analysis.comparison_result import Comparison
 from rigctl.analysis.decision_levels import LEAST_DIFFERENCE, LEAST_SEPARATION
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
-from rigctl.analysis.improve import Ended, Improvement, improve
+from rigctl.analysis.improve import Improvement, ImprovementEnd, improve
 from rigctl.analysis.pair_gains import pair_gains
 from rigctl.analysis.search import Search
 from rigctl.model.load import load_model
@@ -293,7 +293,7 @@ def test_the_loop_adds_the_largest_gain_first_and_stops(
     design = made_design(PLAIN, np.eye(6))
     found = improved(design, {"beta": 9.0, "delta": 12.0}, tmp_path, monkeypatch)
     assert [step.effects for step in found.steps] == [("delta",), ("beta",)]
-    assert found.ended is Ended.ADEQUATE
+    assert found.ended is ImprovementEnd.ADEQUATE
     y = readings_of(design, {"beta": 9.0, "delta": 12.0})
     fall = [
         design.mbic(y, ["delta"]) - design.mbic(y),
@@ -321,4 +321,4 @@ def test_the_loop_respects_the_requested_number_of_effects(
     design = made_design(PLAIN, np.eye(6))
     found = improved(design, {"beta": 9.0, "delta": 12.0}, tmp_path, monkeypatch, most=1)
     assert [step.effects for step in found.steps] == [("delta",)]
-    assert found.ended is Ended.MAX_EFFECTS
+    assert found.ended is ImprovementEnd.MAX_EFFECTS

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from rigctl.cli.attended_run import tell
+from rigctl.cli.attended_run import report_end
 from rigctl.cli.outlet import Outlet, carry_out
 from rigctl.errors import ExitCode
 from rigctl.runner.session import RunResult
@@ -164,7 +164,7 @@ def test_the_last_picture_of_the_display_does_not_erase_the_results(monkeypatch:
 
     def work() -> None:
         sys.stderr.write("picture")
-        tell(RunResult("finished", None, ExitCode.DONE, None, 1, 2.0), as_json=False)
+        report_end(RunResult("finished", None, ExitCode.DONE, None, 1, 2.0), as_json=False)
 
     with pytest.raises(typer.Exit):
         carry_out(work)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rigctl.errors import RigctlError
-from rigctl.learning.ending import Ended
+from rigctl.learning.ending import LearningEnd
 from rigctl.learning.keep import Kept, Task
 from rigctl.learning.result import CameOut, Learned, Promised, Round
 
@@ -83,7 +83,7 @@ def test_a_learning_of_an_earlier_version_is_read() -> None:
 
 def test_what_is_adequate_goes_on_only_for_a_better_known_size(tmp_path: Path) -> None:
     kept = Kept.create(tmp_path, TASK, "stroke")
-    kept.close(Learned((), Ended.ADEQUATE, "m.yaml", 1, 0.0, "why"))
+    kept.close(Learned((), LearningEnd.ADEQUATE, "m.yaml", 1, 0.0, "why"))
     Kept.find(tmp_path).reopen(precision=0.1)
     assert Kept.find(tmp_path).task.precision == 0.1
 
@@ -113,12 +113,12 @@ def test_a_whole_name_is_that_of_one_folder_though_another_begins_like_it(tmp_pa
         Kept.find(tmp_path, first.folder.name[:-1])
 
 
-@pytest.mark.parametrize("ended", list(Ended))
-def test_only_what_more_of_it_could_change_goes_on(tmp_path: Path, ended: Ended) -> None:
+@pytest.mark.parametrize("ended", list(LearningEnd))
+def test_only_what_more_of_it_could_change_goes_on(tmp_path: Path, ended: LearningEnd) -> None:
     kept = Kept.create(tmp_path, TASK, "stroke")
     kept.close(Learned((), ended, "m.yaml", 1, 0.0, "why"))
     again = Kept.find(tmp_path)
-    if ended in (Ended.DECLINED, Ended.BUDGET, Ended.ROUNDS, Ended.STOPPED):
+    if ended in (LearningEnd.DECLINED, LearningEnd.BUDGET, LearningEnd.ROUNDS, LearningEnd.STOPPED):
         again.reopen(rounds=9)
         assert Kept.find(tmp_path).task.rounds == 9
         assert Kept.find(tmp_path).learned is None

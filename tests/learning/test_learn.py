@@ -16,7 +16,7 @@ from rigctl.design.result import DesignResult, Sharpened
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.learning import learn, predicted_and_achieved
-from rigctl.learning.ending import Ended
+from rigctl.learning.ending import LearningEnd
 from rigctl.learning.keep import Kept, Task
 from rigctl.learning.learn import Learner
 from rigctl.learning.result import Round
@@ -60,7 +60,7 @@ def test_an_ambiguous_campaign_of_the_separate_bench_is_told_apart(tmp_path: Pat
     assert first.verdict == "ambiguous"
     assert any({"valve_leakage", "position_thermal_drift"} <= set(names) for names in first.classes)
     assert first.added == ()
-    assert learned.ended is Ended.ADEQUATE
+    assert learned.ended is LearningEnd.ADEQUATE
     assert learned.added == ("valve_leakage",)
     assert len(asked) == len(designed) >= 1
     (promised, came_out) = learned.promises[-1]
@@ -217,7 +217,7 @@ def stand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 def test_it_ends_where_the_model_agrees(stand: Any) -> None:
     here = stand([SURE])
-    assert here.learner.learn().ended is Ended.ADEQUATE
+    assert here.learner.learn().ended is LearningEnd.ADEQUATE
     assert here.bench.measured == [1]
 
 
@@ -232,25 +232,31 @@ def test_rounds_go_on_while_rivals_are_left(stand: Any) -> None:
 @pytest.mark.parametrize(
     ("ended", "verdicts", "more"),
     [
-        (Ended.ROUNDS, [UNSURE, UNSURE], {"rounds": 2}),
-        (Ended.BUDGET, [UNSURE, UNSURE], {"budget": 1200.0}),
-        (Ended.BUDGET, [UNSURE], {"designs": [TooLittleTime("the budget is too small for any record")]}),
-        (Ended.NOT_SEPARABLE, [UNSURE], {"designs": [NothingLeft("nothing is left to tell apart")]}),
-        (Ended.NOT_SEPARABLE, [UNSURE], {"designs": [design(separable=False)]}),
-        (Ended.DECLINED, [UNSURE], {"answers": [False]}),
-        (Ended.OUTSIDE_LIBRARY, [verdict(Verdict.OUTSIDE_LIBRARY)], {}),
-        (Ended.OUTSIDE_LIBRARY, [UNSURE, OTHER], {}),
-        (Ended.NOT_DECIDED, [verdict(Verdict.ADEQUATE, doubt="the noise is a guess")], {}),
-        (Ended.STOPPED, [UNSURE], {"status": ["finished", "failed"]}),
+        (LearningEnd.ROUNDS, [UNSURE, UNSURE], {"rounds": 2}),
+        (LearningEnd.BUDGET, [UNSURE, UNSURE], {"budget": 1200.0}),
+        (
+            LearningEnd.BUDGET,
+            [UNSURE],
+            {"designs": [TooLittleTime("the budget is too small for any record")]},
+        ),
+        (LearningEnd.NOT_SEPARABLE, [UNSURE], {"designs": [NothingLeft("nothing is left to tell apart")]}),
+        (LearningEnd.NOT_SEPARABLE, [UNSURE], {"designs": [design(separable=False)]}),
+        (LearningEnd.DECLINED, [UNSURE], {"answers": [False]}),
+        (LearningEnd.OUTSIDE_LIBRARY, [verdict(Verdict.OUTSIDE_LIBRARY)], {}),
+        (LearningEnd.OUTSIDE_LIBRARY, [UNSURE, OTHER], {}),
+        (LearningEnd.NOT_DECIDED, [verdict(Verdict.ADEQUATE, doubt="the noise is a guess")], {}),
+        (LearningEnd.STOPPED, [UNSURE], {"status": ["finished", "failed"]}),
     ],
 )
-def test_every_ending_says_why(stand: Any, ended: Ended, verdicts: list[Any], more: dict[str, Any]) -> None:
+def test_every_ending_says_why(
+    stand: Any, ended: LearningEnd, verdicts: list[Any], more: dict[str, Any]
+) -> None:
     here = stand(verdicts, **more)
     learned = here.learner.learn()
     assert learned.ended is ended
     assert learned.statement
-    assert (learned.exit_code is ExitCode.FAILED) is (ended is Ended.STOPPED)
-    assert (Kept.find(here.kept.folder.parents[1]).learned is None) is (ended is Ended.STOPPED)
+    assert (learned.exit_code is ExitCode.FAILED) is (ended is LearningEnd.STOPPED)
+    assert (Kept.find(here.kept.folder.parents[1]).learned is None) is (ended is LearningEnd.STOPPED)
 
 
 def test_what_does_not_predict_what_it_was_not_fitted_on_is_asked_once_more(stand: Any) -> None:
@@ -259,24 +265,24 @@ def test_what_does_not_predict_what_it_was_not_fitted_on_is_asked_once_more(stan
     sure = [UNSURE, UNCONFIRMED, SURE]
     here = stand(sure, designs=[design(), CONFIRM])
     learned = here.learner.learn()
-    assert learned.ended is Ended.ADEQUATE
+    assert learned.ended is LearningEnd.ADEQUATE
     assert here.bench.measured == [1, 2, 3]
     assert learned.rounds[2].promised.aim == "precision"
 
     here = stand([UNSURE, UNCONFIRMED, UNCONFIRMED], designs=[design(), CONFIRM])
     learned = here.learner.learn()
-    assert learned.ended is Ended.OUTSIDE_LIBRARY  # it was asked once, and still does not
+    assert learned.ended is LearningEnd.OUTSIDE_LIBRARY  # it was asked once, and still does not
     assert here.bench.measured == [1, 2, 3]
 
     blunt = design(names=("leak",), sharpened=replace(SHARPER, after=2.99e-16))
-    assert stand([UNCONFIRMED], designs=[blunt]).learner.learn().ended is Ended.OUTSIDE_LIBRARY
+    assert stand([UNCONFIRMED], designs=[blunt]).learner.learn().ended is LearningEnd.OUTSIDE_LIBRARY
 
 
 def test_nothing_is_added_for_a_bench_that_answers_otherwise(stand: Any) -> None:
     """However sure the verdict is: it may be another bench by now, or what it does is not understood."""
     sure = verdict(Verdict.MISSING_EFFECT, "spring")
     here = stand([UNSURE, sure])
-    assert here.learner.learn().ended is Ended.OUTSIDE_LIBRARY
+    assert here.learner.learn().ended is LearningEnd.OUTSIDE_LIBRARY
     assert here.bench.vetoed == [False, True]
     here = stand([UNSURE, verdict(Verdict.MISSING_EFFECT, "drift"), SURE])
     here.learner.learn()
@@ -286,7 +292,7 @@ def test_nothing_is_added_for_a_bench_that_answers_otherwise(stand: Any) -> None
 def test_a_size_is_told_as_well_as_it_was_asked_for(stand: Any) -> None:
     here = stand([VAGUE, VAGUE, SURE], designs=[CONFIRM, CONFIRM], precision=0.1)
     learned = here.learner.learn()
-    assert learned.ended is Ended.ADEQUATE
+    assert learned.ended is LearningEnd.ADEQUATE
     assert here.bench.measured == [1, 2, 3]
     assert here.bench.precise == [("leak",), ("leak",)]
     out = learned.rounds[-1].came_out
@@ -294,17 +300,17 @@ def test_a_size_is_told_as_well_as_it_was_asked_for(stand: Any) -> None:
     assert out.statement == (
         "leak.conductance is known to within ± 1e-16 m^3 (95 %), expected ± 1e-16, before ± 3e-16"
     )
-    assert stand([VAGUE]).learner.learn().ended is Ended.ADEQUATE  # nobody asked for its size
+    assert stand([VAGUE]).learner.learn().ended is LearningEnd.ADEQUATE  # nobody asked for its size
     blunt = design(names=("leak",), sharpened=replace(SHARPER, after=2.99e-16))
     learned = stand([VAGUE], designs=[blunt], precision=0.1).learner.learn()
-    assert learned.ended is Ended.ADEQUATE  # no record would tell it better
+    assert learned.ended is LearningEnd.ADEQUATE  # no record would tell it better
 
 
 def test_where_no_condition_can_be_set_the_sensor_is_named(stand: Any) -> None:
     nothing = NothingToSet("no condition of the rig 'pump' can be set", hint="With flow the records so far …")
     nothing.sensors = ("flow",)
     learned = stand([UNSURE], designs=[nothing]).learner.learn()
-    assert learned.ended is Ended.NOT_SEPARABLE
+    assert learned.ended is LearningEnd.NOT_SEPARABLE
     assert learned.sensor == ("flow",)
     assert learned.statement == "no condition of the rig 'pump' can be set. With flow the records so far …"
 
@@ -319,20 +325,20 @@ def test_a_sensor_is_named_where_no_record_does_it(stand: Any) -> None:
 def test_a_proposal_that_was_declined_is_kept_and_made_again(stand: Any) -> None:
     here = stand([UNSURE, SURE], answers=[False, True])
     learned = here.learner.learn()
-    assert learned.ended is Ended.DECLINED
+    assert learned.ended is LearningEnd.DECLINED
     assert Path(learned.rounds[-1].procedure).is_file()
     assert learned.rounds[-1].answer == "no"
     here.kept.reopen()
     again = here.learner.learn()
-    assert again.ended is Ended.ADEQUATE
+    assert again.ended is LearningEnd.ADEQUATE
     assert here.bench.measured == [1, 2]  # the first round was not carried out again
     assert Path(learned.rounds[-1].procedure).is_file()
 
 
 def test_a_run_that_failed_is_carried_out_again(stand: Any) -> None:
     here = stand([UNSURE, UNSURE, SURE], status=["finished", "failed", "finished"])
-    assert here.learner.learn().ended is Ended.STOPPED
-    assert here.learner.learn().ended is Ended.ADEQUATE
+    assert here.learner.learn().ended is LearningEnd.STOPPED
+    assert here.learner.learn().ended is LearningEnd.ADEQUATE
     assert here.bench.measured == [1, 2, 2]
     assert here.kept.spent == 3 * 600.0
 
@@ -341,14 +347,14 @@ def test_the_budget_counts_bench_time_of_failed_runs(stand: Any) -> None:
     """A bench whose runs failed again and again could be tried for ever."""
     verdicts, status = [UNSURE, UNSURE, UNSURE, SURE], ["finished", "failed", "failed", "finished"]
     here = stand(verdicts, status=status, budget=2000.0)
-    assert here.learner.learn().ended is Ended.STOPPED
-    assert here.learner.learn().ended is Ended.STOPPED
+    assert here.learner.learn().ended is LearningEnd.STOPPED
+    assert here.learner.learn().ended is LearningEnd.STOPPED
     learned = here.learner.learn()
-    assert (learned.ended, learned.spent) == (Ended.BUDGET, 1800.0)
+    assert (learned.ended, learned.spent) == (LearningEnd.BUDGET, 1800.0)
     assert "round 2 failed, and the budget does not allow it again" in learned.statement
     assert here.bench.measured == [1, 2, 2]
     here.kept.reopen(budget=3000.0)
-    assert here.learner.learn().ended is Ended.ADEQUATE
+    assert here.learner.learn().ended is LearningEnd.ADEQUATE
 
 
 @pytest.mark.parametrize("moment", range(1, 9))
@@ -368,7 +374,7 @@ def test_a_kill_at_any_moment_costs_no_run(stand: Any, moment: int, monkeypatch:
     monkeypatch.setattr(Kept, "write", written)
     again = Kept.find(here.kept.folder.parents[1])
     learned = Learner(again, here.bench, here.bench.runs, lambda *_: True).learn()
-    assert learned.ended is Ended.ADEQUATE
+    assert learned.ended is LearningEnd.ADEQUATE
     assert [one.number for one in learned.rounds] == [1, 2, 3]
     assert here.bench.measured == [1, 2, 3]
     assert [one.run for one in learned.rounds] == ["run-1", "run-2", "run-3"]
@@ -383,5 +389,5 @@ def test_a_budget_that_the_first_round_exceeds_moves_nothing(stand: Any) -> None
 
 def test_it_begins_with_runs_that_are_there(stand: Any) -> None:
     here = stand([SURE], runs=("20260101-000000-before",))
-    assert here.learner.learn().ended is Ended.ADEQUATE
+    assert here.learner.learn().ended is LearningEnd.ADEQUATE
     assert here.bench.measured == []

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-class Ended(StrEnum):
+class ImprovementEnd(StrEnum):
     """Why no further effect was added."""
 
     ADEQUATE = "adequate"  #: the data show nothing more that the model lacks
@@ -93,7 +93,7 @@ class Improvement:
     model: Path
     steps: tuple[Step, ...]
     last: Diagnosis
-    ended: Ended
+    ended: ImprovementEnd
     unseen: tuple[Unseen, ...] = ()
 
     @property
@@ -113,14 +113,14 @@ class Improvement:
                 "measurements"
             )
         why = {
-            Ended.ADEQUATE: agrees,
-            Ended.NOTHING_HELPS: "no further effect of the library lowers mBIC, and the model still does "
-            "not agree with the measurements",
-            Ended.NOT_DECIDED: f"these data cannot tell whether anything {'more ' if names else ''}is "
-            f"missing: {self.last.doubt}",
-            Ended.MAX_EFFECTS: "no more effects were asked for, and the model still does not agree with the "
-            "measurements",
-            Ended.NOT_SURE: "no further effect is certain to be what is missing",
+            ImprovementEnd.ADEQUATE: agrees,
+            ImprovementEnd.NOTHING_HELPS: "no further effect of the library lowers mBIC, and the model still "
+            "does not agree with the measurements",
+            ImprovementEnd.NOT_DECIDED: "these data cannot tell whether anything "
+            f"{'more ' if names else ''}is missing: {self.last.doubt}",
+            ImprovementEnd.MAX_EFFECTS: "no more effects were asked for, and the model still does not agree "
+            "with the measurements",
+            ImprovementEnd.NOT_SURE: "no further effect is certain to be what is missing",
         }[self.ended]
         return f"{added}: {why}"
 
@@ -213,7 +213,7 @@ def improve(
         here = diagnosis.before
         if not this.plan:
             elsewhere = unseen(compared, here, on_progress=on_progress)
-            ended = Ended.NOT_SURE if this.unsure and not diagnosis.doubt else _why(diagnosis, room)
+            ended = ImprovementEnd.NOT_SURE if this.unsure and not diagnosis.doubt else _why(diagnosis, room)
             return Improvement(path, tuple(steps), diagnosis, ended, elsewhere)
         for chosen in this.plan:
             said(f"Adding {', '.join(chosen.effects)}")
@@ -310,12 +310,14 @@ def _reason(diagnosis: Diagnosis, trial: RefittedSet, effects: tuple[str, ...], 
     return text
 
 
-def _why(diagnosis: Diagnosis, room: int) -> Ended:
+def _why(diagnosis: Diagnosis, room: int) -> ImprovementEnd:
     if diagnosis.doubt:
-        return Ended.NOT_DECIDED
+        return ImprovementEnd.NOT_DECIDED
     if diagnosis.verdict is Verdict.ADEQUATE:
-        return Ended.ADEQUATE
-    return Ended.MAX_EFFECTS if len(diagnosis.best.candidates) > room else Ended.NOTHING_HELPS
+        return ImprovementEnd.ADEQUATE
+    return (
+        ImprovementEnd.MAX_EFFECTS if len(diagnosis.best.candidates) > room else ImprovementEnd.NOTHING_HELPS
+    )
 
 
 def _compared(

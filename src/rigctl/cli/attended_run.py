@@ -83,7 +83,7 @@ def person_in_charge(given: str | None) -> str:
         return ""
 
 
-def tell(result: RunResult, *, as_json: bool) -> NoReturn:
+def report_end(result: RunResult, *, as_json: bool) -> NoReturn:
     """Report how a run ended, and end with its exit code."""
     from rigctl.cli.outlet import finish_display
     from rigctl.files.write import to_json
@@ -111,14 +111,14 @@ def tell(result: RunResult, *, as_json: bool) -> NoReturn:
         if result.folder is not None:
             echo(f"  {result.folder}")
         if test is not None and test.measures:
-            _tell_test(test)
+            _report_test(test)
     if result.unconfirmed is not None:
         said = f"OUTPUTS NOT CONFIRMED SAFE: {result.unconfirmed} may still be on"
         typer.secho(f"{said}\n{result.by_hand}", fg=typer.colors.RED, bold=True, err=True)
     raise typer.Exit(int(result.exit_code))
 
 
-def _tell_test(test: Judgement) -> None:
+def _report_test(test: Judgement) -> None:
     """Report whether the device has passed, and every limit that it missed."""
     count, missed = len(test.measures), test.missed
     measures = "measure" if count == 1 else "measures"

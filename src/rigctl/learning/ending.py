@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 
 
-class Ended(StrEnum):
+class LearningEnd(StrEnum):
     """Why there was no further round."""
 
     ADEQUATE = "adequate"  #: the model agrees, and each effect in it is distinguished from its rivals
@@ -26,12 +26,12 @@ class Ended(StrEnum):
 
 
 _HEADINGS = {
-    Ended.ADEQUATE: "Learnt",
-    Ended.NOT_SEPARABLE: "Not to be told apart on this bench",
-    Ended.OUTSIDE_LIBRARY: "Outside the library",
-    Ended.NOT_DECIDED: "Not decided",
-    Ended.BUDGET: "Out of time",
-    Ended.ROUNDS: "Out of rounds",
-    Ended.DECLINED: "Declined",
-    Ended.STOPPED: "Stopped",
+    LearningEnd.ADEQUATE: "Learnt",
+    LearningEnd.NOT_SEPARABLE: "Not to be told apart on this bench",
+    LearningEnd.OUTSIDE_LIBRARY: "Outside the library",
+    LearningEnd.NOT_DECIDED: "Not decided",
+    LearningEnd.BUDGET: "Out of time",
+    LearningEnd.ROUNDS: "Out of rounds",
+    LearningEnd.DECLINED: "Declined",
+    LearningEnd.STOPPED: "Stopped",
 }

@@ -13,13 +13,13 @@ from typing import Any
 from rigctl.dataset.run_id import new_run_id, next_free
 from rigctl.errors import RigctlError, nearest_name
 from rigctl.files.write import write_json, write_new
-from rigctl.learning.ending import Ended
+from rigctl.learning.ending import LearningEnd
 from rigctl.learning.result import Learned, Round
 
 _STATE = "learning.json"
 _VERSION = 1
 #: endings after which another answer, more time or more rounds allow it to continue
-_GOES_ON = (Ended.DECLINED, Ended.BUDGET, Ended.ROUNDS, Ended.STOPPED)
+_GOES_ON = (LearningEnd.DECLINED, LearningEnd.BUDGET, LearningEnd.ROUNDS, LearningEnd.STOPPED)
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ class Kept:
 
     def close(self, learned: Learned) -> Learned:
         """Record that it has ended, unless it can continue."""
-        if learned.ended is not Ended.STOPPED:
+        if learned.ended is not LearningEnd.STOPPED:
             self.learned = learned.document()
             self.write()
         return learned
@@ -192,8 +192,8 @@ class Kept:
         RigctlError
             it ended in a way that more rounds do not change.
         """
-        ended = None if self.learned is None else Ended(self.learned["ended"])
-        sharper = ended is Ended.ADEQUATE and precision is not None
+        ended = None if self.learned is None else LearningEnd(self.learned["ended"])
+        sharper = ended is LearningEnd.ADEQUATE and precision is not None
         if ended is not None and ended not in _GOES_ON and not sharper:
             raise RigctlError(
                 f"this learning has ended: {ended.value.replace('_', ' ')}",

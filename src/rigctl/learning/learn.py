@@ -20,7 +20,7 @@ from rigctl.design.text import HALF
 from rigctl.discovery.gate import gate_of
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.learning.bench import Bench, seconds_of
-from rigctl.learning.ending import Ended
+from rigctl.learning.ending import LearningEnd
 from rigctl.learning.keep import Kept
 from rigctl.learning.predicted_and_achieved import promise_of, what_came_out
 from rigctl.learning.result import CameOut, Learned, Round
@@ -99,12 +99,12 @@ class Learner:
             require_time(plan, task.budget)
         elif here.lost and self._time_left is not None and seconds_of(plan) > self._time_left:
             told = f"round {here.number} failed, and the budget does not allow it again"
-            return self._ended(Ended.BUDGET, told)
+            return self._ended(LearningEnd.BUDGET, told)
         result = self.bench.measure(plan, here.number, self.kept.folder.name)
         if result.folder is None or result.status != "finished":
             self.kept.update(replace(here, lost=here.lost + result.duration))
             where = f"{result.folder.name} " if result.folder is not None else ""
-            stopped = self._ended(Ended.STOPPED, f"the run {where}{result.status}: {result.reason}")
+            stopped = self._ended(LearningEnd.STOPPED, f"the run {where}{result.status}: {result.reason}")
             return replace(stopped, exit_code=result.exit_code or ExitCode.FAILED)
         self.kept.update(replace(here, run=result.folder.name, duration=result.duration))
         return None
@@ -182,7 +182,7 @@ class Learner:
         try:
             design = self._design(last, judged.number)
         except TooLittleTime as problem:
-            return self._ended(Ended.BUDGET, problem.what)
+            return self._ended(LearningEnd.BUDGET, problem.what)
         except (NothingToSet, NothingLeft) as problem:
             sensors = problem.sensors if isinstance(problem, NothingToSet) else ()
             said = f"{problem.what}. {problem.hint}" if sensors else problem.what
@@ -197,9 +197,9 @@ class Learner:
     def _exhausted(self, judged: Round) -> Learned | None:
         """How learning ended if no further round is allowed."""
         if judged.number >= self.kept.task.rounds:
-            return self._ended(Ended.ROUNDS, f"{judged.number} rounds were allowed")
+            return self._ended(LearningEnd.ROUNDS, f"{judged.number} rounds were allowed")
         if self._time_left is not None and self._time_left <= 0.0:
-            return self._ended(Ended.BUDGET, "the budget is spent")
+            return self._ended(LearningEnd.BUDGET, "the budget is spent")
         return None
 
     def _design(self, last: Diagnosis, number: int) -> DesignResult:
@@ -229,21 +229,21 @@ class Learner:
         self.kept.update(replace(proposal, answer="yes" if yes else "no"))
         if yes:
             return None
-        return self._ended(Ended.DECLINED, f"the proposal is kept in {proposal.procedure}")
+        return self._ended(LearningEnd.DECLINED, f"the proposal is kept in {proposal.procedure}")
 
     def _settled(self, judged: Round, last: Diagnosis) -> Learned | None:
         """How learning ended if no further record is worthwhile."""
         if last.verdict is Verdict.ADEQUATE and not last.doubt:
             vague = bool(self._to_be_sized(last))
-            return None if vague else self._ended(Ended.ADEQUATE, last.statement)
+            return None if vague else self._ended(LearningEnd.ADEQUATE, last.statement)
         if last.doubt:
             return self._ended(
-                Ended.NOT_DECIDED, f"these data cannot tell whether anything is missing: {last.doubt}"
+                LearningEnd.NOT_DECIDED, f"these data cannot tell whether anything is missing: {last.doubt}"
             )
         if judged.came_out is not None and not judged.came_out.kept:
-            return self._ended(Ended.OUTSIDE_LIBRARY, judged.came_out.statement)
+            return self._ended(LearningEnd.OUTSIDE_LIBRARY, judged.came_out.statement)
         if gate_of(last).open and not self._may_yet_predict(last):
-            return self._ended(Ended.OUTSIDE_LIBRARY, last.statement)
+            return self._ended(LearningEnd.OUTSIDE_LIBRARY, last.statement)
         return None
 
     def _may_yet_predict(self, last: Diagnosis) -> bool:
@@ -276,17 +276,17 @@ class Learner:
     def _open_runs(self) -> list[Run]:
         return [open_run(find_run(name, self.runs)) for name in self.kept.runs]
 
-    def _ended(self, why: Ended, statement: str, sensor: tuple[str, ...] = ()) -> Learned:
+    def _ended(self, why: LearningEnd, statement: str, sensor: tuple[str, ...] = ()) -> Learned:
         rounds = tuple(self.kept.rounds)
         version = current_version(Path(self.kept.task.model)).number
         return Learned(rounds, why, self.kept.task.model, version, self.kept.spent, statement, sensor)
 
 
-def _without_records(last: Diagnosis) -> Ended:
+def _without_records(last: Diagnosis) -> LearningEnd:
     """How learning ends if no record that this bench can make is worth taking."""
     if last.verdict is Verdict.ADEQUATE:
-        return Ended.ADEQUATE
-    return Ended.OUTSIDE_LIBRARY if gate_of(last).open else Ended.NOT_SEPARABLE
+        return LearningEnd.ADEQUATE
+    return LearningEnd.OUTSIDE_LIBRARY if gate_of(last).open else LearningEnd.NOT_SEPARABLE
 
 
 def _sharpens(design: DesignResult) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from rigctl.errors import ExitCode
-from rigctl.learning.ending import Ended
+from rigctl.learning.ending import LearningEnd
 from rigctl.notebook import as_html, one_line
 
 if TYPE_CHECKING:
@@ -224,7 +224,7 @@ class Learned:
     """
 
     rounds: tuple[Round, ...]
-    ended: Ended
+    ended: LearningEnd
     model: str
     version: int
     spent: float

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter, Ranked, Verdict
-from rigctl.analysis.improve import Ended, Improvement
+from rigctl.analysis.improve import Improvement, ImprovementEnd
 from rigctl.analysis.remainder import share_text
 from rigctl.model.fit.problem import Problem
 from rigctl.report.answer import Answer, Tone, error_text, said
@@ -55,9 +55,9 @@ def improvement_answer(found: Improvement) -> Answer:
         ("error", error_text(falls(fits, left_of(found.last.before)))),
         *(("no fit saw", one.sentences[0]) for one in found.unseen),
     ]
-    if found.ended is not Ended.ADEQUATE:
+    if found.ended is not ImprovementEnd.ADEQUATE:
         facts += [("now", f"{found.last.title}: {_sentence(found.last)}")]
-    tone: Tone = "good" if found.ended is Ended.ADEQUATE else "warn"
+    tone: Tone = "good" if found.ended is ImprovementEnd.ADEQUATE else "warn"
     return Answer(tone, "What was added", text[0].upper() + text[1:], said(facts))
 
 

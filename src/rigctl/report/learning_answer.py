@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from rigctl.learning.ending import Ended
+from rigctl.learning.ending import LearningEnd
 from rigctl.learning.result import Learned
 from rigctl.model.fit.fit import FitResult
 from rigctl.planning.outline import clock_time
@@ -24,7 +24,7 @@ def learning_answer(
     fits: of the original and the current model, on all measurements; without them the error is not stated.
     left: of the last of them, as of `systematic.falls`.
     """
-    good = found.ended is Ended.ADEQUATE
+    good = found.ended is LearningEnd.ADEQUATE
     promises = [f"round {one.number}: {one.came_out.statement}" for one in found.rounds if one.came_out]
     facts = [
         ("added", ", ".join(f"{name} (version {v})" for one in found.rounds for name, v in one.added)),

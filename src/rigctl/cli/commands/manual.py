@@ -101,7 +101,7 @@ def jog(
 
     Example: rigctl jog valve extend --for "0.5 s"
     """
-    from rigctl.cli.attended_run import tell
+    from rigctl.cli.attended_run import report_end
     from rigctl.runner.console import Console
     from rigctl.runner.launch import operated
     from rigctl.runner.manual import jog as carry_out
@@ -118,7 +118,7 @@ def jog(
     with Console("operator") as console:
         how = operated(access, console if by_person else AutomaticOperator(), console)
         result = carry_out(bench, actuator, value, duration, how, partial(_print_event, bench))
-    tell(result, as_json=as_json)
+    report_end(result, as_json=as_json)
 
 
 def monitor(

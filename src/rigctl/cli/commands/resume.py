@@ -31,7 +31,7 @@ def resume(
 
     Example: rigctl resume latest
     """
-    from rigctl.cli.attended_run import attended, person_in_charge, tell
+    from rigctl.cli.attended_run import attended, person_in_charge, report_end
     from rigctl.dataset import find_run
     from rigctl.dataset.day_folders import runs_root
     from rigctl.runner.bench_access import bench_options, clock_for
@@ -58,7 +58,7 @@ def resume(
     )
     with attended(how, before.plan, {}) as ready:
         result = relaunch(before, ready)
-    tell(result, as_json=as_json)
+    report_end(result, as_json=as_json)
 
 
 def _speed_before(clock: str) -> str:

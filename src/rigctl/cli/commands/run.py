@@ -63,7 +63,7 @@ def run(
     """
     from datetime import UTC, datetime
 
-    from rigctl.cli.attended_run import attended, person_in_charge, say_warnings, tell
+    from rigctl.cli.attended_run import attended, person_in_charge, report_end, say_warnings
     from rigctl.cli.options.identity import identified
     from rigctl.cli.options.serve import shown
     from rigctl.cli.plans import open_plan, read_assignments
@@ -94,4 +94,4 @@ def run(
     with shown(wanted=serve):
         with attended(how, plan, given_answers, remote=answer_in_browser) as ready:
             result = launch(plan, ready)
-        tell(result, as_json=as_json)
+        report_end(result, as_json=as_json)

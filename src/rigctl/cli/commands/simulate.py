@@ -57,7 +57,7 @@ def simulate(
 
       rigctl simulate procedures/quick-check.yaml --with piston_leakage --fault "sensor_stuck:position@12 s"
     """
-    from rigctl.cli.attended_run import attended, person_in_charge, tell
+    from rigctl.cli.attended_run import attended, person_in_charge, report_end
     from rigctl.cli.options.identity import identified
     from rigctl.cli.options.serve import shown
     from rigctl.cli.plans import open_plan, read_assignments
@@ -84,4 +84,4 @@ def simulate(
     with shown(wanted=serve):
         with attended(how, plan, {}) as ready:
             result = launch(plan, ready)
-        tell(result, as_json=as_json)
+        report_end(result, as_json=as_json)

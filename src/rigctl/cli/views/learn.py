@@ -10,7 +10,7 @@ from rigctl.cli.tables import console, table
 from rigctl.cli.views.design import show_design
 from rigctl.design.result import DesignResult
 from rigctl.design.text import share
-from rigctl.learning.ending import Ended
+from rigctl.learning.ending import LearningEnd
 from rigctl.learning.result import Learned, Round, round_text
 from rigctl.planning.outline import clock_time
 
@@ -37,7 +37,7 @@ def show_round(one: Round) -> None:
 def show_learned(learned: Learned, folder: Path, page: Path) -> None:
     """Show how it ended, the predicted beside the achieved separation, and where the page is."""
     out = console()
-    good = learned.ended is Ended.ADEQUATE
+    good = learned.ended is LearningEnd.ADEQUATE
     out.print(
         f"\n[bold {'green' if good else 'yellow'}]{learned.ended.heading}[/]: {escape(learned.statement)}",
         soft_wrap=True,
@@ -78,14 +78,14 @@ def _lead_on(learned: Learned, folder: Path) -> None:
     from rigctl.command_line import command
 
     runs = [one.run for one in learned.rounds if one.run]
-    if learned.ended is Ended.OUTSIDE_LIBRARY and runs:
+    if learned.ended is LearningEnd.OUTSIDE_LIBRARY and runs:
         discover = command(["discover", *runs, "--model", learned.model])
         show_next(discover, "looks for a formula where no effect of the library fits")
-    elif learned.ended is Ended.BUDGET:
+    elif learned.ended is LearningEnd.BUDGET:
         show_next("rigctl learn --resume --budget 1h", "continues with more bench time")
-    elif learned.ended is Ended.ROUNDS:
+    elif learned.ended is LearningEnd.ROUNDS:
         show_next("rigctl learn --resume --max-rounds 10", "continues with more rounds")
-    elif learned.ended is Ended.DECLINED:
+    elif learned.ended is LearningEnd.DECLINED:
         show_next("rigctl learn --resume", f"asks again; the proposal is kept in {folder}")
-    elif learned.ended is Ended.STOPPED:
+    elif learned.ended is LearningEnd.STOPPED:
         show_next("rigctl learn --resume", "continues the run that did not finish")

@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from rigctl.design.text import share
-from rigctl.learning.ending import Ended
+from rigctl.learning.ending import LearningEnd
 from rigctl.learning.result import Learned, Round
 from rigctl.planning.outline import clock_time
 from rigctl.report.analysis.bars import Bar, bars
@@ -39,7 +39,7 @@ def learning_sections(learned: Learned, model: Path, told: Told | None = None) -
     body = render(
         "learning.html",
         learned=learned,
-        good=learned.ended is Ended.ADEQUATE,
+        good=learned.ended is LearningEnd.ADEQUATE,
         rounds=[_shown(one) for one in learned.rounds],
         spent=clock_time(learned.spent),
         plot=None if plot is None else plot_slot(plot),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from rigctl.learning.ending import Ended
+from rigctl.learning.ending import LearningEnd
 from rigctl.validation.designed.work import DesignOutcome
 from rigctl.validation.figures import Figures, Rate, rate_of
 from rigctl.validation.outcome import Learnt
@@ -102,7 +102,7 @@ def _proposed(outcome: DesignOutcome) -> bool:
 
 def _reported(outcome: DesignOutcome) -> bool:
     """Whether the ending says that no record would separate the class."""
-    return _of(outcome).ended == Ended.NOT_SEPARABLE
+    return _of(outcome).ended == LearningEnd.NOT_SEPARABLE
 
 
 def _pairs(outcome: DesignOutcome) -> list[tuple[float, bool]]:
