@@ -535,6 +535,60 @@ def test_a_clock_that_is_wrong_is_named(
     assert verify(folder).condition is Condition.WHOLE
 
 
+def test_storage_that_does_not_answer_is_not_tried_for_every_run(
+    make_run: MakeRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A minute for each of hundreds of runs."""
+    monkeypatch.setattr(store_module, "_ATTEMPTS", 1)
+    for day in range(21, 25):
+        make_run(f"202611{day}-000000-x")
+    monkeypatch.chdir(tmp_path)
+    with refusing() as port:
+        access(monkeypatch, f"http://127.0.0.1:{port.getsockname()[1]}")
+        done = CliRunner().invoke(app, ["runs", "upload", "--to", "s3://lab/runs", "--json"])
+    assert done.exit_code == 1
+    tried = ["cannot" in one["problem"] for one in json.loads(done.stdout)["runs"]]
+    assert tried == [True, True, False, False]
+
+
+class LoginPage(BaseHTTPRequestHandler):
+    """What a network of guests answers to everything."""
+
+    protocol_version = "HTTP/1.1"  # a client that asks whether it may go on is answered
+
+    def _show(self) -> None:
+        self.rfile.read(int(self.headers.get("Content-Length") or 0))
+        body = b"<html><body>Log in to the network</body></html>"
+        self.send_response_only(200)
+        self.send_header("Content-Type", "text/html")
+        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Connection", "close")
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(body)
+
+    do_GET = do_HEAD = do_PUT = do_POST = _show  # noqa: N815 - names of http.server
+
+
+def test_the_login_page_of_a_network_is_no_storage(
+    make_run: MakeRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`storage has another run of this name` was the answer."""
+    folder = make_run()
+    with ThreadingHTTPServer(("127.0.0.1", 0), LoginPage) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        access(monkeypatch, f"http://127.0.0.1:{server.server_port}")
+        try:
+            with pytest.raises(RigctlError, match="storage has other data than were sent") as caught:
+                upload(folder, Store("s3://lab/runs"))
+        finally:
+            server.shutdown()
+            thread.join()
+    assert "login page of a network" in str(caught.value.hint)
+    assert verify(folder).condition is Condition.WHOLE
+
+
 def test_a_damaged_run_is_named_by_its_address(bucket: Any, make_run: MakeRun) -> None:
     """It was shown as `s3:/bucket`, with one slash, as a path."""
     store = Store(f"s3://{bucket.name}/runs")

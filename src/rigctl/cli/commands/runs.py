@@ -36,6 +36,8 @@ Where = Annotated[
         show_default=False,
     ),
 ]
+#: runs in a row for which a storage does not answer, after which no more are sent
+_SILENT_RUNS = 2
 #: default number of listed runs
 SHOWN = 100
 Ref = Annotated[str, typer.Argument(metavar="RUN", help="Id, start of an id, path, or 'latest'.")]
@@ -178,6 +180,7 @@ def upload(
     from rigctl.dataset.catalogue import run_folders, runs_folder
     from rigctl.dataset.storage import Store
     from rigctl.dataset.storage import upload as send
+    from rigctl.dataset.storage.store import StorageSilent
     from rigctl.project import find_project
 
     address = to or find_project().store
@@ -185,12 +188,19 @@ def upload(
         raise RigctlError("no storage is named", expected='--to ADDRESS, or runs = "s3://…" in rigctl.toml')
     folders = [find_run(ref) for ref in runs] if runs else run_folders(runs_folder())
     store, told = Store(address), []
+    silent = 0  # runs in a row for which the storage did not answer: each takes up to minutes
     for folder in folders:
         try:
+            if silent == _SILENT_RUNS:
+                raise StorageSilent("not tried, since the storage does not answer")
             done = send(folder, store)
+        except StorageSilent as problem:
+            silent = min(silent + 1, _SILENT_RUNS)
+            told.append({"run": folder.name, "sent": 0, "there": 0, "problem": str(problem)})
         except RigctlError as problem:
             told.append({"run": folder.name, "sent": 0, "there": 0, "problem": str(problem)})
         else:
+            silent = 0
             told.append({"run": done.run, "sent": done.sent, "there": done.there, "problem": None})
         if not as_json:
             last = told[-1]

@@ -23,7 +23,8 @@ def describe(problem: BaseException) -> tuple[str, str]:
             f"the clock of this computer is {_duration(abs(skew))} {ahead} the server's",
             "Set the clock: storage refuses requests of another time. Nothing that was recorded here is lost",
         )
-    text = next(iter(str(problem).strip().splitlines()), "").rstrip(".")
+    said = problem.strerror if isinstance(problem, OSError) and problem.strerror else str(problem)
+    text = next(iter(said.strip().splitlines()), "").rstrip(".")
     return text or type(problem).__name__, _HINT
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+import re
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from rigctl.dataset import journal, run_json
-from rigctl.dataset.storage.store import Store, StoredFile, StoredFolder
+from rigctl.dataset.storage.store import StorageSilent, Store, StoredFile, StoredFolder
 from rigctl.dataset.writer_lock import LOCK_NAME, STATE_NAME, in_progress
 from rigctl.errors import ExitCode, Location, RigctlError
 
@@ -91,7 +92,15 @@ def _require_same(info: dict[str, Any], there: StoredFolder) -> bool:
 def _reserve(info: dict[str, Any], there: StoredFolder) -> None:
     """Reserve the name for this run: two that are sent at once would overwrite each other's files."""
     own = _identity(info)
-    if (there / _RESERVED).create(own) != own:
+    found = (there / _RESERVED).create(own)
+    if re.fullmatch(rb"[0-9a-f]{64}", found) is None:
+        raise StorageSilent(
+            f"storage has other data than were sent as {_RESERVED}",
+            hint="Is it a storage that answers, or the login page of a network? The run is whole here",
+            where=Location(str(there)),
+            exit_code=ExitCode.FAILED,
+        )
+    if found != own:
         raise _another(there)
 
 
