@@ -20,6 +20,7 @@ from typing import Any
 import boto3
 import pandas as pd
 import pytest
+from botocore.exceptions import FlexibleChecksumError
 from moto.server import ThreadedMotoServer
 from typer.testing import CliRunner
 
@@ -549,6 +550,25 @@ def test_storage_that_does_not_answer_is_not_tried_for_every_run(
     assert done.exit_code == 1
     tried = ["cannot" in one["problem"] for one in json.loads(done.stdout)["runs"]]
     assert tried == [True, True, False, False]
+
+
+def test_an_object_that_changes_under_way_is_reported_in_one_sentence(
+    bucket: Any, make_run: MakeRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The checksum that failed while a table was read ended `rigctl report` with a traceback."""
+    store = Store(f"s3://{bucket.name}/runs")
+    upload(make_run(), store)
+    reading = type(store.files.open(store.path(NAME, "samples.parquet"), "rb"))._fetch_range
+
+    def harmed(self: Any, start: int, end: int) -> bytes:
+        if self.path.endswith("samples.parquet"):
+            raise FlexibleChecksumError(error_msg="Expected checksum A did not match")
+        content: bytes = reading(self, start, end)
+        return content
+
+    monkeypatch.setattr("s3fs.core.S3File._fetch_range", harmed)
+    with pytest.raises(RigctlError, match=r"cannot read samples\.parquet of .*Expected checksum A"):
+        open_run(f"{store.address}/{NAME}").samples()
 
 
 class LoginPage(BaseHTTPRequestHandler):

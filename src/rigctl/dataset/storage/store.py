@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, Self
 
 from rigctl.dataset import run_json
 from rigctl.dataset.day_folders import is_shard
@@ -296,8 +296,10 @@ class StoredFile:
                 exit_code=ExitCode.FAILED,
             )
         store = self.folder.store
-        with store.answering(f"read {self.name} of {self.folder.name}"):
-            return store.files.open(self._path, "rb", block_size=_BLOCK, cache_type="readahead")
+        doing = f"read {self.name} of {self.folder.name}"
+        with store.answering(doing):
+            opened = store.files.open(self._path, "rb", block_size=_BLOCK, cache_type="readahead")
+        return _OpenFile(opened, store, doing)
 
     def _known(self) -> int | None:
         """Return its size according to the run's ``run.json``."""
@@ -336,6 +338,28 @@ class StoredFile:
         with store.answering(f"send {self.name} of {self.folder.name}"):
             store.files.makedirs(self._path.rpartition("/")[0], exist_ok=True)
             store.files.put_file(path, self._path)
+
+
+class _OpenFile:
+    """An open file whose reads, too, fail with one sentence: each of them is a request."""
+
+    def __init__(self, opened: Any, store: Store, doing: str) -> None:
+        self._opened, self._store, self._doing = opened, store, doing
+
+    def read(self, *length: int) -> bytes:
+        """Return the next bytes."""
+        with self._store.answering(self._doing):
+            content: bytes = self._opened.read(*length)
+        return content
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._opened.close()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._opened, name)
 
 
 def _options(address: str) -> dict[str, Any]:
