@@ -40,6 +40,7 @@ from rigctl.dataset import (
 from rigctl.dataset.index.file import stored_index_path
 from rigctl.dataset.storage import Store, upload
 from rigctl.dataset.storage import store as store_module
+from rigctl.dataset.storage.failure import describe
 from rigctl.dataset.storage.sending import upload_if_wanted
 from rigctl.dataset.storage.store import StoredFile
 from rigctl.dataset.storage.verify import verify_stored
@@ -618,3 +619,9 @@ def test_a_damaged_run_is_named_by_its_address(bucket: Any, make_run: MakeRun) -
         open_run(f"{store.address}/{NAME}")
     assert str(caught.value.where) == f"{store.address}/{NAME}/run.json"
     assert verify_stored(store.find(NAME)).problems[0].startswith(f"{store.address}/{NAME}/run.json: ")
+
+
+def test_an_answer_that_the_library_cannot_take_apart_is_called_incomplete() -> None:
+    """S3's library ends with this where the body of an answer is cut short."""
+    why, _ = describe(IndexError("tuple index out of range"))
+    assert why == "its answer is incomplete, or not a storage's (IndexError: tuple index out of range)"

@@ -25,6 +25,9 @@ def describe(problem: BaseException) -> tuple[str, str]:
         )
     said = problem.strerror if isinstance(problem, OSError) and problem.strerror else str(problem)
     text = next(iter(said.strip().splitlines()), "").rstrip(".")
+    if isinstance(problem, (LookupError, TypeError)):
+        # the library's, of an answer that it cannot take apart
+        return f"its answer is incomplete, or not a storage's ({type(problem).__name__}: {text})", _HINT
     return text or type(problem).__name__, _HINT
 
 
