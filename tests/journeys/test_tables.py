@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from commands import MODEL, answer, told
 from rigctl.cli.commands.init import create_project
+from rigctl.cli.main import app
 
 OIL = "models/hl32-oil.yaml"
 #: what can turn the sign of the published strokes, and nothing else
@@ -140,6 +142,24 @@ def test_the_textbook_model_turns_the_published_strokes_the_wrong_way(strokes: s
     assert {row["quantity"] for row in found["rows"]} == {"stroke"}
     assert found["rows"][-1]["condition"] == "60 degC, 50 bar"
     assert "share an offset" in " ".join(found["findings"])
+
+
+def test_strokes_imported_without_their_rig_are_judged_alike(bench: Path, strokes: str) -> None:
+    """The pressure of each row was ignored, and a load of 9.5 kN named in place of it, at 88 sigma."""
+    bare = imported(bench, "data/hl32-strokes.csv")
+    found, same = (answer("compare", run, "--model", MODEL) for run in (bare, strokes))
+    assert found["rows"] == same["rows"]
+    assert found["statement"] == same["statement"]
+    assert found["findings"] == same["findings"]
+
+
+def test_no_model_is_suggested_that_predicts_no_column_of_the_table(bench: Path) -> None:
+    for file, suggested in (
+        ("hl32-strokes.csv", "rigctl report latest"),
+        ("hl32-viscosity.csv", "rigctl compare latest --model models/hl32-oil.yaml"),
+    ):
+        said = CliRunner().invoke(app, ["import", f"data/{file}"]).stderr
+        assert f"Next: {suggested}\n" in said
 
 
 def test_the_published_strokes_are_ambiguous_with_the_class_that_turns_the_sign(

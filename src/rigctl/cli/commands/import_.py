@@ -178,7 +178,7 @@ def import_(
         document = {"run": done.run, "path": str(done.path), **counts, "notes": list(done.notes)}
         echo_json(to_json(document))
     else:
-        _lead_on(rig)
+        _lead_on(rig, done.path)
 
 
 def _show(
@@ -229,13 +229,31 @@ def _options(
     return said.over(load_mapping(find_file(mapping))) if mapping is not None else said
 
 
-def _lead_on(rig: Path | None) -> None:
+def _lead_on(rig: Path | None, run: Path) -> None:
     """Show the next command on stderr: compare with a model of this bench, else show the run."""
     from rigctl.command_line import analysis
 
     model = _model_of(rig)
+    if rig is None and model is not None and not _predicts(model, run):
+        model = None
     command = "rigctl report latest" if model is None else analysis("compare", ["latest"], model)
     echo(f"Next: {command}", err=True)
+
+
+def _predicts(model: str, run: Path) -> bool:
+    """Whether a model of the project predicts a column of an imported run."""
+    from rigctl.dataset import open_run
+    from rigctl.errors import RigctlError
+    from rigctl.model import load_model
+    from rigctl.project import find_project
+
+    try:
+        outputs = {output.name for output in load_model(find_project().root / model).family.outputs}
+    except RigctlError:
+        return False
+    opened = open_run(run)
+    measured = {name for index in opened.usable for name in opened.record(index).measures}
+    return bool(outputs & {*opened.layout.channels, *measured})
 
 
 def _model_of(rig: Path | None) -> str | None:

@@ -6,8 +6,8 @@ from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 from rigctl.dataset.assumptions import assumed_value
-from rigctl.dataset.importing.columns import on_rig
 from rigctl.errors import RigctlError, nearest_name
+from rigctl.rig.common_names import on_rig
 
 if TYPE_CHECKING:
     from rigctl.rig import Rig

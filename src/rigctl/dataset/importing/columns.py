@@ -10,6 +10,7 @@ from rigctl.dataset.importing.headings import TIMES, folded, split_heading
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Heading
 from rigctl.errors import RigctlError, nearest_name, unknown_name
+from rigctl.rig.common_names import on_rig
 from rigctl.rig.layout import Layout
 from rigctl.rig.setting import POSITIONS
 from rigctl.units import Unit, describe, is_speed_of_rotation, parse_unit
@@ -278,21 +279,6 @@ def _clock(index: int, heading: Heading, rig: Rig | None) -> Assigned:
         if name not in (*rig.channels, *rig.actuators, *_COMMON):
             raise unknown_name("channel with a clock of its own", name, [*rig.channels, *rig.actuators])
     return Assigned(name, "clock", index, heading, _unit(heading, "s"), "s")
-
-
-def on_rig(name: str, rig: Rig) -> str:
-    """Return the rig's name for a name common to all benches."""
-    if name in rig.channels or name in rig.actuators:
-        return name
-    roles = rig.roles
-    if name == "pressure_setpoint" and roles.set_pressure is not None:
-        return roles.set_pressure.actuator
-    if name == "heater" and roles.heat is not None:
-        return roles.heat.actuator
-    moves = {role.actuator for role in (roles.extend, roles.retract) if role is not None}
-    if name == "valve" and len(moves) == 1:
-        return moves.pop()
-    return name
 
 
 def _unit(heading: Heading, expected: str) -> Unit:

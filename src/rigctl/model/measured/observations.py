@@ -7,6 +7,7 @@ value is known.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from rigctl.model.measured.excitation import said_sources, unknown_range
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.model import Model
 from rigctl.physics.standard_record import StandardRecord
+from rigctl.rig.common_names import on_rig
 from rigctl.rig.rig import Rig
 
 #: meaning of a table's column for a family that moves: the output, and the time (s) in the family's standard
@@ -38,11 +40,18 @@ def observed_records(model: Model, run: Run, rig: Rig | None, outputs: Sequence[
     RigctlError
         the table has no column that the model predicts.
     """
-    rows = [run.record(index) for index in run.usable]
+    rows = [_on_rig(run.record(index), rig) for index in run.usable]
     if model.family.states:
         moving = [found for row in rows if (found := _moving(model, run, row, rig, outputs)) is not None]
         return [record for record in moving if record.here.any()]
     return [record for record in _table(model, run, rig, rows, outputs) if record.here.any()]
+
+
+def _on_rig(row: Record, rig: Rig | None) -> Record:
+    """The row with the rig's names of its set-points, which an import without the rig could not know."""
+    if rig is None:
+        return row
+    return replace(row, sweep={on_rig(name, rig): value for name, value in row.sweep.items()})
 
 
 def taken_inputs(model: Model, run: Run, rig: Rig | None) -> dict[str, float]:
