@@ -8,7 +8,7 @@ parameters (static friction is never less than Coulomb friction) it is repeated 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -62,18 +62,13 @@ def in_order(fitted: FitResult, chosen: Sequence[Candidate]) -> list[Unknown] | 
     ``m = 1ᵀH·x̂/(1ᵀH·1)``, H being the inverse of their covariance. None if the order holds already.
     """
     parted = {}
-    for candidate in chosen:
-        for column in candidate.columns:
-            other = candidate.parameter(column).at_least
-            lower = None if other is None else qualified(candidate.name, other)
-            pair = (None, None) if lower is None else (_unknown(fitted, lower), _unknown(fitted, column))
-            if lower is None or pair[0] is None or pair[1] is None:
-                continue
-            if value_of(fitted, column) < value_of(fitted, lower):
-                middle = _meeting(fitted, lower, column)
-                room = _APART * max(abs(middle), pair[0].size)
-                parted[lower] = replace(pair[0], upper=max(middle, pair[0].lower + room), start=middle)
-                parted[column] = replace(pair[1], lower=min(middle, pair[1].upper - room), start=middle)
+    for lower, column in _ordered_pairs(chosen):
+        low, high = _unknown(fitted, lower), _unknown(fitted, column)
+        if low is not None and high is not None and value_of(fitted, column) < value_of(fitted, lower):
+            middle = _meeting(fitted, lower, column)
+            room = _APART * max(abs(middle), low.size)
+            parted[lower] = replace(low, upper=max(middle, low.lower + room), start=middle)
+            parted[column] = replace(high, lower=min(middle, high.upper - room), start=middle)
     return _begun_there(fitted, parted) if parted else None
 
 
@@ -83,16 +78,22 @@ def ordered(shared: Sequence[Unknown], chosen: Sequence[Candidate]) -> list[Unkn
     For a fit that starts where the two are equal, at the limiting case of an effect.
     """
     bounded = {one.name: one for one in shared}
+    for lower, column in _ordered_pairs(chosen):
+        if lower in bounded and column in bounded:
+            low, high = bounded[lower], bounded[column]
+            room = _APART * max(abs(high.start), high.size)
+            bounded[lower] = replace(low, upper=max(min(low.start, low.upper), low.lower + room))
+            bounded[column] = replace(high, lower=min(max(high.start, high.lower), high.upper - room))
+    return list(bounded.values())
+
+
+def _ordered_pairs(chosen: Sequence[Candidate]) -> Iterator[tuple[str, str]]:
+    """The pairs of parameters with an order: the one that is the lower limit, and the other."""
     for candidate in chosen:
         for column in candidate.columns:
-            other = candidate.parameter(column).at_least
-            lower = None if other is None else qualified(candidate.name, other)
-            if lower in bounded and column in bounded:
-                low, high = bounded[lower], bounded[column]
-                room = _APART * max(abs(high.start), high.size)
-                bounded[lower] = replace(low, upper=max(min(low.start, low.upper), low.lower + room))
-                bounded[column] = replace(high, lower=min(max(high.start, high.lower), high.upper - room))
-    return list(bounded.values())
+            lower = candidate.parameter(column).at_least
+            if lower is not None:
+                yield qualified(candidate.name, lower), column
 
 
 def value_of(fitted: FitResult, column: str) -> float:
@@ -347,12 +348,7 @@ class _Begun:
 
 def _at_limit(fitted: FitResult, chosen: Sequence[Candidate]) -> bool:
     """Whether the order of an effect's parameters holds both of a pair at their common bound."""
-    for candidate in chosen:
-        for column in candidate.columns:
-            other = candidate.parameter(column).at_least
-            if other is not None and {column, qualified(candidate.name, other)} <= fitted.at_bound:
-                return True
-    return False
+    return any(set(pair) <= fitted.at_bound for pair in _ordered_pairs(chosen))
 
 
 def left_by_refit(fitted: FitResult, outside: Sequence[int], cost: float = _COST) -> float | None:
