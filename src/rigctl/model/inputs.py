@@ -57,6 +57,18 @@ def input_values(sources: tuple[InputSource, ...], commands: Mapping[str, float]
     return [source.of(commands) for source in sources]
 
 
+def commanded_unit(family: ModelFamily, rig: Rig, name: str) -> str:
+    """The display unit of the one actuator that sets an input to the commanded value; "" if there is none."""
+    item = {one.name: one for one in family.inputs}[name]
+    actuators = _of_role(item, rig) if item.role == "set_pressure" else ()
+    if not actuators and name in rig.actuators:
+        actuators = ((name, 1.0),)
+    if len(actuators) != 1:
+        return ""
+    written = rig.actuators[actuators[0][0]].display_unit
+    return written if parse_unit(written).dimension == parse_unit(item.unit).dimension else ""
+
+
 def require_unit_of(what: str, unit: str, wanted: str) -> None:
     """Require that a unit has the quantity of another one: its dimension, and angles for angles.
 

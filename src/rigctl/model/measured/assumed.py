@@ -9,6 +9,7 @@ from types import MappingProxyType
 from rigctl.dataset.assumptions import assumed_value, read_assumptions
 from rigctl.dataset.run import Run
 from rigctl.errors import unknown_name
+from rigctl.model.inputs import commanded_unit
 from rigctl.model.model import Model
 from rigctl.rig.rig import Rig
 from rigctl.units import show
@@ -57,9 +58,12 @@ def _value(name: str, text: str, model: Model) -> float:
 
 
 def input_unit(model: Model, rig: Rig | None, name: str) -> str:
-    """The display unit of an input: its channel's unit, or its SI one; a temperature in degC."""
+    """The display unit of an input: that of its channel or its actuator, or its SI one; a temperature in
+    degC."""
     if rig is not None and name in rig.channels:
         return rig.channels[name].unit
+    if rig is not None and (commanded := commanded_unit(model.family, rig, name)):
+        return commanded
     item = {item.name: item for item in model.family.inputs}[name]
     return "degC" if item.unit == "K" and not item.difference else item.unit
 

@@ -26,6 +26,9 @@ from rigctl.rig.rig import Rig
 #: record at which it is read
 _MEASURES = {"hydraulic_cylinder": {"stroke": ("position", 2.2)}}
 
+#: the state that a row's operating point sets, by the name of its column
+_OIL = "oil_temperature"
+
 
 def titles(family: str) -> dict[str, str]:
     """The column of a table from which each output of a family is read, if its name differs."""
@@ -56,11 +59,43 @@ def _on_rig(row: Record, rig: Rig | None) -> Record:
 
 def taken_inputs(model: Model, run: Run, rig: Rig | None) -> dict[str, float]:
     """The inputs, SI, that are no column of a table without time and whose values are not given."""
-    if model.family.states or run.info["rows"]:
+    if run.info["rows"]:
         return {}
+    if model.family.states:
+        return _set_points_of_record(model, run, rig)
     known = {name for index in run.usable for name in _values(run.record(index))}
     values, spans, said = _absent(model, run, rig)
     return {n: value for n, value in values.items() if n not in known and n not in spans and n not in said}
+
+
+def taken_temperature(model: Model, run: Run, rig: Rig | None) -> float | None:
+    """The oil temperature, K, at which the rows of a table without that column are judged; None if no row
+    lacks it."""
+    start = {state.name: state.start for state in model.family.states}.get(_OIL)
+    if start is None or run.info["rows"]:
+        return None
+    return None if all(_OIL in _on_rig(run.record(index), rig).sweep for index in run.usable) else start
+
+
+def _set_points_of_record(model: Model, run: Run, rig: Rig | None) -> dict[str, float]:
+    """The set-points, SI, that a family's standard record holds and neither a row nor the user gives.
+
+    Its moves are what a row is a reading of, and its heater hardly changes the oil while it lasts.
+    """
+    standard = model.family.standard_record
+    if standard is None or rig is None:
+        return {}
+    held = dict(standard.switches[0][1])
+    for _, changed in standard.switches[1:]:
+        held = {name: value for name, value in held.items() if name not in changed}
+    given = [_set_points(model, rig, run, _on_rig(run.record(index), rig)) for index in run.usable]
+    set_by_role = {item.name for item in model.family.inputs if item.role not in ("move", "heat")}
+    known = {source.input for source in input_sources(model.family, rig) if source.said}
+    return {
+        name: value
+        for name, value in held.items()
+        if name in set_by_role - known and any(name not in one for one in given)
+    }
 
 
 def _absent(
@@ -142,7 +177,7 @@ def _moving(
     for name, (output, time) in found.items():
         if output in outputs:
             values[times.index(time), list(outputs).index(output)] = known[name]
-    switch_times, inputs = _commanded(model, rig, row, standard)
+    switch_times, inputs = _commanded(model, _set_points(model, rig, run, row), standard)
     return MeasuredRecord(
         run=run.id,
         index=row.index,
@@ -161,19 +196,27 @@ def _moving(
     )
 
 
+def _set_points(model: Model, rig: Rig, run: Run, row: Record) -> dict[str, float]:
+    """The inputs, SI, of which a row or the user gives the value."""
+    assumed = assumed_of(run)
+    found, commands = dict[str, float](), {**assumed, **row.sweep}
+    for source in input_sources(model.family, rig):
+        known = [(factor, commands[name]) for name, factor in source.actuators if name in commands]
+        if known:
+            found[source.input] = source.value + sum(factor * value for factor, value in known)
+        elif source.input in assumed:
+            found[source.input] = assumed[source.input]
+    role = rig.roles.set_pressure
+    if role is not None and role.channel in row.sweep:
+        found.setdefault("pressure_setpoint", row.sweep[role.channel])
+    return found
+
+
 def _commanded(
-    model: Model, rig: Rig, row: Record, standard: StandardRecord
+    model: Model, set_points: Mapping[str, float], standard: StandardRecord
 ) -> tuple[np.ndarray, np.ndarray]:
     """The standard record's commands, with the row's own set-points instead of the record's."""
     names = [item.name for item in model.family.inputs]
-    set_points = {}
-    for source in input_sources(model.family, rig):
-        for actuator, factor in source.actuators:
-            if actuator in row.sweep:
-                set_points[source.input] = factor * row.sweep[actuator]
-    role = rig.roles.set_pressure
-    if role is not None and role.channel in row.sweep:
-        set_points.setdefault("pressure_setpoint", row.sweep[role.channel])
     now = {item.name: item.value for item in model.family.inputs}
     rows = []
     for _, changed in standard.switches:

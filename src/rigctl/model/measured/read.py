@@ -22,13 +22,14 @@ from rigctl.model.measured.excitation import (
 from rigctl.model.measured.groups import group_numbers
 from rigctl.model.measured.input_notes import acting_notes, steady_inputs, taken_notes
 from rigctl.model.measured.notes import notes
-from rigctl.model.measured.observations import observed_records, taken_inputs, titles
+from rigctl.model.measured.observations import observed_records, taken_inputs, taken_temperature, titles
 from rigctl.model.measured.phases import phases_of
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.measured.rigs import rig_of
 from rigctl.model.measured.table import as_table
 from rigctl.model.model import Model
 from rigctl.rig.rig import Rig
+from rigctl.units import show
 
 #: least number of samples of a record
 _FEWEST_SAMPLES = 5
@@ -62,6 +63,7 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
             left_out += [
                 *assumed_notes(model, run, rig),
                 *taken_notes(model, rig, taken_inputs(model, run, rig)),
+                *_temperature_note(taken_temperature(model, run, rig)),
             ]
             records += observed_records(model, run, rig, known)
     _require_records(records, runs)
@@ -245,6 +247,15 @@ def _too_short(run: Run, used: int) -> list[str]:
         if not count
         else [f"{_count(count, 'record')} of {run.id} left out: fewer than {_FEWEST_SAMPLES} samples"]
     )
+
+
+def _temperature_note(taken: float | None) -> list[str]:
+    if taken is None:
+        return []
+    return [
+        f"not recorded: oil_temperature; taken as {show(taken, 'degC')} in rows without it, a column of that "
+        "name says otherwise"
+    ]
 
 
 def _unrecorded(names: Sequence[str]) -> list[str]:
