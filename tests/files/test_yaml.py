@@ -22,6 +22,17 @@ def refused(text: str) -> RigctlError:
     return caught.value
 
 
+def test_a_text_in_two_files_has_the_places_of_each() -> None:
+    for path in (Path("one.yaml"), Path("two.yaml")):
+        document = parse_document("a: [1, 2]\n", path)
+        assert document.locate(("a", 1)) == Location(path, 1, 8)
+        document.data["a"].clear()
+        assert document.data == {"a": [1, 2]}
+        with pytest.raises(RigctlError) as caught:
+            parse_document("a: [1, 2\n", path)
+        assert caught.value.where.file == path
+
+
 def test_data_is_plain_python() -> None:
     text = "a: 1\nb: [x, 2.5, true, null, ~]\nc: {d: 30 bar, e: '1'}\nf: |\n  two\n  lines\n"
     assert parse_document(text).data == {
