@@ -21,7 +21,8 @@ class _ChannelWhitener:
 
     def __call__(self, errors: NDArray[np.float64]) -> NDArray[np.float64]:
         sigma = self.sigma[(slice(None),) + (None,) * (errors.ndim - 1)]
-        return self.innovations(errors[self.samples] / sigma)
+        used = errors if self.samples.size == len(errors) else errors[self.samples]
+        return self.innovations(used / sigma)
 
 
 #: scatter below this share of the noise is ignored

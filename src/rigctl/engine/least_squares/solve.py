@@ -16,7 +16,7 @@ from rigctl.engine.least_squares.identifiability import null_columns
 from rigctl.engine.least_squares.loss import Loss, Squares, cost_of
 from rigctl.engine.least_squares.result import Iteration, LeastSquaresResult, Outcome
 from rigctl.engine.least_squares.uncertainty import conclude
-from rigctl.engine.least_squares.unknown import Unknown, prior_rows, starts
+from rigctl.engine.least_squares.unknown import Priors, Unknown, starts
 from rigctl.errors import ExitCode, RigctlError
 
 Floats = NDArray[np.float64]
@@ -124,6 +124,7 @@ class _Search:
         self.lower = np.array([unknown.lower for unknown in self.all])
         self.upper = np.array([unknown.upper for unknown in self.all])
         self.size = np.array([unknown.size for unknown in self.all])
+        self.priors = Priors.of(self.all)
         self.damping, self.growth = _FIRST_DAMPING, 2.0
         self.reach = self.options.largest_step
         self.evaluations = self.iterations = 0
@@ -196,7 +197,7 @@ class _Search:
         self.column_size = np.maximum(self.column_size, norms)
 
     def _cost(self, blocks: Sequence[Block], point: Vector) -> float:
-        prior, _ = prior_rows(self.all, point.flat())
+        prior = self.priors.residual(point.flat())
         data = sum(cost_of(self.options.loss, block.residual) for block in blocks)
         return data + 0.5 * float(prior @ prior)
 
@@ -219,8 +220,7 @@ class _Search:
 
     def _scale(self) -> Floats:
         """Marquardt's scaling: the largest length so far of each column, at least the weight of its prior."""
-        _, weight = prior_rows(self.all, self.point.flat())
-        scale = np.maximum(self.column_size, weight)
+        scale = np.maximum(self.column_size, self.priors.weight)
         return np.where(scale > 0.0, scale, 1.0 / self.size)
 
     def _bolder(self, found: BoundedStep) -> tuple[float, BoundedStep] | None:
@@ -289,8 +289,7 @@ class _Search:
         reach = self.reach * np.maximum(self.size, np.abs(flat))
         lower = np.maximum(self.lower - flat, -reach) * scale
         upper = np.minimum(self.upper - flat, reach) * scale
-        residual, weight = prior_rows(self.all, flat)
-        weight = weight / scale
+        residual, weight = self.priors.residual(flat), self.priors.weight / scale
         total = np.sqrt(weight**2 + damping)
         like = self.point.like
         found = bounded_step(
@@ -305,15 +304,13 @@ class _Search:
 
     def _expected(self, step: Vector) -> float:
         """The decrease of the cost predicted by the linear model."""
-        residual, weight = prior_rows(self.all, self.point.flat())
-        moved = weight * step.flat()
+        residual, moved = self.priors.residual(self.point.flat()), self.priors.weight * step.flat()
         return -(self.arrow.change(step) + float(moved @ (residual + 0.5 * moved)))
 
     def _at_end(self, found: BoundedStep) -> tuple[Outcome, str] | None:
         step = found.step.flat()
-        residual, weight = prior_rows(self.all, self.point.flat())
-        gradient = self.arrow.gradient().flat() + weight * residual
         flat = self.point.flat()
+        gradient = self.arrow.gradient().flat() + self.priors.weight * self.priors.residual(flat)
         blocked = ((flat <= self.lower) & (gradient > 0.0)) | ((flat >= self.upper) & (gradient < 0.0))
         length = np.sqrt(2.0 * self.cost) or 1.0
         cosine = np.abs(gradient[~blocked] / (self._scale()[~blocked] * length)).max(initial=0.0)

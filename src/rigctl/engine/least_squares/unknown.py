@@ -87,11 +87,34 @@ def started(unknowns: Sequence[Unknown], values: Floats) -> list[Unknown]:
     ]
 
 
+@dataclass(frozen=True)
+class Priors:
+    """The priors of several unknowns as rows of a least-squares problem.
+
+    Attributes
+    ----------
+    mean: (unknowns) of each prior; 0 if there is none.
+    weight: (unknowns) 1/std; 0 if there is none.
+    """
+
+    mean: Floats
+    weight: Floats
+
+    @classmethod
+    def of(cls, unknowns: Sequence[Unknown]) -> Priors:
+        """Those of `unknowns`, in order."""
+        mean, weight = np.zeros(len(unknowns)), np.zeros(len(unknowns))
+        for index, unknown in enumerate(unknowns):
+            if unknown.prior is not None:
+                mean[index], weight[index] = unknown.prior.mean, 1.0 / unknown.prior.std
+        return cls(mean, weight)
+
+    def residual(self, values: Floats) -> Floats:
+        """``(value - mean)/std`` of each; zero if it has no prior."""
+        return (values - self.mean) * self.weight
+
+
 def prior_rows(unknowns: Sequence[Unknown], values: Floats) -> tuple[Floats, Floats]:
     """(residual (value - mean)/std, 1/std) of each unknown; zeros if it has no prior."""
-    residual, weight = np.zeros(len(unknowns)), np.zeros(len(unknowns))
-    for index, unknown in enumerate(unknowns):
-        if unknown.prior is not None:
-            weight[index] = 1.0 / unknown.prior.std
-            residual[index] = (values[index] - unknown.prior.mean) * weight[index]
-    return residual, weight
+    priors = Priors.of(unknowns)
+    return priors.residual(values), priors.weight

@@ -393,7 +393,13 @@ class Problem:
         return tuple(sigmas)
 
     def _seen(self, arrays: Sequence[Floats]) -> list[Floats]:
-        return [np.take(array, self.channels, axis=1) for array in arrays]
+        return [self._read(array) for array in arrays]
+
+    def _read(self, array: Floats) -> Floats:
+        """The measured outputs alone, of values or derivatives of all of them; no copy if those are all."""
+        if np.array_equal(self.channels, np.arange(array.shape[1])):
+            return array
+        return np.take(array, self.channels, axis=1)
 
     def excitation(
         self, index: int, shared: Floats, values: Floats, moving: Sequence[str] = ()
@@ -441,10 +447,18 @@ class Problem:
     ) -> tuple[Floats, Floats]:
         """Its derivatives, whitened, by the unknowns `names` and by its own; it is the `at`-th simulated
         one."""
-        white = self.whiteners[index](np.take(simulated.sensitivities[at], self.channels, axis=1))
+        white = self.whiteners[index](self._read(simulated.sensitivities[at]))
         place = {name: k for k, name in enumerate(simulated.columns)}
         record_local = [place[one.name] for one in self.local[index]]
-        return white[:, [place[name] for name in names]], white[:, record_local]
+        return _columns(white, [place[name] for name in names]), _columns(white, record_local)
+
+
+def _columns(matrix: Floats, places: Sequence[int]) -> Floats:
+    """Some columns of a matrix: without a copy where they are neighbours, in order."""
+    first, count = places[0] if places else 0, len(places)
+    if list(places) == list(range(first, first + count)):
+        return matrix[:, first : first + count]
+    return matrix[:, places]
 
 
 def _point(shared: Floats, local: Sequence[Floats]) -> tuple[bytes, ...]:
