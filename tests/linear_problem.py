@@ -319,7 +319,7 @@ def compared(design: Design, y: Floats, *, excluded: Sequence[str] = ()) -> Mode
     measurements = measured(y)
     problem = linear_problem(design, measurements, design.model(), design.noise)
     fitted = fit_problem(problem, DataNoise(design.noise, problem.ok))
-    return judge(fitted, "plain", excluded=excluded, locate=False)
+    return judge(fitted, "plain", excluded=excluded)
 
 
 def made_noise(correlation: float = 0.0, white: float = 0.0) -> NoiseModel:

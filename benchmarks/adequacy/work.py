@@ -57,7 +57,7 @@ def carry_out(scenario: Scenario) -> Judged:
         return Judged(hidden, scenario.chamber_pressures, reached=False, adequate=False, p_value=0.0)
     model, rig = bench_model(scenario.chamber_pressures)
     measurements = measure(scenario.campaign([each.value for each in amplitudes]), model, rig)
-    found = judge(fit_model(model, measurements, noise_of(measurements)), model.name, locate=False).adequacy
+    found = judge(fit_model(model, measurements, noise_of(measurements)), model.name).adequacy
     return Judged(hidden, scenario.chamber_pressures, True, found.adequate, found.p_value)
 
 

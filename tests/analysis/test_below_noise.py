@@ -12,7 +12,7 @@ import pytest
 from made_fit import made_fit, made_noise
 from rigctl.analysis.adequacy import Adequacy, Test
 from rigctl.analysis.candidates import Candidate
-from rigctl.analysis.comparison import _statement, judge
+from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.diagnosis import _factor, _ranked, _score_beside, _verdict, diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
@@ -154,7 +154,7 @@ def test_a_noise_three_times_too_large_is_no_agreement() -> None:
     learned = noise_of(measurements)
     wide = tuple(replace(one, sigma=3.0 * one.sigma) for one in learned.model.channels)
     fitted = fit_model(model, measurements, replace(learned, model=replace(learned.model, channels=wide)))
-    before = judge(fitted, model.name, locate=False)
+    before = judge(fitted, model.name)
     found = diagnose_comparison(before)
     assert before.adequacy.below_noise
     assert found.verdict is Verdict.ADEQUATE
@@ -162,4 +162,4 @@ def test_a_noise_three_times_too_large_is_no_agreement() -> None:
     assert "below its noise" in found.doubt
     assert found.document()["doubt"] == found.doubt
     assert not [line for line in found.evidence if "might not be seen" in line]
-    assert "they cannot decide" in _statement("m", before.adequacy, (), "")
+    assert "they cannot decide" in before.statement

@@ -30,7 +30,7 @@ def before() -> ModelComparison:
     campaign = hide(Scenario("nothing", repeated=1, seed=2).plain, hidden, "other")
     measurements = measure(campaign, MODEL, load_rig(shipped("rigs", "hl32-bench.yaml")))
     fitted = fit_model(MODEL, measurements, noise_of(measurements))
-    return judge(fitted, MODEL.name, locate=False)
+    return judge(fitted, MODEL.name)
 
 
 def candidate(name: str, **shapes: float) -> Candidate:

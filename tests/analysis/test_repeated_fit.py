@@ -36,7 +36,7 @@ def search_of(found: FitResult, *, among: Collection[str] = ()) -> Search:
     """The search, among some of the effects or all of them."""
     names = {one.name for one in candidates(found.model)}
     excluded = names - set(among) if among else ()
-    before = judge(found, "spring", excluded=excluded, locate=False)
+    before = judge(found, "spring", excluded=excluded)
     return Search(before, before.whole)
 
 

@@ -31,7 +31,7 @@ def diagnosed(hidden: Sequence[tuple[str, float]]) -> Diagnosis:
     model = load_model(shipped("models", "hl32-textbook.yaml"))
     measurements = measure(campaign, model, rig)
     fitted = fit_model(model, measurements, noise_of(measurements))
-    return diagnose_comparison(judge(fitted, model.name, locate=False), measurements.runs)
+    return diagnose_comparison(judge(fitted, model.name), measurements.runs)
 
 
 def test_a_bound_of_what_is_usual_gives_no_rival_the_verdict() -> None:

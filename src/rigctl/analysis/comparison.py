@@ -3,29 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 
-from rigctl.analysis.adequacy import Adequacy, adequacy, chance_text
+from rigctl.analysis.adequacy import adequacy
 from rigctl.analysis.candidates import candidates, data_ranges
 from rigctl.analysis.comparison_result import Choice, Comparison, ModelComparison
 from rigctl.analysis.fitting import Data, OnProgress, fit_to_data, no_progress, read_runs
 from rigctl.analysis.linearisation import linearise
-from rigctl.analysis.localisation import Place, cell_map, localise, worst_stretches
+from rigctl.analysis.located_error import LocatedError
 from rigctl.analysis.nuisance_projection import project
-from rigctl.analysis.record_level import RecordQuantity, record_level
 from rigctl.analysis.score_test import screen
-from rigctl.analysis.single_values.rows import table_rows
-from rigctl.analysis.single_values.statements import table_findings, table_statement
-from rigctl.analysis.slot_evidence import slot_evidence
-from rigctl.analysis.trends import sentence, trends
 from rigctl.dataset.run import Run
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
-from rigctl.model.curve_bands import curve_bands
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.input_noise import input_noise_notes
 from rigctl.model.model import Model
-from rigctl.model.validity import departures
 from rigctl.units import show
 
 #: a quantisation step of more sigmas than this hides the noise
@@ -93,15 +85,13 @@ def judge(
     name: str,
     *,
     excluded: Collection[str] = (),
-    locate: bool = True,
     on_progress: OnProgress | None = None,
 ) -> ModelComparison:
-    """Test a fitted model, and locate its errors.
+    """Test a fitted model; where its errors lie is computed when it is first looked at.
 
     Parameters
     ----------
     excluded: effects of the library that are not to be considered.
-    locate: False leaves out the locations of the error, its trends and the equations, and only tests.
     """
     whole = fitted.problem.rebuilt(fitted.model, library=True, progress=on_progress)
     ranges = data_ranges(fitted.model.family, fitted.problem.measurements)
@@ -109,74 +99,17 @@ def judge(
     projected = project(linearisation)
     screening = screen(projected)
     tests = adequacy(projected, screening)
-    judged = ModelComparison(
+    return ModelComparison(
         name=name,
         fit=fitted,
         adequacy=tests,
-        where=(),
-        trends=(),
-        slots=(),
-        statement=_statement(name, tests, (), ""),
         linearisation=linearisation,
         projected=projected,
         screening=screening,
-        cells=cell_map(projected),
         whole=whole,
+        located=LocatedError(name, fitted, projected, screening, tests),
         excluded=frozenset(excluded),
     )
-    return _located(judged) if locate else judged
-
-
-def _located(judged: ModelComparison) -> ModelComparison:
-    """With the locations of the error, its trends, the equations and, for a table, its rows."""
-    fitted, tests = judged.fit, judged.adequacy
-    where = (*localise(judged.linearisation, judged.cells), *worst_stretches(fitted))
-    directions, slots, rows = trends(fitted), slot_evidence(fitted), table_rows(fitted)
-    quantities = () if rows else record_level(fitted)
-    direction = sentence(directions)
-    return replace(
-        judged,
-        where=where,
-        trends=directions,
-        slots=slots,
-        statement=table_statement(judged.name, tests, rows, direction)
-        if rows
-        else _statement(judged.name, tests, where, direction, quantities),
-        rows=rows,
-        findings=table_findings(judged.linearisation, tests, judged.screening, rows) if rows else (),
-        record_level=quantities,
-        outside=departures(fitted),
-        curve_bands=curve_bands(fitted),
-    )
-
-
-def _statement(
-    name: str,
-    tests: Adequacy,
-    where: Sequence[Place],
-    direction: str,
-    quantities: Sequence[RecordQuantity] = (),
-) -> str:
-    adequate, p = tests.adequate, tests.p_value
-    if tests.below_noise:
-        return (
-            f"{name} is nearer to the measurements than their noise: a test sees a pattern in the residuals "
-            f"({chance_text(p)}), but the noise of these readings is not as learned, so they cannot decide"
-        )
-    suspicious = next((quantity.statement for quantity in quantities if quantity.statement), "")
-    if adequate and suspicious:
-        return f"{name} agrees with the measurements within their noise (p = {p:.2g}), but {suspicious}"
-    if adequate:
-        return (
-            f"{name} agrees with the measurements within their noise (p = {p:.2g}): "
-            "these data show nothing that it lacks"
-        )
-    cells = [index for index in where if index.by == "cell"]
-    text = f"{name} does not agree with the measurements ({chance_text(p)})"
-    if cells:
-        worst = cells[0]
-        text += f": {100 * worst.share_of_error:.0f} % of the systematic error is in {worst.label}"
-    return f"{text}. {direction}" if direction else text
 
 
 def data_notes(fitted: FitResult) -> list[str]:

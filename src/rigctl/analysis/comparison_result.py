@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from rigctl.analysis.adequacy import Adequacy
 from rigctl.analysis.linearisation import Linearisation
 from rigctl.analysis.localisation import CellMap, Place
+from rigctl.analysis.located_error import LocatedError
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.analysis.record_level import RecordQuantity
 from rigctl.analysis.score_test import Screening
@@ -22,7 +24,7 @@ from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.noise import DataNoise
 from rigctl.model.measured.record import Measurements
-from rigctl.model.validity import Departure
+from rigctl.model.validity import Departure, departures
 from rigctl.noise import ChannelNoise
 from rigctl.notebook import as_html, one_line
 from rigctl.units import parse_unit
@@ -52,36 +54,70 @@ class ModelComparison:
     name: of the model, with its version if it has one.
     fit: its free parameters fitted, or unchanged.
     adequacy: the three tests.
-    where: locations of the error, the worst of each kind first.
-    trends: trends of the error over the operating variables, the strongest first.
-    slots: the equations that may lack a term, by decreasing evidence.
-    statement: one plain sentence.
     whole: the same data with the equations of the whole library, every effect at its null.
+    located: where its error lies; each part is computed when it is first used.
     excluded: effects that were not considered.
-    rows: for a table, every value beside the model's; findings: what they show, a sentence each.
-    record_level: the record-level quantities; those that are evidence of something first.
-    outside: where the model leaves the ranges over which laws of its effects were learned.
-    curve_bands: by how much the uncertainty bands of its measured curves move its readings.
     """
 
     name: str
     fit: FitResult
     adequacy: Adequacy
-    where: tuple[Place, ...]
-    trends: tuple[Trend, ...]
-    slots: tuple[SlotEvidence, ...]
-    statement: str
     linearisation: Linearisation = field(repr=False)
     projected: Projected = field(repr=False)
     screening: Screening = field(repr=False)
-    cells: CellMap = field(repr=False)
     whole: Problem = field(repr=False)
+    located: LocatedError = field(repr=False)
     excluded: frozenset[str] = frozenset()
-    rows: tuple[TableRow, ...] = ()
-    findings: tuple[str, ...] = ()
-    record_level: tuple[RecordQuantity, ...] = ()
-    outside: tuple[Departure, ...] = ()
-    curve_bands: tuple[CurveBand, ...] = ()
+
+    @property
+    def cells(self) -> CellMap:
+        """The systematic error by condition, phase and channel."""
+        return self.located.cells
+
+    @property
+    def where(self) -> tuple[Place, ...]:
+        """Locations of the error, the worst of each kind first."""
+        return self.located.places
+
+    @property
+    def trends(self) -> tuple[Trend, ...]:
+        """Trends of the error over the operating variables, the strongest first."""
+        return self.located.trends
+
+    @property
+    def slots(self) -> tuple[SlotEvidence, ...]:
+        """The equations that may lack a term, by decreasing evidence."""
+        return self.located.slots
+
+    @property
+    def rows(self) -> tuple[TableRow, ...]:
+        """For a table, every value beside the model's."""
+        return self.located.rows
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """What the rows of a table show, a sentence each."""
+        return self.located.findings
+
+    @property
+    def record_level(self) -> tuple[RecordQuantity, ...]:
+        """The record-level quantities; those that are evidence of something first. None for a table."""
+        return self.located.record_level
+
+    @cached_property
+    def outside(self) -> tuple[Departure, ...]:
+        """Where the model leaves the ranges over which laws of its effects were learned."""
+        return departures(self.fit)
+
+    @property
+    def curve_bands(self) -> tuple[CurveBand, ...]:
+        """By how much the uncertainty bands of its measured curves move its readings."""
+        return self.located.curve_bands
+
+    @property
+    def statement(self) -> str:
+        """The result in one plain sentence."""
+        return self.located.statement
 
     def __repr__(self) -> str:
         """The verdict on one line."""

@@ -149,7 +149,6 @@ def diagnose_comparison(
         ranking=tuple(ranking),
         untestable=tuple(_untestable(before)),
         drift=tuple(drift),
-        slot=before.slots[0].slot if before.slots and not before.adequate else "",
         statement=remarks.statement
         or _shape_alone(search)
         or _shape_mostly(search, best)

@@ -161,7 +161,6 @@ class Diagnosis:
     ranking: effects by probability, the most probable first.
     untestable: effects that these data cannot test, with what would make them testable.
     drift: changes of the fitted parameters.
-    slot: the equation with the most evidence for a missing term, "" if there is none.
     statement: the verdict in words; `evidence` one sentence each for and against.
     before: the model as given.
     best: the fit with `effects`.
@@ -189,7 +188,6 @@ class Diagnosis:
     ranking: tuple[Ranked, ...]
     untestable: tuple[tuple[str, str], ...]
     drift: tuple[Drift, ...]
-    slot: str
     statement: str
     evidence: tuple[str, ...]
     held_out: tuple[str, ...]
@@ -209,6 +207,12 @@ class Diagnosis:
     next_experiment: Mapping[str, Any] | None = None
     bootstrap: Bootstrap | None = None
     unconfirmed: tuple[str, ...] = ()
+
+    @property
+    def slot(self) -> str:
+        """The equation with the most evidence for a missing term, "" if there is none."""
+        before = self.before
+        return "" if before.adequate or not before.slots else before.slots[0].slot
 
     @property
     def title(self) -> str:

@@ -47,7 +47,7 @@ def in_noise_of_the_leader(search: Search) -> ModelComparison | None:
     if learned is None or not _clearer(noise, learned):
         return None
     again = fit_in_noise(before.fit, learned)
-    return judge(again, before.name, excluded=before.excluded, locate=bool(before.where))
+    return judge(again, before.name, excluded=before.excluded)
 
 
 def _clearer(noise: DataNoise, learned: DataNoise) -> bool:
@@ -83,7 +83,7 @@ def from_another_start(search: Search) -> ModelComparison | None:
         return None
     if 2.0 * _cost(judged) > base.chi2 - UNSEEN:
         return None
-    return judge(judged, before.name, excluded=before.excluded, locate=bool(before.where))
+    return judge(judged, before.name, excluded=before.excluded)
 
 
 def _next_to_nothing(trial: RefittedSet) -> bool:

@@ -221,7 +221,7 @@ def diagnose_campaign(scenario: Scenario, campaign: Campaign) -> Diagnosis:
     model, rig = bench_model(scenario.chamber_pressures)
     measurements = measure(campaign, model, rig)
     fitted = fit_model(model, measurements, _noise(scenario, measurements))
-    compared = judge(fitted, model.name, excluded=scenario.left_out, locate=False)
+    compared = judge(fitted, model.name, excluded=scenario.left_out)
     return diagnose_comparison(compared, measurements.runs)
 
 

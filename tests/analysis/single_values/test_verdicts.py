@@ -52,7 +52,7 @@ def test_a_right_law_is_seldom_called_wrong(table: Callable[[str], Table]) -> No
             for record, values in zip(measured.records, truth, strict=True)
         )
         again = replace(measured, records=made)
-        wrong += not judge(fit_model(model, again, noise_of(again)), "made", locate=False).adequate
+        wrong += not judge(fit_model(model, again, noise_of(again)), "made").adequate
     assert wrong <= 3
 
 

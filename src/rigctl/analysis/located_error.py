@@ -1,0 +1,118 @@
+"""Where a fitted model's error lies, over what it grows, which equation may lack a term, and the sentence
+that says so.
+
+Only a reader looks at these, and they take as long as the tests: each is computed when it is first used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from rigctl.analysis.adequacy import Adequacy, chance_text
+from rigctl.analysis.localisation import CellMap, Place, cell_map, localise, worst_stretches
+from rigctl.analysis.nuisance_projection import Projected
+from rigctl.analysis.record_level import RecordQuantity, record_level
+from rigctl.analysis.score_test import Screening
+from rigctl.analysis.single_values.rows import TableRow, table_rows
+from rigctl.analysis.single_values.statements import table_findings, table_statement
+from rigctl.analysis.slot_evidence import SlotEvidence, slot_evidence
+from rigctl.analysis.trends import Trend, sentence, trends
+from rigctl.engine.one_thread import one_thread
+from rigctl.model.curve_bands import CurveBand, curve_bands
+from rigctl.model.fit.fit import FitResult
+
+
+@dataclass(frozen=True)
+class LocatedError:
+    """The error of a fitted model, located.
+
+    Attributes
+    ----------
+    name: of the model, as its statement gives it.
+    fit, projected, screening, adequacy: the fit, its linearisation and its tests.
+    """
+
+    name: str
+    fit: FitResult = field(repr=False)
+    projected: Projected = field(repr=False)
+    screening: Screening = field(repr=False)
+    adequacy: Adequacy
+
+    @cached_property
+    @one_thread()
+    def cells(self) -> CellMap:
+        """The systematic error by condition, phase and channel."""
+        return cell_map(self.projected)
+
+    @cached_property
+    @one_thread()
+    def places(self) -> tuple[Place, ...]:
+        """Locations of the error, the worst of each kind first."""
+        return (*localise(self.projected.linearisation, self.cells), *worst_stretches(self.fit))
+
+    @cached_property
+    @one_thread()
+    def trends(self) -> tuple[Trend, ...]:
+        """Trends of the error over the operating variables, the strongest first."""
+        return trends(self.fit)
+
+    @cached_property
+    @one_thread()
+    def slots(self) -> tuple[SlotEvidence, ...]:
+        """The equations that may lack a term, by decreasing evidence."""
+        return slot_evidence(self.fit)
+
+    @cached_property
+    def rows(self) -> tuple[TableRow, ...]:
+        """For a table, every value beside the model's."""
+        return table_rows(self.fit)
+
+    @cached_property
+    @one_thread()
+    def findings(self) -> tuple[str, ...]:
+        """What the rows of a table show, a sentence each."""
+        if not self.rows:
+            return ()
+        return table_findings(self.projected.linearisation, self.adequacy, self.screening, self.rows)
+
+    @cached_property
+    @one_thread()
+    def record_level(self) -> tuple[RecordQuantity, ...]:
+        """The record-level quantities; those that are evidence of something first. None for a table."""
+        return () if self.rows else record_level(self.fit)
+
+    @cached_property
+    @one_thread()
+    def curve_bands(self) -> tuple[CurveBand, ...]:
+        """By how much the uncertainty bands of measured curves move the model's readings."""
+        return curve_bands(self.fit)
+
+    @cached_property
+    def statement(self) -> str:
+        """The result in one plain sentence."""
+        name, chance = self.name, chance_text(self.adequacy.p_value)
+        if self.rows:
+            return table_statement(name, self.adequacy, self.rows, sentence(self.trends))
+        if self.adequacy.below_noise:
+            return (
+                f"{name} is nearer to the measurements than their noise: a test sees a pattern in the "
+                f"residuals ({chance}), but the noise of these readings is not as learned, so they cannot "
+                "decide"
+            )
+        if self.adequacy.adequate:
+            return self._agreement
+        text = f"{name} does not agree with the measurements ({chance})"
+        worst = next((place for place in self.places if place.by == "cell"), None)
+        if worst is not None:
+            text += f": {100 * worst.share_of_error:.0f} % of the systematic error is in {worst.label}"
+        direction = sentence(self.trends)
+        return f"{text}. {direction}" if direction else text
+
+    @property
+    def _agreement(self) -> str:
+        text = (
+            f"{self.name} agrees with the measurements within their noise (p = {self.adequacy.p_value:.2g})"
+        )
+        suspicious = next((one.statement for one in self.record_level if one.statement), "")
+        return f"{text}, but {suspicious}" if suspicious else f"{text}: these data show nothing that it lacks"
