@@ -2,7 +2,10 @@
 
 ``expected_verdicts.json`` has one trial a line: what the separate bench hides (effect, size in sigmas,
 direction; amplitudes in SI), in which noise, and the verdict with the classes of effects that it leaves
-undecided. Each must come out as it stands there. `rigctl validate` makes many more, and counts them.
+undecided. Among them are effects that are easily overlooked: of a sensor's gain that the throttle's opening
+all but absorbs, of a pump's slip that the relief valve makes up for until it has no flow to spare, and of a
+spring and a sensor's backlash that together look like a delay. Each must come out as it stands there.
+`rigctl validate` makes many more, and counts them.
 """
 
 from __future__ import annotations

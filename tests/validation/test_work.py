@@ -27,32 +27,12 @@ def test_a_large_effect_is_found_and_its_size_is_as_wanted() -> None:
     assert Outcome.read(outcome.document(), Scenario.read) == outcome
 
 
-def test_what_was_taken_from_the_library_is_not_named() -> None:
-    hidden = (Wanted("valve_leakage", 40.0),)
-    outcome = carry_out(replace(SMALL, kind="removed", hidden=hidden, shape="same"))
-    assert outcome.verdict != "adequate"
-    assert "valve_leakage" not in (outcome.first, *outcome.effects)
-    assert not any("valve_leakage" in group for group in outcome.classes)
-
-
-@pytest.mark.parametrize(
-    ("effects", "chamber_pressures"),
-    [(("valve_delay_thermal", "position_backlash"), True), (("spring_load", "position_backlash"), False)],
-)
-def test_two_effects_that_resemble_a_third_are_both_named(
-    effects: tuple[str, str], chamber_pressures: bool
-) -> None:
-    """Both pairs look like a constant delay of the valve, beside a spring in the second one."""
-    hidden = tuple(Wanted(effect, 30.0) for effect in effects)
-    outcome = carry_out(replace(SMALL, kind="two", hidden=hidden, chamber_pressures=chamber_pressures))
+def test_two_effects_that_resemble_a_third_are_both_named() -> None:
+    """Both look like a constant delay of the valve."""
+    hidden = (Wanted("valve_delay_thermal", 30.0), Wanted("position_backlash", 30.0))
+    outcome = carry_out(replace(SMALL, kind="two", hidden=hidden, chamber_pressures=True))
     assert outcome.exact
     assert min(outcome.beside) > 20.0
-
-
-def test_an_effect_almost_absorbed_by_a_fitted_parameter_is_found() -> None:
-    """The throttle's opening does all but the smallest part of what the position sensor's gain does."""
-    outcome = carry_out(replace(SMALL, kind="one", hidden=(Wanted("position_gain", 12.0, -1),)))
-    assert outcome.effects == ("position_gain",)
 
 
 def test_noise_may_be_given_instead_of_estimated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -67,9 +47,3 @@ def test_an_effect_that_cannot_reach_its_size_is_not_counted() -> None:
     outcome = carry_out(replace(SMALL, kind="one", hidden=(Wanted("thermocouple_offset", 30.0),)))
     assert not outcome.counts
     assert "thermocouple_offset" in outcome.untested
-
-
-def test_a_threshold_effect_with_zero_slope_at_null_is_found() -> None:
-    """The relief valve makes up for a pump's slip until it has no flow to spare."""
-    outcome = carry_out(replace(SMALL, kind="one", hidden=(Wanted("pump_slip", 30.0),)))
-    assert (outcome.verdict, outcome.effects) == ("missing_effect", ("pump_slip",))
