@@ -50,7 +50,7 @@ WAITING = (
 
 #: files that compute longest, roughly the longest first: they begin at once, so that no worker is left with
 #: one at the end; of two workers that compute the one that follows the pages has every other: what repeats a
-#: page, and finds its fits
+#: page, and finds its fits; so do the demo and what repeats it
 LONGEST = (
     "test_docs.py",
     "validation/test_expected_verdicts.py",
@@ -61,8 +61,8 @@ LONGEST = (
     "journeys/test_measured_inputs.py",
     "journeys/test_demo.py",
     "discovery/test_worn_guide.py",
-    "engine/test_guards.py",
     "journeys/test_learn.py",
+    "engine/test_guards.py",
     "benches/test_round_trips.py",
     "journeys/test_diagnose.py",
     "noise/test_estimate.py",

@@ -14,8 +14,9 @@ from rigctl.cli.commands.init import create_project
 #: mm at 20 degC and 20, 30, 40, 50 bar, from an independent calculation; longer by so much when warm
 PUBLISHED = {20.0: 77.4, 30.0: 94.9, 40.0: 109.6, 50.0: 122.6}
 GROWTH = {20.0: 1.0, 60.0: 1.014, 80.0: 1.022}
-#: enough of the campaign for a class of several effects, in twelve records instead of 28
-SHORT = {"temperatures": "20 degC, 40 degC, 60 degC, 80 degC", "pressures": "20 bar, 35 bar, 50 bar"}
+#: enough of the campaign for a class of several effects, in nine records instead of 28; test_learn.py asks
+#: the same of the same bench, and finds these fits
+SHORT = {"temperatures": "20 degC, 60 degC, 80 degC", "pressures": "20 bar, 35 bar, 50 bar"}
 
 
 def test_the_plain_demo_ends_with_a_page_of_the_published_campaign(
@@ -54,7 +55,7 @@ def test_the_demo_identifies_the_hidden_effect_and_adds_it(
     assert learned["ended"] == "adequate"
     assert learned["added"] == [told["hidden"]]
     designed = learned["rounds"][1]
-    assert designed["promised"]["probability"] > 0.8
+    assert designed["promised"]["probability"] > 0.5
     assert designed["came_out"]["told_apart"]
     assert Path(told["model"]) == Path("whole/models/hl32-demo.yaml")
 

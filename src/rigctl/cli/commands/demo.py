@@ -153,7 +153,7 @@ def _learn(directory: Path, model: Path, run: Run, seed: int, hidden: str, conso
         hold_out=_HELD_OUT,
     )
     bench = LaunchedBench(
-        how=lambda plan, number: simulation_launch(plan, runs, seed=seed + number, effects=(hidden,))
+        how=lambda plan, number: simulation_launch(plan, runs, seed=seed + number - 1, effects=(hidden,))
     )
 
     def proposed(proposal: Round, design: DesignResult) -> bool:
