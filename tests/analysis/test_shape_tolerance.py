@@ -81,6 +81,7 @@ def test_residuals_reduce_the_levels_of_an_answer() -> None:
         return one.place_sure, one.driver_sure, one.law_sure
 
     assert levels("spring_load", whole=False) == (True, True, False)
+    assert levels("spring_load", usual=False) == (True, True, False)  # another law may do it at a usual size
     assert levels("spring_load", constant={"spring_load": ["position"]}) == (True, False, True)
     assert levels("spring_load", constant={"spring_load": []}) == (True, True, True)
     assert levels("constant_load", whole=False) == (True, False, False)  # what is left may be no constant

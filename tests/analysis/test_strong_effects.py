@@ -40,6 +40,8 @@ def test_a_bound_of_what_is_usual_gives_no_rival_the_verdict() -> None:
     assert found.verdict is Verdict.AMBIGUOUS
     assert "viscous_friction" in {name for names in found.classes for name in names}
     assert "its coefficient beyond its usual range (0 m to 2e+04 m)" in found.statement
+    (level,) = found.levels  # nothing else does it at any size, and nothing is left: only the law is doubtful
+    assert (level.place_sure, level.driver_sure, level.law_sure) == (True, True, False)
     by_name = {one.effect: one for one in found.ranking}
     coefficient = by_name["viscous_friction"].parameters["coefficient"]
     assert coefficient.unusual

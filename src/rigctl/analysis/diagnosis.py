@@ -252,9 +252,11 @@ def _against(
     best: RefittedSet,
     checks: Mapping[str, CrossValidation | None],
     left: Remainder | None,
+    *,
+    sizes: bool = True,
 ) -> list[str]:
     """Why the best set may not be what is missing; see `rigctl.analysis.text.against_identity`."""
-    return against_identity(best, checks, left, search.none.chi2 - best.chi2)
+    return against_identity(best, checks, left, search.none.chi2 - best.chi2, sizes=sizes)
 
 
 def _levels(
@@ -273,14 +275,19 @@ def _levels(
         name: [law.law.driver.name for law in laws if law.effect == name and law.constant] for name in effects
     }
     varying = [one.effect for one in scatters if one.follows]
-    sure = not _against(search, best, checks, left)
-    one = len(best.candidates) == 1 and left is not None
-    steady = best.effects if one and search.scatter_is_all(best) else ()
-    alone = {names[0] for names in classes if len(names) == 1} if sure and not bent and left is None else ()
+    usual = not _against(search, best, checks, left)
+    single = len(best.candidates) == 1
+    # one effect that leaves nothing: a size beyond its usual range makes its law doubtful, not its location;
+    # with a handful of values nearly every effect leaves nothing at some size
+    alone_and_all = single and left is None and search.tolerance > 0.0
+    sure = usual or (alone_and_all and not _against(search, best, checks, left, sizes=False))
+    steady = best.effects if single and left is not None and search.scatter_is_all(best) else ()
+    alone = {names[0] for names in classes if len(names) == 1} if usual and not bent and left is None else ()
     return levels_of(
         classes,
         effects,
         sure=sure,
+        usual=usual,
         bent=dict.fromkeys(effects, bent),
         spare=[one.name for one in best.candidates if one.name in alone and simpler_does(search, best, one)],
         whole=left is None,

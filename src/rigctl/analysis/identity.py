@@ -6,8 +6,8 @@ through an orifice.
 
 What is missing need not be in the library, so the remainder counts too: a law that leaves anything is not the
 right law; a constant that leaves anything may not be one; a term that the data require to be constant does
-not depend on the variables of its effect; and several effects that leave something at a slot where none of
-them acts may only resemble what is missing.
+not depend on the variables of its effect; several effects that leave something at a slot where none of them
+acts may only resemble what is missing; and the law of an effect that needs an unusual size may be another.
 """
 
 from __future__ import annotations
@@ -78,6 +78,7 @@ def levels_of(
     *,
     sure: bool,
     bent: Mapping[str, bool],
+    usual: bool = True,
     spare: Collection[str] = (),
     whole: bool = True,
     constant: Mapping[str, Collection[str]] = MappingProxyType({}),
@@ -92,6 +93,7 @@ def levels_of(
     effects: all of these by name.
     sure: whether anything is: what the set leaves and predicts shows that it is the right one.
     bent: for each member, whether the data require another shape of its law.
+    usual: no parameter is outside its usual range, which speaks against a law.
     spare: members that a simpler law, a limiting case of theirs, could replace.
     whole: the data show nothing more.
     constant: for members, the variables on which, by the data, their terms do not depend.
@@ -116,6 +118,7 @@ def levels_of(
                 and (whole or bool(variables) or first.name in steady)
                 and first.name not in varying,
                 law_sure=sure
+                and usual
                 and whole
                 and not others
                 and not bent.get(first.name, False)

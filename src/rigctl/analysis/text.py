@@ -167,6 +167,8 @@ def against_identity(
     checks: Mapping[str, CrossValidation | None],
     left: Remainder | None,
     explained: float = math.inf,
+    *,
+    sizes: bool = True,
 ) -> list[str]:
     """Why the best set may not be what is missing, apart from its rivals; empty if nothing speaks against it.
 
@@ -177,8 +179,9 @@ def against_identity(
     Parameters
     ----------
     explained: the reduction of χ² by the set.
+    sizes: whether a parameter outside its usual range is a reason.
     """
-    reasons = [f"{name} has its {text}" for name, text in best.unusual.items()]
+    reasons = [f"{name} has its {text}" for name, text in best.unusual.items()] if sizes else []
     reasons += [
         f"these data do not determine {name}: the 95 % interval of its size contains none at all"
         for name in best.undetermined

@@ -44,6 +44,8 @@ class HiddenEffect:
     differs: how the other shapes differ from the library's, in words.
     signs: physically possible directions, in the library's sense.
     comparable: True if ``same`` is the library's formula, so that the fitted value has a true value.
+    depends_also: a variable on which its shape ``wrong`` depends, and the library's law does not; "" for
+        none.
     absorbed_by: fitted quantities of the textbook model that have the same signature, mostly or wholly.
     cannot_act: why a campaign of strokes does not show it; empty if it does.
     base: True for base physics, where the amplitude is the missing share of it.
@@ -58,6 +60,7 @@ class HiddenEffect:
     differs: str = "in nothing"
     signs: tuple[int, ...] = (1,)
     comparable: bool = True
+    depends_also: str = ""
     absorbed_by: tuple[str, ...] = ()
     cannot_act: str = ""
     base: bool = False

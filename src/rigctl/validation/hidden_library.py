@@ -95,6 +95,7 @@ HIDDEN_EFFECTS: tuple[HiddenEffect, ...] = (
         "relief_override", "resistance", 1e9, 2e10, _one("relief_extra_r"),
         shapes={"same": {"relief_soft": math.inf}, "other": {}, "wrong": {"relief_soft": 5e4}},
         differs="the valve is stiffer away from its setting, half at 2 bar; wrong: half at 0.5 bar",
+        depends_also="supply_pressure",
     ),
     HiddenEffect(
         "relief_thermal_drift", "coefficient", 1e-3, 1e-2, _one("relief_drift", -1.0),
@@ -137,6 +138,7 @@ HIDDEN_EFFECTS: tuple[HiddenEffect, ...] = (
         "hose_compliance", "compliance", 3e-10, 1e-8, _one("hose"),
         shapes={"same": {"hose_stiffening": math.inf}, "other": {}, "wrong": {"hose_stiffening": 2e6}},
         differs="the hose stiffens, half at 100 bar; wrong: half at 20 bar",
+        depends_also="pressure_a",
     ),
     # --- forces
     HiddenEffect(
@@ -208,11 +210,13 @@ HIDDEN_EFFECTS: tuple[HiddenEffect, ...] = (
         shapes={"same": {}, "other": {"pressure_offset_warming": 0.002},
                 "wrong": {"pressure_offset_warming": 0.02}},
         differs="it grows as the bench warms, 12 % to 80 degC; wrong: to more than twice",
+        depends_also="oil_temperature",
     ),
     HiddenEffect(
         "pressure_lag", "lag", 20e-3, 2.0, _one("pressure_time"),
         shapes={"same": {}, "other": {"pressure_time_viscous": 0.3}, "wrong": {"pressure_time_viscous": 0.9}},
         differs="30 % of it goes with the viscosity, as in a damping nozzle; wrong: 90 %",
+        depends_also="oil_temperature",
     ),
     HiddenEffect(
         "thermocouple_lag", "lag", 10.0, 300.0, _one("thermocouple_time"),

@@ -92,8 +92,13 @@ def _honest(outcome: Outcome) -> bool:
 
 
 def _cause_named(outcome: Outcome) -> bool:
-    """Whether location and variables of the hidden effect are among what is stated as certain."""
+    """Whether location and variables of the hidden effect are among what is stated as certain.
+
+    The variables of a law that depends on one more than the library's are not to be claimed: its location is.
+    """
     truth = outcome.scenario.truth[0]
+    if outcome.scenario.shape == "wrong" and find_hidden(truth).depends_also:
+        return any(claim.place and _same_place(claim.effect, truth) for claim in outcome.claims)
     return any(claim.driver and same_cause(_effect(claim.effect), _effect(truth)) for claim in outcome.claims)
 
 
