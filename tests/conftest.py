@@ -26,6 +26,11 @@ settings.load_profile("suite")
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
     sys.dont_write_bytecode = False
 
+# The linear algebra starts threads for matrices of two hundred rows already, which on cores that other tests
+# keep busy wait ten times as long as they compute. The library reads this when it is imported, and what the
+# tests start inherits it.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # A shell without job control starts what it puts in the background with Ctrl-C ignored, which what the tests
 # start would inherit: Ctrl-C would not end it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
