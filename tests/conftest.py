@@ -13,6 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 from hypothesis import settings
 
 # The examples of `make test` are the same each time and have no deadline; `make explore` looks for new ones,
@@ -162,6 +163,21 @@ def shared_results(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("RIGCTL_RESULTS", str(folder / "kept-results"))
         yield folder / "kept-results"
+
+
+@pytest.fixture(scope="session")
+def built_site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site of the documentation where a checkout has it, built once for all processes of these tests."""
+    root = Path(__file__).parents[1]
+    shared = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared = shared.parent
+    done = shared / "site-is-built"
+    with FileLock(shared / "site.lock"):
+        if not done.exists():
+            subprocess.run([sys.executable, root / "tools" / "make_site.py"], check=True)
+            done.touch()
+    return root / "build" / "site"
 
 
 @pytest.fixture(scope="module")

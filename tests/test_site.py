@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
@@ -36,15 +34,9 @@ class Links(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, Links]:
+def site(built_site: Path) -> dict[Path, Links]:
     """Every page of the site by its file."""
-    folder = tmp_path_factory.mktemp("site")
-    done = subprocess.run(
-        [sys.executable, ROOT / "tools" / "make_site.py", "--into", folder],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
-    return {path: Links(path) for path in folder.rglob("*.html") if path.name != "404.html"}
+    return {path: Links(path) for path in built_site.rglob("*.html") if path.name != "404.html"}
 
 
 def test_every_page_of_the_documentation_is_on_it_and_reached(site: dict[Path, Links]) -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from families.plain_cylinder import PlainCylinder, Vector
 from rigctl.effects import library
-from rigctl.engine.compile import compile_system
+from rigctl.engine.compile import CompiledSystem, compile_system
 from rigctl.engine.excitation import Excitation
 from rigctl.engine.simulate import simulate
 from rigctl.engine.system import System
@@ -224,12 +225,20 @@ SIZES = [
 ]
 
 
+@cache
+def at_null(more: str) -> CompiledSystem:
+    """The bench with every effect of the library, off but for a little of one of them."""
+    return compile_system(
+        build_system(FAMILY, superset(FAMILY, {more: {"coefficient": 500.0}} if more else {}))
+    )
+
+
 @pytest.mark.parametrize(("effect", "parameter"), SIZES)
 def test_the_sensitivity_at_null_is_what_a_little_of_the_effect_does(effect: str, parameter: str) -> None:
     size = library(FAMILY)[effect].parameter(parameter).start * 5e-3
     # heating shows the heat effects, a friction that contains the viscosity those of the viscosity
-    others = {"viscous_friction": {"coefficient": 500.0}} if effect != "viscous_friction" else {}
-    system = build_system(FAMILY, superset(FAMILY, others))
+    compiled = at_null("viscous_friction" if effect != "viscous_friction" else "")
+    system = compiled.system
     column = f"{effect}.{parameter}"
     place = system.parameter_names.index(column)
     values = np.tile(np.array(system.nominal), (3, 1))
@@ -237,7 +246,7 @@ def test_the_sensitivity_at_null_is_what_a_little_of_the_effect_does(effect: str
     values[2, place] += 2.0 * size
     base = record(system, 60.0, 30.0, heater=2000.0)
     trajectories = simulate(
-        compile_system(system), [base.replace(parameters=q) for q in values], columns=[column], tolerance=FINE
+        compiled, [base.replace(parameters=q) for q in values], columns=[column], tolerance=FINE
     ).require()
     # a one-sided difference of second order: below null an effect may not be
     slope = (4.0 * trajectories.outputs[1] - trajectories.outputs[2] - 3.0 * trajectories.outputs[0]) / (

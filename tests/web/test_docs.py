@@ -2,30 +2,16 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from filelock import FileLock
 
 from web.serving import Served, Window
 
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.fixture(scope="module", autouse=True)
-def built(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """The site where a checkout has it, built once for all processes that share these tests."""
-    shared = tmp_path_factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        shared = shared.parent
-    done = shared / "site-is-built"
-    with FileLock(shared / "site.lock"):
-        if not done.exists():
-            subprocess.run([sys.executable, ROOT / "tools" / "make_site.py"], check=True)
-            done.touch()
+pytestmark = pytest.mark.usefixtures("built_site")
 
 
 def test_a_page_is_found_by_its_words_and_read(window: Window) -> None:
