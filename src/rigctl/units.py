@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 from rigctl.errors import RigctlError, nearest_name
@@ -28,6 +28,14 @@ class Dimension:
     """Exponents of the seven SI base dimensions, in the order of `BASE`."""
 
     exponents: tuple[Fraction, ...]
+
+    def __hash__(self) -> int:
+        """Computed once: that of a fraction takes a power of its denominator."""
+        return self._hash
+
+    @cached_property
+    def _hash(self) -> int:
+        return hash(self.exponents)
 
     def __mul__(self, other: Dimension) -> Dimension:
         return Dimension(tuple(a + b for a, b in zip(self.exponents, other.exponents, strict=True)))

@@ -9,9 +9,9 @@ import pytest
 
 from rigctl.analysis import slot_evidence as module
 from rigctl.analysis.candidates import candidates
-from rigctl.analysis.linearisation import Linearisation, linearise
+from rigctl.analysis.linearisation import KnownSlopes, Linearisation, Slopes, linearise
 from rigctl.analysis.slot_evidence import slot_evidence
-from rigctl.engine.least_squares import Refused
+from rigctl.engine.least_squares import Refused, started
 from rigctl.engine.one_thread import one_thread
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import make_problem
@@ -51,7 +51,7 @@ def test_every_record_is_in_one_part_and_none_is_too_large(
     fitted: FitResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert fitted.problem.parts(8) == [list(range(8))]
-    monkeypatch.setattr("rigctl.model.fit.problem._ROOM", _FEW)
+    monkeypatch.setattr("rigctl.model.fit.problem.ROOM", _FEW)
     parts = fitted.problem.parts(8)
     assert [place for part in parts for place in part] == list(range(8))
     assert 1 < max(len(part) for part in parts) < 5
@@ -61,7 +61,7 @@ def test_every_record_is_in_one_part_and_none_is_too_large(
 def test_the_result_does_not_depend_on_the_parts(fitted: FitResult, monkeypatch: pytest.MonkeyPatch) -> None:
     problem, whole = fitted.problem, linearised(fitted)
     blocks = problem.evaluate(fitted.values, fitted.local, True)
-    monkeypatch.setattr("rigctl.model.fit.problem._ROOM", _FEW)
+    monkeypatch.setattr("rigctl.model.fit.problem.ROOM", _FEW)
     some, again = linearised(fitted), replace(problem).evaluate(fitted.values, fitted.local, True)
     assert not isinstance(blocks, Refused)
     assert not isinstance(again, Refused)
@@ -94,7 +94,7 @@ def test_a_point_is_evaluated_once_and_its_derivatives_change_nothing(
         problem.evaluate(more * fitted.values, fitted.local, False)
     again = problem.evaluate(fitted.values, fitted.local, True)
     assert again is not whole  # not more than the last few are held
-    monkeypatch.setattr("rigctl.model.fit.problem._ROOM", _FEW)
+    monkeypatch.setattr("rigctl.model.fit.recent.ROOM", _FEW)
     large = replace(problem)
     assert large.evaluate(fitted.values, fitted.local, True) is not large.evaluate(
         fitted.values, fitted.local, True
@@ -110,3 +110,29 @@ def test_some_of_the_records_and_samples_name_the_same_equation(
     some = slot_evidence(fitted)[0]
     assert some.slot == whole.slot
     assert 5.0 < some.log_evidence < whole.log_evidence
+
+
+def test_a_point_evaluated_before_another_start_is_not_evaluated_again(fitted: FitResult) -> None:
+    problem = fitted.problem.fresh()
+    known = problem.evaluate(fitted.values, fitted.local, True)
+    elsewhere = problem.with_shared(started(problem.shared, 1.001 * fitted.values))
+    assert elsewhere.only(range(len(problem.records))).evaluate(fitted.values, fitted.local, True) is known
+    assert (
+        problem.with_shared(problem.shared[1:]).evaluate(fitted.values[1:], fitted.local, True) is not known
+    )
+    other = problem.with_shared(problem.shared, problem.base.copy())
+    assert other.evaluate(fitted.values, fitted.local, True) is not known
+    assert fitted.problem.fresh().evaluate(fitted.values, fitted.local, True) is not known
+
+
+def test_slopes_known_from_one_linearisation_give_the_same_other_one(fitted: FitResult) -> None:
+    whole, known = fitted.problem.rebuilt(fitted.model, library=True), KnownSlopes()
+    tried = candidates(fitted.model)[:3]
+    first = linearise(fitted, whole, tried, known=known)
+    again = linearise(fitted, whole, tried, known=known)
+    assert known.take(()) is None  # used once, and forgotten
+    for one, other in zip(first.records, again.records, strict=True):
+        assert np.array_equal(one.signatures, other.signatures)
+        assert np.array_equal(one.nuisance, other.nuisance)
+    known.keep("here", Slopes([], [], []))
+    assert known.take("there") is None

@@ -8,7 +8,7 @@ from rigctl.analysis.adequacy import adequacy
 from rigctl.analysis.candidates import candidates, data_ranges
 from rigctl.analysis.comparison_result import Choice, Comparison, ModelComparison
 from rigctl.analysis.fitting import Data, OnProgress, fit_to_data, no_progress, read_runs
-from rigctl.analysis.linearisation import linearise
+from rigctl.analysis.linearisation import KnownSlopes, linearise
 from rigctl.analysis.located_error import LocatedError
 from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.score_test import screen
@@ -95,7 +95,8 @@ def judge(
     """
     whole = fitted.problem.rebuilt(fitted.model, library=True, progress=on_progress)
     ranges = data_ranges(fitted.model.family, fitted.problem.measurements)
-    linearisation = linearise(fitted, whole, candidates(fitted.model, excluded, ranges))
+    slopes = KnownSlopes() if fitted.problem.model.with_laws else None
+    linearisation = linearise(fitted, whole, candidates(fitted.model, excluded, ranges), known=slopes)
     projected = project(linearisation)
     screening = screen(projected)
     tests = adequacy(projected, screening)
@@ -109,6 +110,7 @@ def judge(
         whole=whole,
         located=LocatedError(name, fitted, projected, screening, tests),
         excluded=frozenset(excluded),
+        slopes=slopes,
     )
 
 

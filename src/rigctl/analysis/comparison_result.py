@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from rigctl.analysis.adequacy import Adequacy
-from rigctl.analysis.linearisation import Linearisation
+from rigctl.analysis.linearisation import KnownSlopes, Linearisation
 from rigctl.analysis.localisation import CellMap, Place
 from rigctl.analysis.located_error import LocatedError
 from rigctl.analysis.nuisance_projection import Projected
@@ -57,6 +57,8 @@ class ModelComparison:
     whole: the same data with the equations of the whole library, every effect at its null.
     located: where its error lies; each part is computed when it is first used.
     excluded: effects that were not considered.
+    slopes: for a model with effects, the derivatives at its fit, until a diagnosis linearises it with the
+        discrepancies of their laws.
     """
 
     name: str
@@ -68,6 +70,7 @@ class ModelComparison:
     whole: Problem = field(repr=False)
     located: LocatedError = field(repr=False)
     excluded: frozenset[str] = frozenset()
+    slopes: KnownSlopes | None = field(default=None, repr=False)
 
     @property
     def cells(self) -> CellMap:

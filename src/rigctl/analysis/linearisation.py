@@ -25,6 +25,7 @@ from rigctl.engine.threads import in_threads
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
+from rigctl.model.fit.recent import point_of
 
 Floats = NDArray[np.float64]
 
@@ -238,12 +239,13 @@ def linearise(
     tried: Sequence[Candidate] | None = None,
     shapes: tuple[Sequence[str], Sequence[Floats]] = ((), ()),
     free: Sequence[Unknown] | None = None,
+    known: KnownSlopes | None = None,
 ) -> Linearisation:
     """Linearise `fit` on its fitted records; `problem` has the same data and the whole library at its null.
 
     `shapes` are names and (n, channels, columns) for each fitted record: further columns, with a prior.
     `free` are those of the fit's shared unknowns that become nuisances; by default all that it could
-    still move.
+    still move. `known` are derivatives from another linearisation at the same point, or receives them.
 
     Raises
     ------
@@ -262,7 +264,7 @@ def linearise(
         "linearisation",
         (inner.content, base_at(inner, fit), local, outputs, names, tried_at, regions, shapes),
         _Triangles,
-        lambda: _triangles(inner, fit, names, chosen, regions, shapes[1]),
+        lambda: _triangles(inner, fit, names, chosen, regions, shapes[1], known),
     )
     residual, weight = prior_rows(free, fit.values[[indices[unknown.name] for unknown in free]])
     starts = np.cumsum([0, *(len(one.columns) for one in chosen)])[:-1]
@@ -294,13 +296,23 @@ def _triangles(
     chosen: Sequence[Candidate],
     regions: Regions,
     shapes: Sequence[Floats],
+    known: KnownSlopes | None,
 ) -> _Triangles:
     local = [fit.local[k] for k in fit.fitted]
     bends = shapes[0].shape[2] if shapes else 0
     triangles, squares = [], np.zeros(sum(len(one.columns) for one in chosen) + bends)
-    for part in inner.parts(len(names) + len(inner.local_names) + len(inner.initial_names) + squares.size):
+    parts = inner.parts(len(names) + len(inner.local_names) + len(inner.initial_names) + squares.size)
+    tried_at = [(one.columns, one.shapes, one.secants) for one in chosen]
+    point = point_of(base_at(inner, fit), local), tuple(names), tried_at
+    there = None if known is None else known.take(point)
+    for part in parts:
         some = inner.only(part)
-        slopes = slopes_at(some, fit, names, chosen, [local[k] for k in part])
+        if there is None:
+            slopes = slopes_at(some, fit, names, chosen, [local[k] for k in part])
+        else:
+            slopes = there.of(part)
+        if known is not None and there is None and len(parts) == 1:
+            known.keep(point, slopes.of(part))
         if bends:
             for index, k in enumerate(part):
                 slopes.signatures[index] = np.concatenate([slopes.signatures[index], shapes[k]], axis=2)
@@ -318,6 +330,33 @@ class Slopes:
     nuisance: list[Floats]
     signatures: list[Floats]
     record_local: list[Mapping[str, Floats]]
+
+    def of(self, indices: Sequence[int]) -> Slopes:
+        """Those of some records, in lists of their own."""
+        return Slopes(
+            nuisance=[self.nuisance[k] for k in indices],
+            signatures=[self.signatures[k] for k in indices],
+            record_local=[self.record_local[k] for k in indices],
+        )
+
+
+class KnownSlopes:
+    """The derivatives of one linearisation, for another at the same point with further columns.
+
+    They are large: kept only if those of all records fit into memory together, and until used once.
+    """
+
+    def __init__(self) -> None:
+        self._found: tuple[object, Slopes] | None = None
+
+    def keep(self, point: object, slopes: Slopes) -> None:
+        """Keep what was computed at a point, by the same unknowns and candidates."""
+        self._found = point, slopes
+
+    def take(self, point: object) -> Slopes | None:
+        """What was kept, if at this point; it is forgotten."""
+        found, self._found = self._found, None
+        return found[1] if found is not None and found[0] == point else None
 
 
 def slopes_at(

@@ -14,7 +14,7 @@ from rigctl.analysis.adequacy import Adequacy, adequacy
 from rigctl.analysis.candidates import Candidate, candidates, data_ranges
 from rigctl.analysis.laws.shape_tolerance import ShapeColumns, shape_columns
 from rigctl.analysis.laws.size_scatter import SizeScatter, size_scatter, switch_columns, with_scatter
-from rigctl.analysis.linearisation import Linearisation, linearise
+from rigctl.analysis.linearisation import KnownSlopes, Linearisation, linearise
 from rigctl.analysis.nuisance_projection import Projected, project
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.score_test import Screening, screen
@@ -59,11 +59,13 @@ class LinearisedSet:
     ----------
     whole: the data with the equations of the whole library, every effect at its null.
     excluded: effects that are not to be considered.
+    known: derivatives at the same point, if they were computed before.
     """
 
     trial: RefittedSet
     whole: Problem = field(repr=False)
     excluded: Collection[str] = ()
+    known: KnownSlopes | None = field(default=None, repr=False)
     _views: dict[float, View] = field(default_factory=dict, repr=False)
 
     def view(self, tolerance: float) -> View:
@@ -174,7 +176,7 @@ class LinearisedSet:
         members = [_from_here_to_null(one) for one in trial.candidates]
         names, readings = self._shapes_and_switches
         tried = [*members, *others]
-        lin = replace(linearise(fixed, self.whole, tried, (names, readings)), fit=trial.fit)
+        lin = replace(linearise(fixed, self.whole, tried, (names, readings), known=self.known), fit=trial.fit)
         if problem.measurements.table:
             return lin
         return with_scatter(lin, self._undriven(lin), len(names) - len(self.shapes.names))

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from rigctl.analysis.candidates import by_effect
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.effects.record_level import RECORD
+from rigctl.engine.threads import in_threads
 
 Floats = NDArray[np.float64]
 
@@ -111,9 +112,13 @@ def null_of_best(projected: Projected, seed: int = 0) -> Floats:
     draws = _draws(cosines, seed) * _noise_draws(projected.noise_degrees, seed)
     # among effects with the same distribution of the gain, the largest gain has the smallest p-value
     largest: dict[tuple[int, bool], tuple[Floats, list[int]]] = {}
-    for index, columns in _tests(projected):
+
+    def gains(test: tuple[int, NDArray[np.intp]]) -> tuple[Floats, list[int]]:
+        index, columns = test
         signs = _signs(projected, index, columns)
-        gain, _ = cone(draws[:, columns], cosines[np.ix_(columns, columns)], signs)
+        return cone(draws[:, columns], cosines[np.ix_(columns, columns)], signs)[0], signs
+
+    for gain, signs in in_threads(gains, _tests(projected)):
         kind = len(signs), len(signs) == 1 and bool(signs[0])
         largest[kind] = np.maximum(largest[kind][0], gain) if kind in largest else gain, signs
     least = np.ones(len(draws))

@@ -236,7 +236,8 @@ class Search:
         """The linearisation and the tests at a trial's fit."""
         key = _key(trial.candidates)
         if key not in self._points:
-            self._points[key] = LinearisedSet(trial, self.whole, self.before.excluded)
+            known = None if trial.candidates else self.before.slopes
+            self._points[key] = LinearisedSet(trial, self.whole, self.before.excluded, known)
         return self._points[key]
 
     def bent(self, trial: RefittedSet) -> View:

@@ -211,12 +211,16 @@ def _evidence(fit: FitResult, problem: Problem, model: Disturbed) -> tuple[SlotE
     columns = disturbance_columns(fit, problem, model)
     normals = disturbance_normals(fit, problem, columns)
     features = _features(make_regions(problem).conditions)
-    tests: list[_Found] = []
-    for parts in _hypotheses(problem, columns.parts):
+
+    def found(parts: tuple[Part, ...]) -> _Found | None:
         component, root = _component(normals, parts)
-        if component is not None:
-            best = evidence(component, normals.unknowns, features)
-            tests.append(_Found(parts, best, best.amplitudes @ root.T))
+        if component is None:
+            return None
+        best = evidence(component, normals.unknowns, features)
+        return _Found(parts, best, best.amplitudes @ root.T)
+
+    each = in_threads(found, list(_hypotheses(problem, columns.parts)))
+    tests = [one for one in each if one is not None]
     return _ranked(_one_each(tests), problem, columns, normals.excess)
 
 

@@ -246,7 +246,7 @@ class Graph:
         value: float | Fraction = 0.0,
         declared: Dimension = DIMENSIONLESS,
     ) -> Expr:
-        key = (op, value, declared.exponents if op == "constant" else None, *(arg.index for arg in args))
+        key = (op, value, declared if op == "constant" else None, *[arg.index for arg in args])
         node = self._made.get(key)
         if node is None:
             node = self._append(Expr(self, op, args, value, "", declared))

@@ -170,7 +170,7 @@ class FitResult:
 
 def lean(fitted: FitResult) -> FitResult:
     """The fit without derived results, to be sent to another process, which recomputes them if needed."""
-    return replace(fitted, problem=replace(fitted.problem))
+    return replace(fitted, problem=fitted.problem.fresh())
 
 
 def fit(
@@ -243,7 +243,7 @@ def _fit(problem: Problem, hold_out: Sequence[int], plan: _Plan, local: Sequence
     if result.silent:
         problem = problem.with_shared([one for one in problem.shared if one.name not in result.silent])
     return FitResult(
-        problem, fitted, result.solution, result.values, result.local, result.outputs, result.silent
+        problem.fresh(), fitted, result.solution, result.values, result.local, result.outputs, result.silent
     )
 
 

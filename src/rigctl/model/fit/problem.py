@@ -18,6 +18,7 @@ from rigctl.engine.least_squares import Block, Refused, Unknown
 from rigctl.engine.splines import NO_SPLINES, SplineColumns
 from rigctl.engine.trajectories import Trajectories
 from rigctl.model.build import build_system, superset
+from rigctl.model.fit.recent import ROOM, Evaluated, Recent, point_of
 from rigctl.model.fit.settings import level_of_rows
 from rigctl.model.fit.slopes import simulate_soundly
 from rigctl.model.fit.switching import (
@@ -43,41 +44,6 @@ from rigctl.noise.whitening import Whitener, whiten
 
 Floats = NDArray[np.float64]
 T = TypeVar("T")
-
-#: largest number of derivative values in memory: more records are processed in parts
-_ROOM = 2**21
-#: number of evaluations that are cached
-_RECENT = 3
-
-
-@dataclass(frozen=True)
-class _Evaluated:
-    """Residuals with what derivatives were asked for, and (n, outputs) of each record that they come from."""
-
-    blocks: list[Block]
-    outputs: list[Floats]
-
-
-class _Recent:
-    """The last evaluations of a problem, because a fit often starts where the previous one ended.
-
-    None is kept that is larger than the derivatives of one part.
-    """
-
-    def __init__(self) -> None:
-        self._found: tuple[tuple[tuple[bytes, ...], bool, _Evaluated], ...] = ()
-
-    def at(self, point: tuple[bytes, ...], derivatives: bool) -> _Evaluated | None:
-        """What was evaluated there; an evaluation with derivatives also serves requests without."""
-        for known, complete, evaluated in self._found:
-            if known == point and (complete or not derivatives):
-                return evaluated
-        return None
-
-    def keep(self, point: tuple[bytes, ...], columns: int, evaluated: _Evaluated) -> None:
-        """Remember one more, with derivatives by so many columns."""
-        if sum(block.residual.size for block in evaluated.blocks) * max(1, columns) <= _ROOM:
-            self._found = ((point, columns > 0, evaluated), *self._found[: _RECENT - 1])
 
 
 @dataclass(frozen=True)
@@ -121,7 +87,7 @@ class Problem:
     scatter: tuple[Floats, ...] | None = field(default=None, repr=False)
     extra: tuple[Floats, ...] | None = field(default=None, repr=False)
     grown: tuple[Floats, ...] | None = field(default=None, repr=False)
-    _recent: _Recent = field(default_factory=_Recent, init=False, repr=False, compare=False)
+    _recent: Recent = field(default_factory=Recent, init=False, repr=False, compare=False)
 
     @property
     def records(self) -> tuple[MeasuredRecord, ...]:
@@ -253,12 +219,24 @@ class Problem:
         return replace(self, whiteners=tuple(whiteners))
 
     def with_shared(self, shared: Sequence[Unknown], base: Floats | None = None) -> Problem:
-        """The same data with other common unknowns, and other values of the remaining parameters."""
-        return replace(self, shared=tuple(shared), base=self.base if base is None else base)
+        """The same data with other common unknowns, and other values of the remaining parameters.
+
+        If only starts, bounds or priors differ, what was evaluated counts for both.
+        """
+        made = replace(self, shared=tuple(shared), base=self.base if base is None else base)
+        if base is None and [one.name for one in shared] == [one.name for one in self.shared]:
+            object.__setattr__(made, "_recent", self._recent)
+        return made
+
+    def fresh(self) -> Problem:
+        """The same, with nothing evaluated yet."""
+        return replace(self)
 
     def only(self, indices: Iterable[int]) -> Problem:
-        """These records alone."""
+        """These records alone; the problem itself if they are all of them."""
         chosen = list(indices)
+        if chosen == list(range(len(self.records))):
+            return self
 
         def pick(items: Sequence[T]) -> tuple[T, ...]:
             return tuple(items[index] for index in chosen)
@@ -329,14 +307,14 @@ class Problem:
             wanted = record.times.size * len(self.compiled.system.outputs) * max(columns, 1)
             if not shares or wanted > room:
                 shares.append([])
-                room = _ROOM
+                room = ROOM
             shares[-1].append(index)
             room -= wanted
         return shares
 
     def evaluate(self, shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block] | Refused:
         """Whitened residuals ``W(f − y)`` and their derivatives; for `least_squares`."""
-        point = _point(shared, local)
+        point = point_of(shared, local)
         known = self._recent.at(point, derivatives)
         if known is not None:
             return known.blocks
@@ -356,12 +334,12 @@ class Problem:
         RigctlError
             a record cannot be simulated there.
         """
-        known = self._recent.at(_point(shared, local), derivatives=False)
+        known = self._recent.at(point_of(shared, local), derivatives=False)
         if known is not None:
             return tuple(known.outputs)
         return tuple(self._seen(self.simulate(shared, local).require().outputs))
 
-    def _evaluated(self, shared: Floats, local: Sequence[Floats], derivatives: bool) -> _Evaluated | Refused:
+    def _evaluated(self, shared: Floats, local: Sequence[Floats], derivatives: bool) -> Evaluated | Refused:
         names = [unknown.name for unknown in self.shared]
         columns = tuple(dict.fromkeys([*names, *self.local_names])) if derivatives else ()
         blocks: list[Block] = []
@@ -375,7 +353,7 @@ class Problem:
             for at, (index, outputs) in enumerate(zip(part, seen[-len(part) :], strict=True)):
                 later = partial(self._derivatives, index, simulated, at, names) if derivatives else None
                 blocks.append(Block(self._residual(index, outputs), later=later))
-        return _Evaluated(blocks, seen)
+        return Evaluated(blocks, seen)
 
     @cached_property
     def channels(self) -> NDArray[np.intp]:
@@ -459,11 +437,6 @@ def _columns(matrix: Floats, places: Sequence[int]) -> Floats:
     if list(places) == list(range(first, first + count)):
         return matrix[:, first : first + count]
     return matrix[:, places]
-
-
-def _point(shared: Floats, local: Sequence[Floats]) -> tuple[bytes, ...]:
-    """What of a point an evaluation is remembered by."""
-    return (shared.tobytes(), *(one.tobytes() for one in local))
 
 
 def make_problem(

@@ -1,0 +1,53 @@
+"""The last evaluations of a problem, because a fit often starts where the previous one ended."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigctl.engine.least_squares import Block
+
+Floats = NDArray[np.float64]
+
+#: largest number of derivative values in memory: more records are processed in parts
+ROOM = 2**21
+#: number of evaluations that are cached
+_RECENT = 3
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """Residuals with what derivatives were asked for, and (n, outputs) of each record that they come from."""
+
+    blocks: list[Block]
+    outputs: list[Floats]
+
+
+class Recent:
+    """The last evaluations of a problem. None is kept that is larger than the derivatives of one part.
+
+    A fit leaves them behind (`Problem.fresh`), because a diagnosis keeps the problems of dozens of fits.
+    """
+
+    def __init__(self) -> None:
+        self._found: tuple[tuple[tuple[bytes, ...], bool, Evaluated], ...] = ()
+
+    def at(self, point: tuple[bytes, ...], derivatives: bool) -> Evaluated | None:
+        """What was evaluated there; an evaluation with derivatives also serves requests without."""
+        for known, complete, evaluated in self._found:
+            if known == point and (complete or not derivatives):
+                return evaluated
+        return None
+
+    def keep(self, point: tuple[bytes, ...], columns: int, evaluated: Evaluated) -> None:
+        """Remember one more, with derivatives by so many columns."""
+        if sum(block.residual.size for block in evaluated.blocks) * max(1, columns) <= ROOM:
+            self._found = ((point, columns > 0, evaluated), *self._found[: _RECENT - 1])
+
+
+def point_of(shared: Floats, local: Sequence[Floats]) -> tuple[bytes, ...]:
+    """What of a point an evaluation is remembered by."""
+    return (shared.tobytes(), *(one.tobytes() for one in local))
