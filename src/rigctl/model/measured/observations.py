@@ -43,18 +43,19 @@ def observed_records(model: Model, run: Run, rig: Rig | None, outputs: Sequence[
     RigctlError
         the table has no column that the model predicts.
     """
-    rows = [_on_rig(run.record(index), rig) for index in run.usable]
+    rows = _rows(run, rig)
     if model.family.states:
         moving = [found for row in rows if (found := _moving(model, run, row, rig, outputs)) is not None]
         return [record for record in moving if record.here.any()]
     return [record for record in _table(model, run, rig, rows, outputs) if record.here.any()]
 
 
-def _on_rig(row: Record, rig: Rig | None) -> Record:
-    """The row with the rig's names of its set-points, which an import without the rig could not know."""
+def _rows(run: Run, rig: Rig | None) -> list[Record]:
+    """The usable rows with the rig's names of their set-points, which an import without it could not know."""
+    rows = [run.record(index) for index in run.usable]
     if rig is None:
-        return row
-    return replace(row, sweep={on_rig(name, rig): value for name, value in row.sweep.items()})
+        return rows
+    return [replace(row, sweep={on_rig(n, rig): value for n, value in row.sweep.items()}) for row in rows]
 
 
 def taken_inputs(model: Model, run: Run, rig: Rig | None) -> dict[str, float]:
@@ -74,7 +75,7 @@ def taken_temperature(model: Model, run: Run, rig: Rig | None) -> float | None:
     start = {state.name: state.start for state in model.family.states}.get(_OIL)
     if start is None or run.info["rows"]:
         return None
-    return None if all(_OIL in _on_rig(run.record(index), rig).sweep for index in run.usable) else start
+    return None if all(_OIL in row.sweep for row in _rows(run, rig)) else start
 
 
 def _set_points_of_record(model: Model, run: Run, rig: Rig | None) -> dict[str, float]:
@@ -88,7 +89,7 @@ def _set_points_of_record(model: Model, run: Run, rig: Rig | None) -> dict[str, 
     held = dict(standard.switches[0][1])
     for _, changed in standard.switches[1:]:
         held = {name: value for name, value in held.items() if name not in changed}
-    given = [_set_points(model, rig, run, _on_rig(run.record(index), rig)) for index in run.usable]
+    given = [_set_points(model, rig, run, row) for row in _rows(run, rig)]
     set_by_role = {item.name for item in model.family.inputs if item.role not in ("move", "heat")}
     known = {source.input for source in input_sources(model.family, rig) if source.said}
     return {
