@@ -12,12 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.engine.least_squares.block import Block
+from rigctl.engine.least_squares.block import Block, check_block, check_count
 from rigctl.engine.least_squares.loss import Loss, weights
+from rigctl.engine.threads import in_threads
 
 Floats = NDArray[np.float64]
 
@@ -100,27 +102,38 @@ class Arrow:
 
 
 def reduce_blocks(blocks: Sequence[Block], loss: Loss, shared: int, local: Sequence[int]) -> Arrow:
-    """Reduce the records' blocks to triangles; those of records without own parameters are combined."""
-    triangles, sizes, common = [], [], np.empty((0, shared + 1))
-    for block, m in zip(blocks, local, strict=True):
-        parts = [block.local] if block.local is not None and m else []
-        parts += [block.shared] if block.shared is not None and shared else []
-        factors = weights(loss, block.residual)
-        matrix = np.column_stack([*parts, -block.residual])
-        if factors is not None:
-            matrix *= factors[:, None]
-        triangle = _triangle(matrix)
-        if m:
-            triangles.append(triangle)
-            sizes.append(m)
-        else:
-            common = _triangle(np.vstack([common, triangle]))
-            triangles.append(np.empty((0, shared + 1)))
-            sizes.append(0)
+    """Reduce the records' blocks to triangles; those of records without own parameters are combined.
+
+    Raises
+    ------
+    RigctlError
+        derivatives are missing or not finite; the message names the record by its number.
+    """
+    check_count(blocks, len(local))
+    sizes = tuple(local)
+    # in threads: a block's derivatives are whitened when they are first used, which is here
+    triangles = in_threads(partial(_reduced, blocks, loss, shared, sizes), range(len(blocks)))
     bare = [index for index, m in enumerate(sizes) if m == 0]
+    common = np.empty((0, shared + 1))
+    for index in bare:
+        common = _triangle(np.vstack([common, triangles[index]]))
+        triangles[index] = np.empty((0, shared + 1))
     if bare:
         triangles[bare[0]] = common
-    return Arrow(tuple(triangles), tuple(sizes), shared)
+    return Arrow(tuple(triangles), sizes, shared)
+
+
+def _reduced(blocks: Sequence[Block], loss: Loss, shared: int, local: Sequence[int], index: int) -> Floats:
+    """The triangle of one record."""
+    block, m = blocks[index], local[index]
+    check_block(block, index + 1, shared, m)
+    parts = [block.local] if block.local is not None and m else []
+    parts += [block.shared] if block.shared is not None and shared else []
+    factors = weights(loss, block.residual)
+    matrix = np.column_stack([*parts, -block.residual])
+    if factors is not None:
+        matrix *= factors[:, None]
+    return _triangle(matrix)
 
 
 @dataclass(frozen=True)

@@ -71,27 +71,33 @@ class Refused:
 Evaluate: TypeAlias = Callable[[Floats, Sequence[Floats], bool], Sequence[Block] | Refused]
 
 
-def check_blocks(blocks: Sequence[Block], shared: int, local: Sequence[int]) -> None:
-    """Require derivatives for all parameters, all of them finite.
+def check_count(blocks: Sequence[Block], count: int) -> None:
+    """Require a block for each record.
 
     Raises
     ------
     RigctlError
-        they are missing or not finite; the message names the record by its number.
+        there are more or fewer.
     """
-    if len(blocks) != len(local):
-        raise RigctlError(f"the fit returned {len(blocks)} records", expected=str(len(local)))
-    for number, (block, record_local) in enumerate(zip(blocks, local, strict=True), start=1):
-        n = block.residual.size
-        for kind, found, columns in (
-            ("shared", block.shared, shared),
-            ("record-level", block.local, record_local),
-        ):
-            if columns and (found is None or found.shape != (n, columns)):
-                shape = None if found is None else found.shape
-                raise RigctlError(
-                    f"record {number}: derivatives by the {kind} parameters have the shape {shape}",
-                    expected=str((n, columns)),
-                )
-            if found is not None and not np.isfinite(found).all():
-                raise RigctlError(f"record {number}: a derivative by the {kind} parameters is not finite")
+    if len(blocks) != count:
+        raise RigctlError(f"the fit returned {len(blocks)} records", expected=str(count))
+
+
+def check_block(block: Block, number: int, shared: int, local: int) -> None:
+    """Require derivatives by `shared` and `local` parameters, all of them finite.
+
+    Raises
+    ------
+    RigctlError
+        they are missing or not finite; the message names the record by its `number`.
+    """
+    n = block.residual.size
+    for kind, found, columns in (("shared", block.shared, shared), ("record-level", block.local, local)):
+        if columns and (found is None or found.shape != (n, columns)):
+            shape = None if found is None else found.shape
+            raise RigctlError(
+                f"record {number}: derivatives by the {kind} parameters have the shape {shape}",
+                expected=str((n, columns)),
+            )
+        if found is not None and not np.isfinite(found).all():
+            raise RigctlError(f"record {number}: a derivative by the {kind} parameters is not finite")

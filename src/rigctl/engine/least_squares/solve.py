@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.engine.least_squares.arrow import Vector, reduce_blocks
-from rigctl.engine.least_squares.block import Block, Evaluate, Refused, check_blocks
+from rigctl.engine.least_squares.block import Block, Evaluate, Refused
 from rigctl.engine.least_squares.bounded_step import BoundedStep, bounded_step
 from rigctl.engine.least_squares.identifiability import null_columns
 from rigctl.engine.least_squares.loss import Loss, Squares, cost_of
@@ -190,7 +190,6 @@ class _Search:
 
     def _linearise(self, blocks: Sequence[Block]) -> None:
         record_local = [len(unknowns) for unknowns in self.local]
-        check_blocks(blocks, len(self.unknowns), record_local)
         self.arrow = reduce_blocks(blocks, self.options.loss, len(self.unknowns), record_local)
         self.residual_count = sum(block.residual.size for block in blocks)
         norms = self.arrow.norms().flat()

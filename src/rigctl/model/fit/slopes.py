@@ -11,6 +11,7 @@ derivatives.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, overload
@@ -81,6 +82,7 @@ class _Mended(Sequence[Floats]):
         again: Callable[[Sequence[int], Tolerance], Trajectories],
     ) -> None:
         self._slopes, self._suspects, self._again = list(slopes), dict(suspects), again
+        self._mending = threading.Lock()  # records are read in several threads
 
     def __len__(self) -> int:
         return len(self._slopes)
@@ -93,7 +95,8 @@ class _Mended(Sequence[Floats]):
         if isinstance(index, slice):
             return [self[k] for k in range(*index.indices(len(self)))]
         if range(len(self))[index] in self._suspects:
-            self._mend()
+            with self._mending:
+                self._mend()
         return self._slopes[index]
 
     def _mend(self) -> None:
