@@ -9,7 +9,7 @@ from types import ModuleType
 
 import pytest
 
-from rigctl.method_version import FINGERPRINT, METHOD_VERSION
+from rigctl import method_version
 
 TOOL = Path(__file__).parent.parent / "tools" / "method_version.py"
 
@@ -24,11 +24,40 @@ def tool() -> ModuleType:
 
 
 def test_deciding_code_has_not_changed_without_a_word(tool: ModuleType) -> None:
-    assert METHOD_VERSION >= 1
-    assert tool.fingerprint() == FINGERPRINT, (
-        "code that decides has changed: run 'python tools/method_version.py --changed' if a verdict may come "
-        "out differently (and validate again), or '--same' if it cannot"
-    )
+    for number, mark, packages in tool.DECLARATIONS:
+        assert getattr(method_version, number) >= 1
+        assert tool.fingerprint(packages=packages) == getattr(method_version, mark), (
+            "code that decides has changed: run 'python tools/method_version.py --changed' if a verdict or a "
+            "formula may come out differently (and validate again), or '--same' if it cannot"
+        )
+
+
+@pytest.mark.parametrize(
+    ("file", "raised"), [("search.py", "METHOD_VERSION"), ("grammar.py", "DISCOVERY_VERSION")]
+)
+def test_a_change_raises_the_version_of_what_it_can_change(
+    tool: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str, raised: str
+) -> None:
+    """A search for formulas starts from a verdict: what only it uses leaves the rates of verdicts valid."""
+    for package in (*tool.PACKAGES, *tool.SEARCHING):
+        shutil.copytree(tool.ROOT / package, tmp_path / package)
+    declared = tmp_path / "method_version.py"
+    shutil.copy(tool.DECLARED, declared)
+    monkeypatch.setattr(tool, "DECLARED", declared)
+    monkeypatch.setattr(tool.fingerprint, "__defaults__", (tmp_path, tool.PACKAGES))
+    before = {number: getattr(method_version, number) for number, _, _ in tool.DECLARATIONS}
+    tool.declare(changed=True)
+    assert _versions(declared) == before
+    path = next(p for p in tmp_path.rglob(file))
+    path.write_text(path.read_text(encoding="utf-8") + "\nNEW = 1\n", encoding="utf-8")
+    tool.declare(changed=True)
+    assert _versions(declared) == before | {raised: before[raised] + 1}
+
+
+def _versions(declared: Path) -> dict[str, int]:
+    lines = declared.read_text(encoding="utf-8").splitlines()
+    pairs = [line.split(" = ") for line in lines if "_VERSION = " in line]
+    return {name: int(value) for name, value in pairs}
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,9 @@ python tools/method_version.py             says what the fingerprint is, and whe
 python tools/method_version.py --changed   verdicts may come out differently: the next version
 python tools/method_version.py --same      they cannot (a rewording, a renaming): the fingerprint alone
 
+The search for formulas has a version and a fingerprint of its own. Each version is raised only where the code
+behind it has changed.
+
 The fingerprint is that of the syntax trees of every function, class and constant of the packages that affect
 a verdict, without docstrings, comments, imports and annotations, in an order that does not depend on their
 files.
@@ -25,7 +28,6 @@ DECLARED = ROOT / "method_version.py"
 PACKAGES = (
     "analysis",
     "dataset/importing",
-    "discovery",
     "effects",
     "engine",
     "families",
@@ -33,13 +35,20 @@ PACKAGES = (
     "noise",
     "physics",
 )
+#: packages that affect only what a search for formulas finds
+SEARCHING = ("discovery",)
+#: names of the declared version and fingerprint, and the packages behind them
+DECLARATIONS = (
+    ("METHOD_VERSION", "FINGERPRINT", PACKAGES),
+    ("DISCOVERY_VERSION", "DISCOVERY_FINGERPRINT", SEARCHING),
+)
 
 
-def fingerprint(root: Path = ROOT) -> str:
+def fingerprint(root: Path = ROOT, packages: tuple[str, ...] = PACKAGES) -> str:
     """Return twelve digits that change only with deciding code."""
     found = sorted(
         sha256(text.encode()).hexdigest()
-        for package in PACKAGES
+        for package in packages
         for path in (root / package).rglob("*.py")
         for text in _statements(path)
     )
@@ -85,13 +94,18 @@ class _Bare(ast.NodeTransformer):
 
 
 def declare(*, changed: bool) -> str:
-    """Write the fingerprint, and with `changed` the next version; return the new line."""
-    text = DECLARED.read_text(encoding="utf-8")
-    version = int(re.search(r"^METHOD_VERSION = (\d+)$", text, re.MULTILINE)[1]) + int(changed)  # type: ignore[index]
-    text = re.sub(r"^METHOD_VERSION = \d+$", f"METHOD_VERSION = {version}", text, flags=re.MULTILINE)
-    text = re.sub(r'^FINGERPRINT = ".*"$', f'FINGERPRINT = "{fingerprint()}"', text, flags=re.MULTILINE)
+    """Write the fingerprints that differ, with `changed` beside the next version; return the new lines."""
+    text, lines = DECLARED.read_text(encoding="utf-8"), []
+    for number, mark, packages in DECLARATIONS:
+        found = fingerprint(packages=packages)
+        version = int(re.search(rf"^{number} = (\d+)$", text, re.MULTILINE)[1])  # type: ignore[index]
+        if f'\n{mark} = "{found}"' not in text and changed:
+            version += 1
+        text = re.sub(rf"^{number} = \d+$", f"{number} = {version}", text, flags=re.MULTILINE)
+        text = re.sub(rf'^{mark} = ".*"$', f'{mark} = "{found}"', text, flags=re.MULTILINE)
+        lines.append(f"{number} {version}, fingerprint {found}")
     DECLARED.write_text(text, encoding="utf-8")
-    return f"version {version}, fingerprint {fingerprint()}"
+    return "\n".join(lines)
 
 
 def main() -> int:
@@ -104,7 +118,8 @@ def main() -> int:
     if asked.changed or asked.same:
         print(declare(changed=asked.changed))
         return 0
-    same = f'FINGERPRINT = "{fingerprint()}"' in DECLARED.read_text(encoding="utf-8")
+    text = DECLARED.read_text(encoding="utf-8")
+    same = all(f'\n{mark} = "{fingerprint(packages=each)}"' in text for _, mark, each in DECLARATIONS)
     print("as declared" if same else "deciding code has changed: --changed or --same says how")
     return 0 if same else 1
 

@@ -20,9 +20,9 @@ FOLDER = Path(__file__).parent
 _BLOCK = re.compile(
     r"(<!-- rates of the tier (?P<tier>\w+): make docs -->\n).*?(<!-- end of rates -->\n)", re.DOTALL
 )
-_SOURCE = (
-    "\nMade with version {version} of the method; every trial is in `benchmarks/validation/{tier}.jsonl`.\n"
-)
+_SOURCE = "\nMade with {versions}; every trial is in `benchmarks/validation/{tier}.jsonl`.\n"
+#: what the parts of a stored version are of
+_PARTS = {"method": "the method", "discovery": "the search for formulas"}
 
 
 def with_rates(page: Path) -> str:
@@ -41,8 +41,14 @@ def rates(tier: TierName) -> str:
     version = list(ResultStore(path, "", definition.read).lines())[-1]["version"]
     kept = {each.scenario.name: each for each in ResultStore(path, version, definition.read).outcomes()}
     first = [kept[trial.name] for trial in takewhile(lambda trial: trial.name in kept, definition.trials)]
-    source = _SOURCE.format(version=version.removeprefix("method "), tier=tier)
+    source = _SOURCE.format(versions=_versions(version), tier=tier)
     return f"\n{rates_page(definition.figures(first), _command(tier, first, definition.trials))}{source}\n"
+
+
+def _versions(stored: str) -> str:
+    """``method 27, discovery 2`` in words."""
+    parts = [part.split() for part in stored.split(", ")]
+    return " and ".join(f"version {number} of {_PARTS[name]}" for name, number in parts)
 
 
 def _command(tier: TierName, first: Sequence[TrialOutcome[Trial]], trials: Sequence[Trial]) -> str:

@@ -1,8 +1,9 @@
 """The version of the method that verdicts are reached by: kept rates and stored fits are of one version.
 
 It is raised when code that decides changes so that a verdict, a probability or a size could come out
-differently; moving or describing code does not change it. ``tests/test_method_version.py`` fails when such
-code has changed and nothing was said: ``python tools/method_version.py`` says which way to go.
+differently; moving or describing code does not change it. The search for formulas has a version of its own:
+it starts from a verdict and cannot change one. ``tests/test_method_version.py`` fails when such code has
+changed and nothing was said: ``python tools/method_version.py`` says which way to go.
 """
 
 from __future__ import annotations
@@ -10,4 +11,8 @@ from __future__ import annotations
 #: raised by one when a verdict may come out differently
 METHOD_VERSION = 27
 #: of the deciding code of this version, as ``tools/method_version.py`` works it out
-FINGERPRINT = "81fa286f1de5"
+FINGERPRINT = "73035b56dd90"
+#: raised by one when a search for formulas may find other locations or formulas
+DISCOVERY_VERSION = 2
+#: of the code of this version of the search
+DISCOVERY_FINGERPRINT = "a30bb7bafac8"

@@ -25,7 +25,7 @@ from rigctl.discovery.formula_fit import Fitted, left_out, refit_formulas, tests
 from rigctl.discovery.formulas import score_formulas
 from rigctl.discovery.gate import gate_of
 from rigctl.discovery.grammar import DISTANCES
-from rigctl.discovery.locate import Located, Map, locate
+from rigctl.discovery.locate import Map, locate
 from rigctl.discovery.open_slots import OpenSlots, open_slots
 from rigctl.discovery.passivity import passivity
 from rigctl.discovery.result import Discovery, FormulaParameter, FoundFormula, Where, parameter
@@ -37,9 +37,6 @@ from rigctl.model.model import Model
 from rigctl.physics.family import ModelFamily
 from rigctl.tasks import Workers
 
-#: number of locations over one variable whose formulas are tried, and of pairs of variables at the first
-#: locations
-_SINGLES, _PAIRS = 4, (4, 2, 1)
 #: number of other locations that are named
 _RIVALS = 5
 #: number of curves that are drawn
@@ -126,7 +123,7 @@ def discover_beside(
     if not searched.sure:
         return replace(result, statement=_too_weak(searched))
     said("Scoring formulas")
-    scored = score_formulas(opened, _most_wanted(searched), samples)
+    scored = score_formulas(opened, searched.most_wanted, samples)
     fitted = refit_formulas(before.fit, scored.formulas, samples, scored.tried, said, workers)
     none = Search(before, before.whole).none
     paying = [one for one in fitted if one.cost < none.chi2]
@@ -138,22 +135,6 @@ def discover_beside(
     curves = curves_of(opened, [one.formula for one in chosen], searched.located, _CURVES)
     result = replace(result, curves=curves, formulas=formulas, tried=scored.tried, refuted=refuted)
     return replace(result, statement=_statement(result))
-
-
-def _most_wanted(searched: Map) -> list[Located]:
-    """For one variable, the best location; for two, the best of several locations, because what is missing at
-    a location may be hidden in several pairs of variables that change together.
-    """
-    seen = [one for one in searched.located if one.p_value < ALPHA]
-    single = [one for one in seen if len(one.over) == 1]
-    double = [one for one in seen if len(one.over) == 2]
-    places = list(dict.fromkeys(one.slot.name for one in double))[: len(_PAIRS)]
-    chosen = [
-        one
-        for name, most in zip(places, _PAIRS, strict=False)
-        for one in [pair for pair in double if pair.slot.name == name][:most]
-    ]
-    return [*single[:_SINGLES], *chosen]
 
 
 def _found(one: Fitted, best: Fitted, opened: OpenSlots, before: RefittedSet) -> FoundFormula:

@@ -318,6 +318,12 @@ def _merged(opened: OpenSlots, scored: Sequence[tuple[Formula, _Basis]]) -> Iter
         same = [leader, *(k for k in left if cosines[leader, k] > SAME)]
         left = [k for k in left if k not in same]
         near = [k for k in same if scored[k][0].cost < scored[leader][0].cost + _SIMPLER]
-        plain = min(near, key=lambda k: (scored[k][0].parameters, scored[k][0].complexity, scored[k][0].cost))
+        plain = min(near, key=lambda k: (*_operations(scored[k][0]), scored[k][0].cost))
         others = [scored[k][0] for k in same if k != plain]
         yield replace(scored[plain][0], same=tuple(others))
+
+
+def _operations(formula: Formula) -> tuple[int, int]:
+    """The number of its parameters, and of its operations, a difference of two variables among them."""
+    arguments = sum(len(one.argument.driver.variables) - 1 for one in formula.factors)
+    return formula.parameters, formula.complexity + arguments

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.adequacy import chi2_tail
-from rigctl.analysis.decision_levels import ALPHA
+from rigctl.analysis.decision_levels import ALPHA, LEAST_DIFFERENCE
 from rigctl.analysis.fitting import OnProgress, no_progress
 from rigctl.analysis.laws.shape_tolerance import FUNCTIONS
 from rigctl.analysis.nuisance_projection import Projected
@@ -31,13 +31,21 @@ from rigctl.physics.family import Slot
 Floats = NDArray[np.float64]
 
 #: number of splines over each of two variables, of locations tested that way, and of those tested once more
-FEW, PLACES, AGAIN = 5, 8, 3
+FEW, PLACES, AGAIN = 5, 8, 6
 #: number of samples of a record used for the correlation of hypotheses
 _SAMPLES = 100
 #: number of slots simulated at once
 _AT_ONCE = 4
 #: slots are one location if their χ² differ by less than this share for every variable
 _ALIKE = 1e-3
+#: number of locations over one variable whose formulas are tried, and of pairs of variables at the first
+#: locations
+_SINGLES, _PAIRS = 4, (4, 2, 1)
+#: the same of those that explain as much as the best: number over one variable, locations, pairs at each
+_MORE_SINGLES, _MORE_PLACES, _MORE_PAIRS = 16, 6, 3
+#: possible error of a linear model of a large effect, as a share of χ²: a smaller difference excludes no
+#: location
+_AS_MUCH = 0.05
 #: power at which a term counts as detectable
 _POWER = 0.8
 
@@ -78,6 +86,10 @@ class Located:
         """The ranking criterion: less is better."""
         return self.dof * math.log(samples) - self.statistic
 
+    def explains_as_much_as(self, best: Located) -> bool:
+        """Whether the difference is no reason to exclude it."""
+        return self.statistic >= best.statistic - max(LEAST_DIFFERENCE, _AS_MUCH * best.statistic)
+
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
         return {
@@ -113,6 +125,33 @@ class Map:
     def sure(self) -> bool:
         """Whether any location is significant."""
         return bool(self.located) and self.located[0].p_value < ALPHA
+
+    @property
+    def most_wanted(self) -> tuple[Located, ...]:
+        """Where formulas are tried: over one variable the best locations, over two the best of several slots,
+        because what is missing at a slot may be hidden in several pairs of variables that change together.
+
+        Where the data hardly distinguish locations or variables, there are more: any may be the true one.
+        """
+        seen = [one for one in self.located if one.p_value < ALPHA]
+        single = [one for one in seen if len(one.over) == 1]
+        chosen = [
+            one
+            for k, one in enumerate(single[:_MORE_SINGLES])
+            if k < _SINGLES or one.explains_as_much_as(single[0])
+        ]
+        double: dict[str, list[Located]] = {}
+        for one in seen:
+            if len(one.over) == 2:
+                double.setdefault(one.slot.name, []).append(one)
+        for k, pairs in enumerate(list(double.values())[:_MORE_PLACES]):
+            few = _PAIRS[k] if k < len(_PAIRS) else 0
+            # by what they explain: a formula does not pay for the splines' degrees of freedom
+            as_much = sorted(
+                (one for one in pairs if one.explains_as_much_as(seen[0])), key=lambda one: -one.statistic
+            )
+            chosen += dict.fromkeys([*pairs[:few], *as_much[:_MORE_PAIRS]])
+        return tuple(chosen)
 
 
 @one_thread()
@@ -233,33 +272,39 @@ def _same(of_slot: dict[tuple[Driver, ...], Located], other: dict[tuple[Driver, 
 def _pairs(opened: OpenSlots, singles: Sequence[Located], samples: float) -> list[Located]:
     """Terms ``w = Σ_kl b_kl·B_k(x)·B_l(y)`` at the most probable locations.
 
-    x is the best single variable at a location, y any other; then, for the best such pair, its y with any
-    other variable, because x may have acted as a proxy for another that changes with it. At every further
-    location the globally best variable is tested together with the location's own best: a drag at one
-    position shows little over either alone, and would otherwise be missing from the list of possible
-    locations.
+    x is the best single variable at a location, y any other. At every further location the globally best
+    variable is tested together with the location's own best: a drag at one position shows little over either
+    alone, and would otherwise be missing from the list of possible locations. Then, at the locations of the
+    best pairs, each of the pair's variables is tested with any other, because either may have acted as a
+    proxy for another that changes with it, as the spool's position for the sign of the speed.
     """
     best: dict[str, Located] = {}
     for one in singles:
         best.setdefault(one.slot.name, one)
     pairs: dict[tuple[str, frozenset[Driver]], Located] = {}
+    looked: set[tuple[str, Driver]] = set()
 
     def look(place: Located, driver: Driver, others: Sequence[Driver] = opened.drivers) -> None:
+        if len(others) > 1:
+            if (place.slot.name, driver) in looked:
+                return
+            looked.add((place.slot.name, driver))
         for one in _with_others(opened, place, driver, others):
             pairs.setdefault((one.slot.name, frozenset(one.over)), one)
 
     for one in list(best.values())[:PLACES]:
         look(one, one.over[0])
+    for name, place in list(best.items())[PLACES:]:
+        (most,) = singles[0].over
+        own = [one.over[0] for one in singles if one.slot.name == name]
+        look(place, most, [other for other in own if not other.variables & most.variables][:1])
     first = sorted(pairs.values(), key=lambda one: one.cost(samples))
     wanted: dict[str, Located] = {}
     for one in first:
         wanted.setdefault(one.slot.name, one)
     for one in list(wanted.values())[:AGAIN]:
-        look(one, one.over[1])
-    for name, place in list(best.items())[PLACES:]:
-        (most,) = singles[0].over
-        own = [one.over[0] for one in singles if one.slot.name == name]
-        look(place, most, [other for other in own if not other.variables & most.variables][:1])
+        for driver in one.over:
+            look(one, driver)
     return list(pairs.values())
 
 

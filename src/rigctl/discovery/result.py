@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rigctl.analysis.cross_validation import CrossValidation
-from rigctl.analysis.decision_levels import LEAST_DIFFERENCE, STAND_IN
+from rigctl.analysis.decision_levels import STAND_IN
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.remainder import share_text
 from rigctl.discovery.curve import Curve
@@ -22,11 +22,6 @@ from rigctl.units import parse_unit, show, with_uncertainty
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-#: possible error of a linear model of a large effect, as a share of χ²: a smaller difference excludes no
-#: location
-_AS_MUCH = 0.05
 
 
 @dataclass(frozen=True)
@@ -201,10 +196,9 @@ class Discovery:
         if not self.located:
             return ()
         best = self.located[0]
-        enough = best.statistic - max(LEAST_DIFFERENCE, _AS_MUCH * best.statistic)
         by_slot: dict[str, Located] = {}
         for one in self.located:
-            if one.statistic >= enough and one.slot.name not in (best.slot.name, *self.refuted):
+            if one.explains_as_much_as(best) and one.slot.name not in (best.slot.name, *self.refuted):
                 by_slot.setdefault(one.slot.name, one)
         return tuple(by_slot.values())
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeVar
 
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.method_version import METHOD_VERSION
+from rigctl.method_version import DISCOVERY_VERSION, METHOD_VERSION
 from rigctl.tasks.workers import Workers
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def _carried_out(sent: _Sent, piece: Any, version: str) -> Any:
 def _version() -> str:
     from importlib.metadata import version
 
-    return f"{version('rigctl')}, method {METHOD_VERSION}"
+    return f"{version('rigctl')}, method {METHOD_VERSION}, discovery {DISCOVERY_VERSION}"
 
 
 def _refuse(problem: BaseException) -> NoReturn:

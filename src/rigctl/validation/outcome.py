@@ -62,7 +62,7 @@ class Searched:
     Attributes
     ----------
     gate: why it searched, or did not.
-    places: the first two locations, each with those at which a term has the same signature.
+    places: the first two locations of the answer, each with those at which a term has the same signature.
     over: the variables of the first one.
     formulas: the set, as ``slot: form of variable``.
     in_set: whether it contains the planted term, or one with the same signature.

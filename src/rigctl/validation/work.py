@@ -82,7 +82,7 @@ def carry_out(scenario: Scenario) -> Outcome:
         verdict=diagnosis.verdict.value,
         effects=diagnosis.effects,
         classes=diagnosis.classes,
-        claims=tuple(_claim(one) for one in diagnosis.levels),
+        claims=tuple(claim_of(one) for one in diagnosis.levels),
         all_of_it=diagnosis.remainder is None,
         first=diagnosis.ranking[0].effect if diagnosis.ranking else None,
         rival_cosine=max((each.cosine for each in alike), default=None),
@@ -94,7 +94,8 @@ def carry_out(scenario: Scenario) -> Outcome:
     )
 
 
-def _claim(levels: Levels) -> Claim:
+def claim_of(levels: Levels) -> Claim:
+    """Which levels a diagnosis states as certain about an effect."""
     return Claim(levels.effect, place=levels.place_sure, driver=levels.driver_sure, law=levels.law_sure)
 
 

@@ -97,13 +97,24 @@ def _carried_out(
     path = out / f"{tier.value}.jsonl"
     definition = tier_definition(tier.value)
     trials = definition.trials[:first]
-    outcomes = _outcomes(trials, definition.carry_out, path, definition.read, workers, resume=resume)
+    version = _version(tier)
+    outcomes = _outcomes(
+        trials, definition.carry_out, path, definition.read, workers, version=version, resume=resume
+    )
     if tier is TierName.DESIGN:
         from rigctl.validation.designed.picture import calibration_svg
         from rigctl.validation.designed.rates import promises
 
         write_text(out / "promises.svg", calibration_svg(tuple(promises(outcomes))))
     return definition.figures(outcomes), path
+
+
+def _version(tier: TierName) -> str:
+    """What the results of a tier are of: verdicts alone, or searches for formulas as well."""
+    from rigctl.method_version import DISCOVERY_VERSION, METHOD_VERSION
+
+    searched = f", discovery {DISCOVERY_VERSION}" if tier is TierName.DISCOVERY else ""
+    return f"method {METHOD_VERSION}{searched}"
 
 
 def _outcomes(
@@ -113,13 +124,13 @@ def _outcomes(
     read: Callable[[Mapping[str, Any]], AnyTrial],
     workers: Workers,
     *,
+    version: str,
     resume: bool,
 ) -> Sequence[TrialOutcome[AnyTrial]]:
-    from rigctl.method_version import METHOD_VERSION
     from rigctl.validation.parallel import run_scenarios
     from rigctl.validation.store import ResultStore
 
-    store = ResultStore(path, f"method {METHOD_VERSION}", read)
+    store = ResultStore(path, version, read)
     if not resume and store.outcomes(trials):
         raise RigctlError(
             "results of this version are there already",

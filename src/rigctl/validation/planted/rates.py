@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rigctl.effects.drivers import driver_variables
+from rigctl.effects.registry import find_effect
 from rigctl.validation.figures import Figures, Rate, rate_of
 from rigctl.validation.outcome import Searched
 from rigctl.validation.planted.terms import find_planted
@@ -12,6 +14,7 @@ from rigctl.validation.planted.work import PlantedOutcome
 
 #: a held-out error of up to this multiple of the noise counts as within it
 _WITHIN = 1.1
+_FAMILY = "hydraulic_cylinder"
 
 
 def planted_figures(outcomes: Sequence[PlantedOutcome]) -> Figures:
@@ -29,7 +32,11 @@ def planted_rates(outcomes: Sequence[PlantedOutcome]) -> tuple[Rate, ...]:
     found = [
         rate_of("nothing planted", "a formula is given", nothing, _gives, at_most=0.05),
         rate_of("planted", "the gate opens", planted, lambda o: _of(o).gate == "outside_library"),
-        rate_of("planted", "the library has it, and names it", planted, lambda o: _of(o).gate == "library"),
+        rate_of(
+            "planted", "an effect of the library explains it", planted, lambda o: _of(o).gate == "library"
+        ),
+        rate_of("planted", "outside the library, undecided or a true level", planted, _honest, at_least=0.95),
+        rate_of("planted", "a wrong location or variable is certain", planted, _wrong_cause, at_most=0.01),
         rate_of(every, "the place is among the first two", looked, _placed, at_least=0.95),
         rate_of(every, "the truth is in the set", looked, lambda o: _of(o).in_set, at_least=0.90),
         rate_of(every, "held out within 10 % of the noise", looked, _within, at_least=0.90),
@@ -48,6 +55,23 @@ def planted_rates(outcomes: Sequence[PlantedOutcome]) -> tuple[Rate, ...]:
 
 def _of(outcome: PlantedOutcome) -> Searched:
     return outcome.searched or Searched()
+
+
+def _wrong_cause(outcome: PlantedOutcome) -> bool:
+    """Whether the diagnosis states a location or variables as certain that are not the term's."""
+    term = find_planted(outcome.scenario.term)
+    for claim in outcome.claims:
+        effect = find_effect(claim.effect, _FAMILY)
+        there = set(effect.slots) <= set(term.slots)
+        if (claim.place and not there) or (
+            claim.driver and not (there and driver_variables(effect) == term.variables)
+        ):
+            return True
+    return False
+
+
+def _honest(outcome: PlantedOutcome) -> bool:
+    return outcome.verdict not in (None, "adequate") and not _wrong_cause(outcome)
 
 
 def _gives(outcome: PlantedOutcome) -> bool:

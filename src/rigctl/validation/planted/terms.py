@@ -30,6 +30,12 @@ class PlantedTerm:
     signs: tuple[int, ...] = (1,)
 
     @property
+    def variables(self) -> frozenset[str]:
+        """The states and inputs on which it depends, as its first form has them."""
+        arguments = [factor.split(" of ", 1)[1] for factor in self.forms[0].split(" times ")]
+        return frozenset(name for argument in arguments for name in argument.split(" - "))
+
+    @property
     def hidden(self) -> HiddenEffect:
         """In the form in which the bench hides it."""
         return HiddenEffect(

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from rigctl.discovery.discover import discover_beside
 from rigctl.discovery.formulas import SAME
-from rigctl.discovery.locate import Located
 from rigctl.discovery.result import Discovery, FoundFormula
 from rigctl.effects.declaration import qualified
 from rigctl.engine.kept import switched_off
@@ -24,7 +23,7 @@ from rigctl.validation.hidden_effect import hide
 from rigctl.validation.outcome import Searched, TrialOutcome
 from rigctl.validation.planted.terms import find_planted
 from rigctl.validation.planted.trial import PlantedTrial
-from rigctl.validation.work import diagnose_campaign, plain_of, reference_of
+from rigctl.validation.work import claim_of, diagnose_campaign, plain_of, reference_of
 
 Floats = NDArray[np.float64]
 PlantedOutcome: TypeAlias = TrialOutcome[PlantedTrial]
@@ -63,6 +62,8 @@ def carry_out_planted(trial: PlantedTrial) -> PlantedOutcome:
         verdict=diagnosis.verdict.value,
         effects=diagnosis.effects,
         classes=diagnosis.classes,
+        claims=tuple(claim_of(one) for one in diagnosis.levels),
+        all_of_it=diagnosis.remainder is None,
         first=found.located[0].slot.name if found.located else None,
         searched=_searched(trial, amplitude, found),
         seconds=time.process_time() - began,
@@ -74,7 +75,7 @@ def _searched(trial: PlantedTrial, amplitude: Amplitude | None, found: Discovery
     check = None if best is None else best.check
     return Searched(
         gate=found.gate.reason,
-        places=tuple(_places(found.located)),
+        places=tuple(_places(found)),
         over=tuple(driver.name for driver in found.located[0].over) if found.located else (),
         formulas=tuple(one.fitted.formula.key for one in found.formulas),
         in_set=amplitude is not None and _in_set(trial, amplitude, found.formulas),
@@ -85,15 +86,16 @@ def _searched(trial: PlantedTrial, amplitude: Amplitude | None, found: Discovery
     )
 
 
-def _places(located: Sequence[Located]) -> list[str]:
-    """The first places, each with those at which a term has the same effect."""
+def _places(found: Discovery) -> list[str]:
+    """The first places of the answer, each with those at which a term has the same effect."""
+    alike = {one.slot.name: one.alike for one in found.located}
     names: list[str] = []
     slots: list[str] = []
-    for one in located:
-        if one.slot.name not in slots:
-            slots.append(one.slot.name)
+    for slot in dict.fromkeys(one.slot for one in found.where):
+        if slot not in slots and slot not in names:
+            slots.append(slot)
             if len(slots) <= _FIRST:
-                names += [one.slot.name, *one.alike]
+                names += [slot, *alike.get(slot, ())]
     return names
 
 
