@@ -11,8 +11,8 @@ from __future__ import annotations
 #: raised by one when a verdict may come out differently
 METHOD_VERSION = 27
 #: of the deciding code of this version, as ``tools/method_version.py`` works it out
-FINGERPRINT = "73035b56dd90"
+FINGERPRINT = "f08ced911cd7"
 #: raised by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 2
 #: of the code of this version of the search
-DISCOVERY_FINGERPRINT = "a30bb7bafac8"
+DISCOVERY_FINGERPRINT = "b976e8ddfba7"

@@ -58,3 +58,14 @@ def test_a_level_needs_its_unit_and_a_position_none() -> None:
     with pytest.raises(RigctlError, match="the unit is missing") as caught:
         assuming(Run(Path(), {}), model, [f"{level}=30"])
     assert caught.value.expected == f"30 {rig.actuators[level].unit}"
+
+
+def test_the_unit_asked_for_an_input_is_that_of_what_commands_it() -> None:
+    """The relief valve is set in bar: '30' is not to be completed to '30 Pa'."""
+    model = load_model(shipped("models") / "hl32-textbook.yaml")
+    with pytest.raises(RigctlError, match="pressure_setpoint: the unit is missing") as caught:
+        assuming(Run(Path(), {}), model, ["pressure_setpoint=30"])
+    assert caught.value.expected == "30 bar"
+    assert assumed_of(assuming(Run(Path(), {}), model, ["pressure_setpoint=30 bar"])) == {
+        "pressure_setpoint": pytest.approx(3e6)
+    }

@@ -54,7 +54,8 @@ def _value(name: str, text: str, model: Model) -> float:
         return assumed_value(name, text, model.rig)
     if name not in inputs:
         raise unknown_name("input or actuator", name, {**inputs, **actuators})
-    return assumed_value(name, text, model.rig, inputs[name].unit, difference=inputs[name].difference)
+    unit = input_unit(model, model.rig, name)
+    return assumed_value(name, text, model.rig, unit, difference=inputs[name].difference)
 
 
 def input_unit(model: Model, rig: Rig | None, name: str) -> str:
