@@ -195,7 +195,9 @@ class Search:
         alone = all(name.startswith(f"size of {member.name} ") for name in point.shaped().shapes)
         if found is None or not alone or found.follows or self.none.fit.problem.model.with_laws:
             return False
-        reached = max(self.none.chi2 - trial.chi2, 0.0)
+        exact, scattered = point.view(0.0).projected.residual, point.view(found.width).projected.residual
+        scatter = float(exact @ exact) - float(scattered @ scattered)
+        reached = max(self.none.chi2 - trial.chi2, 0.0) + max(scatter, 0.0)
         return self._excess_in(point.view(found.width)) < TOLERANCE**2 * reached
 
     def _below_noise(self, trial: RefittedSet) -> bool:
