@@ -19,6 +19,7 @@ from rigctl.analysis.decision_levels import (
     STAND_IN,
     TOLERANCE,
 )
+from rigctl.analysis.identity import same_cause
 from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
@@ -237,7 +238,8 @@ def _two_instead(search: Search, best: RefittedSet) -> list[Rival]:
     """Two other effects that explain more than the single leading one, though not significantly so.
 
     Only if the single effect leaves hardly anything: otherwise pairs were part of the search, and the verdict
-    weighs what they explain beyond a single effect.
+    weighs what they explain beyond a single effect. A pair that holds another law of the leading one's cause
+    replaces its law alone: what that law has beside it takes no part in what is missing for sure.
     """
     if not search.sure(best):
         return []
@@ -252,6 +254,7 @@ def _two_instead(search: Search, best: RefittedSet) -> list[Rival]:
     if not pairs:
         return []
     trial = min(pairs, key=search.mbic)
+    laws = {one.name for one in trial.candidates if same_cause(member.effect, one.effect)}
     cos = _likeness(search, member, trial.candidates)
     explained = search.explained(best, member)
     differs = where_they_differ(search.none.fit, best.fit, trial.fit)
@@ -269,6 +272,7 @@ def _two_instead(search: Search, best: RefittedSet) -> list[Rival]:
             beside=other,
         )
         for name, other in (trial.effects, trial.effects[::-1])
+        if name in laws or not laws
     ]
 
 
