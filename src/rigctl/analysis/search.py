@@ -63,9 +63,8 @@ _BEST = 3
 _MOST_RIVALS = 7
 _PAIRS = 2
 _SWAPS = 3
-#: number of sizes at which an effect is tried if its slope at the null says nothing, and the share of the
-#: best score that it must reach there
-_SIZES, _MUCH = 2, 0.2
+#: number of sizes at which an effect is tried if its slope at the null says nothing
+_SIZES = 2
 #: largest number of effects in one set: three wrong effects together explain almost anything, and three right
 #: ones are found one after the other by the loop
 _TOGETHER = 2
@@ -93,6 +92,7 @@ class Search:
     aside: RefittedSet | None = None
     _points: dict[tuple[str, ...], LinearisedSet] = field(default_factory=dict)
     _bends: dict[tuple[str, ...], float] = field(default_factory=dict)
+    _begun: set[tuple[tuple[str, ...], float]] = field(default_factory=set)
     _rivals: dict[tuple[tuple[str, ...], str], list[tuple[RefittedSet, float, float]]] = field(
         default_factory=dict
     )
@@ -187,7 +187,8 @@ class Search:
         """Whether a constant of each record describes the one effect of a set, whatever its size depends on.
 
         True if its size scatters between records as much as the data require, without following any operating
-        variable, and the set then leaves less than a tenth of the effect's size.
+        variable, and the set then leaves less than a tenth of the size of the effect with its scatter: delays
+        that differ by a third explain more by their differences than by their mean.
         """
         (member,) = trial.candidates
         point = self.at(trial)
@@ -392,11 +393,12 @@ class Search:
             scores = screen(project(linearise(self.before.fit, self.whole, sized))).scores
         except RigctlError:  # the model cannot be simulated with one of them
             return best
-        least = max(_MUCH * max(shown.values(), default=0.0), WORTH)
-        seen = [score for score in scores if score.gain > least]
-        for score in sorted(seen, key=lambda one: -one.gain)[:_PAIRS]:
-            self.on_progress(f"Refitting with {score.effect}")
-            self._try((sized[score.candidate],), self.none)
+        # of an effect as large as what is missing the linear problem says little: it only orders them
+        seen = sorted((score for score in scores if score.gain > WORTH), key=lambda one: -one.gain)
+        for name in [score.effect for score in seen][:_PAIRS]:
+            self.on_progress(f"Refitting with {name}")
+            for one in (one for one in sized if one.name == name):
+                self._deeper((one,), self.none)
         return self._least([best, *self.trials.values()])
 
     def _pairs(self, best: RefittedSet) -> RefittedSet:
@@ -491,7 +493,7 @@ class Search:
         """Without the members that do not lower mBIC, or explain no more than another law's shape may."""
         while len(best.candidates) > 1:
             tried = [
-                self._try(tuple(one for one in best.candidates if one is not member), best)
+                self._deeper(tuple(one for one in best.candidates if one is not member), best)
                 for member in best.candidates
             ]
             shorter = [one for one in tried if one is not None]
@@ -590,6 +592,24 @@ class Search:
             if refitted is None:
                 return None
             self.trials[key] = refitted
+        return self.trials[key]
+
+    def _deeper(self, chosen: Sequence[Candidate], begin: RefittedSet) -> RefittedSet | None:
+        """The set fitted, also from here if it was fitted from elsewhere: the deepest of its minima counts.
+
+        A second effect may only have led a fit out of a local minimum of the first one alone.
+        """
+        key, known = _key(chosen), self.trials.get(_key(chosen))
+        if known is None or self._few:
+            return self._try(chosen, begin)
+        if (key, begin.chi2) not in self._begun:
+            self._begun.add((key, begin.chi2))
+            again = refit(self.before.fit, chosen, begin.fit, rival=0.5 * known.chi2)
+            if again is not None and again.chi2 < known.chi2 - UNSEEN:
+                self.trials[key] = again
+                self._points.pop(key, None)
+                self._bends.pop(key, None)
+                self._rivals = {at: found for at, found in self._rivals.items() if at[0] != key}
         return self.trials[key]
 
     def _limiting_case(
