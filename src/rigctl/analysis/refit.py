@@ -260,7 +260,7 @@ def refit(
         model = fitted.model
         for candidate in chosen:
             model = model.with_effect(candidate.effect, starting_values(candidate))
-        problem = fitted.problem.rebuilt(model)
+        problem = _in_both_ranges(fitted.problem.rebuilt(model), fitted.problem)
         known = fitted if begin is None else begin if at else _better_begun(problem, begin, fitted)
         shared = _started(problem, known, at)
         begun = _Begun(problem.with_shared(ordered(shared, chosen) if at else shared), known)
@@ -318,21 +318,51 @@ class _Begun:
     def fitted(self, held_out: Sequence[int], cost: float, rival: float) -> FitResult:
         """The fit, as `rigctl.model.fit.fit.fit`.
 
-        Parameters far from their priors have compensated for what the effects explain, and may keep the fit
-        in a local minimum: it is repeated, coarsely, with those reset that are still far, and the better one
-        of the two is continued.
+        Unknowns far from their priors have compensated for what the effects explain, and may keep the fit in
+        a local minimum: it is repeated, coarsely, with those parameters of the model reset that still are
+        far, and, where any unknown of a record was far without the effects, with all of the records' unknowns
+        reset; the best one is continued.
         """
         start = np.array([one.start for one in self.problem.shared])
-        if brought_back(self.problem.shared, start) is None:
+        records_far = self._records_back(self.known.local) is not None
+        if brought_back(self.problem.shared, start) is None and not records_far:
             return self._fit(self.problem.shared, self.known.local, held_out, cost, rival)
         better = self._fit(self.problem.shared, self.known.local, held_out, COARSE, rival)
-        back = brought_back(better.problem.shared, better.values)
-        if back is not None and _cost(better) < min(_cost(self.known) - NEAR, _BEHIND * 2.0 * rival):
-            with suppress(RigctlError):  # the model cannot be simulated there
-                again = self._fit(back, better.local, held_out, COARSE, 0.5 * _cost(better))
-                better = again if _cost(again) < _cost(better) else better
+        if _cost(better) < min(_cost(self.known) - NEAR, _BEHIND * 2.0 * rival):
+            back = brought_back(better.problem.shared, better.values)
+            if back is not None:
+                better = self._lower(better, back, better.local, held_out)
+            local = self._records_back(better.local)
+            if local is not None:
+                there = started(better.problem.shared, better.values)
+                better = self._lower(better, there, local, held_out)
         there = started(better.problem.shared, better.values)
         return self._fit(there, better.local, held_out, cost, rival)
+
+    def _lower(
+        self, better: FitResult, shared: Sequence[Unknown], local: Sequence[Floats], held_out: Sequence[int]
+    ) -> FitResult:
+        """The better one of a fit and a coarse one from another start."""
+        with suppress(RigctlError):  # the model cannot be simulated there
+            again = self._fit(shared, local, held_out, COARSE, 0.5 * _cost(better))
+            return again if _cost(again) < _cost(better) else better
+        return better
+
+    def _records_back(self, local: Sequence[Floats]) -> list[Floats] | None:
+        """`local` with the priors' means; None if no unknown of a record is far from its prior in the fit
+        without the effects."""
+        unknowns = self.problem.local_unknowns()
+        if all(brought_back(*pair) is None for pair in zip(unknowns, self.known.local, strict=True)):
+            return None
+        return [
+            np.array(
+                [
+                    value if one.prior is None else min(max(one.prior.mean, one.lower), one.upper)
+                    for one, value in zip(each, values.tolist(), strict=True)
+                ]
+            )
+            for each, values in zip(unknowns, local, strict=True)
+        ]
 
     def _fit(
         self,
@@ -430,6 +460,27 @@ def starting_values(candidate: Candidate) -> dict[str, float]:
         values[declared.name] = min(max(declared.at_null, declared.low + room), declared.high - room)
     chosen = {**candidate.secants, **candidate.shapes}
     return values | {name.partition(".")[2]: value for name, value in chosen.items()}
+
+
+def _in_both_ranges(problem: Problem, before: Problem) -> Problem:
+    """The problem with the parameters that `before` has too bounded no more narrowly than there.
+
+    Bounds that are not declared are multiples of a parameter's value. About a fitted value that compensates
+    for what the model lacks, they may exclude the right one: viscous damping in place of dry friction.
+    """
+    known = {one.name: one for one in before.shared}
+    return problem.with_shared(
+        [
+            one
+            if one.name not in known
+            else replace(
+                one,
+                lower=min(one.lower, known[one.name].lower),
+                upper=max(one.upper, known[one.name].upper),
+            )
+            for one in problem.shared
+        ]
+    )
 
 
 def _started(problem: Problem, fitted: FitResult, at: Mapping[str, float] | None = None) -> list[Unknown]:
