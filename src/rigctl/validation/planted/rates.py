@@ -98,9 +98,13 @@ def _confusion(outcomes: Sequence[PlantedOutcome]) -> dict[str, dict[str, int]]:
 
 
 def _said(outcome: PlantedOutcome) -> str:
+    """The answer, or what was planted if that is in it."""
     found = _of(outcome)
+    truth = outcome.scenario.term
     if outcome.failure:
         return "failed"
+    if found.in_set or (not truth and found.gate == "adequate"):
+        return truth or "nothing"
     if found.gate != "outside_library":
         return f"{found.gate}: {' + '.join(outcome.effects)}" if outcome.effects else found.gate
     return found.formulas[0] if found.formulas else "no formula"
