@@ -48,3 +48,18 @@ def test_nothing_is_begun_after_a_failure_and_nothing_goes_on_afterwards() -> No
     ended = len(begun)
     assert in_threads(lambda k: k, range(2), 2) == [0, 1]
     assert len(begun) == ended <= 3
+
+
+def test_the_dearest_items_are_begun_first_and_results_keep_the_order_of_the_items() -> None:
+    begun: list[int] = []
+    first = threading.Barrier(2, timeout=30.0)
+
+    def work(k: int) -> int:
+        begun.append(k)
+        if len(begun) <= 2:
+            first.wait()
+        return k
+
+    assert in_threads(work, range(6), 2, [1, 5, 0, 9, 2, 0]) == list(range(6))
+    assert set(begun[:2]) == {3, 1}
+    assert sorted(begun) == list(range(6))

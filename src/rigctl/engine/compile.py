@@ -40,11 +40,13 @@ class CompiledSystem:
     system: the equations.
     source: the straight-line code it was made from; ``source.digest`` names the model.
     addresses: of the model's functions, in the order of `source.ARGUMENTS`.
+    steps: that each record, by name, took when it was last integrated: what it will cost next time.
     """
 
     system: System
     source: Source
     addresses: Integers = field(repr=False)
+    steps: dict[str, int] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def integrate_record(self) -> Kernel:

@@ -69,7 +69,10 @@ def simulate(
                 "move its switches",
                 expected=str(len(shift_columns)),
             )
-    results = in_threads(partial(_integrate, plan), excitations, workers)
+    known = compiled.steps
+    expected = [known.get(excitation.name, 0) for excitation in excitations]
+    results = in_threads(partial(_integrate, plan), excitations, workers, expected)
+    known.update((one.name, made.statistics.steps) for one, made in zip(excitations, results, strict=True))
     return Trajectories(
         names=tuple(excitation.name for excitation in excitations),
         times=tuple(

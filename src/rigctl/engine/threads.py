@@ -19,7 +19,9 @@ R = TypeVar("R")
 _here = threading.local()
 
 
-def in_threads(work: Callable[[T], R], items: Sequence[T], workers: int | None = None) -> list[R]:
+def in_threads(
+    work: Callable[[T], R], items: Sequence[T], workers: int | None = None, costs: Sequence[float] = ()
+) -> list[R]:
     """The results of `work` for all items, in order; an exception that it raises is propagated.
 
     Each item is processed independently, so that the results do not depend on the number of threads. Nested
@@ -28,11 +30,14 @@ def in_threads(work: Callable[[T], R], items: Sequence[T], workers: int | None =
     Parameters
     ----------
     workers: threads, by default one for each core or as many as NUMBA_NUM_THREADS allows.
+    costs: estimated cost of each item, in any unit; the dearest are begun first, so that no thread is left
+        with a long one at the end (longest processing time first: R. L. Graham, SIAM J. Appl. Math. 17 (1969)
+        416).
     """
     threads = min(len(items), workers or _cores())
     if threads <= 1 or getattr(_here, "inside", False):
         return [work(item) for item in items]
-    share = _Share(work, items)
+    share = _Share(work, items, sorted(range(len(items)), key=lambda k: -costs[k]) if costs else None)
     helpers = [_pool(os.getpid(), threads - 1).submit(share.work_off) for _ in range(threads - 1)]
     _here.inside = True
     try:
@@ -45,22 +50,26 @@ def in_threads(work: Callable[[T], R], items: Sequence[T], workers: int | None =
 
 
 class _Share(Generic[T, R]):
-    """Items taken by several threads, each the next that none has taken.
+    """Items taken by several threads, each the next in `order` that none has taken.
 
     A thread is notified once that there is work, not for every item: items of a millisecond would wait for
     that.
     """
 
-    def __init__(self, work: Callable[[T], R], items: Sequence[T]) -> None:
+    def __init__(
+        self, work: Callable[[T], R], items: Sequence[T], order: Sequence[int] | None = None
+    ) -> None:
         self._work = work
         self._items = items
+        self._order = range(len(items)) if order is None else order
         self._next = count()  # taking the next one is atomic in the interpreter
         self._done: dict[int, R] = {}
         self._failed: dict[int, Exception] = {}
 
     def work_off(self) -> None:
         """Work until nothing is left, or an item has failed."""
-        while (index := next(self._next)) < len(self._items) and not self._failed:
+        while (taken := next(self._next)) < len(self._items) and not self._failed:
+            index = self._order[taken]
             try:
                 self._done[index] = self._work(self._items[index])
             except Exception as failure:  # noqa: BLE001 - raised where the results are wanted
