@@ -69,7 +69,7 @@ def test_parameters_that_had_compensated_for_an_effect_do_not_keep_its_fit_in_a_
 def test_a_law_never_fits_worse_than_its_limiting_case(before: ModelComparison) -> None:
     search = Search(before, before.whole)
     drift, stribeck = candidate(DRIFT), candidate("stribeck_friction", presliding=100e-6)
-    fitted = search._try((drift, stribeck), search.none)
+    fitted = search.refitted((drift, stribeck), search.none)
     limiting = search.known((drift, candidate(DRY, presliding=100e-6)))
     assert fitted is not None
     assert limiting is not None

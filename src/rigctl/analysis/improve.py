@@ -16,7 +16,7 @@ from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.fitting import OnProgress, fit_again, no_progress
 from rigctl.analysis.held_out import Unseen, unseen
 from rigctl.analysis.refit import RefittedSet, refit
-from rigctl.analysis.search import Search
+from rigctl.analysis.refitted_sets import RefittedSets
 from rigctl.analysis.text import effect_text
 from rigctl.model.fit.model_error import model_error
 from rigctl.model.history.change import Change, ModelError
@@ -263,18 +263,18 @@ def _plan(diagnosis: Diagnosis, room: int) -> list[_Choice]:
     """
     if diagnosis.verdict is Verdict.ADEQUATE or diagnosis.doubt:
         return []
-    search = Search(diagnosis.before, diagnosis.before.whole)
-    best, nothing = diagnosis.best, search.mbic(search.none)
-    if not best.candidates or len(best.candidates) > room or search.mbic(best) >= nothing:
+    sets = RefittedSets(diagnosis.before, diagnosis.before.whole)
+    best, nothing = diagnosis.best, sets.mbic(sets.none)
+    if not best.candidates or len(best.candidates) > room or sets.mbic(best) >= nothing:
         return []
     singles = [_single(diagnosis, member) for member in best.candidates] if len(best.candidates) > 1 else []
-    first = min((one for one in singles if one is not None), key=search.mbic, default=None)
-    if first is None or search.mbic(first) >= nothing:
-        difference = search.mbic(best) - nothing
+    first = min((one for one in singles if one is not None), key=sets.mbic, default=None)
+    if first is None or sets.mbic(first) >= nothing:
+        difference = sets.mbic(best) - nothing
         return [_Choice(best, best.effects, difference, _reason(diagnosis, best, best.effects, difference))]
-    gained = search.mbic(first) - nothing
+    gained = sets.mbic(first) - nothing
     rest = tuple(name for name in best.effects if name not in first.effects)
-    more = search.mbic(best) - search.mbic(first)
+    more = sets.mbic(best) - sets.mbic(first)
     return [
         _Choice(first, first.effects, gained, _reason(diagnosis, first, first.effects, gained)),
         _Choice(best, rest, more, _reason(diagnosis, best, rest, more)),

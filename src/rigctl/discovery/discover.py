@@ -15,8 +15,8 @@ from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.fitting import OnProgress, no_progress, require_free_parameters
 from rigctl.analysis.refit import RefittedSet
+from rigctl.analysis.refitted_sets import RefittedSets
 from rigctl.analysis.remainder import share_text
-from rigctl.analysis.search import Search
 from rigctl.dataset.run import Run
 from rigctl.discovery.curve import curves_of
 from rigctl.discovery.dimensions import tier_of
@@ -116,7 +116,7 @@ def discover_beside(
     )
     if not gate.open:
         return result
-    samples = Search(before, before.whole).samples
+    samples = RefittedSets(before, before.whole).samples
     opened = open_slots(before, progress=said)
     searched = locate(opened, samples, slot, said)
     result = replace(result, searched=searched, notes=(*diagnosis.notes, *_notes(before, searched)))
@@ -125,7 +125,7 @@ def discover_beside(
     said("Scoring formulas")
     scored = score_formulas(opened, searched.most_wanted, samples)
     fitted = refit_formulas(before.fit, scored.formulas, samples, scored.tried, said, workers)
-    none = Search(before, before.whole).none
+    none = RefittedSets(before, before.whole).none
     paying = [one for one in fitted if one.cost < none.chi2]
     chosen = within(paying)
     formulas = tuple(_found(one, chosen[0], opened, none) for one in chosen)
