@@ -18,6 +18,7 @@ from rigctl.discovery.discover import discover
 from rigctl.discovery.result import Discovery
 from rigctl.discovery.written_effects import write_files
 from rigctl.effects.user import load_effect
+from rigctl.method_version import DISCOVERY_VERSION, METHOD_VERSION
 from rigctl.model.load import load_model
 from rigctl.report.analysis import discovery_sections
 
@@ -155,6 +156,7 @@ def _writes_beside_what_is_there(found: Discovery, folder: Path) -> None:
     assert other.name == f"{one.name}_2"
     assert one.provenance is not None
     assert one.provenance.tier == "B"
+    assert (one.provenance.method, one.provenance.discovery) == (METHOD_VERSION, DISCOVERY_VERSION)
     assert {side.over for side in one.valid} == {"position", "velocity"}
 
 

@@ -27,6 +27,7 @@ provenance:
   runs: [20261121-064412-campaign]
   model: hl32-textbook@2
   method: 12
+  discovery: 2
   date: 2026-11-22
   tier: B
   statement: grows as v^0.62
@@ -66,6 +67,7 @@ def test_ranges_and_provenance_are_read_with_their_units() -> None:
         "runs": ["20261121-064412-campaign"],
         "model": "hl32-textbook@2",
         "method": 12,
+        "discovery": 2,
         "date": "2026-11-22",
         "tier": "B",
         "statement": "grows as v^0.62",
@@ -80,7 +82,10 @@ def test_ranges_are_shown_only_for_effects_that_have_them(
     Path("plain.yaml").write_text(text(""), encoding="utf-8")
     shown = " ".join(commands.told("effects", "show", "mine.yaml", "--no-picture").split())
     assert "velocity from -300 mm/s to 300 mm/s" in shown
-    assert "found 2026-11-22 by method 12 from 20261121-064412-campaign beside hl32-textbook@2" in shown
+    assert (
+        "found 2026-11-22 by method 12 and search 2 from 20261121-064412-campaign beside hl32-textbook@2"
+        in shown
+    )
     assert "grows as v^0.62" in shown
     plain = commands.told("effects", "show", "plain.yaml", "--no-picture")
     assert "valid over" not in plain
@@ -105,6 +110,7 @@ def test_ranges_are_shown_only_for_effects_that_have_them(
         ("provenance: {tier: C}", "expected A, B, curve or law"),
         ("provenance: {date: yesterday}", "date"),
         ("provenance: {method: twelve}", "method"),
+        ("provenance: {discovery: 0}", "discovery"),
     ],
 )
 def test_mistakes_are_one_clear_message_each(more: str, said: str) -> None:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 from rigctl.discovery.formulas import Factor, Formula
 from rigctl.discovery.grammar import DISTANCES, amount
 from rigctl.effects.declaration import Effect
 from rigctl.effects.user import parse_effect
+from rigctl.effects.user.file_text import provenance_lines
 from rigctl.effects.user.names import taken_names
-from rigctl.method_version import METHOD_VERSION
+from rigctl.effects.validity import Provenance
 from rigctl.model.family_reference import family_reference
 from rigctl.model.model import Model
 from rigctl.physics.families import FAMILIES, using_families
@@ -131,30 +130,13 @@ def _summary(formula: Formula) -> str:
     return f"A term at {formula.slot.name} over {over}, found in measurements by 'rigctl discover'."
 
 
-@dataclass(frozen=True)
-class Origin:
-    """The origin of a formula.
-
-    Attributes
-    ----------
-    runs: ids; `model` its name; `date` the day, ``2026-11-22``.
-    tier: A or B, see `rigctl.discovery.dimensions`.
-    """
-
-    runs: tuple[str, ...]
-    model: str
-    date: str
-    tier: Literal["A", "B"]
-    statement: str
-
-
 def file_text(
     formula: Formula,
     name: str,
     valid: Sequence[tuple[str, float, float, str]],
     model: Model,
     folder: Path,
-    origin: Origin,
+    origin: Provenance,
 ) -> str:
     """The effect file of a formula with fitted size and scales.
 
@@ -170,14 +152,4 @@ def file_text(
     for factor, (over, *ends, _) in zip(formula.factors, valid, strict=True):
         low, high = (factor.argument.amount("center", end) for end in ends)
         lines.append(f"  {over}: [{low}, {high}]")
-    provenance = {
-        "runs": list(origin.runs),
-        "model": origin.model,
-        "method": METHOD_VERSION,
-        "date": origin.date,
-        "tier": origin.tier,
-        "statement": origin.statement,
-    }
-    lines.append("provenance:")
-    lines += [f"  {name}: {json.dumps(value, ensure_ascii=False)}" for name, value in provenance.items()]
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *provenance_lines(origin)]) + "\n"

@@ -7,12 +7,14 @@ from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
-from rigctl.discovery.effect_file import Origin, file_text
+from rigctl.discovery.effect_file import file_text
 from rigctl.discovery.result import Discovery, FoundFormula
 from rigctl.effects.registry import library
 from rigctl.effects.user.names import name_in_file
+from rigctl.effects.validity import Provenance
 from rigctl.errors import Location, RigctlError
 from rigctl.files.write import write_text
+from rigctl.method_version import DISCOVERY_VERSION, METHOD_VERSION
 from rigctl.model.model import Model
 
 
@@ -54,9 +56,11 @@ def write_files(discovery: Discovery, folder: Path) -> Discovery:
 def _write(
     one: FoundFormula, discovery: Discovery, model: Model, folder: Path, taken: Collection[str]
 ) -> Path:
-    origin = Origin(
-        runs=discovery.runs,
+    origin = Provenance(
+        runs=tuple(discovery.runs),
         model=discovery.model,
+        method=METHOD_VERSION,
+        discovery=DISCOVERY_VERSION,
         date=date.today().isoformat(),  # noqa: DTZ011 - the day on the user's calendar
         tier=one.tier.letter,
         statement=one.tier.statement,

@@ -64,6 +64,7 @@ class Provenance:
     runs: the ids of the runs.
     model: the model with which it was learned; "" if unknown.
     method: the version of the method that found it; None if a person did.
+    discovery: the version of the search for formulas; None if it was not the result of one.
     date: ISO, the day on which it was found.
     tier: strength of the claim.
     statement: in words.
@@ -72,6 +73,7 @@ class Provenance:
     runs: tuple[str, ...] = ()
     model: str = ""
     method: int | None = None
+    discovery: int | None = None
     date: str = ""
     tier: Tier | None = None
     statement: str = ""
@@ -82,6 +84,7 @@ class Provenance:
             "runs": list(self.runs),
             "model": self.model,
             "method": self.method,
+            "discovery": self.discovery,
             "date": self.date,
             "tier": self.tier,
             "statement": self.statement,
@@ -92,6 +95,7 @@ class Provenance:
         words = [] if self.tier is None else [TIERS[self.tier]]
         found = [f"found {self.date}"] if self.date else []
         found += [f"by method {self.method}"] if self.method is not None else []
+        found += [f"and search {self.discovery}"] if self.discovery is not None else []
         found += [f"from {', '.join(self.runs)}"] if self.runs else []
         found += [f"beside {self.model}"] if self.model else []
         words += [" ".join(found)] if found else []

@@ -104,6 +104,9 @@ class ProvenanceField(_Part):
     method: int | None = Field(
         default=None, ge=1, strict=True, description="the version of the method that found it"
     )
+    discovery: int | None = Field(
+        default=None, ge=1, strict=True, description="the version of the search for formulas, if it found it"
+    )
     date: str = Field(default="", pattern=r"^(\d{4}-\d{2}-\d{2})?$", description="the day, e.g. 2026-11-22")
     tier: Tier | None = Field(
         default=None,
