@@ -81,6 +81,22 @@ def test_the_band_of_the_curve_covers_the_truth(
     assert deepest["high"] < 0.0  # sure that there is something
 
 
+def test_no_record_is_designed_between_effects_that_do_not_explain_the_data(
+    worn: tuple[Path, dict[str, Any]],
+) -> None:
+    """Both effects of the nearest pair are refuted; two that the user names are compared all the same."""
+    said = refusal("design", "latest", "--model", "model.yaml")
+    assert "no effect of the library explains these data" in said
+    assert "rigctl discover" in said
+    pair = ["dead_band_of_force", "hysteresis_of_position"]
+    asked = answer(
+        "design", "latest", "--model", "model.yaml", "--separate", ",".join(pair), "--records", "1"
+    )
+    assert {frozenset(one) for one in asked["separates"]} == {frozenset(pair)}
+    for one in asked["rivals"]:
+        assert len({*pair} & {*one["effects"]}) == 1
+
+
 def test_the_effect_file_predicts_held_out_records(
     worn: tuple[Path, dict[str, Any]],
 ) -> None:

@@ -306,6 +306,21 @@ class DesignResult:
         return tuple(pairs.values())
 
     @property
+    def explanations(self) -> dict[str, tuple[str, float]]:
+        """The name and the weight of the explanation that each rival stands for.
+
+        The members of one set of effects are rivals of their own, but one explanation: ``a with b``.
+        """
+        sets: dict[tuple[str, ...], list[DesignRival]] = {}
+        for one in self.rivals:
+            sets.setdefault(one.effects or (one.name,), []).append(one)
+        return {
+            one.name: (" with ".join(each.name for each in same), math.fsum(each.weight for each in same))
+            for same in sets.values()
+            for one in same
+        }
+
+    @property
     def separable(self) -> bool:
         """Whether the records distinguish the rivals with a probability of a half on the bench as it is."""
         return bool(self.records) and self.after >= 0.5

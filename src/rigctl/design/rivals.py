@@ -152,6 +152,12 @@ def _left_open(diagnosis: Diagnosis) -> Question:
         return _size_of_best(diagnosis)
     if diagnosis.verdict is Verdict.ADEQUATE:
         return _unseen(diagnosis)
+    if diagnosis.verdict is Verdict.OUTSIDE_LIBRARY and diagnosis.remainder is not None:
+        raise nothing_left(
+            diagnosis,
+            "'rigctl discover' looks for a formula; '--separate A,B' designs for two effects of your choice",
+            "no effect of the library explains these data, so that a record would only tell wrong ones apart",
+        )
     likely = [one.effect for one in diagnosis.ranking if one.probability > 1.0 / ODDS]
     tried = {name for trial in diagnosis.trials for name in trial.effects}
     names = {*diagnosis.best.effects, *(n for n in likely if n in tried)}
@@ -242,7 +248,8 @@ def _asked(diagnosis: Diagnosis, separate: tuple[str, str]) -> Question:
     """Two names requested to be distinguished, whatever the diagnosis says about them."""
     found = []
     for name in separate:
-        trial = plain(diagnosis.before.fit) if name == NONE else _trial_of(diagnosis, name)
+        (other,) = {*separate} - {name}
+        trial = plain(diagnosis.before.fit) if name == NONE else _trial_of(diagnosis, name, without=other)
         found.append(_rival_of(diagnosis, name, trial))
     rivals = _weighed(found, least=_LEAST_WEIGHT)
     pairs = ((0, 1), (1, 0))
@@ -268,20 +275,23 @@ def _unseen(diagnosis: Diagnosis) -> Question:
 
 
 def nothing_left(
-    diagnosis: Diagnosis, hint: str = "'--separate A,B' designs for two effects of your choice"
+    diagnosis: Diagnosis,
+    hint: str = "'--separate A,B' designs for two effects of your choice",
+    reason: str = "",
 ) -> NothingLeft:
-    """The refusal if a diagnosis leaves nothing open."""
+    """The refusal if a diagnosis leaves nothing open, or nothing that more records would answer."""
     return NothingLeft(
-        f"nothing is left to tell apart: {diagnosis.title.lower()}",
-        value=diagnosis.model,
+        reason or f"nothing is left to tell apart: {diagnosis.title.lower()}",
+        value=None if reason else diagnosis.model,
         hint=hint,
     )
 
 
-def _trial_of(diagnosis: Diagnosis, name: str) -> RefittedSet:
-    """The best of the sets that contain an effect; fitted now if none was."""
+def _trial_of(diagnosis: Diagnosis, name: str, without: str = "") -> RefittedSet:
+    """The best of the sets that contain an effect, and not the one `without`; fitted now if none was."""
     base = set(diagnosis.best.effects)
-    holding = [one for one in (diagnosis.best, *diagnosis.trials) if name in one.effects]
+    tried = (diagnosis.best, *diagnosis.trials)
+    holding = [one for one in tried if name in one.effects and without not in one.effects]
     beside = [one for one in holding if len({*one.effects} - base - {name}) == 0] or holding
     if beside:
         samples, library = _price(diagnosis)

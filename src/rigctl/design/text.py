@@ -31,7 +31,8 @@ def statement(found: DesignResult) -> str:
         return _precision(found)
     if found.aim == "detection":
         return _detection(found)
-    names = _listed(list(dict.fromkeys(name for pair in found.separates for name in pair)))
+    called = found.explanations
+    names = _listed(list(dict.fromkeys(called[name][0] for pair in found.separates for name in pair)))
     if not found.records:
         return f"no record that this bench can make distinguishes {names}{_sensor(found)}"
     together = [pair for pair in found.separates if _least(found, pair) < HALF]

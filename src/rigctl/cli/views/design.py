@@ -5,6 +5,7 @@ from __future__ import annotations
 from rich.markup import escape
 from rich.table import Table
 
+from rigctl.analysis.decision_levels import ODDS
 from rigctl.cli.tables import console, table
 from rigctl.cli.views.answer import counted, show_answer
 from rigctl.design.result import DesignResult, ProposedRecord, SensorSet
@@ -25,12 +26,14 @@ def show_design(found: DesignResult, *, verbose: bool = False) -> None:
         _show_whole(found)
         return
     good = found.separable or (found.aim == "precision" and bool(found.records))
-    facts = [("rivals", ", ".join(f"{one.name} {100.0 * one.weight:.0f} %" for one in found.rivals))]
+    named = dict(found.explanations.values())
+    facts = [("rivals", ", ".join(f"{name} {100.0 * weight:.0f} %" for name, weight in named.items()))]
     facts += [(f"record {number}", _in_words(one)) for number, one in enumerate(found.records, start=1)]
+    probable = {one.name for one in found.rivals if one.weight > 1.0 / ODDS}
     alike = {
         frozenset((one.truth, one.rival)): f"{one.truth} and {one.rival}"
         for one in found.outlooks
-        if one.after < _LIKELY
+        if one.after < _LIKELY and one.truth in probable
     }
     if found.records and alike:
         facts.append(("hardly", f"distinguished if one of them is right: {', '.join(alike.values())}"))

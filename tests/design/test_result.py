@@ -1,0 +1,46 @@
+"""How the answer of a design names its rivals."""
+
+from __future__ import annotations
+
+import pytest
+
+from rigctl.design.result import DesignResult, DesignRival, Outlook
+from rigctl.design.text import statement
+
+
+def rival(name: str, effects: tuple[str, ...], weight: float) -> DesignRival:
+    return DesignRival(name, effects, weight, {}, 100.0, 1.0)
+
+
+def outlook(truth: str, other: str) -> Outlook:
+    return Outlook(
+        truth, other, margin=0.0, threshold=9.2, separation=30.0, spread=5.0, before=0.1, after=0.9
+    )
+
+
+def test_members_of_one_set_are_one_explanation_and_not_told_apart() -> None:
+    rivals = (
+        rival("leak", ("leak", "drift"), 0.4),
+        rival("drift", ("leak", "drift"), 0.4),
+        rival("friction", ("friction", "drift"), 0.2),
+    )
+    pairs = [("leak", "friction"), ("drift", "friction"), ("friction", "leak"), ("friction", "drift")]
+    found = DesignResult(
+        runs=("run",),
+        model="model",
+        aim="discrimination",
+        rivals=rivals,
+        outlooks=tuple(outlook(*pair) for pair in pairs),
+        records=(),
+        separation=30.0,
+        before=0.1,
+        after=0.9,
+        duration=10.0,
+        procedure="",
+        statement="",
+    )
+    name, weight = found.explanations["leak"]
+    assert name == "leak with drift"
+    assert weight == pytest.approx(0.8)
+    assert found.explanations["friction"] == ("friction", 0.2)
+    assert "distinguishes leak with drift and friction" in statement(found)
