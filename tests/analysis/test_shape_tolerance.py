@@ -7,7 +7,7 @@ import pytest
 
 from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.analysis.identity import levels_of, same_cause, wanted_elsewhere
-from rigctl.analysis.laws.shape_tolerance import FUNCTIONS, knots_of, prior_root
+from rigctl.analysis.shape_tolerance import FUNCTIONS, knots_of, prior_root
 from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import find_effect
 from wrong_shape import diagnosed

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from rigctl.analysis.diagnosis_result import Verdict
-from rigctl.analysis.laws.size_scatter import size_scatter, with_scatter
 from rigctl.analysis.linearisation import Linearisation, RecordTriangle, Regions
+from rigctl.analysis.size_scatter import size_scatter, with_scatter
 from wrong_shape import diagnosed
 
 RECORDS, ROWS = 16, 30

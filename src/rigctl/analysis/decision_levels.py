@@ -6,7 +6,7 @@ formatted from these numbers.
 
 χ² is the sum of squares of the whitened residuals. An effect *explains* the increase of χ² without it; "mBIC"
 is `rigctl.analysis.mbic.mbic`. "Within the shape tolerance" means with a discrepancy of the law, of standard
-deviation `SHAPE_TOLERANCE`, integrated out (`rigctl.analysis.laws.shape_tolerance`).
+deviation `SHAPE_TOLERANCE`, integrated out (`rigctl.analysis.shape_tolerance`).
 """
 
 from __future__ import annotations

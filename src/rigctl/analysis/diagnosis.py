@@ -19,7 +19,6 @@ from rigctl.analysis.fitting import OnProgress, no_progress, require_free_parame
 from rigctl.analysis.identity import Levels, levels_of, same_cause
 from rigctl.analysis.laws.answer import LawAnswer, Laws, laws_instead
 from rigctl.analysis.laws.simpler_law import simpler_does
-from rigctl.analysis.laws.size_scatter import SizeScatter
 from rigctl.analysis.linearisation import slopes_at
 from rigctl.analysis.power import hidden_at_typical_size, power_text
 from rigctl.analysis.refit import RefittedSet, left_by_refit
@@ -30,6 +29,7 @@ from rigctl.analysis.score_test import Score
 from rigctl.analysis.search import Search
 from rigctl.analysis.separability import softened
 from rigctl.analysis.single_values.remarks import table_remarks
+from rigctl.analysis.size_scatter import SizeScatter
 from rigctl.analysis.text import (
     against_identity,
     drift_text,

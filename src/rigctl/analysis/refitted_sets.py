@@ -2,7 +2,7 @@
 
 Two questions are kept apart. Completeness is judged against the noise: whether the tests reject what is left,
 however small its share. Identity is judged by the share of the misfit that a set leaves within the shape
-tolerance of its laws (`rigctl.analysis.laws.shape_tolerance`), because no effect of a library has a bench's
+tolerance of its laws (`rigctl.analysis.shape_tolerance`), because no effect of a library has a bench's
 exact law: a set that leaves more than a small share (`SHAPE`) may be incomplete, or only resemble what is
 missing. A second effect that is small beside the first (`SLIGHT`) may be an artefact of the first one's law,
 unless it explains what that law leaves nearly to the noise (`WHOLE`).

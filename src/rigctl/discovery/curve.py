@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.laws.shape_tolerance import prior_root
+from rigctl.analysis.shape_tolerance import prior_root
 from rigctl.discovery.effect_file import factor_text
 from rigctl.discovery.formulas import FINE_PRODUCT, Factor, Formula, following, points_over
 from rigctl.discovery.locate import Located

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.laws.shape_tolerance import courses, knots_of
 from rigctl.analysis.linearisation import linearise
 from rigctl.analysis.nuisance_projection import Projected, project
+from rigctl.analysis.shape_tolerance import courses, knots_of
 from rigctl.analysis.slot_disturbance import disturbed_system, level, sort_slots, with_system
 from rigctl.analysis.slot_evidence import some_records
 from rigctl.effects.drivers import Driver, drivers

@@ -1,1 +1,1 @@
-"""The law of an effect: its model discrepancy, the law that the data support, and the effect file offered."""
+"""The law of an effect that the data support, and the effect file offered for it."""

@@ -1,6 +1,6 @@
 """The tolerance of an effect without explanatory variables: its size differs from record to record.
 
-The law of an effect has a discrepancy over its variables (`rigctl.analysis.laws.shape_tolerance`). A delay, a
+The law of an effect has a discrepancy over its variables (`rigctl.analysis.shape_tolerance`). A delay, a
 constant load or an offset has no variable, and never has exactly the same size twice. In record k, and for a
 delay at each switch of it, the size is
 
