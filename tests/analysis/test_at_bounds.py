@@ -18,7 +18,7 @@ from rigctl.validation.benches.register import find_bench
 
 
 def imported(folder: Path, higher: float) -> tuple[Run, Model]:
-    """A mass on a spring; its push, at most 3 N or 5 mm, is not recorded. Record 3 reads so many mm more."""
+    """A mass on a spring with an unrecorded push of at most 3 N or 5 mm; record 3 reads `higher` mm more."""
     log = write_bench(BenchCampaign(find_bench("spring"), 0.0, "slow", False, "white", 3), folder)
     heading, *rows = (line.split(",") for line in log.read_text(encoding="utf-8").splitlines())
     for row in rows:
@@ -33,7 +33,7 @@ def compared(run: Run, model: Model, *, refit: bool) -> ModelComparison:
     return compare([run], [model], refit=refit).models[0]
 
 
-def test_a_record_that_no_allowed_push_explains_fails_every_test(tmp_path: Path) -> None:
+def test_a_record_beyond_the_bounds_of_its_unknowns_fails_the_chi_squared_test(tmp_path: Path) -> None:
     run, model = imported(tmp_path / "fine", 2.0)
     fine = compared(run, model, refit=True)
     assert fine.adequate

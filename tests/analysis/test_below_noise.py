@@ -64,8 +64,8 @@ def searched(
 
 
 @pytest.mark.parametrize("below", [False, True])
-def test_what_the_tests_see_stays_with_a_set_whose_error_is_below_the_noise(below: bool) -> None:
-    """A wrong effect brings 1.2 of an over-estimated noise to 0.85, and the tests reject at 1e-30."""
+def test_the_excess_of_a_rejected_set_remains_when_its_error_is_below_the_noise(below: bool) -> None:
+    """A wrong effect reduces the error from 1.2 to 0.85 of an overestimated noise; the tests give 1e-30."""
     search, best = searched(Adequacy(REJECTS, below_noise=below), (member("valve_leakage"),))
     assert search.excess(best) == pytest.approx(240.0 - 10 - 2.33 * 4.5)
     assert search.left(best) > 0.2
@@ -73,13 +73,13 @@ def test_what_the_tests_see_stays_with_a_set_whose_error_is_below_the_noise(belo
     assert search.left(search.none) == 1.0
 
 
-def test_differences_count_less_where_the_tests_reject_what_is_below_the_noise() -> None:
+def test_differences_weigh_less_where_the_tests_reject_an_error_below_the_noise() -> None:
     fit = made_fit(made_noise(), 1, lambda _, times: 0.5 * np.sin(0.1 * times))
     search, best = searched(Adequacy(REJECTS, below_noise=True), (member("valve_leakage"),), fit)
     assert _factor(search, best) > 10.0
 
 
-def test_a_set_below_the_noise_is_ambiguous_at_most_and_its_remainder_is_said() -> None:
+def test_a_set_with_an_error_below_the_noise_is_at_most_ambiguous_and_states_its_remainder() -> None:
     little = {"plane": Test(25.0, 0.002, 10, 4.5), "chi2": REJECTS["chi2"]}
     search, best = searched(Adequacy(little, below_noise=True), (member("valve_leakage"),))
     assert search.sure(best)
@@ -100,7 +100,7 @@ def test_a_set_below_the_noise_is_ambiguous_at_most_and_its_remainder_is_said() 
     assert left.document()["below_noise"] is True
 
 
-def test_a_member_whose_rest_cannot_be_fitted_is_said_with_its_own_parameters() -> None:
+def test_a_member_whose_complement_cannot_be_fitted_is_ranked_with_its_own_parameters() -> None:
     chosen = (member("first"), member("valve_leakage"))
     fit: Any = SimpleNamespace(std={"valve_leakage.x": 0.0})
     search, _ = searched(Adequacy(REJECTS), chosen, fit)
@@ -134,7 +134,7 @@ def test_a_member_whose_rest_cannot_be_fitted_is_said_with_its_own_parameters() 
 
 
 @pytest.mark.parametrize("verdict", [Verdict.ADEQUATE, Verdict.OUTSIDE_LIBRARY])
-def test_nothing_is_added_where_it_is_not_decided_whether_anything_is_missing(verdict: Verdict) -> None:
+def test_no_effect_is_added_while_it_is_undecided_whether_one_is_missing(verdict: Verdict) -> None:
     """The set improves the fit, but no version is saved on inconclusive data."""
     doubt = "the error of every channel is within its noise"
     before = SimpleNamespace(adequate=False)
@@ -145,8 +145,8 @@ def test_nothing_is_added_where_it_is_not_decided_whether_anything_is_missing(ve
     assert said == f"added nothing: these data cannot tell whether anything is missing: {doubt}"
 
 
-def test_a_noise_three_times_too_large_is_no_agreement() -> None:
-    """An effect of 20 sigmas is below it; the verdict used to be "Adequate", with detection limits."""
+def test_noise_assumed_three_times_too_large_leaves_the_verdict_undecided() -> None:
+    """An effect of 20 sigmas lies below this noise; the verdict was "Adequate", with detection limits."""
     scenario = Scenario("nothing", repeated=1, temperatures=(20.0, 60.0), pressures=(50.0,), seed=3)
     campaign = hide(scenario.plain, [(find_hidden("valve_leakage"), LEAKS)], "other")
     model = load_model(shipped("models", "hl32-textbook.yaml"))

@@ -29,7 +29,7 @@ def viscosity(temperature: np.ndarray) -> np.ndarray:
 
 
 def fitted(folder: Path, shared: float, each: float) -> FitResult:
-    """Three readings at each temperature, off by what they share and by what each has, as a share of it."""
+    """Three readings at each temperature, with a shared relative error and an independent one."""
     rng = np.random.default_rng(3)
     lines = ["oil_temperature [degC],kinematic_viscosity [cSt]"]
     for temperature in TEMPERATURES:
@@ -53,7 +53,9 @@ def independent(tmp_path_factory: pytest.TempPathFactory) -> FitResult:
     return fitted(tmp_path_factory.mktemp("independent"), 0.0, 0.01)
 
 
-def test_of_independent_noise_they_are_as_wide_as_the_fit_says(independent: FitResult) -> None:
+def test_for_independent_noise_the_intervals_match_the_standard_deviations_of_the_fit(
+    independent: FitResult,
+) -> None:
     found = bootstrap(independent, 60, workers=Workers(1))
     assert (found.by, found.failed) == ("condition", 0)
     assert all(0.6 < ratio < 1.6 for ratio in ratios(found))
@@ -62,16 +64,16 @@ def test_of_independent_noise_they_are_as_wide_as_the_fit_says(independent: FitR
         assert one.high - one.low == pytest.approx(3.92 * one.std, rel=0.4)
 
 
-def test_of_errors_that_readings_share_they_are_wider(tmp_path: Path) -> None:
+def test_errors_shared_by_the_readings_of_a_condition_widen_the_intervals(tmp_path: Path) -> None:
     found = bootstrap(fitted(tmp_path, 0.02, 0.005), 30, workers=Workers(1))
     assert all(ratio > 2.0 for ratio in ratios(found))
 
 
-def test_they_do_not_depend_on_who_works(independent: FitResult) -> None:
+def test_the_intervals_do_not_depend_on_the_number_of_workers(independent: FitResult) -> None:
     assert bootstrap(independent, 8, workers=Workers(1)) == bootstrap(independent, 8, workers=Workers(2))
 
 
-def test_one_record_cannot_be_drawn_from(independent: FitResult) -> None:
+def test_a_bootstrap_needs_more_than_one_record_and_a_fitted_parameter(independent: FitResult) -> None:
     from dataclasses import replace
 
     with pytest.raises(RigctlError, match="one record"):
@@ -80,7 +82,9 @@ def test_one_record_cannot_be_drawn_from(independent: FitResult) -> None:
         bootstrap(replace(independent, solution=None), 10)
 
 
-def test_a_diagnosis_has_them_when_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_diagnosis_reports_bootstrap_intervals_on_request(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     create_project(tmp_path)
     told("import", "data/hl32-viscosity.csv")

@@ -1,4 +1,4 @@
-"""Prediction of held-out records by an effect; synthetic records, one column for each unknown."""
+"""Cross-validation of an effect on synthetic records with one column for each unknown."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ROWS = 40
 def linearised(
     acts: np.ndarray, residual: np.ndarray, names: tuple[str, ...] = ("gain", "leak.size")
 ) -> Linearisation:
-    """Eight conditions, a record each: an unknown that acts everywhere, and an effect by `acts` (8, rows)."""
+    """Eight conditions of one record each; one unknown acts everywhere, the effect as `acts` (8, rows)."""
     rng = np.random.default_rng(3)
     triangles = tuple(
         RecordTriangle(
@@ -53,7 +53,7 @@ def noise(seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_an_effect_that_acts_everywhere_predicts_every_record(seed: int) -> None:
+def test_an_effect_that_acts_in_every_record_predicts_held_out_records(seed: int) -> None:
     check = held_out_gain(linearised(noise(100 + seed), noise(seed)), ["leak.size"], [1.0])
     assert check.passed
     assert check.folds == 8
@@ -61,7 +61,7 @@ def test_an_effect_that_acts_everywhere_predicts_every_record(seed: int) -> None
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_an_effect_that_acts_in_a_few_conditions_need_not_gain_in_the_others(seed: int) -> None:
+def test_an_effect_that_acts_in_few_conditions_need_not_improve_the_others(seed: int) -> None:
     acts = noise(100 + seed) * np.array([0.0] * 5 + [0.3, 1.0, 4.0])[:, None]
     check = held_out_gain(linearised(acts, noise(seed)), ["leak.size"], [1.0])
     assert check.mean < 2.0 * check.error  # its gains scatter by as much as they are
@@ -69,8 +69,8 @@ def test_an_effect_that_acts_in_a_few_conditions_need_not_gain_in_the_others(see
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_an_effect_whose_size_differs_between_conditions_is_not_passed(seed: int) -> None:
-    """Fitted as 1 over all, it is 3 in half of them and -1 in the others: one does not predict the other."""
+def test_an_effect_whose_size_differs_between_conditions_fails_cross_validation(seed: int) -> None:
+    """The fitted mean is 1; the size is 3 in half of the conditions and -1 in the others."""
     acts = noise(100 + seed)
     sizes = np.array([3.0, -1.0] * 4)[:, None]
     check = held_out_gain(linearised(acts, noise(seed) + (sizes - 1.0) * acts), ["leak.size"], [1.0])
@@ -78,7 +78,7 @@ def test_an_effect_whose_size_differs_between_conditions_is_not_passed(seed: int
     assert not check.passed
 
 
-def test_a_fold_that_is_lost_by_slopes_is_asked_by_refits() -> None:
+def test_a_fold_that_fails_by_linearisation_is_decided_by_a_refit() -> None:
     """Only failed folds are refitted, and the refit decides; without one the linear result is used."""
     acts = noise(100)
     residual = noise(0) + (np.array([3.0, -1.0] * 4)[:, None] - 1.0) * acts
@@ -98,13 +98,13 @@ def test_a_fold_that_is_lost_by_slopes_is_asked_by_refits() -> None:
     assert none == plain
 
 
-def test_records_that_do_not_show_the_effect_predict_nothing() -> None:
+def test_a_fold_that_leaves_no_record_showing_the_effect_is_not_counted() -> None:
     acts = noise(7) * np.array([0.0] * 7 + [5.0])[:, None]
     check = held_out_gain(linearised(acts, noise(8)), ["leak.size"], [1.0])
     assert check.folds == 7  # not the one without the record that shows it
 
 
-def test_what_is_at_its_bound_is_judged_by_its_size_there() -> None:
+def test_an_effect_fitted_at_its_bound_is_evaluated_at_that_size() -> None:
     acts = noise(9)
     lin = linearised(acts, noise(10), names=("gain",))
     assert held_out_gain(lin, ["leak.size"], [1.0]).mean == pytest.approx(0.0)

@@ -48,13 +48,13 @@ def measured() -> Measurements:
     return Measurements(("body",), ("degC",), ("bath", "load"), (record,), None, ("run",))
 
 
-def test_a_measured_input_ranges_over_its_course_and_not_over_its_median() -> None:
+def test_the_range_of_a_measured_input_is_that_of_its_samples() -> None:
     ranges = data_ranges(parse_family(OVEN), measured())
     assert ranges["|load|"] == pytest.approx((0.0, 50.0))
     assert ranges["input load"] == pytest.approx((-20.0, 50.0))
 
 
-def test_an_absolute_temperature_does_not_count_from_0_kelvin() -> None:
+def test_temperatures_have_no_effects_that_scale_from_absolute_zero() -> None:
     family = parse_family(OVEN)
     ranges = data_ranges(family, measured())
     assert ranges["input bath"] == pytest.approx((300.0, 330.0))
@@ -65,7 +65,7 @@ def test_an_absolute_temperature_does_not_count_from_0_kelvin() -> None:
     assert ranges[play.within] == pytest.approx((0.0, 30.0))
 
 
-def test_a_temperature_threshold_is_searched_among_its_values() -> None:
+def test_a_temperature_threshold_is_searched_within_the_range_of_its_input() -> None:
     table = parse_family(
         "family: strip\ninputs: {oven: {value: 20 degC}}\n"
         "parameters:\n  rise: {value: 1 V/K, bounds: [0 V/K, 10 V/K]}\n"

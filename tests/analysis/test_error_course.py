@@ -1,4 +1,4 @@
-"""How an error runs over time, in words: the side, the size, the seconds, and what it follows."""
+"""The course of an error over time, in words: its sign, size and times, and the condition it depends on."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ def in_hold(place: int, times: Floats) -> Floats:
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.9])
-def test_noise_alone_is_not_described(correlation: float) -> None:
+def test_no_stretch_is_reported_in_pure_noise(correlation: float) -> None:
     for seed in range(10):
         fit = made_fit(made_noise(correlation), seed)
         assert said(fit) == said(fit, "pressure") == ""
 
 
-def test_a_model_that_is_above_in_one_phase_is_too_high_there_and_nowhere_else() -> None:
+def test_a_model_too_high_in_one_phase_is_reported_for_that_phase_only() -> None:
     """0.4 m for the 60 s of the hold; the other channel is right."""
     fit = made_fit(made_noise(0.6), 1, in_hold)
     (stretch,) = error_course(fit, "position")
@@ -38,7 +38,7 @@ def test_a_model_that_is_above_in_one_phase_is_too_high_there_and_nowhere_else()
     assert said(fit, "pressure") == ""
 
 
-def test_below_first_and_above_afterwards_is_said_in_that_order() -> None:
+def test_stretches_of_opposite_sign_are_reported_in_time_order() -> None:
     fit = made_fit(made_noise(), 1, lambda place, times: np.where(times < SIZE, -0.2, 0.5))
     text = said(fit)
     assert text.startswith("in position the model is too low by up to 2")
@@ -46,13 +46,13 @@ def test_below_first_and_above_afterwards_is_said_in_that_order() -> None:
     assert text.endswith("mm from 60 to 179 s")
 
 
-def test_an_error_from_end_to_end_is_there_all_the_time() -> None:
+def test_an_error_over_the_whole_record_is_reported_as_lasting_all_the_time() -> None:
     fit = made_fit(made_noise(), 1, lambda place, times: np.full(times.shape, -0.3))
     assert said(fit).startswith("in position the model is too low by up to 3")
     assert said(fit).endswith("mm all the time")
 
 
-def test_a_decaying_error_is_described_by_its_start() -> None:
+def test_the_first_stretch_of_a_decaying_error_is_at_the_start_of_the_record() -> None:
     fit = made_fit(made_noise(sigma=0.02), 1, lambda place, times: 0.5 * np.exp(-times / 5.0))
     first = error_course(fit, "position")[0]
     assert first.start == 0.0
@@ -60,7 +60,7 @@ def test_a_decaying_error_is_described_by_its_start() -> None:
     assert first.peak > 0.4
 
 
-def test_the_variable_that_the_error_follows_is_named_with_its_ends() -> None:
+def test_the_condition_that_the_error_depends_on_is_named_with_its_extremes() -> None:
     """0 at 20 °C, 1.1 m at 31 °C."""
     fit = made_fit(made_noise(), 1, lambda place, times: 0.1 * place * (times >= SIZE))
     stretch = error_course(fit, "position")[-1]
@@ -69,5 +69,5 @@ def test_the_variable_that_the_error_follows_is_named_with_its_ends() -> None:
     assert f"({low} at oil 20 degC, {high} at oil 31 degC)" in said(fit)
 
 
-def test_an_error_that_is_the_same_in_every_record_follows_nothing() -> None:
+def test_an_error_equal_in_all_records_depends_on_no_condition() -> None:
     assert " at oil " not in said(made_fit(made_noise(), 1, in_hold))

@@ -69,7 +69,9 @@ def fits(project: Path) -> dict[str, FitResult]:
     return found
 
 
-def test_the_one_that_the_bench_obeys_is_nearer(project: Path, fits: dict[str, FitResult]) -> None:
+def test_the_fmu_of_the_true_model_is_nearer_in_every_record(
+    project: Path, fits: dict[str, FitResult]
+) -> None:
     found = judge_fmu(project / "right.fmu", fits["wrong"], "wrong")
     assert (found.nearer, found.further, found.records) == (8, 0, 8)
     assert "right.fmu is nearer than wrong in 8 of 8 records" in found.statement
@@ -77,7 +79,9 @@ def test_the_one_that_the_bench_obeys_is_nearer(project: Path, fits: dict[str, F
     assert (wrong.nearer, wrong.further, wrong.decided) == (0, 8, True)
 
 
-def test_the_command_tells_no_model_from_itself(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_model_is_not_distinguished_from_its_own_fmu(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Fitting record-level unknowns does not make a model better than its own FMU."""
     monkeypatch.chdir(project)
     (found,) = answer("compare", "latest", "-m", "models/right.yaml", "--rival", "right.fmu")["rivals"]
@@ -93,7 +97,9 @@ def with_text(source: Path, target: Path, name: str, change: Callable[[bytes], b
             new.writestr(entry, change(content) if entry.filename == name else content)
 
 
-def test_units_of_an_fmu_are_heeded(project: Path, fits: dict[str, FitResult]) -> None:
+def test_outputs_are_converted_from_the_units_declared_by_the_fmu(
+    project: Path, fits: dict[str, FitResult]
+) -> None:
     def celsius(text: bytes) -> bytes:
         head, output = text.rsplit(b'name="temperature_1"', 1)
         defined = head.replace(b"<UnitDefinitions>", b'<UnitDefinitions><Unit name="degC"/>')
@@ -104,7 +110,9 @@ def test_units_of_an_fmu_are_heeded(project: Path, fits: dict[str, FitResult]) -
     assert found.channels["temperature_1"].nrmse > 5.0
 
 
-def test_an_fmu_that_crashes_or_does_not_fit_says_so(project: Path, fits: dict[str, FitResult]) -> None:
+def test_an_fmu_that_crashes_or_does_not_match_the_data_is_reported(
+    project: Path, fits: dict[str, FitResult]
+) -> None:
     source = project / "right.fmu"
     with zipfile.ZipFile(source) as archive:
         (library,) = (name for name in archive.namelist() if name.startswith("binaries/"))
@@ -129,7 +137,7 @@ def test_an_fmu_that_crashes_or_does_not_fit_says_so(project: Path, fits: dict[s
 
 
 def hanging(project: Path, where: bytes) -> Path:
-    """An FMU that prints for ever, and never comes back from a step."""
+    """An FMU that prints forever and never returns from a step."""
     source = project / "right.fmu"
     with zipfile.ZipFile(source) as archive:
         (library,) = (name for name in archive.namelist() if name.startswith("binaries/"))
@@ -141,10 +149,10 @@ def hanging(project: Path, where: bytes) -> Path:
     return project / "hanging.fmu"
 
 
-def test_an_fmu_that_never_returns_is_ended_in_the_time_that_is_given_to_it(
+def test_an_fmu_that_never_returns_is_stopped_at_its_timeout(
     project: Path, fits: dict[str, FitResult], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It held the command for ten minutes, in silence, and left its files in the temporary folder."""
+    """It used to block the command for ten minutes without a message and to leave temporary files."""
     temporary = project / "temporary"
     temporary.mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(temporary))
@@ -205,7 +213,7 @@ def test_a_hostile_archive_is_refused_before_it_is_unpacked(
             judge_fmu(project / f"{name}.fmu", fits["right"], "right")
 
 
-def test_what_is_no_number_is_no_output_without_an_error(project: Path, fits: dict[str, FitResult]) -> None:
+def test_nan_outputs_of_an_fmu_are_refused(project: Path, fits: dict[str, FitResult]) -> None:
     """NaN marks channels that an FMU does not have, which would count as exact."""
     source = project / "wrong.fmu"
     with zipfile.ZipFile(source) as archive:
@@ -221,6 +229,6 @@ def test_what_is_no_number_is_no_output_without_an_error(project: Path, fits: di
 
 
 @pytest.mark.parametrize(("nearer", "count"), [(0, 0), (4, 8), (1, 9), (8, 8), (0, 11), (20, 27)])
-def test_the_sign_test_is_the_binomial_one(nearer: int, count: int) -> None:
+def test_the_sign_test_agrees_with_the_binomial_test(nearer: int, count: int) -> None:
     expected = binomtest(nearer, count, 0.5).pvalue if count else 1.0
     assert sign_test(nearer, count) == pytest.approx(expected, rel=1e-12)

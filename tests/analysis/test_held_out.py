@@ -1,4 +1,4 @@
-"""A model on held-out records: whether it is as good there, and otherwise what it lacks."""
+"""A model on records it was not fitted to: whether it is as good there, and otherwise what it lacks."""
 
 from __future__ import annotations
 
@@ -50,14 +50,14 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> list[Unseen]:
     return judged(tmp_path_factory.mktemp("unseen"), 5.05, hold_out="heater_1 == 50 %")[1]
 
 
-def test_the_records_of_each_reason_are_a_group(found: list[Unseen]) -> None:
+def test_unseen_records_are_grouped_by_the_reason_they_were_left_out(found: list[Unseen]) -> None:
     held_out, cooling = found
     assert (held_out.why, held_out.condition, len(held_out.records)) == ("hold_out", "heater_1 == 50 %", 1)
     assert (cooling.why, cooling.condition, len(cooling.records)) == ("only", "heater_1 > 0 %", 2)
     assert cooling.where.startswith("heater_1 0 %")
 
 
-def test_as_good_is_said_with_the_errors_beside_the_noise(found: list[Unseen]) -> None:
+def test_an_equally_good_group_is_reported_with_errors_and_noise(found: list[Unseen]) -> None:
     held_out = found[0]
     assert held_out.as_good
     assert held_out.remedies == ()
@@ -68,7 +68,7 @@ def test_as_good_is_said_with_the_errors_beside_the_noise(found: list[Unseen]) -
     )
 
 
-def test_a_start_that_is_not_at_rest_is_what_cooling_lacks(found: list[Unseen]) -> None:
+def test_a_start_not_at_rest_is_a_remedy_for_the_cooling_records(found: list[Unseen]) -> None:
     """The heating element is warm at the start of a cooling record, but cold in the model."""
     cooling = found[1]
     assert cooling.worse[0] == "temperature_1"
@@ -83,14 +83,14 @@ def test_a_start_that_is_not_at_rest_is_what_cooling_lacks(found: list[Unseen]) 
     assert starts.rmse["temperature_1"] < cooling.fit.errors["temperature_1"].rmse
 
 
-def test_its_document_says_the_same(found: list[Unseen]) -> None:
+def test_the_json_document_agrees_with_the_statement(found: list[Unseen]) -> None:
     document = found[1].document()
     assert document["statement"] == found[1].statement
     assert document["channels"]["temperature_1"]["unit"] == "K"
     assert [one["kind"] for one in document["remedies"]] == [one.kind for one in found[1].remedies]
 
 
-def test_nothing_is_left_out_without_a_choice(tmp_path: Path) -> None:
+def test_without_a_selection_no_records_are_unseen(tmp_path: Path) -> None:
     lines = (ROOT / "data" / "hl32-viscosity.csv").read_text("utf-8")
     (tmp_path / "viscosity.csv").write_text(lines, "utf-8")
     done = import_file(tmp_path / "viscosity.csv", None, tmp_path / "runs")
@@ -99,7 +99,7 @@ def test_nothing_is_left_out_without_a_choice(tmp_path: Path) -> None:
     assert unseen(compared, compared.models[0]) == ()
 
 
-def test_the_page_says_it_first_and_draws_the_record_that_is_worst(found: list[Unseen]) -> None:
+def test_the_report_plots_only_groups_that_the_model_predicts_badly(found: list[Unseen]) -> None:
     (section,) = unseen_sections(found)
     assert section.id == "unseen"
     assert [plot.id for plot in section.plots] == ["unseen-1"], "what is as good needs no picture"
@@ -110,7 +110,7 @@ def test_the_page_says_it_first_and_draws_the_record_that_is_worst(found: list[U
     assert unseen_sections([]) == []
 
 
-def test_a_setting_of_a_table_that_was_held_out_is_judged_without_a_course(tmp_path: Path) -> None:
+def test_a_held_out_setting_of_a_table_has_no_error_course(tmp_path: Path) -> None:
     """Its rows are not a time series, and its setting has a level that the others do not share."""
     rig = ROOT / "rigs" / "hl32-bench.yaml"
     done = import_file(ROOT / "data" / "hl32-strokes.csv", load_rig(rig), tmp_path / "runs")

@@ -1,4 +1,4 @@
-"""Scores, p-values and power on a linear problem, where all have a closed form."""
+"""Scores, p-values and power on a linear problem, where each has a closed form."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Floats = NDArray[np.float64]
 
 
 @pytest.mark.parametrize(("seed", "correlation"), [(0, 0.0), (1, 0.3), (2, 0.8)])
-def test_every_score_is_that_of_dense_algebra(seed: int, correlation: float) -> None:
+def test_scores_agree_with_dense_linear_algebra(seed: int, correlation: float) -> None:
     rng = np.random.default_rng(seed)
     design = made_design(PLAIN, random_gram(rng, 6, 9), kappa=0.3, correlation=correlation, seed=seed)
     y = design.readings({"beta.size": 6.0, "zeta.size": -5.0}, design.drawn_noise(rng))
@@ -57,7 +57,7 @@ def test_every_score_is_that_of_dense_algebra(seed: int, correlation: float) -> 
     assert {score.effect for score in found.screening.scores} == set(NAMES)
 
 
-def test_the_misfit_its_freedom_and_the_cosines_are_those_of_dense_algebra() -> None:
+def test_chi_squared_its_degrees_of_freedom_and_the_cosines_agree_with_dense_algebra() -> None:
     rng = np.random.default_rng(3)
     design = made_design(PLAIN, random_gram(rng, 6, 9), correlation=0.5)
     y = design.readings({"beta.size": 6.0}, design.drawn_noise(rng))
@@ -73,9 +73,7 @@ def test_the_misfit_its_freedom_and_the_cosines_are_those_of_dense_algebra() -> 
             assert cosine(found.projected, one, other) == pytest.approx(said, abs=1e-9)
 
 
-def test_an_effect_of_two_parameters_gains_what_both_explain_and_a_one_sided_one_no_less_than_nothing() -> (
-    None
-):
+def test_gains_agree_with_dense_algebra_for_two_parameters_and_for_one_sided_effects() -> None:
     effects = [
         made_effect("alpha", parameters=(made_parameter("size"), made_parameter("rate"))),
         made_effect("beta", parameters=(made_parameter("size", low=0.0),)),
@@ -93,7 +91,7 @@ def test_an_effect_of_two_parameters_gains_what_both_explain_and_a_one_sided_one
         assert by_name[name].gain == pytest.approx(max(z, 0.0) ** 2, rel=1e-8)
 
 
-def test_what_the_fitted_parameters_do_themselves_is_not_testable() -> None:
+def test_an_effect_absorbed_by_the_fitted_parameters_is_untestable() -> None:
     design = made_design(PLAIN[:3], np.eye(3))
     mixed = 2.0 * design.columns["gain"] - 3.0 * design.columns["slope"]
     design = replace(design, columns={**design.columns, "gamma.size": mixed})
@@ -105,7 +103,7 @@ def test_what_the_fitted_parameters_do_themselves_is_not_testable() -> None:
 def alone(
     found: ModelComparison, rng: np.random.Generator, shifts: Sequence[float] | None = None
 ) -> Projected:
-    """The same linearisation with other noise, and of each candidate so many sigmas beside it."""
+    """The same linearisation with new noise, plus `shifts` sigmas of each candidate."""
     lin = found.linearisation
     return project(_with_residuals(lin, rng, shifts))
 
@@ -113,7 +111,7 @@ def alone(
 def _with_residuals(
     lin: Linearisation, rng: np.random.Generator, shifts: Sequence[float] | None
 ) -> Linearisation:
-    """A triangle of c columns and a residual has N(0, 1) in its rows and, below, √χ² of what is left."""
+    """The residual of a triangle is N(0, 1) in its rows and √χ² of the remaining values in the last."""
     records = []
     for one in lin.records:
         rows = one.residual.size - 1
@@ -125,15 +123,15 @@ def _with_residuals(
 
 
 def within_chance(hits: int, draws: int, rate: float) -> bool:
-    """A right rate is called wrong once in a thousand times."""
+    """A correct rate is rejected once in a thousand times."""
     return bool(binomtest(hits, draws, rate).pvalue > 1e-3)
 
 
 DRAWS = 2000
 
 
-def test_a_right_model_is_called_wrong_once_in_a_hundred_times() -> None:
-    """All three tests, and each by itself: the plane test and χ² at 1 %, the best of six scores at 1 %."""
+def test_each_adequacy_test_rejects_a_correct_model_at_its_nominal_level() -> None:
+    """Each at 1 % (plane test, χ², best of six scores), and all three together at no more than 1 %."""
     rng = np.random.default_rng(5)
     design = made_design(PLAIN, random_gram(rng, 6, 9), correlation=0.3)
     found = compared(design, design.readings({}, design.typical_noise()))
@@ -152,7 +150,7 @@ def test_a_right_model_is_called_wrong_once_in_a_hundred_times() -> None:
 
 
 @pytest.mark.parametrize("signs", [0, 1])
-def test_the_family_wise_level_of_independent_scores_is_that_of_the_best_of_them(signs: int) -> None:
+def test_the_p_value_of_the_best_of_independent_scores_is_family_wise(signs: int) -> None:
     """p = 1 − (1 − p₁)^K from simulated draws; below their resolution, K·p₁."""
     effects = [
         made_effect(name, parameters=(made_parameter("size", low=-1e4 if not signs else 0.0),))
@@ -173,7 +171,7 @@ def test_the_family_wise_level_of_independent_scores_is_that_of_the_best_of_them
 
 
 @pytest.mark.parametrize("size", [2.0, 3.0, 4.0])
-def test_an_effect_is_seen_as_often_as_the_noncentral_chi_squared_says(size: float) -> None:
+def test_the_power_of_a_score_matches_the_noncentral_chi_squared(size: float) -> None:
     """One candidate, at a level of 1 %: P(χ²₁(λ²) > χ²₁⁻¹(0.99))."""
     design = made_design(PLAIN[:1], np.eye(1), correlation=0.3)
     found = compared(design, design.readings({}, design.typical_noise()))
@@ -185,11 +183,11 @@ def test_an_effect_is_seen_as_often_as_the_noncentral_chi_squared_says(size: flo
 
 
 def seen_with(library: int) -> float:
-    """The power at that limit, of one among so many."""
+    """The power at the detection limit for one effect of a library of this size."""
     return float(norm.sf(norm.isf(0.5 * ALPHA / 3.0 / library) - SEEN_IN_LIBRARY))
 
 
-def test_an_effect_at_the_limit_of_being_seen_is_found_in_most_cases() -> None:
+def test_the_power_at_the_detection_limit_is_as_predicted() -> None:
     """Of a library of 12, beside two other tests: Φ(4.5 − z) with z the quantile of 0.01/3/12."""
     effects = [made_effect(f"effect_{k}") for k in range(12)]
     design = made_design(effects, np.eye(12))
@@ -203,7 +201,7 @@ def test_an_effect_at_the_limit_of_being_seen_is_found_in_most_cases() -> None:
     assert seen_with(50) == pytest.approx(0.70, abs=0.01)
 
 
-def test_what_its_typical_size_does_not_bring_to_that_limit_is_named() -> None:
+def test_effects_below_the_detection_limit_at_their_typical_size_are_listed() -> None:
     """‖s̃‖·|φ_typical| on either side of 4.5 sigmas; one parameter of two is enough."""
     lengths = np.array([4.4, 4.6, 1.0, 4.6])
     effects = [
@@ -228,7 +226,7 @@ def scored(design: Design, y: Floats) -> dict[str, tuple[float, float, float]]:
 
 
 def same(one: dict[str, tuple[float, float, float]], other: dict[str, tuple[float, float, float]]) -> bool:
-    """Gains and κ to the last digits; what is drawn within its draws."""
+    """Gains and κ to rounding; p-values to within the scatter of their simulation."""
     return one.keys() == other.keys() and all(
         np.allclose(one[name][::2], other[name][::2], rtol=1e-6)
         and abs(one[name][1] - other[name][1]) <= 0.01 + 0.05 * one[name][1]
@@ -238,7 +236,7 @@ def same(one: dict[str, tuple[float, float, float]], other: dict[str, tuple[floa
 
 @settings(max_examples=4)
 @given(st.permutations(range(6)), st.integers(0, 2**31))
-def test_the_order_of_the_effects_does_not_matter(order: list[int], seed: int) -> None:
+def test_scores_do_not_depend_on_the_order_of_the_effects(order: list[int], seed: int) -> None:
     rng = np.random.default_rng(seed)
     design = made_design(PLAIN, random_gram(rng, 6, 9))
     y = design.readings({"beta.size": 4.0}, design.drawn_noise(rng))
@@ -248,7 +246,7 @@ def test_the_order_of_the_effects_does_not_matter(order: list[int], seed: int) -
 
 @settings(max_examples=4)
 @given(st.floats(-6.0, 6.0), st.integers(0, 2**31))
-def test_the_unit_of_a_parameter_does_not_matter(exponent: float, seed: int) -> None:
+def test_scores_do_not_depend_on_the_unit_of_a_parameter(exponent: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     design = made_design(PLAIN, random_gram(rng, 6, 9))
     y = design.readings({"beta.size": 4.0}, design.drawn_noise(rng))
@@ -264,8 +262,8 @@ def test_the_unit_of_a_parameter_does_not_matter(exponent: float, seed: int) -> 
 
 @settings(max_examples=4)
 @given(st.integers(0, 2**31))
-def test_how_the_fitted_parameters_are_chosen_does_not_matter(seed: int) -> None:
-    """Any other basis of what they can do."""
+def test_scores_do_not_depend_on_the_basis_of_the_nuisance_parameters(seed: int) -> None:
+    """Any other basis of the space that they span."""
     rng = np.random.default_rng(seed)
     design = made_design(PLAIN, random_gram(rng, 6, 9))
     y = design.readings({"beta.size": 4.0}, design.drawn_noise(rng))
@@ -276,7 +274,7 @@ def test_how_the_fitted_parameters_are_chosen_does_not_matter(seed: int) -> None
 
 @settings(max_examples=4)
 @given(st.lists(st.floats(0.0, 12.0), min_size=2, max_size=4), st.integers(0, 4))
-def test_a_larger_effect_is_never_less_seen(sizes: list[float], seed: int) -> None:
+def test_a_larger_effect_has_no_smaller_gain_and_no_larger_p_value(sizes: list[float], seed: int) -> None:
     design = made_design(PLAIN[:1], np.eye(1))
     noise = design.typical_noise(seed)
     found = [scored(design, design.readings({"alpha.size": size}, noise))["alpha"] for size in sorted(sizes)]

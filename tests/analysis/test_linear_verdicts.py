@@ -39,14 +39,14 @@ Floats = NDArray[np.float64]
 
 
 def alike(cos: float) -> Floats:
-    """alpha and beta at this cosine, the others at right angles to everything."""
+    """alpha and beta at this cosine, the others orthogonal to all."""
     gram = np.eye(len(PLAIN))
     gram[0, 1] = gram[1, 0] = cos
     return gram
 
 
 def readings_of(design: Design, sizes: Mapping[str, float], noise: Floats | None = None) -> Floats:
-    """Of effects of these sizes, in sigmas, in noise that is as large as the average."""
+    """Readings with effects of these sizes, in sigmas; noise of average size unless given."""
     known = {name if "." in name else f"{name}.size": size for name, size in sizes.items()}
     return design.readings(known, design.typical_noise() if noise is None else noise)
 
@@ -56,14 +56,14 @@ def diagnosed(design: Design, sizes: Mapping[str, float], noise: Floats | None =
 
 
 def best_of_all(design: Design, y: Floats) -> tuple[str, ...]:
-    """Of no effect, every single one and every pair, that of the least mBIC, by dense least squares."""
+    """The set with the lowest mBIC among none, all single effects and all pairs, by dense least squares."""
     names = [effect.name for effect in design.effects]
     sets = [(), *((name,) for name in names), *combinations(names, 2)]
     return min(sets, key=lambda chosen: design.mbic(y, chosen))
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_search_finds_what_enumeration_finds(seed: int) -> None:
+def test_the_search_finds_the_same_best_set_as_enumeration(seed: int) -> None:
     """One or two effects of eight to fourteen sigmas, in noise as it is drawn."""
     rng = np.random.default_rng(seed)
     design = made_design(PLAIN, random_gram(rng, 6, 14), correlation=0.3, seed=seed)
@@ -75,14 +75,14 @@ def test_the_search_finds_what_enumeration_finds(seed: int) -> None:
     assert sorted(search.best().effects) == sorted(best_of_all(design, y))
     tried = [search.none, *search.trials.values()]
     least = min(trial.chi2 for trial in tried)
-    for trial in tried:  # what is far behind is fitted as coarsely as that
+    for trial in tried:  # sets far behind the best are fitted less precisely
         exact = design.chi2(y, trial.effects)
         assert -0.02 < trial.chi2 - exact < 0.02 + 0.02 * (exact - least)
         price = design.mbic(y, trial.effects) - exact
         assert search.mbic(trial) - trial.chi2 == pytest.approx(price, rel=1e-9, abs=1e-9)
 
 
-def test_the_gains_of_all_pairs_are_those_of_dense_algebra() -> None:
+def test_the_gains_of_all_pairs_agree_with_dense_algebra() -> None:
     rng = np.random.default_rng(1)
     design = made_design(PLAIN, random_gram(rng, 6, 14), correlation=0.3)
     y = readings_of(design, {"beta": 7.0, "zeta": 9.0}, design.drawn_noise(rng))
@@ -97,7 +97,7 @@ def test_the_gains_of_all_pairs_are_those_of_dense_algebra() -> None:
 
 
 def stand_in(more: float) -> Design:
-    """beta and gamma of eight sigmas point together where alpha does, but for `more` sigmas."""
+    """The sum of beta and gamma, eight sigmas each, is alpha but for `more` sigmas."""
     size = 8.0 * math.sqrt(2.0)
     cos = math.sqrt(0.5 * (1.0 - (more / size) ** 2))
     gram = np.eye(len(PLAIN))
@@ -108,7 +108,7 @@ def stand_in(more: float) -> Design:
 TWO = {"beta": 8.0, "gamma": 8.0}
 
 
-def test_one_effect_without_remainder_does_not_replace_two() -> None:
+def test_one_adequate_effect_does_not_replace_two_with_a_lower_mbic() -> None:
     """alpha leaves an undetectable 36 in χ² of 189, and is 27 worse in mBIC; it used to be named alone."""
     design = stand_in(6.0)
     y = readings_of(design, TWO)
@@ -192,7 +192,7 @@ def test_the_probabilities_follow_from_mbic() -> None:
         assert one.probability == pytest.approx(weights[one.effect] / total, rel=0.02)
 
 
-def test_nothing_missing_is_adequate() -> None:
+def test_a_model_that_lacks_nothing_is_adequate() -> None:
     rng = np.random.default_rng(11)
     design = made_design(PLAIN, random_gram(rng, 6, 14), correlation=0.3)
     for noise in (design.typical_noise(), design.drawn_noise(rng)):
@@ -203,7 +203,7 @@ def test_nothing_missing_is_adequate() -> None:
 
 
 def strange(design: Design, size: float) -> Floats:
-    """Something of so many sigmas that no parameter does anything of, in typical noise."""
+    """Typical noise with a misfit of `size` sigmas that no parameter explains."""
     return np.asarray(
         design.typical_noise(0) * math.sqrt(1.0 + size**2 / (len(design.root) - len(NUISANCES)))
     )
@@ -220,8 +220,8 @@ def test_a_misfit_that_no_effect_explains_is_outside_the_library() -> None:
     ("size", "verdict"), [(15.0, Verdict.MISSING_EFFECT), (40.0, Verdict.OUTSIDE_LIBRARY)]
 )
 def test_the_remainder_is_reported_and_decides_above_three_percent(size: float, verdict: Verdict) -> None:
-    """Excess beyond χ²'s own spread over what alpha explains and that: 2 and 13 %, less the little of it that
-    sizes of alpha of each record's own take up."""
+    """The excess over the spread of χ² is 2 and 13 % of the whole misfit, less the small part absorbed by
+    sizes of alpha that differ between records."""
     design = made_design(PLAIN, np.eye(6))
     found = diagnosed(design, {"alpha": 100.0}, strange(design, size))
     dof = len(design.root) - len(NUISANCES) - 1
@@ -277,7 +277,7 @@ def test_the_verdict_does_not_depend_on_the_order_of_the_effects(order: list[int
 def improved(
     design: Design, sizes: Mapping[str, float], folder: Path, monkeypatch: pytest.MonkeyPatch, most: int = 4
 ) -> Improvement:
-    """The loop, on a model file whose family and effects are found as an installed package's are."""
+    """`improve` on a model file whose family and effects are registered as from an installed package."""
     monkeypatch.setattr("rigctl.model.load.find_family", lambda *_: FAMILY)
     monkeypatch.setattr("rigctl.effects.registry.installed_effects", lambda: design.effects)
     path = folder / "m.yaml"
@@ -287,7 +287,7 @@ def improved(
     return improve(Comparison(("r",), (), (before,), ()), path, most=most)
 
 
-def test_the_loop_adds_the_largest_gain_first_and_stops(
+def test_improve_adds_the_largest_gain_first_and_stops_when_adequate(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     design = made_design(PLAIN, np.eye(6))
@@ -306,7 +306,7 @@ def test_the_loop_adds_the_largest_gain_first_and_stops(
     )
 
 
-def test_two_effects_that_improve_only_together_are_added_together(
+def test_effects_that_improve_the_fit_only_together_are_added_together(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """They nearly cancel: each alone gains 2 in χ², both together 200."""
@@ -315,7 +315,7 @@ def test_two_effects_that_improve_only_together_are_added_together(
     assert "only together" in found.steps[0].reason
 
 
-def test_the_loop_respects_the_requested_number_of_effects(
+def test_improve_adds_no_more_than_the_requested_number_of_effects(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     design = made_design(PLAIN, np.eye(6))

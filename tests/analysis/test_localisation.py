@@ -30,26 +30,26 @@ def in_hold(size: float, record: int | None = None):
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.9])
-def test_the_worst_of_all_stretches_of_noise_is_seldom_called_wrong(correlation: float) -> None:
+def test_the_worst_stretch_of_pure_noise_rarely_raises_an_alarm(correlation: float) -> None:
     noise = made_noise(correlation)
     found = [worst_stretches(made_fit(noise, seed)) for seed in range(TRIALS)]
     assert sum(smallest(places) < 0.01 for places in found) <= MOST
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.9])
-def test_the_worst_range_of_a_channel_in_noise_is_seldom_called_wrong(correlation: float) -> None:
+def test_the_worst_range_of_a_channel_in_pure_noise_rarely_raises_an_alarm(correlation: float) -> None:
     noise = made_noise(correlation)
     found = [ranges(made_fit(noise, seed)) for seed in range(TRIALS)]
     assert sum(smallest(places) < 0.01 for places in found) <= MOST
 
 
-def test_a_stretch_in_which_something_is_missing_is_still_named() -> None:
+def test_a_stretch_with_a_misfit_is_named() -> None:
     first = worst_stretches(made_fit(made_noise(0.6), 3, in_hold(0.4, record=1)))[0]
     assert first.label == "position in hold of r/2"
     assert first.p_value < 1e-6
 
 
-def test_noise_that_is_poorly_known_makes_a_stretch_less_sure() -> None:
+def test_a_poorly_known_noise_makes_a_stretch_less_significant() -> None:
     known, guessed = (
         worst_stretches(made_fit(made_noise(0.0, degrees), 3, in_hold(0.12, record=1)))[0].p_value
         for degrees in (0, 20)
@@ -57,7 +57,7 @@ def test_noise_that_is_poorly_known_makes_a_stretch_less_sure() -> None:
     assert known < 0.01 < guessed
 
 
-def test_a_part_that_a_whole_quiet_stretch_has_in_common_is_no_misfit() -> None:
+def test_a_constant_error_of_a_coarse_converter_at_rest_is_no_misfit() -> None:
     """With a coarse converter, the error is the same for all samples at rest."""
     fine = ChannelNoise("pressure", 0.1)
     coarse = NoiseModel((ChannelNoise("position", 0.1, step=0.2, bias=0.2), fine), 1.0)
@@ -65,8 +65,8 @@ def test_a_part_that_a_whole_quiet_stretch_has_in_common_is_no_misfit() -> None:
     assert smallest(worst_stretches(made_fit(coarse, 3, in_hold(0.2)))) < 1e-6
 
 
-def test_the_worst_of_many_places_is_judged_as_the_worst_of_them() -> None:
-    """One place of each cell, noise alone: the largest of 40 is no more than chance."""
+def test_the_p_value_of_the_worst_place_allows_for_the_number_of_places() -> None:
+    """Forty places of one cell each, pure noise."""
     draws = np.random.default_rng(1).standard_normal((4000, 40))
     places = [np.arange(40)[:, None] == k for k in range(40)]
     wrong = 0
@@ -77,7 +77,7 @@ def test_the_worst_of_many_places_is_judged_as_the_worst_of_them() -> None:
 
 
 @pytest.mark.parametrize("drawn", [True, False])
-def test_a_place_with_something_in_it_is_more_than_chance(drawn: bool) -> None:
+def test_a_place_with_a_misfit_is_significant(drawn: bool) -> None:
     rng = np.random.default_rng(1)
     z = rng.standard_normal((40, 1))
     z[7] = 9.0

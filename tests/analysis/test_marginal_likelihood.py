@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 
 class Case:
-    """Records with columns B, unknowns J and a residual r; B is scaled as `Component` asks."""
+    """Records with columns B, unknowns J and a residual r; B is scaled as `Component` requires."""
 
     def __init__(self, seed: int, size: float = 0.0, features: int = 2) -> None:
         rng = np.random.default_rng(seed)
@@ -41,7 +41,7 @@ class Case:
         return Component(back @ self.b, back @ self.j, np.einsum("cnk,cn->ck", self.b, self.r))
 
     def likelihood(self, u: float, v: float) -> float:
-        """Of r, with θ integrated out."""
+        """The log-likelihood of r with θ integrated out."""
         rows = self.records * self.rows
         covariance = np.eye(rows)
         for c in range(self.records):
@@ -60,7 +60,7 @@ class Case:
 
 @given(seed=st.integers(0, 10_000), size=st.sampled_from([0.0, 10.0, 100.0]))
 @settings(max_examples=15)
-def test_it_is_the_mean_likelihood_over_the_grid(seed: int, size: float) -> None:
+def test_the_evidence_is_the_mean_likelihood_over_the_grid_of_variances(seed: int, size: float) -> None:
     case = Case(seed, size)
     found = evidence(case.component, case.normal, case.phi)
     logs = np.array(
@@ -70,7 +70,7 @@ def test_it_is_the_mean_likelihood_over_the_grid(seed: int, size: float) -> None
     assert found.log_evidence == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
-def test_one_record_alone_has_a_component_of_its_own() -> None:
+def test_a_component_without_shared_features_has_only_its_own_variance() -> None:
     case = Case(3, 50.0, features=0)
     found = evidence(case.component, case.normal, case.phi)
     logs = np.array([case.likelihood(u**2, 0.0) for u in module._OWN]) - case.likelihood(0.0, 0.0)
@@ -78,7 +78,7 @@ def test_one_record_alone_has_a_component_of_its_own() -> None:
     assert found.log_evidence == pytest.approx(expected, rel=1e-6)
 
 
-def test_amplitudes_come_back_and_explain_the_fall_of_chi2() -> None:
+def test_amplitudes_are_recovered_and_account_for_the_decrease_of_chi_squared() -> None:
     case = Case(5, 400.0)
     found = evidence(case.component, case.normal, case.phi)
     assert found.amplitudes == pytest.approx(case.truth, rel=0.1, abs=20.0)
@@ -92,7 +92,7 @@ def test_amplitudes_come_back_and_explain_the_fall_of_chi2() -> None:
     assert found.explained == pytest.approx(fall, rel=1e-6)
 
 
-def test_noise_alone_gives_none() -> None:
+def test_pure_noise_gives_no_evidence() -> None:
     logs = []
     for seed in range(40):
         case = Case(seed)

@@ -35,13 +35,13 @@ def fitted(distance: float, std: float, at_bound: bool) -> Any:
 @pytest.mark.parametrize(
     ("distance", "std", "at_bound", "nested"),
     [
-        (2e-3, 1e-4, False, False),  # a distance of its own
-        (2e-3, 4e-3, False, True),  # within chance of none
-        (1e-7, 0.0, True, True),  # it wanted to go on towards none, and a bound held it
+        (2e-3, 1e-4, False, False),  # significantly different from 0
+        (2e-3, 4e-3, False, True),  # within its uncertainty of 0
+        (1e-7, 0.0, True, True),  # stopped by the bound on its way to 0
         (1.0, 0.0, True, False),  # the other bound is no limit
     ],
 )
-def test_within_chance_of_the_limit_or_stopped_on_the_way_to_it(
+def test_a_law_within_its_uncertainty_of_the_limit_or_stopped_by_a_bound_towards_it_is_nested(
     distance: float, std: float, at_bound: bool, nested: bool
 ) -> None:
     found = nested_at(fitted(distance, std, at_bound), HYSTERESIS, "coulomb")
@@ -49,7 +49,7 @@ def test_within_chance_of_the_limit_or_stopped_on_the_way_to_it(
     assert nested_at(fitted(distance, std, at_bound), HYSTERESIS, "stribeck") == ""
 
 
-def test_a_bound_beside_a_limit_that_lies_inside_says_nothing() -> None:
+def test_a_parameter_at_its_bound_is_not_at_a_limit_inside_its_range() -> None:
     power: Any = SimpleNamespace(name="hysteresis", becomes=(("distance", 0.5, "leak"),))
     for bound in (1e-7, 1.0):
         assert nested_at(fitted(bound, 0.0, True), power, "leak") == ""
@@ -60,11 +60,11 @@ def test_a_bound_beside_a_limit_that_lies_inside_says_nothing() -> None:
     [
         (150.0, 0.0, False),  # 70 N more at the start, known to 14 N
         (100.0, 0.0, True),  # 20 N, known to 14 N
-        (100.0, 0.98, False),  # the same, where the two are known together and their difference to 2 N
-        (80.0000001, 0.0, True),  # held apart by their order alone
+        (100.0, 0.98, False),  # the same, but correlated: their difference is known to 2 N
+        (80.0000001, 0.0, True),  # kept apart only by the constraint on their order
     ],
 )
-def test_a_drag_at_the_start_that_is_no_more_than_while_sliding_is_coulomb_s(
+def test_stribeck_friction_whose_static_force_does_not_exceed_the_kinetic_is_coulomb_friction(
     static: float, correlation: float, nested: bool
 ) -> None:
     unknowns = (
@@ -84,7 +84,7 @@ def test_a_drag_at_the_start_that_is_no_more_than_while_sliding_is_coulomb_s(
     assert found == ("static_force equal to its force" if nested else "")
 
 
-def test_a_law_with_two_parameters_tied_is_the_simpler_one() -> None:
+def test_a_law_with_two_parameters_equal_is_the_simpler_law() -> None:
     stribeck, coulomb = (
         find_effect(name, "hydraulic_cylinder") for name in ("stribeck_friction", "coulomb_friction")
     )
@@ -103,7 +103,7 @@ def test_a_law_with_two_parameters_tied_is_the_simpler_one() -> None:
         assert evaluate(simpler[slot], at[1]) == pytest.approx(evaluate(plain[slot], at[0]), rel=1e-12)
 
 
-def test_a_law_with_a_parameter_to_spare_is_not_claimed() -> None:
+def test_a_law_with_an_undetermined_parameter_is_not_claimed() -> None:
     effects = {"stribeck_friction": find_effect("stribeck_friction", "hydraulic_cylinder")}
     for spare in ((), ("stribeck_friction",)):
         (one,) = levels_of([["stribeck_friction"]], effects, sure=True, bent={}, spare=spare)

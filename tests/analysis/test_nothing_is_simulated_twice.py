@@ -62,7 +62,7 @@ def test_a_fit_integrates_no_point_twice(
         np.testing.assert_array_equal(found, wanted[:, problem.channels])
 
 
-def test_effects_in_one_unusual_shape_each_share_the_simulation_of_all_columns(
+def test_effects_with_one_shape_each_share_the_simulation_of_all_columns(
     fitted: FitResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = {one.name: one for one in candidates(fitted.model) if one.shapes and not one.secants}

@@ -17,14 +17,14 @@ from rigctl.noise import NoiseModel, Source
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.6])
-def test_noise_alone_counts_in_full(correlation: float) -> None:
+def test_pure_noise_is_not_overdispersed(correlation: float) -> None:
     found = [variance_factor(made_fit(made_noise(correlation), seed)) for seed in range(12)]
     assert np.median(found) < 1.3
     assert max(found) < 2.0
 
 
-def test_a_smooth_misfit_counts_by_its_size_and_its_length() -> None:
-    """A swing of five sigmas has 12.5 times the noise's variance; a quick one counts by that alone."""
+def test_overdispersion_increases_with_the_size_and_the_duration_of_a_misfit() -> None:
+    """An oscillation with an amplitude of five sigmas has 12.5 times the variance of the noise."""
 
     def swing(period: float) -> Callable[[int, np.ndarray], np.ndarray]:
         return lambda _, times: 0.5 * np.sin(2.0 * np.pi * times / period)
@@ -54,11 +54,11 @@ def test_guessed_noise_has_few_degrees_of_freedom(source: Source, worth: int) ->
     assert _guessed_degrees(made_fit(guessed(source), 2, misfit)) == worth
 
 
-def test_a_guess_of_a_channel_without_a_misfit_weakens_no_other() -> None:
+def test_guessed_noise_of_a_channel_without_misfit_has_no_influence() -> None:
     assert _guessed_degrees(made_fit(guessed("assumed", first=False), 2, misfit)) == 0
 
 
-def test_an_error_below_its_noise_is_not_called_a_misfit() -> None:
+def test_a_rejected_error_below_the_noise_is_adequate_without_agreeing() -> None:
     right: Any = made_fit(made_noise(), 3)
     assert not error_below(right, BELOW_NOISE)
     problem = right.problem

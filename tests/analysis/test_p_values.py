@@ -16,5 +16,5 @@ from rigctl.analysis.adequacy import chance, chance_text
         (0.0, "< 1e-6", "p < 1e-6"),
     ],
 )
-def test_a_chance_below_one_in_a_million_is_no_more_than_that(p_value: float, read: str, said: str) -> None:
+def test_p_values_below_1e_6_are_shown_as_a_bound(p_value: float, read: str, said: str) -> None:
     assert (chance(p_value), chance_text(p_value)) == (read, said)

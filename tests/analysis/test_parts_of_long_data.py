@@ -28,7 +28,7 @@ _FEW = 3 * 376 * 7 * 9
 
 @pytest.fixture(scope="module")
 def fitted() -> FitResult:
-    """Eight strokes of the separate bench, the valve of which leaks, fitted by the textbook model."""
+    """Eight strokes of the separate bench with a leaking valve, fitted by the textbook model."""
     leak = find_hidden("valve_leakage")
     campaign = hide(
         Campaign(temperatures=(20.0, 80.0), chamber_pressures=True), [(leak, leak.typical)], "other"
@@ -47,7 +47,7 @@ def linearised(fitted: FitResult) -> Linearisation:
     return linearise(fitted, whole, candidates(fitted.model)[:6])
 
 
-def test_every_record_is_in_one_part_and_none_is_too_large(
+def test_every_record_is_in_exactly_one_part_of_limited_size(
     fitted: FitResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert fitted.problem.parts(8) == [list(range(8))]
@@ -58,7 +58,9 @@ def test_every_record_is_in_one_part_and_none_is_too_large(
     assert fitted.problem.parts(10**6) == [[place] for place in range(8)]
 
 
-def test_the_result_does_not_depend_on_the_parts(fitted: FitResult, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_result_does_not_depend_on_the_division_into_parts(
+    fitted: FitResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
     problem, whole = fitted.problem, linearised(fitted)
     blocks = problem.evaluate(fitted.values, fitted.local, True)
     monkeypatch.setattr("rigctl.model.fit.problem.ROOM", _FEW)
@@ -75,7 +77,7 @@ def test_the_result_does_not_depend_on_the_parts(fitted: FitResult, monkeypatch:
     assert whole.full_lengths == pytest.approx(some.full_lengths)
 
 
-def test_a_point_is_evaluated_once_and_its_derivatives_change_nothing(
+def test_recent_points_are_cached_and_derivatives_do_not_change_the_residuals(
     fitted: FitResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     problem, afresh = replace(fitted.problem), replace(fitted.problem)
@@ -101,7 +103,7 @@ def test_a_point_is_evaluated_once_and_its_derivatives_change_nothing(
     )
 
 
-def test_some_of_the_records_and_samples_name_the_same_equation(
+def test_a_subset_of_records_and_samples_locates_the_same_slot(
     fitted: FitResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = slot_evidence(fitted)[0]
@@ -125,7 +127,7 @@ def test_a_point_evaluated_before_another_start_is_not_evaluated_again(fitted: F
     assert fitted.problem.fresh().evaluate(fitted.values, fitted.local, True) is not known
 
 
-def test_slopes_known_from_one_linearisation_give_the_same_other_one(fitted: FitResult) -> None:
+def test_a_linearisation_from_known_slopes_is_identical(fitted: FitResult) -> None:
     whole, known = fitted.problem.rebuilt(fitted.model, library=True), KnownSlopes()
     tried = candidates(fitted.model)[:3]
     first = linearise(fitted, whole, tried, known=known)

@@ -1,4 +1,4 @@
-"""Refits of sets: from the fit of a limiting case, and out of what parameters had compensated for."""
+"""Refits of sets: from the fit of a limiting case, and out of a compensating parameter's local minimum."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_a_limiting_case_is_an_effect_with_the_same_shape_parameters() -> None:
     assert at_limiting_case(stribeck, candidate("viscous_friction")) is None
 
 
-def test_parameters_that_had_compensated_for_an_effect_do_not_keep_its_fit_in_a_local_minimum(
+def test_parameters_that_had_compensated_for_an_effect_do_not_trap_its_refit(
     before: ModelComparison,
 ) -> None:
     """Without the drift a dead volume is twelve times too large, with it alone at its lower bound of 5 cm³,

@@ -45,7 +45,7 @@ def fitted(before: ModelComparison, effect: str) -> Alone:
     return found
 
 
-def test_a_leak_that_reverses_the_strokes_only_far_above_its_typical_size_is_found(
+def test_a_leak_that_reverses_the_trend_only_far_above_its_typical_size_is_found(
     strokes: ModelComparison,
 ) -> None:
     """Fitted from its typical size a leaking valve ends at none, χ² 291; a worn one leaves 174."""
@@ -58,7 +58,7 @@ def test_a_leak_that_reverses_the_strokes_only_far_above_its_typical_size_is_fou
     assert not any(NEVER in sentence for sentence in exclusion_text([out], trend))
 
 
-def test_an_effect_that_reverses_nothing_is_tried_up_to_its_bound(strokes: ModelComparison) -> None:
+def test_an_effect_that_does_not_reverse_the_trend_is_tried_up_to_its_bound(strokes: ModelComparison) -> None:
     found = fitted(strokes, "rod_leakage")
     assert len(at_amplitudes(strokes, found)) == 3
     (out,) = exclusions(strokes, (), BEST, {"rod_leakage": found})
@@ -68,13 +68,15 @@ def test_an_effect_that_reverses_nothing_is_tried_up_to_its_bound(strokes: Model
     assert NEVER in exclusion_text([out], trend)[0]
 
 
-def test_a_fit_that_explains_most_is_not_tried_at_other_sizes(strokes: ModelComparison) -> None:
+def test_an_effect_whose_fit_explains_most_is_not_tried_at_other_sizes(strokes: ModelComparison) -> None:
     found = fitted(strokes, "flow_area_thermal_drift")
     assert found.chi2 < 10.0
     assert found.at_amplitudes == ()
 
 
-def test_an_effect_that_reverses_the_trend_at_another_size_is_not_excluded(strokes: ModelComparison) -> None:
+def test_an_effect_that_reverses_the_trend_elsewhere_is_excluded_only_at_its_best_size(
+    strokes: ModelComparison,
+) -> None:
     trend = main_trend(strokes)
     assert trend is not None
     said = exclusion_text([Exclusion("valve_leakage", 0.0, (), 2.0, 0.6)], trend)

@@ -79,7 +79,7 @@ def trial_at(search: Search, name: str, begin: FitResult) -> None:
     search.trials[name,] = found
 
 
-def test_a_fit_in_a_false_minimum_is_made_again_from_where_an_idle_effect_led(
+def test_a_fit_in_a_local_minimum_is_repeated_from_a_better_refit_with_an_inactive_effect(
     nothing_hidden: FitResult,
 ) -> None:
     search = search_of(in_false_minimum(nothing_hidden))
@@ -97,7 +97,7 @@ def test_a_fit_that_no_inactive_effect_improves_is_kept(nothing_hidden: FitResul
     assert from_another_start(search) is None
 
 
-def test_certain_noise_is_not_estimated_again(nothing_hidden: FitResult) -> None:
+def test_noise_is_not_estimated_again_unless_the_error_is_below_it(nothing_hidden: FitResult) -> None:
     search = search_of(nothing_hidden)
     assert not search.before.adequacy.below_noise
     assert in_noise_of_the_leader(search) is None

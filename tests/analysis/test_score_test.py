@@ -25,7 +25,7 @@ from rigctl.physics.families import find_family
 
 @settings(max_examples=60)
 @given(st.integers(1, 3), st.integers(0, 2**31))
-def test_the_best_of_a_cone_is_the_non_negative_least_squares_fit(count: int, seed: int) -> None:
+def test_the_gain_over_a_cone_is_that_of_non_negative_least_squares(count: int, seed: int) -> None:
     """max 2θᵀz − θᵀCθ over θ ≥ 0 is the fall of |r|² by the non-negative fit of r on the columns."""
     rng = np.random.default_rng(seed)
     columns = rng.standard_normal((8, count))
@@ -39,7 +39,7 @@ def test_the_best_of_a_cone_is_the_non_negative_least_squares_fit(count: int, se
 
 @settings(max_examples=40)
 @given(st.integers(1, 3), st.integers(0, 2**31))
-def test_without_signs_the_gain_is_the_free_one(count: int, seed: int) -> None:
+def test_without_sign_constraints_the_gain_is_that_of_least_squares(count: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     columns = rng.standard_normal((8, count))
     residual = rng.standard_normal(8)
@@ -54,7 +54,7 @@ def test_a_one_sided_effect_gains_nothing_in_the_wrong_direction() -> None:
     assert sizes[0, 0] == 0.0
 
 
-def test_tails_are_those_of_chi_squared() -> None:
+def test_tail_probabilities_agree_with_chi_squared() -> None:
     for gain in (0.5, 4.0, 20.0, 60.0):
         assert tail(np.array([gain]), [0])[0] == pytest.approx(chi2.sf(gain, 1), rel=1e-9)
         assert tail(np.array([gain]), [1])[0] == pytest.approx(0.5 * chi2.sf(gain, 1), rel=1e-9)
@@ -63,7 +63,7 @@ def test_tails_are_those_of_chi_squared() -> None:
 
 
 def hidden(own: list[float], shared: list[float]) -> tuple[float, str]:
-    """κ and what hides an effect of the signature (3, 4, 12), whose first two parts can be taken over."""
+    """κ, and what absorbs an effect with the signature (3, 4, 12); `own` and `shared`: the absorbed parts."""
     signature = np.array([[3.0], [4.0], [12.0]])
     whole = float(np.linalg.norm(signature))
     left = signature - np.array(own)[:, None] * signature
@@ -99,7 +99,7 @@ def test_an_effect_is_hidden_by_the_step_that_absorbs_most_of_it() -> None:
 
 
 @pytest.mark.parametrize("known", [2, 4, 40])
-def test_a_table_that_a_test_passes_has_no_excess(known: int) -> None:
+def test_a_table_has_an_excess_exactly_if_its_test_rejects(known: int) -> None:
     """By the same distribution as the p-value: noise of few degrees of freedom explains more than χ² does."""
     for statistic in (15.0, 30.0, 60.0, 200.0, 2000.0):
         p = chi2_tail(statistic, 10, known)
@@ -107,5 +107,5 @@ def test_a_table_that_a_test_passes_has_no_excess(known: int) -> None:
     assert Test(1e6, 0.0, 10, known=known).excess == pytest.approx(1e6 - 10 * f.isf(ALPHA, 10, known))
 
 
-def test_of_records_the_excess_is_beyond_the_spread_of_chi_squared() -> None:
+def test_the_excess_of_records_is_counted_beyond_the_spread_of_chi_squared() -> None:
     assert Test(50.0, 0.0, 10, 4.0).excess == pytest.approx(50.0 - 10.0 - 2.33 * 4.0)

@@ -1,4 +1,4 @@
-"""Pairs of effects on the linear problem: each pair of names once, whatever shapes it has."""
+"""Pairs of effects on the linear problem."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def one_column(effect: str, parameter: str, shapes: dict[str, float] | None = No
     return Candidate(declared, (f"{effect}.{parameter}",), (0,), shapes or {})
 
 
-def test_shapes_of_one_pair_do_not_crowd_out_another() -> None:
+def test_each_pair_of_effects_is_listed_once_whatever_its_shapes() -> None:
     rng = np.random.default_rng(5)
     lag, leak, load = rng.standard_normal((3, ROWS))
     shapes = [

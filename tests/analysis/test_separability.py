@@ -1,4 +1,4 @@
-"""Separation of effects, and fits that are better in some records only."""
+"""The separation of two effects, d = λ·√((1 − cos)/2)."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import pytest
 from rigctl.analysis.separability import separation
 
 
-def test_effects_that_look_the_same_are_not_separated() -> None:
+def test_effects_with_equal_signatures_have_zero_separation() -> None:
     assert separation(30.0, 1.0) == 0.0
 
 
-def test_orthogonal_effects_are_separated_by_their_size_over_root_two() -> None:
+def test_the_separation_of_orthogonal_effects_is_their_size_over_root_two() -> None:
     assert separation(10.0, 0.0) == pytest.approx(10.0 / math.sqrt(2.0))
 
 

@@ -1,4 +1,4 @@
-"""Laws that differ from the library's: with the shape tolerance, name, location and driver are right."""
+"""Laws that differ from those of the library: the shape tolerance keeps name, location and driver right."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from wrong_shape import diagnosed
 FAMILY = "hydraulic_cylinder"
 
 
-def test_a_strong_leak_that_is_half_turbulent_is_one_effect() -> None:
+def test_a_strong_leak_with_a_deviating_law_is_diagnosed_as_one_effect() -> None:
     """300 sigmas: without a tolerance, a pump slip that does not exist was named with it."""
     found = diagnosed("valve_leakage", 2.57e-14)
     assert found.effects == ("valve_leakage",)
@@ -23,10 +23,10 @@ def test_a_strong_leak_that_is_half_turbulent_is_one_effect() -> None:
     (levels,) = found.document()["levels"]
     assert levels["place"]["sure"]
     assert levels["driver"]["sure"]
-    assert not levels["law"]["sure"]  # the data ask for another law
+    assert not levels["law"]["sure"]  # the data need another law
 
 
-def test_knots_are_where_the_data_are() -> None:
+def test_knots_are_dense_where_the_data_are() -> None:
     at_rest_mostly = np.concatenate([np.zeros(900), np.linspace(-1.0, 1.0, 100)])
     knots = knots_of([at_rest_mostly])
     assert knots is not None
@@ -51,7 +51,7 @@ def test_laws_of_one_cause_share_location_and_driver() -> None:
         for name in ("coulomb_friction", "stribeck_friction", "viscous_friction", "spring_load")
     )
     assert same_cause(coulomb, stribeck)
-    assert not same_cause(coulomb, viscous)  # that one is over the temperature too
+    assert not same_cause(coulomb, viscous)  # viscous friction also depends on the temperature
     assert not same_cause(coulomb, spring)
 
 
@@ -62,7 +62,7 @@ def level(classes: list[str], *, sure: bool = True, bent: bool = False) -> tuple
     return found.place_sure, found.driver_sure, found.law_sure
 
 
-def test_a_level_is_claimed_where_the_whole_class_agrees_on_it() -> None:
+def test_a_level_is_claimed_only_if_the_whole_class_agrees_on_it() -> None:
     assert level(["coulomb_friction"]) == (True, True, True)
     assert level(["coulomb_friction"], bent=True) == (True, True, False)
     assert level(["coulomb_friction", "stribeck_friction"]) == (True, True, False)
@@ -71,7 +71,7 @@ def test_a_level_is_claimed_where_the_whole_class_agrees_on_it() -> None:
     assert level(["coulomb_friction"], sure=False) == (False, False, False)
 
 
-def test_residuals_reduce_the_levels_of_an_answer() -> None:
+def test_remainders_unusual_sizes_and_constants_withdraw_levels_of_an_answer() -> None:
     effects: dict[str, Effect] = {
         name: find_effect(name, FAMILY) for name in ("spring_load", "constant_load", "pump_slip")
     }

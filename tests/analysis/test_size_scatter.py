@@ -17,7 +17,7 @@ RECORDS, ROWS = 16, 30
 
 
 def linearised(sizes: np.ndarray, seed: int) -> Linearisation:
-    """A delay of size 1 in the mean, fitted, of which record k has `sizes[k]`: it shows 20 sigmas in each."""
+    """A delay fitted with its mean size; record k has `sizes[k]`, and a size of 1 is 20 sigmas per record."""
     rng = np.random.default_rng(seed)
     acts = rng.standard_normal((RECORDS, ROWS))
     acts *= 20.0 / np.linalg.norm(acts, axis=1)[:, None]
@@ -46,7 +46,7 @@ def test_scattering_sizes_are_detected_without_a_trend(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_size_that_is_the_same_in_all_records_says_nothing(seed: int) -> None:
+def test_a_size_equal_in_all_records_is_not_reported(seed: int) -> None:
     found = size_scatter(linearised(np.ones(RECORDS), seed), "late")
     assert found is not None
     assert not found.asked
@@ -55,7 +55,7 @@ def test_a_size_that_is_the_same_in_all_records_says_nothing(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_size_that_follows_the_operating_point_is_not_constant(seed: int) -> None:
+def test_a_size_that_depends_on_the_operating_point_is_reported(seed: int) -> None:
     found = size_scatter(linearised(1.0 + 0.3 * np.repeat(np.linspace(-1.0, 1.0, 4), 4), seed), "late")
     assert found is not None
     assert found.follows
@@ -72,7 +72,7 @@ def test_each_record_has_its_own_column_of_the_effect() -> None:
     assert size_scatter(lin, "another") is None
 
 
-def test_a_delay_that_jitters_from_switch_to_switch_is_named_with_its_place() -> None:
+def test_a_delay_that_jitters_between_switches_is_named_with_its_location() -> None:
     """By 30 %: it used to be outside the library, as a single delay leaves more than the tolerance."""
     found = diagnosed("valve_open_delay", 6e-3)
     assert found.verdict is Verdict.MISSING_EFFECT
@@ -83,7 +83,7 @@ def test_a_delay_that_jitters_from_switch_to_switch_is_named_with_its_place() ->
     assert any("scatters from record to record" in line for line in found.evidence)
 
 
-def test_an_effect_with_zero_slope_is_tried_at_some_sizes() -> None:
+def test_an_effect_with_zero_slope_at_null_is_still_ranked_first() -> None:
     """5 % of air that dissolves: the fitted mass has made up for more of it than its slope can."""
     found = diagnosed("entrained_air", 0.05)
     assert found.ranking[0].effect == "entrained_air"

@@ -98,33 +98,33 @@ def test_friction_is_located_as_a_force_like_a_load() -> None:
 @pytest.mark.parametrize(
     ("effect", "slot", "chambers"),
     [
-        # without the chambers' pressures, play and a valve that is late look alike
+        # without the chamber pressures, backlash and a late valve look alike
         ("position_backlash", "position_reading", True),
         ("pressure_gain", "supply_pressure_reading", False),
     ],
 )
-def test_a_sensor_is_blamed_rather_than_an_equation(effect: str, slot: str, chambers: bool) -> None:
+def test_an_error_of_a_sensor_is_located_in_its_reading(effect: str, slot: str, chambers: bool) -> None:
     found = slot_evidence(of_campaign(effect, 1.0, chambers=chambers))
     assert found[0].slot == slot
     assert found[0].log_evidence > WANTED
     assert found[0].log_evidence > found[1].log_evidence + WANTED
 
 
-def test_inseparable_slots_have_equal_evidence() -> None:
-    """A position that reads short when the bench is warm, or hot oil that flows more slowly."""
+def test_a_thermal_drift_of_the_position_sensor_is_among_the_inseparable_leading_slots() -> None:
+    """A position that reads short when warm looks like hot oil that flows more slowly."""
     found = slot_evidence(of_campaign("position_thermal_drift", 1.0, chambers=True))
     assert "position_reading" in {found[0].slot, *found[0].alike}
     assert "friction" not in found[0].alike
 
 
-def test_unseen_slots_are_left_out(nothing: FitResult) -> None:
+def test_slots_without_influence_on_the_readings_are_left_out(nothing: FitResult) -> None:
     shown = names(slot_evidence(nothing))
     assert "pressure_a_reading" not in shown  # not recorded
     assert "viscosity" not in shown  # no term of the textbook model contains it
     assert len(shown) == len(set(shown))
 
 
-def test_columns_add_up_to_the_engines_own_derivative(nothing: FitResult) -> None:
+def test_disturbance_columns_add_up_to_the_derivative_of_the_engine(nothing: FitResult) -> None:
     """Tents at all knots are a constant: a disturbance of the load by 1 N is a load of 1 N."""
     problem = nothing.problem
     found = disturbance_columns(nothing, problem, disturbed(problem, 7))
@@ -177,7 +177,9 @@ def brought_in(tmp_path: Path) -> Callable[[str, str | None], Path]:
     return bring
 
 
-def test_the_heaters_warm_each_other(brought_in: Callable[[str, str | None], Path]) -> None:
+def test_the_missing_coupling_of_the_heaters_is_located_in_the_real_board(
+    brought_in: Callable[[str, str | None], Path],
+) -> None:
     """Real measurements: heater 1 was stepped, and heater 2, which was off, became warm."""
     run = open_run(str(brought_in("heater-board-steps.csv", "heater-board.yaml")))
     model = load_model(shipped("models", "heater-board.yaml"))
@@ -216,7 +218,7 @@ def tank_record(values: np.ndarray, times: np.ndarray, inflow: float) -> Measure
     )
 
 
-def test_a_user_family_with_ambient_heating(tmp_path: Path) -> None:
+def test_a_heat_input_from_the_room_is_located_in_a_family_of_the_user(tmp_path: Path) -> None:
     path = tmp_path / "tank.yaml"
     family = shipped("models", "families", "water-tank.yaml")
     (tmp_path / "family.yaml").write_text(family.read_text(encoding="utf-8"), encoding="utf-8", newline="\n")
@@ -248,7 +250,7 @@ def test_a_user_family_with_ambient_heating(tmp_path: Path) -> None:
 
 
 def warmer(record: MeasuredRecord, kelvin: float) -> MeasuredRecord:
-    """The record in a room that is warmer than was written down, while the tank was filled."""
+    """The record in a room warmer than noted while the tank was filled."""
     inputs = record.inputs.copy()
     inputs[0, 3] += kelvin
     return replace(record, inputs=inputs)

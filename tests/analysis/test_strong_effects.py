@@ -34,13 +34,13 @@ def diagnosed(hidden: Sequence[tuple[str, float]]) -> Diagnosis:
     return diagnose_comparison(judge(fitted, model.name), measurements.runs)
 
 
-def test_a_bound_of_what_is_usual_gives_no_rival_the_verdict() -> None:
+def test_a_bound_on_the_usual_size_does_not_decide_for_a_rival() -> None:
     """Three times the largest usual film: line_loss was named with probability 1, its rival held at 2e4 m."""
     found = diagnosed([("viscous_friction", 6e4)])
     assert found.verdict is Verdict.AMBIGUOUS
     assert "viscous_friction" in {name for names in found.classes for name in names}
     assert "its coefficient beyond its usual range (0 m to 2e+04 m)" in found.statement
-    (level,) = found.levels  # nothing else does it at any size, and nothing is left: only the law is doubtful
+    (level,) = found.levels  # no rival at any size and no remainder: only the law is doubtful
     assert (level.place_sure, level.driver_sure, level.law_sure) == (True, True, False)
     by_name = {one.effect: one for one in found.ranking}
     coefficient = by_name["viscous_friction"].parameters["coefficient"]
@@ -49,7 +49,7 @@ def test_a_bound_of_what_is_usual_gives_no_rival_the_verdict() -> None:
     assert found.document()["ranking"][0]["parameters"]
 
 
-def test_a_second_effect_of_two_per_cent_is_no_shape_of_the_first() -> None:
+def test_a_second_effect_of_two_percent_is_not_absorbed_by_the_shape_of_the_first() -> None:
     """200 N of dry friction are 350 sigmas beside a leak of 2600."""
     found = diagnosed([("valve_leakage", 2e-14), ("coulomb_friction", 200.0)])
     assert found.verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)
@@ -61,7 +61,7 @@ def test_a_second_effect_of_two_per_cent_is_no_shape_of_the_first() -> None:
         assert found.document()["remainder"]["statement"] in found.statement
 
 
-def test_a_seal_holds_with_no_less_than_it_drags_and_the_simpler_law_is_told_first() -> None:
+def test_static_friction_is_at_least_kinetic_and_the_simpler_law_is_listed_first() -> None:
     found = diagnosed([("coulomb_friction", 200.0)])
     assert found.effects == ("coulomb_friction",)
     assert found.classes == (("coulomb_friction", "stribeck_friction"),)
@@ -71,4 +71,4 @@ def test_a_seal_holds_with_no_less_than_it_drags_and_the_simpler_law_is_told_fir
             static, kinetic = (trial.value(f"stribeck_friction.{n}")[0] for n in ("static_force", "force"))
             assert static >= kinetic * (1.0 - 1e-6)
     by_name = {one.effect: one.probability for one in found.ranking}
-    assert by_name["stribeck_friction"] > 0.01  # a difference that is nothing beside a shape is no certainty
+    assert by_name["stribeck_friction"] > 0.01  # a difference within the shape tolerance gives no certainty

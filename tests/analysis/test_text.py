@@ -94,7 +94,7 @@ def leaves(share: float) -> Remainder | None:
 
 
 def statement(verdict: Verdict, left: float, failed: Sequence[str], rivals: Sequence[Rival] = ()) -> str:
-    """What is said of two effects, some of which predict nothing that they were not fitted on."""
+    """The statement on two effects, of which those in `failed` do not pass cross-validation."""
     known = library(find_family("hydraulic_cylinder"))
     names = ("valve_leakage", "coulomb_friction")
     chosen: Any = [(SimpleNamespace(effect=known[name]), SimpleNamespace(parameters={})) for name in names]
@@ -112,8 +112,8 @@ def test_a_failed_check_is_reported_instead_of_an_empty_remainder() -> None:
     assert "with it 40 % of the misfit is left" in statement(Verdict.OUTSIDE_LIBRARY, 0.4, ["valve_leakage"])
 
 
-def test_a_small_effect_leaves_nothing_by_its_shape() -> None:
-    """A tenth of 30 sigmas is not seen, so that 6 sigmas are something else; a tenth of 300 sigmas is."""
+def test_the_shape_of_a_small_effect_cannot_account_for_a_remainder() -> None:
+    """A tenth of 30 sigmas is undetectable, so 6 sigmas need another cause; a tenth of 300 sigmas is not."""
     leak = SimpleNamespace(effect=library(find_family("hydraulic_cylinder"))["rod_leakage"])
     best: Any = SimpleNamespace(candidates=[leak], unusual={}, undetermined=())
     left = Remainder(0.04, 6.0, 0.001, "", "", "", "4 % is left")
@@ -139,7 +139,7 @@ def test_a_detected_effect_without_mbic_gain_is_called_too_weak() -> None:
     assert unseen == "Something is missing that no effect of the library explains"
 
 
-def test_guessed_noise_does_not_claim_a_missing_effect() -> None:
+def test_with_guessed_noise_no_missing_effect_is_claimed() -> None:
     before = cast("ModelComparison", None)
     said = verdict_text(
         Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}, doubt="the noise of flow is a guess"
@@ -175,14 +175,14 @@ def test_ambiguity_from_a_check_names_no_other_effects() -> None:
     [
         (20.62, 25.02, "ms", (0.5, 8.0), False),
         (20.62, 25.02, "ms", (0.5, 0.6), True),
-        (20.62, 25.02, "ms", (5.0, 5.0), False),  # the spreads are alike, and both wider than the change
-        (20.62, 20.7, "ms", (0.001, 0.001), False),  # sure, and too little for a word
+        (20.62, 25.02, "ms", (5.0, 5.0), False),  # both standard deviations exceed the change
+        (20.62, 20.7, "ms", (0.001, 0.001), False),  # significant, but too small to report
         (20.0, 20.3, "degC", (0.01, 0.01), True),
         (0.0, 3.0, "mm", (0.1, 0.1), True),
         (20.0, 50.0, "ms", (0.1, 0.0), True),  # to its bound
     ],
 )
-def test_a_parameter_has_changed_if_beyond_its_uncertainty(
+def test_a_parameter_has_changed_if_the_change_exceeds_its_uncertainty(
     before: float, after: float, unit: str, stds: tuple[float, float], said: bool
 ) -> None:
     assert bool(drift_text([Drift("spool_time", before, after, unit, *stds)])) is said
@@ -194,7 +194,7 @@ def test_a_parameter_has_changed_if_beyond_its_uncertainty(
         (20.0, 1600.0, 0.2, True),
         (2.0, 1600.0, 0.2, False),
         (20.0, 9.0, 0.2, False),
-        (20.0, 1600.0, 1e-4, False),  # sure in the noise, and less than the shape of either may do
+        (20.0, 1600.0, 1e-4, False),  # beyond the noise, but within the shape tolerance
     ],
 )
 def test_separating_two_effects_needs_all_three_criteria(
@@ -261,7 +261,7 @@ def fitted(outputs: np.ndarray) -> FitResult:
     return cast("FitResult", SimpleNamespace(problem=problem, fitted=(0, 1), outputs=both))
 
 
-def test_effects_that_differ_in_the_hold_phase_are_described_so() -> None:
+def test_the_phase_in_which_two_effects_differ_is_reported() -> None:
     ramp, still = np.linspace(0.0, 1e-3, 10), np.zeros(10)
     none, one = fitted(np.zeros(20)), fitted(np.concatenate([ramp, ramp]))
     other = fitted(np.concatenate([0.9 * ramp, still + 1e-5]))
@@ -294,7 +294,7 @@ def test_effects_with_equal_predictions_differ_nowhere() -> None:
         ),
     ],
 )
-def test_an_absorbed_effect_names_what_absorbs_it(hidden_in: str, said: str) -> None:
+def test_the_evidence_for_an_absorbed_effect_names_what_absorbs_it(hidden_in: str, said: str) -> None:
     ranked = Ranked("line_loss", 1.0, 1e-9, -20.0, 0.15, hidden_in, float("nan"), float("nan"), 0.1, 9.0, {})
     found = evidence_for(cast("Candidate", SimpleNamespace(name="line_loss")), ranked, None, [])
     assert sum(said in one for one in found) == 1

@@ -45,7 +45,7 @@ def fitted(channel: str, unit: str, measured: tuple[float, ...], predicted: tupl
     return cast("FitResult", SimpleNamespace(problem=problem, fitted=(0, 1, 2), expected_outputs=said))
 
 
-def test_a_temperature_changes_by_kelvin_and_never_by_a_share_of_its_absolute_value() -> None:
+def test_the_trend_of_a_temperature_is_in_kelvin_not_in_percent() -> None:
     (trend,) = trends(fitted("temperature", "degC", (300.0, 310.0, 320.0), (300.0, 305.0, 310.0)))
     assert (trend.unit, trend.measured, trend.predicted) == ("K", pytest.approx(20.0), pytest.approx(10.0))
     assert trend.text.startswith("measured temperature rises 20 K from ")
@@ -54,7 +54,7 @@ def test_a_temperature_changes_by_kelvin_and_never_by_a_share_of_its_absolute_va
     assert trend.document()["unit"] == "K"
 
 
-def test_what_the_zero_of_a_quantity_means_something_for_changes_by_a_share() -> None:
+def test_the_trend_of_a_quantity_with_a_true_zero_is_in_percent() -> None:
     (trend,) = trends(fitted("flow", "m^3/s", (1.0, 1.1, 1.2), (1.0, 1.0, 1.0)))
     assert (trend.unit, trend.measured) == ("1", pytest.approx(0.2))
     assert "measured flow rises 20 % from " in trend.text

@@ -38,13 +38,13 @@ def slopes(whole: Problem, linearisation, name: str) -> list[np.ndarray]:
     return [np.take(array, whole.channels, axis=1)[:, :, 0] for array in found.sensitivities]
 
 
-def test_what_the_fit_can_do_has_no_size(made) -> None:
+def test_a_change_that_the_fitted_parameters_can_make_has_zero_size(made) -> None:
     seen, whole, linearisation = made
     change = slopes(whole, linearisation, "flow_area")
     assert seen.size([1e-8 * each for each in change]) < 1e-6
 
 
-def test_a_signature_has_its_own_length_and_looks_like_itself(made) -> None:
+def test_a_signature_has_its_projected_length_and_a_cosine_of_one_with_itself(made) -> None:
     seen, whole, linearisation = made
     change = slopes(whole, linearisation, "piston_leakage.conductance")
     place = next(k for k, one in enumerate(linearisation.candidates) if one.name == "piston_leakage")
@@ -55,13 +55,13 @@ def test_a_signature_has_its_own_length_and_looks_like_itself(made) -> None:
     assert all(0.0 <= cosine <= 1.0 for cosine in cosines.values())
 
 
-def test_a_leak_that_runs_backwards_is_no_leak(made) -> None:
+def test_a_one_sided_effect_does_not_resemble_a_change_of_opposite_sign(made) -> None:
     seen, whole, linearisation = made
     change = slopes(whole, linearisation, "piston_leakage.conductance")
     assert seen.cosines(seen.of([-4e-15 * each for each in change]))["piston_leakage"] == 0.0
 
 
-def test_what_an_effect_explains_of_a_change_of_its_own_is_all_of_it(made) -> None:
+def test_an_effect_explains_the_whole_of_its_own_change(made) -> None:
     seen, whole, linearisation = made
     left = seen.of([4e-15 * each for each in slopes(whole, linearisation, "piston_leakage.conductance")])
     own = seen.share_of("piston_leakage", left)

@@ -1,4 +1,4 @@
-"""Suggested readings: enough to detect an effect, at points where its prediction is correct."""
+"""Suggested readings: repeats that suffice to detect an effect, and points beyond the table."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_no_repeats_are_suggested_for_undetectable_effects(one: Any, degrees: in
     assert next_against_chance(before(one, 10, degrees)) == []
 
 
-def test_nothing_is_fitted_without_a_point(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_refit_is_made_without_a_point_beyond_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*_: Any, **__: Any) -> None:
         raise AssertionError("a fit that nobody needs")
 
@@ -77,7 +77,7 @@ def test_nothing_is_fitted_without_a_point(monkeypatch: pytest.MonkeyPatch) -> N
     assert len(next_against_chance(before(score(3.0), 10, 10))) == 1
 
 
-def test_predictions_beyond_a_table_are_correct(tmp_path: Path) -> None:
+def test_the_predicted_change_beyond_a_table_matches_a_fit_with_the_effect(tmp_path: Path) -> None:
     """Compared with a model file that has the effect, and the point as a held-out row."""
     table = shipped("data", "hl32-viscosity.csv").read_text(encoding="utf-8")
     table += "100,6,6,0.0049094,0.0049094\n"

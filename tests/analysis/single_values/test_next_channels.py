@@ -47,12 +47,12 @@ def said(monkeypatch: pytest.MonkeyPatch):
     return sentences
 
 
-def test_a_channel_in_which_all_rivals_differ_separates_all(said: Any) -> None:
+def test_a_channel_in_which_all_rivals_differ_separates_them_all(said: Any) -> None:
     (text,) = said(leak=(1e-3, 1e5), friction=(1e-3, 6e5), air=(1e-3, -4e5))
     assert text == "record pressure_a over time: it distinguishes all of them, by up to 10 bar"
 
 
-def test_a_channel_separates_one_rival_from_two_alike(said: Any) -> None:
+def test_a_channel_may_separate_one_rival_from_two_inseparable_ones(said: Any) -> None:
     text, never = said(leak=(1e-3, 1e5), friction=(1e-3, 1.5e5), air=(5e-3, 1e5))
     assert text == (
         "record position over time instead of one number: it distinguishes air from the others, by up to 4 mm"
@@ -75,7 +75,7 @@ def test_differences_below_ten_times_the_noise_do_not_separate(said: Any) -> Non
     assert never.endswith("leak and friction cannot be distinguished by any channel of the bench")
 
 
-def test_no_suggestion_without_rivals_trend_or_record() -> None:
+def test_no_channel_is_suggested_without_rivals_a_trend_or_a_standard_record() -> None:
     two = cast("Any", {"leak": None, "friction": None})
     assert next_channels(before(), TREND, cast("Any", {"leak": None})) == []
     assert next_channels(before(), None, two) == []

@@ -30,7 +30,7 @@ def test_constant_and_two_valued_variables_need_more_values() -> None:
     ]
 
 
-def test_three_values_of_a_variable_are_enough() -> None:
+def test_no_rows_are_suggested_for_a_variable_with_three_values() -> None:
     assert next_rows(before([{"load": load} for load in (10.0, 20.0, 40.0)])) == []
 
 

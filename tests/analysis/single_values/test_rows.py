@@ -55,7 +55,7 @@ def test_every_row_agrees_with_the_file(fitted: FitResult) -> None:
         }, "another law's value stands beside it, and another quantity does not"
 
 
-def test_the_law_is_shown_with_fitted_and_original_constants(fitted: FitResult) -> None:
+def test_predictions_use_the_fitted_and_the_original_constants(fitted: FitResult) -> None:
     found = {u.name: float(v) for u, v in zip(fitted.problem.shared, fitted.values, strict=True)}
     fit = [found[name] for name in ("vogel_a", "vogel_b", "vogel_c")]
     for row, read in zip(of_kinematic(fitted), file_rows(), strict=True):
@@ -70,13 +70,13 @@ def test_a_held_out_row_is_marked(fitted: FitResult) -> None:
     assert [row.document()["held_out"] for row in rows] == [row.record == HELD_OUT for row in rows]
 
 
-def test_sigmas_and_shares_are_of_model_less_measurement() -> None:
+def test_sigmas_and_relative_errors_are_model_minus_measurement() -> None:
     assert (ROW.z, ROW.z_unfitted) == (-2.0, 8.0)
     assert (ROW.share(ROW.predicted), ROW.share(20.0)) == (-1 / 16, 0.25)
     assert replace(ROW, unfitted=None).z_unfitted is None
 
 
-def test_start_values_are_not_shown_as_constants() -> None:
+def test_original_constants_that_miss_the_data_by_far_are_not_shown() -> None:
     assert shows_unfitted([ROW])
     assert not shows_unfitted([ROW, replace(ROW, unfitted=30.0)]), "28 sigma off"
     assert not shows_unfitted([replace(ROW, unfitted=None)])

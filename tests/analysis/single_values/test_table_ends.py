@@ -41,7 +41,7 @@ def mixed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Linearisation, tupl
     return linearise(fit, whole, candidates(model)[:1]), table_rows(fit)
 
 
-def test_what_is_left_out_of_a_table_of_two_quantities_is_its_ends(
+def test_the_ends_of_a_table_of_two_quantities_are_left_out(
     mixed: tuple[Linearisation, tuple[TableRow, ...]],
 ) -> None:
     hot, cold = end_left_out(*mixed)
@@ -52,7 +52,9 @@ def test_what_is_left_out_of_a_table_of_two_quantities_is_its_ends(
     assert "above the measured density at 80 degC" in hot
 
 
-def test_a_reading_of_zero_has_no_share(mixed: tuple[Linearisation, tuple[TableRow, ...]]) -> None:
+def test_an_error_at_a_reading_of_zero_is_given_in_its_unit_instead_of_percent(
+    mixed: tuple[Linearisation, tuple[TableRow, ...]],
+) -> None:
     linearisation, rows = mixed
     hot, _ = end_left_out(linearisation, [replace(row, measured=0.0) for row in rows])
     assert "kg/m^3 above the measured density" in hot

@@ -1,4 +1,4 @@
-"""Tables of single values: false alarms for a right law, and the shared level of rows with equal settings."""
+"""Tables of single values: false alarms for a correct law, and one level for all rows of a setting."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Table]:
     return read
 
 
-def test_a_right_law_is_seldom_called_wrong(table: Callable[[str], Table]) -> None:
+def test_a_correct_law_is_rarely_rejected(table: Callable[[str], Table]) -> None:
     """13 values with 0.7 % noise, estimated from the same 13: at most 5 % at a nominal 1 %."""
     model, measured = table("viscosity")
     truth = fit_model(model, measured, noise_of(measured)).outputs
@@ -65,7 +65,7 @@ def test_relative_noise_refers_to_the_fitted_model(table: Callable[[str], Table]
     assert before == pytest.approx(share * said, rel=1e-3)
 
 
-def test_settings_scatter_more_than_a_valve_does(table: Callable[[str], Table]) -> None:
+def test_the_scatter_of_settings_is_estimated_from_the_table(table: Callable[[str], Table]) -> None:
     model, measured = table("strokes")
     setting = record_level(model.family).setting
     assert setting is not None
@@ -75,7 +75,7 @@ def test_settings_scatter_more_than_a_valve_does(table: Callable[[str], Table]) 
     assert setting_std(measured, setting) == pytest.approx(np.hypot(0.005, scatter))
 
 
-def test_every_setting_has_one_level_for_all_its_rows(table: Callable[[str], Table]) -> None:
+def test_all_rows_of_a_setting_share_one_level(table: Callable[[str], Table]) -> None:
     model, measured = table("strokes")
     level, unknowns = level_of_rows(record_level(model.family), measured)
     assert level.settings == pytest.approx((20e5, 30e5, 40e5, 50e5))
@@ -94,7 +94,7 @@ def test_every_setting_has_one_level_for_all_its_rows(table: Callable[[str], Tab
     assert changed == [pressure == pytest.approx(30e5) for pressure in pressures]
 
 
-def test_records_with_a_course_in_time_have_no_levels(table: Callable[[str], Table]) -> None:
+def test_time_series_have_no_setting_levels(table: Callable[[str], Table]) -> None:
     model, measured = table("strokes")
     timed = replace(measured, records=tuple(replace(record, row=False) for record in measured.records))
     level, unknowns = level_of_rows(record_level(model.family), timed)
