@@ -1,4 +1,4 @@
-"""Amplitudes for a wanted size, found in few simulations."""
+"""Amplitudes for a requested size, found in few simulations."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Size:
 @pytest.mark.parametrize(
     "effect", ["coulomb_friction", "valve_open_delay", "piston_leakage", "entrained_air"]
 )
-def test_size_is_reached_within_five_per_cent(effect: str) -> None:
+def test_the_requested_size_is_reached_within_five_percent_in_few_simulations(effect: str) -> None:
     size = Size()
     search = Amplitudes(size)
     for wanted in (6.0, 10.0, 30.0):
@@ -40,7 +40,7 @@ def test_size_is_reached_within_five_per_cent(effect: str) -> None:
     assert size.calls <= 10
 
 
-def test_direction_is_the_librarys() -> None:
+def test_a_negative_sign_gives_a_negative_amplitude() -> None:
     found = Amplitudes(Size()).find(find_hidden("position_thermal_drift"), 10.0, SMALL, sign=-1)
     assert found.reached
     assert found.value < 0.0

@@ -16,7 +16,7 @@ RIGS = Path(__file__).parents[2] / "rigs"
 SMALL = Campaign(temperatures=(20.0, 60.0), pressures=(20.0,), repeated=1)
 
 
-def test_a_run_as_the_bench_would_have_recorded_it(tmp_path: Path) -> None:
+def test_a_run_has_the_samples_and_exact_switches_of_the_simulated_records(tmp_path: Path) -> None:
     run = open_run(make_run(SMALL, RIGS / "hl32-bench.yaml", tmp_path))
     assert run.usable == (0, 1, 2)
     for index, made in enumerate(simulate_records(SMALL)):
@@ -32,7 +32,7 @@ def test_a_run_as_the_bench_would_have_recorded_it(tmp_path: Path) -> None:
     assert run.record(1).sweep == run.record(2).sweep
 
 
-def test_a_run_that_was_imported_knows_switches_to_a_sample(tmp_path: Path) -> None:
+def test_an_imported_run_has_switch_times_to_within_half_a_sample(tmp_path: Path) -> None:
     run = open_run(make_run(SMALL, RIGS / "hl32-bench.yaml", tmp_path, imported=True))
     switches = [switch for switch in run.record(0).switches if switch.actuator == "valve"]
     assert [switch.time for switch in switches] == pytest.approx([0.195, 1.245, 2.245])
@@ -40,7 +40,7 @@ def test_a_run_that_was_imported_knows_switches_to_a_sample(tmp_path: Path) -> N
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_chamber_pressures_need_a_rig_that_has_them(tmp_path: Path) -> None:
+def test_chamber_pressures_need_a_rig_with_their_channels(tmp_path: Path) -> None:
     campaign = Campaign(temperatures=(20.0,), pressures=(20.0,), chamber_pressures=True)
     with pytest.raises(RigctlError, match="pressure_a"):
         make_run(campaign, RIGS / "hl32-bench.yaml", tmp_path)

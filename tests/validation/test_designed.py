@@ -1,4 +1,4 @@
-"""The tier ``design``: its trials, and the counting of promises that held and of names that were wrong."""
+"""The tier ``design``: its trials, and the counts of predicted separations and of wrong names."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def rate(name: str, of: str, *made: DesignOutcome) -> tuple[int, int]:
     return found.count, found.trials
 
 
-def test_trials_are_each_once_and_hide_what_the_bench_has() -> None:
+def test_design_trials_are_distinct_and_hide_effects_of_the_bench() -> None:
     trials = design_trials()
     assert len({one.name for one in trials}) == len(trials) > 100
     for name in TWINS:
@@ -40,7 +40,7 @@ def test_trials_are_each_once_and_hide_what_the_bench_has() -> None:
     assert {one.scenario.kind for one in trials} == {"one", "two"}
 
 
-def test_a_trial_and_its_outcome_are_read_as_they_were_written() -> None:
+def test_a_trial_and_its_outcome_survive_json() -> None:
     made = outcome("leak", "spring", added=("leak",), gains={"drift": 3.0}, winner="leak", told=True)
     text = json.dumps(made.document())
     assert TrialOutcome.read(json.loads(text), DesignTrial.read) == made
@@ -50,18 +50,20 @@ def test_a_trial_and_its_outcome_are_read_as_they_were_written() -> None:
     ("added", "alone", "wrong"),
     [(("leak",), 1, 0), (("drift",), 0, 1), ((), 0, 0), (("leak", "drift"), 0, 1)],
 )
-def test_only_the_true_effect_alone_counts(added: tuple[str, ...], alone: int, wrong: int) -> None:
+def test_a_designed_set_is_right_only_if_the_truth_alone_is_named(
+    added: tuple[str, ...], alone: int, wrong: int
+) -> None:
     made = outcome(added=added)
     assert rate("one designed set", "the truth alone is named", made) == (alone, 1)
     assert rate("one designed set", "another one is named", made) == (wrong, 1)
 
 
 def at_random(**learnt: Any) -> DesignOutcome:
-    """With two records at random in the place of a designed set."""
+    """An outcome with two random records instead of a designed set."""
     return replace(outcome(**learnt), scenario=DesignTrial(("leak",), 20.0, taken=2, draw=1))
 
 
-def test_pairs_are_counted_by_predicted_probability() -> None:
+def test_pairs_are_counted_by_their_predicted_probability() -> None:
     kept = outcome(chances={"drift": 0.85, "spring": 1.0}, apart=("drift", "spring"))
     broken = at_random(chances={"drift": 0.95, "spring": 0.1}, apart=("spring",))
     never = outcome(probability=None)
@@ -69,16 +71,16 @@ def test_pairs_are_counted_by_predicted_probability() -> None:
     assert (low.low, low.mean, low.came_out, low.pairs) == (0.0, 0.1, 1, 1)
     assert (high.low, high.mean) == (0.8, pytest.approx((0.85 + 1.0 + 0.95) / 3.0))
     assert (high.came_out, high.pairs) == (2, 3)
-    assert high.rate.met is None  # three pairs say nothing of a rate
+    assert high.rate.met is None  # three pairs are too few for a rate
     many = [kept] * 12 + [broken] * 12
     (high,) = [one for one in promises(many) if one.high == 1.0]
-    assert high.rate.met is False  # 67 % came out of 93 %
+    assert high.rate.met is False  # 67 % were separated, 93 % predicted
     assert high.rate.at_least == pytest.approx(high.mean - 0.1)
     assert rate("the campaign leaves a class", "records are proposed", kept, broken, never) == (1, 2)
 
 
 def test_results_of_an_earlier_version_count_as_one_prediction(tmp_path: Path) -> None:
-    """Results of an earlier version stay in the file, and are drawn with the others."""
+    """Results of an earlier version stay in the file and are plotted with the others."""
     old = outcome(probability=0.93, winner="leak", told=True)
     document = old.document()
     for name in ("chances", "apart", "of_random", "of_first", "sensor", "statement"):
@@ -91,7 +93,7 @@ def test_results_of_an_earlier_version_count_as_one_prediction(tmp_path: Path) -
     assert (found.low, found.mean, found.came_out, found.pairs) == (0.8, 0.93, 1, 1)
 
 
-def test_records_at_random_are_counted_beside_and_not_among_designed_ones() -> None:
+def test_random_records_and_designed_sets_are_counted_separately() -> None:
     named = at_random(added=("leak",))
     assert rate("one to four records at random", "the truth alone is named", named, at_random()) == (1, 2)
     assert rate("one designed set", "the truth alone is named", outcome(added=("leak",)), named) == (1, 1)
@@ -100,19 +102,19 @@ def test_records_at_random_are_counted_beside_and_not_among_designed_ones() -> N
     assert {one.taken for one in trials} == {0, 1, 2, 3, 4}
 
 
-def test_a_class_without_a_design_has_to_be_reported_as_inseparable() -> None:
+def test_a_class_without_a_design_must_be_reported_as_inseparable() -> None:
     reported = outcome(probability=None, ended="not_separable")
     silent = outcome(probability=None, ended="rounds")
     made = (reported, silent, outcome(), at_random(probability=None))
     assert rate("a class that no record separates", "reported as such", *made) == (1, 2)
 
 
-def test_a_design_is_compared_with_the_median_feasible_one() -> None:
+def test_a_design_is_compared_with_the_median_random_one() -> None:
     made = [outcome(of_first=d, of_random=10.0) for d in (39.0, 41.0, 400.0)]
     assert rate("D of the first designed record", "4 times a random one's", *made, outcome()) == (2, 3)
 
 
-def test_the_plot_has_a_point_for_each_bin() -> None:
+def test_the_calibration_plot_has_a_point_for_each_bin() -> None:
     found = [Promises(0.0, 0.2, 0.1, 1, 20), Promises(0.8, 1.0, 0.9, 19, 20)]
     svg = calibration_svg(found)
     root = ET.fromstring(svg)
@@ -122,7 +124,7 @@ def test_the_plot_has_a_point_for_each_bin() -> None:
     assert "19 of 20" in svg
 
 
-def test_learning_may_end_with_an_inseparable_class() -> None:
+def test_learning_is_right_if_it_ends_with_the_truth_or_an_inseparable_class_of_it() -> None:
     def whole(**learnt: Any) -> DesignOutcome:
         return outcome(rounds=6, **learnt)
 

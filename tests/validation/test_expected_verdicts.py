@@ -1,4 +1,4 @@
-"""Campaigns that rigctl did not make, each diagnosed, and the verdict that is expected of each.
+"""Campaigns of the separate bench, each diagnosed and compared with its expected verdict.
 
 ``expected_verdicts.json`` has one trial a line: what the separate bench hides (effect, size in sigmas,
 direction; amplitudes in SI), in which noise, and the verdict with the classes of effects that it leaves
@@ -25,7 +25,7 @@ from rigctl.validation.work import diagnose_scenario
 
 @dataclass(frozen=True)
 class Expected:
-    """A trial of the list: what is hidden, how large (SI), and what a diagnosis must say of it.
+    """A trial of the list: what is hidden, how large (SI), and the expected diagnosis.
 
     `first` heads the ranking, where the list says so: a stand-in that comes near and must not be named.
     """
@@ -58,7 +58,7 @@ LIST = [
 
 
 @pytest.mark.parametrize("expected", LIST, ids=lambda expected: expected.scenario.name)
-def test_a_campaign_gets_the_verdict_that_is_expected_of_it(expected: Expected) -> None:
+def test_each_campaign_gets_the_expected_verdict_and_classes(expected: Expected) -> None:
     with one_thread():
         found = diagnose_scenario(expected.scenario, expected.amplitudes)
     classes = frozenset(frozenset(group) for group in found.classes)
@@ -69,8 +69,8 @@ def test_a_campaign_gets_the_verdict_that_is_expected_of_it(expected: Expected) 
 
 
 @pytest.mark.parametrize("expected", LIST, ids=lambda expected: expected.scenario.name)
-def test_no_wrong_verdict_is_expected(expected: Expected) -> None:
-    """What the list asks for is true of the bench, or says that the data cannot tell."""
+def test_every_expected_verdict_is_true_of_the_bench_or_undecided(expected: Expected) -> None:
+    """A wrong verdict must not become the expected one."""
     named, truth = frozenset().union(*expected.classes), set(expected.scenario.truth)
     match expected.scenario.kind:
         case "nothing":
@@ -86,7 +86,7 @@ def test_no_wrong_verdict_is_expected(expected: Expected) -> None:
             assert named >= truth
 
 
-def test_the_list_has_every_kind_noise_and_set_of_sensors() -> None:
+def test_the_list_covers_every_kind_noise_and_set_of_sensors() -> None:
     scenarios = [expected.scenario for expected in LIST]
     assert len({scenario.name for scenario in scenarios}) == len(scenarios) >= 24
     assert {scenario.kind for scenario in scenarios} == {"nothing", "one", "two", "removed"}

@@ -1,4 +1,4 @@
-"""What the separate bench can hide, against the library that it is hidden from."""
+"""The effects that the separate bench can hide, compared with those of the library."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ HIDEABLE = [hidden for hidden in HIDDEN_EFFECTS if hidden.amounts(hidden.typical
 
 
 def largest_change(with_it: Clean, without: Clean) -> dict[str, float]:
-    """By channel, in its noise."""
+    """The largest difference of each channel, in units of its noise."""
     sigma = SMALL.noise.sigma
     pairs = list(zip(with_it, without, strict=True))
     return {
@@ -31,7 +31,7 @@ def largest_change(with_it: Clean, without: Clean) -> dict[str, float]:
     }
 
 
-def test_every_effect_of_the_library_is_there() -> None:
+def test_every_effect_of_the_library_can_be_hidden_within_its_bounds() -> None:
     assert {hidden.effect for hidden in HIDDEN_EFFECTS} == set(LIBRARY)
     for hidden in HIDDEN_EFFECTS:
         effect = LIBRARY[hidden.effect]
@@ -61,7 +61,7 @@ def test_inactive_effects_are_below_the_noise(hidden) -> None:
     assert changes["position"] < 0.02
 
 
-def test_zero_amplitude_hides_nothing() -> None:
+def test_an_amplitude_of_zero_changes_nothing() -> None:
     plain = clean_outputs(SMALL)
     for shape in SHAPES:
         for hidden in HIDEABLE:
@@ -70,7 +70,7 @@ def test_zero_amplitude_hides_nothing() -> None:
         assert max(largest_change(clean_outputs(every), plain).values()) < 1e-3
 
 
-def test_amounts_of_several_effects_add_up() -> None:
+def test_hidden_effects_on_the_same_parameters_add_up() -> None:
     both = hide(
         SMALL, [(find_hidden("coulomb_friction"), 50.0), (find_hidden("stribeck_friction"), 100.0)], "other"
     )
@@ -78,7 +78,7 @@ def test_amounts_of_several_effects_add_up() -> None:
     assert both.bench.static == pytest.approx(60.0)
 
 
-def test_the_gap_of_the_piston_leaks_the_conductance_it_is_given() -> None:
+def test_the_piston_gap_leaks_with_the_given_conductance() -> None:
     from rigctl.validation.bench.equations import past_piston
 
     bench = hide(SMALL, [(find_hidden("piston_leakage"), 5e-15)], "same").bench
@@ -92,7 +92,7 @@ def test_unsupported_hidden_effects_are_refused() -> None:
         find_hidden("coulomb")
 
 
-def test_clean_outputs_know_no_noise_scatter_or_jitter() -> None:
+def test_clean_outputs_have_no_noise_scatter_or_jitter() -> None:
     delayed = hide(SMALL, [(find_hidden("valve_open_delay"), 0.02)], "wrong")
     assert delayed.switching.random
     first, second = clean_outputs(delayed), clean_outputs(replace(delayed, seed=5))

@@ -1,4 +1,4 @@
-"""The short way of a campaign to the model's measurements ends where the way over files does."""
+"""Measurements of a campaign made in memory are those that the run files give."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rigctl.validation.work import bench_model
 
 
 @pytest.mark.parametrize("chambers", [False, True])
-def test_measurements_are_those_of_the_run(tmp_path: Path, chambers: bool) -> None:
+def test_measurements_made_in_memory_equal_those_read_from_a_run(tmp_path: Path, chambers: bool) -> None:
     scenario = Scenario(
         "nothing",
         noise="all",

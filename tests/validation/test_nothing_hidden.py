@@ -1,4 +1,4 @@
-"""With nothing hidden the separate bench and the model must agree, or every verdict is about that."""
+"""With nothing hidden the separate bench and the model must agree, or verdicts reflect their difference."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def compiled() -> CompiledSystem:
 
 @pytest.mark.parametrize("pressure", [20.0, 50.0])
 @pytest.mark.parametrize("oil", [20.0, 80.0])
-def test_both_show_the_same_to_half_of_the_noise_of_one_sample(
+def test_bench_and_model_agree_to_half_the_noise_of_one_sample(
     compiled: CompiledSystem, oil: float, pressure: float
 ) -> None:
     condition = Condition(oil=oil + 273.15, setting=pressure * 1e5)

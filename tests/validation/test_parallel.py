@@ -21,19 +21,19 @@ if __name__ == "__main__":
 """
 
 
-def test_processes_end_with_the_one_that_started_them(tmp_path: Path) -> None:
+def test_worker_processes_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     script = tmp_path / "parent.py"
     script.write_text(PARENT, "utf-8")
     with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True) as parent:
         assert parent.stdout is not None
         assert parent.stdout.readline() == "working\n"
         parent.kill()
-        # the process that works holds the other end too: it is read to its end when both are gone
+        # the worker holds the pipe too: end of file means that both are gone
         assert parent.communicate(timeout=600)[0] == ""
 
 
-def test_ctrl_c_ends_a_process_at_once_and_silently() -> None:
-    """In a process of its own, as the terminal sends it to each of them."""
+def test_ctrl_c_ends_a_worker_at_once_and_silently() -> None:
+    """In a process of its own, as the terminal sends the signal to every process."""
     code = (
         "import signal, time; from rigctl.tasks.pools import begin_worker; "
         "begin_worker(); signal.raise_signal(signal.SIGINT); time.sleep(600.0)"

@@ -1,4 +1,4 @@
-"""The tier ``discovery``: what is planted is there, is in no library's words, and is counted rightly."""
+"""The tier ``discovery``: planted terms act, are not in the library, and are counted correctly."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FAMILY = find_family("hydraulic_cylinder")
 PLAIN = Campaign(temperatures=(30.0,), pressures=(40.0,), chamber_pressures=True)
 
 
-def test_planted_terms_are_not_in_the_library() -> None:
+def test_planted_terms_have_distinct_names_that_no_library_effect_has() -> None:
     assert len(PLANTED) >= 20
     assert len({one.name for one in PLANTED}) == len(PLANTED)
     assert not {one.name for one in PLANTED} & set(library(FAMILY))
@@ -33,12 +33,12 @@ def test_planted_terms_are_not_in_the_library() -> None:
 
 
 @pytest.mark.parametrize("term", PLANTED, ids=lambda term: term.name)
-def test_a_planted_term_has_an_effect_on_the_bench(term: PlantedTerm) -> None:
+def test_a_planted_term_changes_the_outputs_of_the_bench(term: PlantedTerm) -> None:
     with_it = hide(PLAIN, [(term.hidden, 20.0 * term.typical)], "other")
     ((_, plain),), ((_, changed),) = clean_outputs(PLAIN), clean_outputs(with_it)
     shown = {name for name in plain if not np.array_equal(plain[name], changed[name])}
     assert shown
-    if term.slots[0].endswith("_reading"):  # a sensor's fault is on its channel alone
+    if term.slots[0].endswith("_reading"):  # a sensor error changes its own channel only
         assert shown == {term.slots[0].removesuffix("_reading")}
 
 
@@ -71,7 +71,7 @@ def outcome(term: str, **found: object) -> TrialOutcome[PlantedTrial]:
     return TrialOutcome(trial, searched=Searched(**found))  # type: ignore[arg-type]
 
 
-def test_rates_refer_to_the_planted_terms() -> None:
+def test_rates_count_gates_locations_and_formulas_of_planted_terms() -> None:
     truth = "load: bump of position"
     made = [
         outcome("", gate="adequate"),

@@ -27,7 +27,7 @@ def one(verdict="missing_effect", effects=("coulomb_friction",), **rest) -> Outc
     return Outcome(ONE, verdict=verdict, effects=effects, **given)
 
 
-def test_wilson_against_published_values() -> None:
+def test_wilson_intervals_agree_with_published_values() -> None:
     assert wilson(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
     assert wilson(5, 10) == pytest.approx((0.2366, 0.7634), abs=1e-4)
     assert wilson(10, 10) == pytest.approx((0.7225, 1.0), abs=1e-4)
@@ -35,7 +35,7 @@ def test_wilson_against_published_values() -> None:
 
 
 @given(st.integers(1, 10_000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
-def test_wilson_holds_the_share(pair: tuple[int, int]) -> None:
+def test_a_wilson_interval_contains_the_observed_rate(pair: tuple[int, int]) -> None:
     count, trials = pair
     low, high = wilson(count, trials)
     assert 0.0 <= low <= count / trials + 1e-12
@@ -46,7 +46,7 @@ def by_name(outcomes: list[Outcome]) -> dict[tuple[str, str], tuple[int, int]]:
     return {(rate.name, rate.of): (rate.count, rate.trials) for rate in rates(outcomes)}
 
 
-def test_false_alarms() -> None:
+def test_false_alarms_are_counted_by_noise_and_include_failures() -> None:
     outcomes = [
         Outcome(NOTHING, verdict="adequate"),
         Outcome(NOTHING, verdict="ambiguous", effects=("coulomb_friction",)),
@@ -58,7 +58,7 @@ def test_false_alarms() -> None:
     assert found["false alarm, nothing hidden", "noise known"] == (0, 1)
 
 
-def test_a_class_that_holds_the_truth_is_right() -> None:
+def test_a_class_that_contains_the_truth_counts_as_right() -> None:
     twins = (("coulomb_friction", "stribeck_friction"),)
     ambiguous = one("ambiguous", ("stribeck_friction",), classes=twins, separation=1.0)
     assert ambiguous.right
@@ -71,7 +71,7 @@ def test_a_class_that_holds_the_truth_is_right() -> None:
     assert found["class of one", "d >= 2.33"] == (1, 1)
 
 
-def test_two_effects_must_both_be_named_and_nothing_else() -> None:
+def test_two_hidden_effects_are_exact_only_if_both_and_no_others_are_named() -> None:
     def two(*effects: str) -> Outcome:
         return Outcome(TWO, verdict="missing_effect", effects=effects)
 
@@ -82,7 +82,7 @@ def test_two_effects_must_both_be_named_and_nothing_else() -> None:
     assert not two("piston_leakage", "spring_load").exact
 
 
-def test_two_of_which_one_takes_up_the_other_are_counted_apart() -> None:
+def test_pairs_in_which_one_effect_masks_the_other_are_counted_separately() -> None:
     both = ("coulomb_friction", "piston_leakage")
     missed = Outcome(TWO, verdict="missing_effect", effects=both[:1], beside=(12.0, 3.0))
     found = Outcome(TWO, verdict="missing_effect", effects=both, beside=(12.0, 11.0))
@@ -92,7 +92,7 @@ def test_two_of_which_one_takes_up_the_other_are_counted_apart() -> None:
     assert rows["two hidden effects exactly", "λ >= 10 each, also beside the other"] == (1, 2)
 
 
-def test_removed_truth_coverage_and_what_was_not_made() -> None:
+def test_removed_truths_interval_coverage_and_untested_trials_are_counted() -> None:
     inside = Interval("coulomb_friction", "force", 100.0, 90.0, 110.0)
     outside = Interval("coulomb_friction", "force", 100.0, 101.0, 110.0)
     same = Scenario("one", ONE.hidden, "same")
@@ -111,12 +111,12 @@ def test_removed_truth_coverage_and_what_was_not_made() -> None:
     assert untested == [{"scenario": ONE.name, "why": "λ 10 cannot be reached"}]
 
 
-def test_confusion_counts_what_was_found_first() -> None:
+def test_the_confusion_table_counts_the_effect_found_first() -> None:
     outcomes = [one(), one(), one(effects=("spring_load",)), one("adequate", (), first="spring_load")]
     assert confusion(outcomes) == {"coulomb_friction": {"coulomb_friction": 2, "spring_load": 1, "none": 1}}
 
 
-def test_tables_show_the_same_figures() -> None:
+def test_markdown_and_console_tables_show_the_same_figures() -> None:
     from io import StringIO
 
     from rich.console import Console
@@ -144,7 +144,7 @@ def test_an_outcome_survives_json() -> None:
     assert TrialOutcome.read(json.loads(json.dumps(outcome.document())), Scenario.read) == outcome
 
 
-def test_an_outcome_that_was_kept_before_there_were_exponents_is_read() -> None:
+def test_an_outcome_of_a_version_without_exponents_is_read() -> None:
     corrected = one(exponents=(Interval("e", "exponent of velocity", 1.5, 1.4, 1.7),))
     document = json.loads(json.dumps(corrected.document()))
     assert TrialOutcome.read(document, Scenario.read) == corrected
@@ -165,8 +165,8 @@ def counted(outcomes: list[Outcome], name: str, of: str = "all sizes") -> tuple[
     return rate.count, rate.trials
 
 
-def test_a_class_counts_where_another_effect_does_nearly_the_same() -> None:
-    """d below 2.33, or below what either law may be bent by: no data of these sensors name one of the two."""
+def test_an_ambiguous_class_is_right_where_the_rival_is_inseparable() -> None:
+    """d is below 2.33 or within the shape tolerance: no data of these sensors distinguish the two."""
     name = "place and driver, or the class where none can tell"
     classes = (("spring_load", "coulomb_friction"),)
     undecided = [
@@ -183,13 +183,13 @@ def test_a_class_counts_where_another_effect_does_nearly_the_same() -> None:
     assert counted([apart], name) == (0, 1)  # the truth is not in its class
 
 
-def test_what_is_larger_than_usual_is_counted_with_its_like() -> None:
+def test_effects_beyond_their_usual_range_are_counted_separately() -> None:
     usual, larger = (one(amplitudes=(force,)) for force in (500.0, 5000.0))
     assert counted([usual, larger], "law or its class named") == (1, 1)
     assert counted([usual, larger], "beyond its usual range", "named or in the class") == (1, 1)
 
 
-def test_of_two_effects_those_count_that_show_beside_each_other() -> None:
+def test_pairs_of_effects_that_are_both_detectable_have_their_own_rate() -> None:
     both = {"effects": ("coulomb_friction", "piston_leakage"), "verdict": "missing_effect"}
     seen, hidden = (Outcome(TWO, beside=beside, **both) for beside in ((30.0, 12.0), (30.0, 2.0)))
     name = "a strong and a weak effect: both named"

@@ -1,4 +1,4 @@
-"""Trials of the benchmark: fixed by what they say, and all of them different."""
+"""Trials of the benchmark: each determined by its description, and all distinct."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def test_a_scenario_survives_json() -> None:
     assert ONE.left_out == ()
 
 
-def test_kinds_hide_as_many_effects_as_they_say() -> None:
+def test_the_kind_of_a_scenario_fixes_its_number_of_effects() -> None:
     with pytest.raises(ValueError, match="two"):
         Scenario("two", (Wanted("constant_load", 6.0),))
 
 
 @pytest.mark.parametrize("noise", NOISES)
-def test_the_same_scenario_makes_the_same_data(noise) -> None:
+def test_equal_scenarios_make_identical_data_and_another_seed_other_data(noise) -> None:
     scenario = Scenario("one", (Wanted("coulomb_friction", 10.0),), noise=noise, **SMALL)
     first, second = (simulate_records(scenario.campaign((60.0,))) for _ in range(2))
     other = simulate_records(Scenario("one", scenario.hidden, noise=noise, seed=1, **SMALL).campaign((60.0,)))
@@ -39,7 +39,7 @@ def test_the_same_scenario_makes_the_same_data(noise) -> None:
             assert not np.array_equal(values, c.channels[name])
 
 
-def test_noise_is_what_is_not_in_the_clean_outputs() -> None:
+def test_records_are_the_clean_outputs_plus_the_specified_noise() -> None:
     campaign = Scenario("nothing", noise="coloured", **SMALL).plain
     clean, records = clean_outputs(campaign), simulate_records(campaign)
     assert len(clean) == len(records) == 3
@@ -57,7 +57,7 @@ def test_repeated_records_differ_in_noise_only() -> None:
     assert 1e-4 < between.std() < 2e-4
 
 
-def test_tiers_hold_every_kind_once() -> None:
+def test_tiers_contain_every_kind_and_no_scenario_twice() -> None:
     for tier in ("quick", "full"):
         found = scenarios(tier)
         assert len({scenario.name for scenario in found}) == len(found)

@@ -1,4 +1,4 @@
-"""The separate bench against SciPy and published numbers: it must be right before it may judge."""
+"""The separate bench against SciPy and published numbers: it must be right before it may judge rigctl."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ def stroke(pressure: float, oil: float = 20.0, **secrets: float) -> float:
 
 
 @pytest.mark.parametrize("pressure", STROKES)
-def test_strokes_of_the_published_bench(pressure: float) -> None:
+def test_strokes_agree_with_an_independent_calculation(pressure: float) -> None:
     assert stroke(pressure) == pytest.approx(STROKES[pressure], abs=0.5)
 
 
-def test_textbook_stroke_rises_with_temperature() -> None:
+def test_the_textbook_stroke_increases_with_temperature() -> None:
     cold = stroke(30.0)
     assert stroke(30.0, 60.0) / cold == pytest.approx(1.014, abs=0.002)
     assert stroke(30.0, 80.0) / cold == pytest.approx(1.022, abs=0.002)
 
 
-def test_against_another_integrator() -> None:
+def test_trajectories_agree_with_lsoda() -> None:
     bench, condition = Bench(coulomb=60.0, static=30.0, air=0.005), Condition(oil=313.15, setting=30e5)
     trace = simulate_record(bench, condition)
     state, states = initial_state(bench, condition), []
@@ -60,7 +60,7 @@ def test_against_another_integrator() -> None:
     assert np.all(np.abs(trace.states - expected)[:, used].max(axis=0) < 2e-4 * peak[used])
 
 
-def test_every_secret_acts_and_is_off_by_default() -> None:
+def test_every_hidden_parameter_acts_and_is_off_by_default() -> None:
     plain = simulate_record(Bench(), Condition(oil=333.15, setting=50e5)).states
     secrets = {
         "piston_gap": 3e-5, "spool_leak": 4e-15, "cap_leak": 1e-14, "rod_leak": 1e-14, "pump_slip": 3.5e-14,
@@ -76,7 +76,7 @@ def test_every_secret_acts_and_is_off_by_default() -> None:
         assert np.abs(changed - base)[:, : equations.BRISTLE].max() > 0.0, name
 
 
-def test_delays_move_the_switch_and_nothing_else() -> None:
+def test_valve_delays_shift_the_motion_in_time_only() -> None:
     condition = Condition(oil=293.15, setting=30e5)
     late = simulate_record(Bench(), condition, switching=Switching(open_delay=0.05, close_delay=0.05))
     plain = simulate_record(Bench(), condition)
@@ -84,7 +84,7 @@ def test_delays_move_the_switch_and_nothing_else() -> None:
     assert np.abs(moved).max() < 2e-6
 
 
-def test_sensors_and_noise() -> None:
+def test_backlash_and_coloured_noise_follow_their_parameters() -> None:
     walk = np.concatenate([np.linspace(0, 1, 50), np.linspace(1, 0, 50)])
     followed = play(walk, 0.1)
     assert followed[49] == pytest.approx(0.95)
@@ -105,7 +105,7 @@ def test_campaign_is_reproducible_and_repeats_conditions() -> None:
     assert conditions.value_counts().max() == 3
 
 
-def test_machine_code_is_found_by_who_comes_later() -> None:
+def test_compiled_machine_code_is_reused_from_the_cache() -> None:
     simulate_record(Bench(), Condition(300.0, 30e5))
     later = compiled(rosenbrock.integrate.py_func)
     bench, inputs, scale = Bench(), np.array([0.0, 30e5, 0.0, 295.0]), np.array(equations.SCALE)
@@ -114,7 +114,7 @@ def test_machine_code_is_found_by_who_comes_later() -> None:
 
 
 @pytest.mark.parametrize("changed", ["equations.py", "parameters.py", "rosenbrock.py"])
-def test_machine_code_of_other_equations_is_not_taken(
+def test_changed_equations_do_not_reuse_cached_machine_code(
     changed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RIGCTL_CACHE_DIR", str(tmp_path / "cache"))
@@ -129,7 +129,7 @@ def test_machine_code_of_other_equations_is_not_taken(
     assert first != other
 
 
-def test_a_user_without_a_folder_to_write_in_has_a_bench_too(
+def test_the_bench_works_without_a_writable_cache_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "cache").write_text("no folder")

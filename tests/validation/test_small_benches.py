@@ -1,4 +1,4 @@
-"""The generators of the small benches: right by what can be computed by hand, and repeatable."""
+"""The generators of the small benches: they agree with analytical solutions and are reproducible."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rigctl.validation.benches.size import size_of
 from rigctl.validation.outcome import TrialOutcome, Verdict
 
 
-def test_dry_friction_brings_a_sliding_mass_to_rest_and_keeps_it_there() -> None:
+def test_dry_friction_brings_a_sliding_mass_to_rest_and_holds_it() -> None:
     time = np.linspace(0.0, 3.0, 61)
     states = with_dry_friction(lambda t, y: (y[1], 0.0), (0.0, 2.0), time, (), velocity=1, friction=1.0)
     until = np.minimum(time, 2.0)
@@ -30,7 +30,7 @@ def test_dry_friction_brings_a_sliding_mass_to_rest_and_keeps_it_there() -> None
     assert states[:, 0] == pytest.approx(2.0 * until - until**2 / 2, abs=1e-6)
 
 
-def test_dry_friction_reduces_every_swing_by_four_deflections() -> None:
+def test_dry_friction_reduces_free_swings_linearly() -> None:
     """Free swings of x'' = −w²·x − f·sign(v) shrink by 4·f/w² a period and end within f/w²."""
     square, friction = 100.0, 1.0
     time = np.arange(0, 6) * np.pi / np.sqrt(square)
@@ -47,7 +47,7 @@ def test_a_switch_between_samples_acts_at_its_exact_time() -> None:
 
 
 @pytest.mark.parametrize("name", list(BENCHES))
-def test_the_same_seed_gives_the_same_file_and_noise_has_the_size_stated(name: str, tmp_path: Path) -> None:
+def test_equal_seeds_give_equal_files_and_noise_has_the_stated_size(name: str, tmp_path: Path) -> None:
     bench = find_bench(name)
     campaign = BenchCampaign(bench, bench.hidden.typical, "five", seed=3)
     paths = [tmp_path / f"{which}.csv" for which in "ab"]
@@ -65,7 +65,7 @@ def test_the_same_seed_gives_the_same_file_and_noise_has_the_size_stated(name: s
 
 
 @pytest.mark.parametrize("name", ["tanks", "chain", "pump"])
-def test_the_amplitude_wanted_has_the_size_wanted(name: str) -> None:
+def test_the_amplitude_found_has_the_requested_size(name: str) -> None:
     amplitude, size = amplitude_of(BenchTrial(name, 30.0, "five"))
     assert size == pytest.approx(30.0, rel=0.05)
     campaign = BenchTrial(name, 30.0, "five").campaign(amplitude)
@@ -79,7 +79,7 @@ def test_an_unknown_bench_is_refused_with_the_nearest_name() -> None:
         find_bench("motro")
 
 
-def test_every_round_of_the_tier_has_every_bench_with_and_without_something_hidden() -> None:
+def test_every_round_of_the_tier_has_every_bench_with_and_without_a_hidden_effect() -> None:
     trials = bench_trials()
     assert len({trial.name for trial in trials}) == len(trials)
     for begin in range(0, len(trials), 2 * len(BENCHES)):
@@ -95,7 +95,7 @@ def outcome(size: float, verdict: Verdict, *effects: str) -> TrialOutcome[BenchT
     return TrialOutcome(BenchTrial("motor", size), verdict=verdict, effects=effects)
 
 
-def test_rates_of_small_benches_are_correct() -> None:
+def test_rates_and_confusion_of_small_benches_are_counted_correctly() -> None:
     right = BENCHES["motor"].hidden.counts_as[0]
     found = bench_figures(
         [
@@ -123,7 +123,7 @@ def test_a_trial_survives_json() -> None:
     assert trial.name == "belt 30 slow unrecorded level seed 7"
 
 
-def test_a_bench_s_folder_states_the_size_of_its_hidden_effect(
+def test_the_command_writes_a_project_and_reports_the_size_of_the_hidden_effect(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "mine"
@@ -133,6 +133,6 @@ def test_a_bench_s_folder_states_the_size_of_its_hidden_effect(
     assert 80.0 < float(capsys.readouterr().out.split("lambda = ")[1]) < 120.0
 
 
-def test_spikes_that_the_motion_hides_are_no_missing_physics() -> None:
+def test_spikes_during_motion_are_not_taken_for_missing_physics() -> None:
     outcome = carry_out_trial(BenchTrial("spring", 0.0, "slow", recorded=False, noise="heavy", seed=0))
     assert outcome.verdict == "adequate"

@@ -1,4 +1,4 @@
-"""Results that survive a kill, and work that goes on where it was."""
+"""Stored results survive a kill, and an interrupted benchmark resumes."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_an_unwritable_store_is_reported(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_work_resumes_where_it_stopped(tmp_path: Path, workers: int) -> None:
+def test_a_resumed_run_computes_only_the_missing_results(tmp_path: Path, workers: int) -> None:
     store = ResultStore(tmp_path / "results.jsonl", "1", Scenario.read)
     first = run_scenarios(SCENARIOS[:4], quick, store, workers=Workers(workers))
     assert {outcome.scenario.seed: bool(outcome.failure) for outcome in first} == {

@@ -15,7 +15,7 @@ from rigctl.validation.work import carry_out
 SMALL = Scenario("nothing", repeated=2, temperatures=(20.0, 50.0, 80.0), pressures=(20.0, 50.0))
 
 
-def test_a_large_effect_is_found_and_its_size_is_as_wanted() -> None:
+def test_a_large_effect_is_found_at_its_requested_size() -> None:
     outcome = carry_out(replace(SMALL, kind="one", hidden=(Wanted("valve_leakage", 40.0),), shape="same"))
     assert outcome.sizes == (pytest.approx(40.0, rel=0.051),)
     assert outcome.right
