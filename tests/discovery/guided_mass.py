@@ -1,4 +1,4 @@
-"""A mass on a guide with something in it that no library has: integrated by SciPy, not by rigctl's engine.
+"""A mass on a guide with a force that no library has, integrated by SciPy instead of rigctl's engine.
 
 m·dv/dt = F − k·x − c·v − hidden(x, v),   read: x with white noise
 """
@@ -62,12 +62,12 @@ def nothing(_x: float, _v: float) -> float:
 
 
 def worn_spot(x: float, _v: float) -> float:
-    """A groove of the guide at 40 mm that holds the mass: N, of m and m/s."""
+    """A groove of the guide at 40 mm that holds the mass: force in N from m and m/s."""
     return 0.12 * float(np.exp(-(((x - 0.04) / 0.02) ** 2)))
 
 
 def rubbing_spot(x: float, v: float) -> float:
-    """A place at 40 mm at which the guide drags."""
+    """Viscous drag of the guide at 40 mm."""
     return 0.3 * float(np.exp(-(((x - 0.04) / 0.02) ** 2))) * v
 
 

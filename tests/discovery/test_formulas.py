@@ -43,7 +43,7 @@ def every_factor() -> list[tuple[Factor, ...]]:
 
 
 @pytest.mark.parametrize("chosen", every_factor(), ids=lambda chosen: " ".join(f.form.name for f in chosen))
-def test_the_file_says_what_was_scored(chosen: tuple[Factor, ...]) -> None:
+def test_the_formula_in_the_file_evaluates_to_the_scored_term(chosen: tuple[Factor, ...]) -> None:
     formula = Formula(FRICTION, chosen, gain=1.0, size=37.0, cost=0.0)
     effect = effect_of(formula, FAMILY)
     (expr, *_) = write_out(effect, FAMILY).terms["friction"]
@@ -63,28 +63,28 @@ def test_the_file_says_what_was_scored(chosen: tuple[Factor, ...]) -> None:
         assert written == pytest.approx(truth, rel=2e-2, abs=0.1)
 
 
-def test_a_temperature_counts_from_a_round_one_and_is_read_in_degrees() -> None:
+def test_temperatures_are_written_relative_to_a_round_reference_in_degrees() -> None:
     assert OIL.text == "(oil_temperature - 20 degC)"
     assert OIL.reference_text == "(60 K)"
     assert OIL.amount("center", 313.15) == "40 degC"
     assert OIL.amount("width", 5.0) == "5 K"
 
 
-def test_a_pure_number_is_the_stronger_claim() -> None:
+def test_a_coefficient_near_a_dimensionless_group_of_the_parameters_is_tier_a() -> None:
     model = load_model(shipped("models", "hl32-textbook.yaml"))
     linear = next(form for form in forms(-1.0, 2.0) if form.name == "linear")
     drag = Formula(FRICTION, (Factor(VELOCITY, linear),), gain=1.0, size=55.0, cost=0.0)
     found = tier_of(drag, model)
     assert found.letter == "A"
     assert "damping" in found.group
-    # the same of a drag per speed that no parameter is near
+    # the same drag with a size far from every parameter
     far = tier_of(replace(drag, size=5e12), model)
     assert far.letter == "B"
     assert "weaker" in far.statement
 
 
 def projected(residual: np.ndarray, columns: np.ndarray, records: int) -> SimpleNamespace:
-    """What `draw_chance` reads of a projected linearisation."""
+    """The attributes of a projected linearisation that `draw_chance` reads."""
     own = [SimpleNamespace(residual=part) for part in np.split(residual, records)]
     sizes = np.linalg.norm(columns, axis=0)
     lin = SimpleNamespace(full_lengths=sizes, records=own)
@@ -94,7 +94,7 @@ def projected(residual: np.ndarray, columns: np.ndarray, records: int) -> Simple
     )
 
 
-def test_searching_the_same_thing_often_costs_nothing_and_other_things_do() -> None:
+def test_the_family_wise_level_counts_only_independent_searches() -> None:
     rng = np.random.default_rng(0)
     columns, noise = rng.standard_normal((160, 24)), rng.standard_normal(160)
     one = draw_chance(projected(noise, columns[:, :3], 4), [slice(0, 3)])
@@ -109,7 +109,7 @@ def test_searching_the_same_thing_often_costs_nothing_and_other_things_do() -> N
     assert others.independent == pytest.approx(8.0, rel=0.2)
 
 
-def test_what_is_slower_than_the_noise_model_says_makes_a_search_less_sure() -> None:
+def test_residuals_slower_than_the_noise_model_raise_the_family_wise_p_value() -> None:
     rng = np.random.default_rng(1)
     white = rng.standard_normal((30, 40))
     slow = np.repeat(rng.standard_normal((30, 5)), 8, axis=1)
@@ -126,7 +126,7 @@ def regions_of(values: np.ndarray, groups: tuple[int, ...]) -> SimpleNamespace:
     return SimpleNamespace(records=records, regions=SimpleNamespace(groups=groups))
 
 
-def test_records_of_one_condition_that_differ_are_told_from_a_model_that_is_wrong() -> None:
+def test_the_replicate_test_separates_scatter_between_records_from_a_wrong_model() -> None:
     rng = np.random.default_rng(2)
     noise = rng.standard_normal((8, 6))
     wrong = np.repeat(10.0 * rng.standard_normal((4, 6)), 2, axis=0)  # the same in both records

@@ -25,7 +25,7 @@ def located(slot: str, statistic: float, p_value: float = 1e-4, dof: int = 8) ->
 
 
 def diagnosed(verdict: Verdict, **changed: Any) -> Any:
-    """What the gate reads of a diagnosis."""
+    """The attributes of a diagnosis that the gate reads."""
     adequacy = SimpleNamespace(below_noise=False)
     lin = SimpleNamespace(records=(), regions=SimpleNamespace(groups=()))
     before = SimpleNamespace(adequacy=adequacy, statement="it is so", linearisation=lin)
@@ -78,11 +78,11 @@ def test_a_refused_search_gives_its_reason(
 
 def test_the_search_starts_if_no_library_effect_is_certain() -> None:
     assert gate_of(diagnosed(Verdict.OUTSIDE_LIBRARY)).open
-    # the best of the library fails on what was left out: no class of effects is sure
+    # the best effect fails cross-validation: no class of effects is certain
     assert gate_of(diagnosed(Verdict.AMBIGUOUS, effects=("barus",), classes=(("barus",),))).open
 
 
-def test_too_weak_evidence_names_what_would_suffice() -> None:
+def test_too_weak_evidence_states_how_many_records_would_suffice() -> None:
     said = _too_weak(Map((located("friction", 24.0, 0.3),), (), 210, 56.0, 8.0))
     assert "210 places" in said
     assert "friction over velocity" in said
@@ -91,7 +91,7 @@ def test_too_weak_evidence_names_what_would_suffice() -> None:
     assert "at any location" in _too_weak(Map((), (), 0, 0.0, 8.0))
 
 
-def test_single_conditions_and_record_constants_are_reported() -> None:
+def test_a_single_condition_and_untestable_locations_are_noted() -> None:
     lin = SimpleNamespace(regions=SimpleNamespace(groups=(0, 0, 0)))
     before: Any = SimpleNamespace(linearisation=lin)
     hidden = located("position_reading", 0.0, 1.0, 0)
@@ -102,7 +102,7 @@ def test_single_conditions_and_record_constants_are_reported() -> None:
     assert list(_notes(several, Map((), (), 1, 1.0, 5.0))) == []
 
 
-def test_locations_that_explain_as_much_are_rivals() -> None:
+def test_locations_that_explain_nearly_as_much_are_rivals_unless_refuted() -> None:
     found = (
         located("friction", 4000.0),
         located("friction", 3990.0),
@@ -121,7 +121,7 @@ def formula(slot: str, *over: str, same: tuple[Any, ...] = ()) -> Any:
 
 
 def made(formulas: tuple[Any, ...], *places: Located) -> Discovery:
-    """A search that ended with formulas, at places."""
+    """A finished search with these formulas and locations."""
     searched = Map(places, (), 10, 8.0, 5.0)
     shown = tuple(
         cast(
@@ -153,25 +153,25 @@ VELOCITY_ONLY = formula("friction", "velocity")
             [["velocity"]],
             " at friction over velocity: one formula of 50, first size*velocity",
         ),
-        (  # another slot at which the same term does the same
+        (  # another slot at which the same term has the same influence
             made((VELOCITY_ONLY,), replace(located("friction", 400.0), alike=("load",))),
             ["friction", "load"],
             [["velocity"]],
             ", its location uncertain (friction or load), over velocity: one formula of 50, first size*veloc",
         ),
-        (  # another place explains as much, though no formula of it is in the set
+        (  # another location explains as much, although none of its formulas is in the set
             made((VELOCITY_ONLY,), located("friction", 400.0), located("mass", 399.0)),
             ["friction", "mass"],
             [["velocity"]],
             ", its location uncertain (friction or mass), over velocity",
         ),
-        (  # two formulas of one place, of different variables
+        (  # two formulas at one location, over different variables
             made((VELOCITY_ONLY, formula("friction", "position")), located("friction", 400.0)),
             ["friction"],
             [["velocity"], ["position"]],
             " at friction, its variable uncertain (velocity or position): 2 formulas that",
         ),
-        (  # one formula, of which another at another place and over another variable is the same
+        (  # one formula, equivalent to another at another location and over another variable
             made(
                 (formula("friction", "velocity", same=(formula("load", "spool"),)),),
                 located("friction", 400.0),
@@ -188,7 +188,7 @@ VELOCITY_ONLY = formula("friction", "velocity")
         ),
     ],
 )
-def test_only_certain_levels_are_claimed(
+def test_the_answer_names_all_locations_and_variables_that_it_cannot_distinguish(
     answer: Discovery, slots: list[str], drivers: list[list[str]], said: str
 ) -> None:
     assert list(dict.fromkeys(one.slot for one in answer.where)) == slots
@@ -196,7 +196,7 @@ def test_only_certain_levels_are_claimed(
     assert _statement(answer).startswith(f"A term is missing{said}")
 
 
-def test_a_class_of_places_names_a_few_and_counts_the_others() -> None:
+def test_a_large_class_of_locations_is_abbreviated_to_a_few_and_a_count() -> None:
     names = [slot.name for slot in FAMILY.slots][:9]
     answer = made(
         (VELOCITY_ONLY,),

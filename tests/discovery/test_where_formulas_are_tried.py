@@ -31,13 +31,13 @@ def pairs(slot: str, statistics: list[float]) -> list[Located]:
     ]
 
 
-def test_a_location_as_good_as_the_best_is_tried_however_many_there_are() -> None:
-    """The oil escapes somewhere behind the piston: twelve slots and variables explain it equally well."""
+def test_all_locations_as_good_as_the_best_are_tried() -> None:
+    """A leak somewhere behind the piston: twelve slots explain it equally well."""
     equal = [located(slot, ("pressure_b",), 2500.0 - k, 8) for k, slot in enumerate(SLOTS[:12])]
     assert wanted(*equal) == [f"{slot} over pressure_b" for slot in SLOTS[:12]]
 
 
-def test_few_are_tried_where_one_stands_out() -> None:
+def test_few_locations_are_tried_where_one_stands_out() -> None:
     worse = [located(slot, ("pressure_b",), 2000.0 - k, 8) for k, slot in enumerate(SLOTS[1:12])]
     singles = wanted(located(SLOTS[0], ("pressure_b",), 2500.0, 8), *worse)
     assert singles == [f"{slot} over pressure_b" for slot in SLOTS[:4]]
@@ -45,7 +45,7 @@ def test_few_are_tried_where_one_stands_out() -> None:
     assert [sum(name.startswith(f"{slot} over") for name in both) for slot in SLOTS[:5]] == [4, 2, 1, 0, 0]
 
 
-def test_a_pair_is_taken_by_what_it_explains_and_not_by_its_splines() -> None:
+def test_pairs_of_variables_are_chosen_by_what_they_explain_and_not_by_their_splines() -> None:
     """A drag at one position: the valve's command stands for the sign of the speed with fewer splines."""
     best = located("line_resistance", ("position", "pressure_setpoint"), 2612.0, 15)
     drag = pairs("friction", [2551.0, 2580.0, 2560.0, 2594.0, 976.0, 541.0])
@@ -54,5 +54,5 @@ def test_a_pair_is_taken_by_what_it_explains_and_not_by_its_splines() -> None:
     assert "friction over position and pressure_a" not in found
 
 
-def test_what_is_not_significant_is_not_tried() -> None:
+def test_locations_without_significance_are_not_tried() -> None:
     assert wanted(located(SLOTS[0], ("velocity",), 9.0, 8, p_value=0.4)) == []

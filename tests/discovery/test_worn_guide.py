@@ -1,4 +1,4 @@
-"""From a log to a held-out error within the noise, with a law that is in no library."""
+"""From a log to a held-out error within the noise, with a law that no library has."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def imported(folder: Path, hidden: Any, **how: Any) -> Path:
 
 @pytest.fixture(scope="module")
 def worn(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """A campaign on a guide with a worn spot, and what `discover` says of it."""
+    """A campaign on a guide with a worn spot, and the answer of `discover`."""
     folder = imported(tmp_path_factory.mktemp("worn"), worn_spot)
     with chdir(folder):
         yield folder, answer("discover", "latest", "--model", "model.yaml", "-o", "effects")
@@ -72,13 +72,13 @@ def test_the_band_of_the_curve_covers_the_truth(
     curve = found["curves"][0]
     assert (curve["slot"], curve["over"], curve["times"]) == ("velocity_rate", "position", "")
     x = [point["x"] for point in curve["points"]]
-    assert -0.16 < min(x) < max(x) < 0.16  # what the records visit
+    assert -0.16 < min(x) < max(x) < 0.16  # the range that the records cover
     deepest = min(curve["points"], key=lambda point: point["value"])
     assert abs(deepest["x"] - 0.04) < 0.005
     truth = [-worn_spot(point["x"], 0.0) / MASS for point in curve["points"]]
     inside = [point["low"] < y < point["high"] for point, y in zip(curve["points"], truth, strict=True)]
     assert sum(inside) >= 0.9 * len(inside)
-    assert deepest["high"] < 0.0  # sure that there is something
+    assert deepest["high"] < 0.0  # significantly different from 0
 
 
 def test_no_record_is_designed_between_effects_that_do_not_explain_the_data(
@@ -111,7 +111,7 @@ def test_the_effect_file_predicts_held_out_records(
     channel = compared["channels"]["position"]
     assert compared["adequate"]
     assert channel["heldout_rmse"] < 1.1 * channel["noise"]
-    assert not [note for note in compared["notes"] if "learned for" in note]  # it stays in its box
+    assert not [note for note in compared["notes"] if "learned for" in note]  # within its range of validity
 
 
 def test_no_search_without_a_misfit(tmp_path: Path) -> None:
@@ -122,7 +122,7 @@ def test_no_search_without_a_misfit(tmp_path: Path) -> None:
         assert found["formulas"] == found["located"] == found["curves"] == []
 
 
-def test_a_local_drag_depends_on_two_variables_and_dissipates(
+def test_a_local_drag_is_found_over_two_variables_and_as_dissipative(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = imported(tmp_path, rubbing_spot, seed=1)
@@ -132,7 +132,7 @@ def test_a_local_drag_depends_on_two_variables_and_dissipates(
     best = found.formulas[0]
     assert "bump_of_position" in best.name
     assert best.passive == "takes energy out"
-    # a force on the mass does the same as a drag on it: which of the two it is, is not claimed
+    # a force on the mass and a drag on it are equivalent here: neither is claimed
     said = (
         "A term is missing, its location uncertain (velocity_rate or force_input), over position and "
         "velocity: "
