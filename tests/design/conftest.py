@@ -1,4 +1,4 @@
-"""What the tests of a design share: each module makes a project of its own, its `bench`."""
+"""Fixtures of the design tests; each module makes its own project, `bench`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 @pytest.fixture(scope="module", autouse=True)
 def as_on_one_computer(shared_results: Path) -> None:
-    """What one test has fitted, another one on the same data finds again, as a user's commands do."""
+    """Fits are cached between the tests of a module, as between a user's commands."""
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -1,4 +1,4 @@
-"""No reading within three sigmas of what is proposed trips a limit of the rig."""
+"""No reading within three sigmas of a proposed record trips a limit of the rig."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def rig() -> Rig:
 
 
 def trips(rig: Rig, readings: Floats) -> list[str]:
-    """The limits that readings (n, channels) pass at all, however shortly; said with other code."""
+    """The limits that readings (n, channels) exceed, however briefly; an independent implementation."""
     found = []
     for name, limit in rig.limits.items():
         course = readings[:, CHANNELS.index(limit.channel)]
@@ -44,7 +44,7 @@ def trips(rig: Rig, readings: Floats) -> list[str]:
     spread=st.floats(0.1, 10.0),
     seed=st.integers(0, 10**6),
 )
-def test_clear_records_trip_no_limit_for_any_noise(
+def test_records_clear_of_limits_trip_none_for_any_noise_within_the_clearance(
     rig: Rig, start: float, speed: float, pressure: float, temperature: float, spread: float, seed: int
 ) -> None:
     course = np.clip(start + speed * np.clip(TIMES - 0.5, 0.0, 1.0), -0.01, 0.26)
@@ -63,8 +63,8 @@ def test_clear_records_trip_no_limit_for_any_noise(
         assert trips(rig, outputs + CLEARANCE * root * one) == []
 
 
-def test_rates_are_checked_also_for_slow_sampling(rig: Rig) -> None:
-    """`oil_rises_too_fast` is over 10 s: of readings every 30 s the rate is that between two of them."""
+def test_limits_of_rates_are_checked_for_slow_sampling_too(rig: Rig) -> None:
+    """`oil_rises_too_fast` is taken over 10 s; for readings every 30 s, between two neighbours."""
     times = np.arange(0.0, 300.0, 30.0)
     outputs = np.stack([300.0 + 0.05 * times, np.full(times.size, 3e6), np.full(times.size, 0.1)], axis=1)
     sigma = np.broadcast_to([0.1, 8e3, 1e-4], outputs.shape)

@@ -1,4 +1,4 @@
-"""Distances against what a linear model has in closed form, and against least squares by brute force."""
+"""Distances between rivals compared with closed forms and with explicit least squares."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def problem(seed: int, rows: int = 40, shared: int = 3, own: int = 2) -> tuple[R
 
 
 def refitted(difference: Floats, columns: Floats, own: Floats, known: Floats) -> float:
-    """min over θ, l of |Δ − Jθ − Ll|² + θᵀIθ + lᵀl, by stacking what is known as rows."""
+    """min over θ, l of |Δ − Jθ − Ll|² + θᵀIθ + lᵀl, with the information stacked as rows."""
     count, shared = own.shape[1], columns.shape[1]
     root = np.linalg.cholesky(known).T
     matrix = np.block(
@@ -37,7 +37,7 @@ def refitted(difference: Floats, columns: Floats, own: Floats, known: Floats) ->
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_distance_is_what_is_left_after_the_rival_has_refitted(seed: int) -> None:
+def test_the_distance_is_the_remainder_after_the_rival_is_refitted(seed: int) -> None:
     one, other, known = problem(seed)
     found = Evidence.of([one, other]).distances([np.eye(4), known])
     expected = refitted(one.predicted - other.predicted, other.shared, other.own, known)
@@ -45,7 +45,7 @@ def test_the_distance_is_what_is_left_after_the_rival_has_refitted(seed: int) ->
     assert found[0, 0] == found[1, 1] == 0.0
 
 
-def test_the_distance_of_two_records_together_is_that_of_their_sums() -> None:
+def test_the_evidence_of_two_records_adds_up_to_their_joint_distance() -> None:
     (one, other, known), (more, rest, _) = problem(1), problem(2)
     whole = Evidence.of([one, other]) + Evidence.of([more, rest])
     difference = np.concatenate([one.predicted - other.predicted, more.predicted - rest.predicted])
@@ -55,8 +55,8 @@ def test_the_distance_of_two_records_together_is_that_of_their_sums() -> None:
     assert whole.distances([np.eye(4), known])[0, 1] == pytest.approx(expected, rel=1e-9)
 
 
-def test_what_a_rival_can_imitate_is_no_distance() -> None:
-    """A difference along its derivatives costs only what is known of it: for nothing known, nothing."""
+def test_a_difference_that_the_rival_can_fit_is_no_distance() -> None:
+    """A difference along the rival's derivatives counts only as far as its parameters are known."""
     rng = np.random.default_rng(0)
     columns = rng.normal(size=(30, 2))
     here = Response(columns @ [1.0, -2.0], np.zeros((30, 0)), np.zeros((30, 0)))
@@ -68,7 +68,7 @@ def test_what_a_rival_can_imitate_is_no_distance() -> None:
     assert evidence.distances([np.zeros((0, 0)), sure])[0, 1] == pytest.approx(plain, rel=1e-6)
 
 
-def test_the_refit_of_records_together_is_the_same_distance() -> None:
+def test_a_joint_refit_gives_the_same_distance_as_the_summed_evidence() -> None:
     (one, other, known), (more, rest, _) = problem(3), problem(4)
     difference = np.concatenate([one.predicted - other.predicted, more.predicted - rest.predicted])
     left = Refit.of([other, rest], known).left(difference)

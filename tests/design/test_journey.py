@@ -47,14 +47,14 @@ def run(bench: Path) -> str:
 
 @pytest.fixture(scope="module")
 def designed(bench: Path, run: str) -> dict[str, Any]:
-    """What the command answers, with its files beside it."""
+    """The answer of the command, which also writes its files."""
     with chdir(bench):
         return answer(
             "design", run, "--model", MODEL, "--records", "2", "-o", "next.yaml", "--page", "next.html"
         )
 
 
-def test_feasible_records_separate_a_class(designed: dict[str, Any]) -> None:
+def test_the_designed_records_separate_the_class(designed: dict[str, Any]) -> None:
     names = {one["name"] for one in designed["rivals"]}
     assert {"coulomb_friction", "laminar_throttle"} < names
     (third,) = names - {"coulomb_friction", "laminar_throttle"}
@@ -69,7 +69,7 @@ def test_feasible_records_separate_a_class(designed: dict[str, Any]) -> None:
     assert all(one["separation_of_repeat"] < designed["expected_separation"] for one in designed["records"])
 
 
-def test_check_and_run_take_the_procedure_and_the_class_shrinks(designed: dict[str, Any], run: str) -> None:
+def test_the_written_procedure_runs_and_shrinks_the_class(designed: dict[str, Any], run: str) -> None:
     text = Path("next.yaml").read_text("utf-8")
     assert text == designed["procedure"]
     assert text.startswith("# Written by 'rigctl design'")
@@ -83,7 +83,7 @@ def test_check_and_run_take_the_procedure_and_the_class_shrinks(designed: dict[s
     assert set(left) <= {"stribeck_friction", "coulomb_friction"}
 
 
-def test_designed_records_use_the_same_sweep_variables(designed: dict[str, Any]) -> None:
+def test_the_procedure_sweeps_the_variables_of_the_campaign(designed: dict[str, Any]) -> None:
     assert "for: {oil: [" in designed["procedure"]
     assert "supply: [" in designed["procedure"]
 
@@ -111,9 +111,9 @@ def test_a_diagnosis_that_leaves_a_class_names_the_next_experiment(run: str) -> 
     assert "rigctl design" in told("diagnose", run, "--model", MODEL)
 
 
-def test_no_separation_from_a_containing_law_is_predicted(run: str) -> None:
-    """Stribeck's friction is Coulomb's where its static value falls to the sliding one. Linearised at its fit
-    it cannot go there, and D is 20 and more; refitted it does, and nothing is left."""
+def test_no_separation_from_a_more_general_law_is_predicted(run: str) -> None:
+    """Stribeck friction becomes Coulomb friction where the static force equals the kinetic. Linearised at its
+    fit it cannot reach this limit, and D exceeds 20; refitted it does, and no difference is left."""
     pair = ("coulomb_friction", "stribeck_friction")
     found = design_experiment([open_run(run)], load_model(MODEL), separate=pair, records=1)
     chances = {(one.truth, one.rival): one for one in found.outlooks}
@@ -122,7 +122,7 @@ def test_no_separation_from_a_containing_law_is_predicted(run: str) -> None:
     assert not found.separable
 
 
-def test_a_budget_is_kept(run: str) -> None:
+def test_the_design_keeps_within_its_budget(run: str) -> None:
     found = answer("design", run, "--model", MODEL, "--budget", "3m", "--records", "1")
     assert found["duration"] <= 180.0
     assert len(found["records"]) == 1
@@ -136,8 +136,8 @@ def result(bench: Path, run: str) -> DesignResult:
         return design_experiment([open_run(run)], load_model(MODEL), records=2, workers=Workers(2))
 
 
-def test_every_prediction_stays_within_the_limits(result: DesignResult) -> None:
-    """Read off the predictions themselves, with other code: no rival comes within three sigmas of a limit."""
+def test_every_predicted_course_stays_within_the_limits(result: DesignResult) -> None:
+    """An independent check of the predictions: no rival comes within three sigmas of a limit."""
     for record in result.records:
         for one in record.predictions:
             for course in one.by_rival.values():
@@ -150,13 +150,15 @@ def test_every_prediction_stays_within_the_limits(result: DesignResult) -> None:
                     assert (course + 3.0 * one.sigma).max() < 85.0  # oil_hot, degC
 
 
-def test_one_seed_gives_one_design_whoever_works(designed: dict[str, Any], result: DesignResult) -> None:
+def test_the_design_does_not_depend_on_the_number_of_workers(
+    designed: dict[str, Any], result: DesignResult
+) -> None:
     """By the command in one process, and by Python in two others."""
     assert result.procedure == designed["procedure"]
     assert json.loads(to_json(result.as_json())) == designed
 
 
-def test_the_rig_time_is_that_of_the_preview(result: DesignResult) -> None:
+def test_the_duration_of_the_design_agrees_with_the_preview(result: DesignResult) -> None:
     model = load_model(MODEL)
     assert model.rig is not None
     found = preview(expand(parse_procedure(result.procedure), model.rig))
@@ -176,7 +178,7 @@ def test_the_rig_time_is_that_of_the_preview(result: DesignResult) -> None:
         (("-o", "procedures/campaign.yaml"), "a file of another kind exists already"),
     ],
 )
-def test_impossible_requests_are_refused_in_one_message(
+def test_invalid_requests_are_refused_with_a_clear_message(
     run: str, options: tuple[str, ...], words: str
 ) -> None:
     assert words in refusal("design", run, "--model", MODEL, *options)

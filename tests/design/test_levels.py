@@ -30,7 +30,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_staircases_or_ramps_are_designed_that_the_bench_takes_without_a_limit_in_sight() -> None:
+def test_designed_staircases_or_ramps_run_without_warnings_and_shrink_the_class() -> None:
     run = answer("runs", "show", "latest")["id"]
     before = answer("diagnose", run, "--model", MODEL)
     found = answer("design", run, "--model", MODEL, "--records", "2", "-o", "next.yaml")
@@ -51,8 +51,8 @@ def test_staircases_or_ramps_are_designed_that_the_bench_takes_without_a_limit_i
     assert "radiation" in {name for names in after["classes"] for name in names}
 
 
-def test_a_bench_that_answers_otherwise_than_every_rival_breaks_the_promise() -> None:
-    """Between the first steps and the designed ones a thermometer has come to lag behind."""
+def test_learning_ends_if_the_bench_contradicts_every_rival() -> None:
+    """Between the first steps and the designed ones a thermometer begins to lag."""
     first = answer("runs", "list")["runs"][-1]["id"]
     model = Path("models", "changed.yaml")
     model.write_bytes(Path(MODEL).read_bytes())
@@ -69,15 +69,15 @@ def test_a_bench_that_answers_otherwise_than_every_rival_breaks_the_promise() ->
     assert [one["kind"] for one in kept] == ["start"]
 
 
-def test_of_a_model_that_agrees_nothing_is_left_where_nothing_usual_could_be_missed() -> None:
+def test_an_adequate_model_needs_no_design_if_no_effect_of_usual_size_could_be_missed() -> None:
     told("simulate", *STEPS, "--seed", "6")
     said = refusal("design", "latest", "--model", MODEL)
     assert "nothing is left to tell apart: adequate" in said
     assert "'--separate A,B' designs for two effects of your choice" in said
 
 
-def test_what_an_effect_leaves_that_is_not_fitted_makes_its_draws_no_wider() -> None:
-    """At its usual size it is far off these data; the noise is still what the model without it leaves."""
+def test_the_misfit_of_an_unfitted_effect_does_not_count_as_overdispersion() -> None:
+    """At its usual size it misses these data by far; the noise is still that of the model without it."""
     run = open_run("latest")
     (compared,) = compare([run], [load_model(MODEL)]).models
     trial = at_usual_size(compared, "radiation")

@@ -16,7 +16,7 @@ from rigctl.design.power import Gain, gain, seen, threshold_of, told_apart
 Floats = NDArray[np.float64]
 Model = Callable[[Floats, Floats], Floats]
 
-#: two laws of decay: nearly alike where they were measured, less so where they are measured next
+#: two laws of decay: nearly alike over the old points, less so over the new ones
 OLD, NEW = np.linspace(0.0, 1.2, 40), np.linspace(0.0, 4.0, 30)
 TRUTH = np.array([6.0, 0.8])
 
@@ -60,9 +60,9 @@ def expected(y: Floats) -> tuple[Gain, float]:
     return gain(away[0], left[0], away[1], left[1]), other - chi2
 
 
-def test_the_gain_of_a_nonlinear_pair_is_what_refits_of_all_data_show() -> None:
-    """Campaigns made again: the mean realised gain lies within the predictions' own mean, and so does the
-    share of those that pass a margin."""
+def test_the_predicted_gain_of_a_nonlinear_pair_agrees_with_refits_of_all_data() -> None:
+    """Repeated campaigns: the mean predicted gain agrees with the mean realised one, and the mean predicted
+    probability with the share of campaigns that pass the threshold."""
     rng = np.random.default_rng(7)
     predicted, realised, passed, promised = [], [], [], []
     for _ in range(120):
@@ -81,8 +81,8 @@ def test_the_gain_of_a_nonlinear_pair_is_what_refits_of_all_data_show() -> None:
     assert np.mean(promised) == pytest.approx(np.mean(passed), abs=0.12)
 
 
-def test_two_names_of_one_law_have_no_gain_however_uncertain_they_are() -> None:
-    """Without what the right one refits itself, draws would promise a gain of its degrees of freedom."""
+def test_two_names_of_one_law_have_no_gain_however_uncertain_their_parameters() -> None:
+    """Without refitting the true model too, draws would predict a gain equal to its degrees of freedom."""
     rng = np.random.default_rng(2)
     columns = rng.normal(size=(50, 3))
     same = Response(rng.normal(size=50), columns, np.zeros((50, 0)))
@@ -94,27 +94,27 @@ def test_two_names_of_one_law_have_no_gain_however_uncertain_they_are() -> None:
     assert told_apart(found, margin=0.0, so_far=100.0) == 0.0
 
 
-def test_the_power_is_the_normal_one_where_nothing_is_uncertain() -> None:
+def test_the_power_for_known_parameters_is_the_normal_probability() -> None:
     gained = Gain(np.array([40.0]), np.array([40.0]))
     assert told_apart(gained, 2.0, so_far=10.0) == pytest.approx(
         norm.cdf((2.0 + 40.0 - 9.2) / (2.0 * np.sqrt(40.0)))
     )
 
 
-def test_a_small_separation_has_to_show_in_the_refits() -> None:
-    """A verdict asks for a separation beside the odds: D of 12 passes the odds in 66 cases of 100, and the
-    separation in hardly any."""
+def test_the_power_requires_the_least_separation_too() -> None:
+    """A verdict needs a separation besides the odds: a D of 12 passes the odds in 66 cases of 100, and the
+    least separation in hardly any."""
     gained = Gain(np.array([12.0]), np.array([12.0]))
     assert told_apart(gained, 0.0, so_far=0.0) < 0.01
     assert told_apart(gained, 0.0, so_far=20.0) == pytest.approx(norm.cdf(2.8 / (2.0 * np.sqrt(12.0))))
 
 
-def test_a_large_effect_asks_for_more_than_the_odds() -> None:
+def test_the_threshold_of_a_large_effect_grows_with_its_size() -> None:
     assert threshold_of(100.0) == 9.2
     assert threshold_of(5000.0) == pytest.approx(50.0)
 
 
-def test_power_of_an_effect_against_none_is_what_a_simulated_score_shows() -> None:
+def test_the_power_to_detect_an_effect_agrees_with_simulated_scores() -> None:
     rng = np.random.default_rng(3)
     scores = np.square(rng.normal(4.0, 1.0, 40_000))
     asked = norm.isf(0.01 / 40 / 2.0) ** 2

@@ -51,7 +51,7 @@ steps:
 
 
 def rows(offset: float) -> str:
-    """Two records of a pond that follows the air with one lag, read with an offset that grows with it."""
+    """Two records of a pond that follows the air with one lag, read with a relative gain error `offset`."""
     rng, lines = np.random.default_rng(3), ["time [s],record,water [degC],air [degC]"]
     for record in (1, 2):
         times = np.arange(0.0, 1500.0, 7.5)
@@ -85,13 +85,13 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def run(bench: Path) -> str:
-    """That of the thermometer which reads too much in proportion."""
+    """The run of the thermometer with a gain error."""
     with chdir(bench):
         return str(answer("runs", "show", "latest")["id"])
 
 
-def test_without_settings_a_sensor_that_would_separate_is_named(run: str) -> None:
-    """Whether the air is read wrongly or the water, another thermometer in the water says."""
+def test_without_settings_the_sensor_that_would_separate_is_named(run: str) -> None:
+    """A second thermometer in the water shows whether the air or the water is read wrongly."""
     told_of = ("--separate", "gain_of_air,gain_of_water")
     said = refusal("design", run, "--model", "models/pond.yaml", *told_of)
     assert "no condition of the rig 'pond' can be set" in said

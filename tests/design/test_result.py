@@ -18,7 +18,7 @@ def outlook(truth: str, other: str) -> Outlook:
     )
 
 
-def test_members_of_one_set_are_one_explanation_and_not_told_apart() -> None:
+def test_members_of_one_set_are_a_single_explanation() -> None:
     rivals = (
         rival("leak", ("leak", "drift"), 0.4),
         rival("drift", ("leak", "drift"), 0.4),

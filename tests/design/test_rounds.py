@@ -1,6 +1,6 @@
 """No proposal of the search on a shipped rig trips an interlock.
 
-The ten thousand rounds of `python -m benchmarks.rounds`, a few of each kind of rig.
+A sample of the ten thousand rounds of `python -m benchmarks.rounds`, on each kind of rig.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from rigctl.files.shipped import shipped
 from rigctl.validation.designed.shipped_benches import BENCHES, proposer
 
 
-def test_every_shipped_rig_is_among_them() -> None:
+def test_every_shipped_rig_has_a_bench() -> None:
     assert set(BENCHES) == {path.stem for path in shipped("rigs").glob("*.yaml")}
 
 
 @pytest.mark.parametrize("rig", ["hl32-bench", "heater-board", "oil-circuit-modbus"])
-def test_no_round_that_may_be_proposed_trips_an_interlock(rig: str, tmp_path: Path) -> None:
+def test_no_proposed_round_trips_an_interlock(rig: str, tmp_path: Path) -> None:
     tally = proposer(rig, tmp_path).carry_out(12, seed=7)
     assert tally.carried_out == 12
     assert (tally.failed, tally.tripped) == (0, ())

@@ -57,8 +57,10 @@ def stage() -> Stage:
 
 @settings(max_examples=20)
 @given(which=st.integers(0, 2), seed=st.integers(0, 10**6))
-def test_a_written_record_has_the_simulated_plan(stage: Stage, which: int, seed: int) -> None:
-    """Read back through the procedure's own steps: when the valve is switched, at which operating point."""
+def test_a_written_record_has_the_switches_and_the_operating_point_simulated(
+    stage: Stage, which: int, seed: int
+) -> None:
+    """The procedure is parsed again: switching times of the valve, and operating point."""
     scheme = schemes_of(stage, [stroke(5)])[which]
     recipe = scheme.recipe(np.random.default_rng(seed).uniform(size=len(scheme.free)).tolist())
     course = stage.course(recipe)
@@ -85,7 +87,7 @@ def test_a_written_record_has_the_simulated_plan(stage: Stage, which: int, seed:
 
 @settings(max_examples=20)
 @given(seed=st.integers(0, 10**6))
-def test_the_quick_forecast_is_the_preview_s(stage: Stage, seed: int) -> None:
+def test_the_rig_time_of_recipes_agrees_with_the_preview(stage: Stage, seed: int) -> None:
     rng = np.random.default_rng(seed)
     schemes = schemes_of(stage, [stroke(5)])
     recipes = [one.recipe(rng.uniform(size=len(one.free)).tolist()) for one in schemes]

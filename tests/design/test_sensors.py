@@ -40,11 +40,11 @@ def designed(bench: Path) -> dict[str, Any]:
         return answer("design", "latest", "--model", MODEL, "--records", "1", "--page", "next.html")
 
 
-def test_inseparable_effects_name_the_sensor_that_would_separate(
+def test_the_sensor_that_would_separate_inseparable_effects_is_named(
     designed: dict[str, Any],
 ) -> None:
-    """Both move the reading in proportion to the stroke; whether the piston really went there, another sensor
-    of its motion, or of what drives it, says."""
+    """Both change the reading in proportion to the stroke; a second sensor of the motion, or of the chamber
+    pressures, shows where the piston really is."""
     pair = {"position_thermal_drift", "flow_area_thermal_drift"}  # which of them comes first is chance
     assert [set(one) for one in designed["separates"]] == [pair]
     assert designed["probability"] < 0.5
@@ -71,7 +71,7 @@ def test_every_set_of_up_to_two_sensors_has_its_price(designed: dict[str, Any]) 
         assert both["told"] >= sets[(second,)]["told"]
 
 
-def test_the_page_has_their_table_and_chart(designed: dict[str, Any]) -> None:
+def test_the_page_has_the_table_and_chart_of_sensors(designed: dict[str, Any]) -> None:
     page = Path("next.html").read_text("utf-8")
     assert "Sensors that the bench could have" in page
     assert "most for the money" in page
@@ -86,7 +86,7 @@ could_have:
 """
 
 
-def test_a_price_is_a_number_with_its_currency() -> None:
+def test_a_price_is_an_amount_with_a_currency() -> None:
     possible = parse_rig(RIG).could_have["weight"]
     assert possible.price is not None
     assert (possible.price.amount, possible.price.currency, str(possible.price)) == (180.0, "EUR", "180 EUR")
@@ -107,7 +107,7 @@ def test_a_price_is_a_number_with_its_currency() -> None:
         ("unit: N", "unit: bar", "unit"),
     ],
 )
-def test_a_sensor_that_cannot_be_is_refused_with_its_place(old: str, new: str, words: str) -> None:
+def test_an_invalid_sensor_is_refused_with_its_reason(old: str, new: str, words: str) -> None:
     assert old in RIG
     with pytest.raises(RigctlError) as caught:
         parse_rig(RIG.replace(old, new, 1))

@@ -24,7 +24,7 @@ def record(**settings: str) -> ProposedRecord:
     )
 
 
-def test_every_setting_and_step_has_a_box_in_its_order() -> None:
+def test_every_setting_and_step_has_a_check_box_in_order() -> None:
     made: Any = SimpleNamespace(
         model="own",
         statement="Two records tell a leak from a drift",
