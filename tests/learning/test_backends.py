@@ -1,4 +1,4 @@
-"""Learning on a line-based board and on the emulated one; ended, killed, and resumed."""
+"""Learning on a line-based board and on the emulated one: interrupted, killed and resumed."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_an_interrupted_round_on_a_line_device_ends_safely_and_resumes(bench: Pa
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="simavr is packaged for Linux only")
-def test_a_round_on_the_emulated_board(bench: Path) -> None:
+def test_a_round_runs_on_the_emulated_board(bench: Path) -> None:
     with chdir(bench):
         learned = answer(
             *("learn", "procedures/stroke.yaml", "--rig", "rigs/hl32-bench-uno.yaml"),

@@ -1,4 +1,4 @@
-"""The stored state of learning: read back, resumed if that is sensible, otherwise refused."""
+"""The stored state of learning: read back, resumed where that makes sense, otherwise refused."""
 
 from __future__ import annotations
 
@@ -62,12 +62,12 @@ TASK = Task("campaign.yaml", "m.yaml", 1, arguments={"supply": "30 bar"}, bench=
 
 
 @given(ROUNDS)
-def test_a_round_is_read_as_it_was_written(one: Round) -> None:
+def test_a_round_survives_json(one: Round) -> None:
     assert Round.read(one.document()) == one
 
 
-def test_a_learning_of_an_earlier_version_is_read() -> None:
-    """Its promises knew no aim, its outcomes no sizes, and its task no precision."""
+def test_the_state_of_an_earlier_version_is_read() -> None:
+    """Its predictions have no aim, its outcomes no sizes, and its task no precision."""
     promise = Promised({"leak": 1.0}, 12.0, 0.9, (), 600.0, ("oil 60 degC",))
     out = CameOut("leak", {}, {}, told=True, kept=True, statement="leak is told apart")
     document = Round(2, "round-2.yaml", promised=promise, came_out=out).document()
@@ -81,14 +81,14 @@ def test_a_learning_of_an_earlier_version_is_read() -> None:
     assert Task.read(task) == TASK
 
 
-def test_what_is_adequate_goes_on_only_for_a_better_known_size(tmp_path: Path) -> None:
+def test_adequate_learning_can_be_resumed_for_a_higher_precision(tmp_path: Path) -> None:
     kept = Kept.create(tmp_path, TASK, "stroke")
     kept.close(Learned((), LearningEnd.ADEQUATE, "m.yaml", 1, 0.0, "why"))
     Kept.find(tmp_path).reopen(precision=0.1)
     assert Kept.find(tmp_path).task.precision == 0.1
 
 
-def test_what_is_kept_is_found_again(tmp_path: Path) -> None:
+def test_the_stored_state_is_found_again(tmp_path: Path) -> None:
     kept = Kept.create(tmp_path, TASK, "Stroke campaign")
     kept.begin(Round(1, "campaign.yaml", answer="yes"))
     proposal = kept.begin(Round(2, ""), "procedure: next\n")
@@ -99,12 +99,12 @@ def test_what_is_kept_is_found_again(tmp_path: Path) -> None:
     assert again.folder == kept.folder
 
 
-def test_two_in_one_second_have_folders_of_their_own(tmp_path: Path) -> None:
+def test_two_sessions_begun_in_the_same_second_have_separate_folders(tmp_path: Path) -> None:
     first, second = (Kept.create(tmp_path, TASK, "stroke") for _ in range(2))
     assert first.folder != second.folder
 
 
-def test_a_whole_name_is_that_of_one_folder_though_another_begins_like_it(tmp_path: Path) -> None:
+def test_a_full_name_finds_its_folder_although_another_name_starts_with_it(tmp_path: Path) -> None:
     first, second = (Kept.create(tmp_path, TASK, name) for name in ("stroke", "other"))
     longer = second.folder.rename(first.folder.with_name(f"{first.folder.name}-2"))
     for folder in (first.folder, longer):
@@ -114,7 +114,7 @@ def test_a_whole_name_is_that_of_one_folder_though_another_begins_like_it(tmp_pa
 
 
 @pytest.mark.parametrize("ended", list(LearningEnd))
-def test_only_what_more_of_it_could_change_goes_on(tmp_path: Path, ended: LearningEnd) -> None:
+def test_only_learning_that_more_rounds_could_change_is_resumed(tmp_path: Path, ended: LearningEnd) -> None:
     kept = Kept.create(tmp_path, TASK, "stroke")
     kept.close(Learned((), ended, "m.yaml", 1, 0.0, "why"))
     again = Kept.find(tmp_path)
@@ -127,13 +127,13 @@ def test_only_what_more_of_it_could_change_goes_on(tmp_path: Path, ended: Learni
             again.reopen()
 
 
-def test_there_may_be_nothing_to_go_on_with(tmp_path: Path) -> None:
+def test_resuming_without_stored_state_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RigctlError, match="there is nothing to continue"):
         Kept.find(tmp_path)
 
 
 @pytest.mark.parametrize("text", ["", "{", '{"version": 2}', '{"version": 1, "rounds": []}', "[]"])
-def test_a_damaged_file_is_said(tmp_path: Path, text: str) -> None:
+def test_a_damaged_state_file_is_reported(tmp_path: Path, text: str) -> None:
     folder = tmp_path / "learning" / "20260101-000000-x"
     folder.mkdir(parents=True)
     (folder / "learning.json").write_text(text)

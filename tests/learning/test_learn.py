@@ -1,4 +1,4 @@
-"""The loop: on the separate bench from an ambiguous campaign to the truth, and every way to end."""
+"""The learning loop: from an ambiguous campaign of the separate bench to the truth, and every way to end."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def own_copy(folder: Path) -> Path:
 
 
 @pytest.mark.usefixtures("small_search")
-def test_an_ambiguous_campaign_of_the_separate_bench_is_told_apart(tmp_path: Path) -> None:
-    """A leak in the spool that could be a drift of the sensor: the loop asks the bench, and names it."""
+def test_an_ambiguous_campaign_of_the_separate_bench_is_resolved(tmp_path: Path) -> None:
+    """A spool leak that could be a drift of the sensor: the loop measures again and names the leak."""
     runs = tmp_path / "runs"
     runs.mkdir()
     worn = Campaign(bench=Bench(spool_leak=6e-16), scatter=Scatter(setting=0.002), seed=5)
@@ -72,7 +72,7 @@ def test_an_ambiguous_campaign_of_the_separate_bench_is_told_apart(tmp_path: Pat
     assert Kept.find(tmp_path).learned == learned.document()
 
 
-# --- every way to end, decided on answers that are made up ---
+# --- every way to end, decided on prescribed analysis results ---
 
 
 @dataclass
@@ -83,8 +83,10 @@ class MadeBench:
     status: Sequence[str] = ("finished",) * 9
     seconds: float = 600.0
     measured: list[int] = field(default_factory=list)
-    vetoed: list[bool] = field(default_factory=list)  #: of each round, whether nothing may be added
-    precise: list[tuple[str, ...]] = field(default_factory=list)  #: whose sizes each design was asked for
+    vetoed: list[bool] = field(default_factory=list)  #: for each round, whether adding effects is vetoed
+    precise: list[tuple[str, ...]] = field(
+        default_factory=list
+    )  #: the effects whose precision each design was to improve
 
     def plan(self, procedure: Path, arguments: Mapping[str, str]) -> Plan:
         return cast("Plan", SimpleNamespace(name=procedure.stem))
@@ -151,7 +153,7 @@ LEAKY = SimpleNamespace(effects={"leak": {}})
 UNSURE = verdict(Verdict.AMBIGUOUS, "leak", "drift")
 SURE = verdict(Verdict.ADEQUATE)
 OTHER = verdict(Verdict.AMBIGUOUS, "spring", "load")
-#: nothing is like it, and it does not predict what it was not fitted on
+#: it has no rival, but fails cross-validation
 UNCONFIRMED = verdict(Verdict.AMBIGUOUS, "leak", unconfirmed=("leak",))
 CONFIRM = design(names=("leak",), sharpened=SHARPER)
 VAGUE = verdict(Verdict.ADEQUATE, width=0.4)
@@ -159,7 +161,7 @@ VAGUE = verdict(Verdict.ADEQUATE, width=0.4)
 
 @dataclass
 class Stand:
-    """A learner whose analysis says what it is told to, in order."""
+    """A learner whose analysis returns prescribed results, in order."""
 
     learner: Learner
     bench: MadeBench
@@ -215,13 +217,13 @@ def stand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     return made
 
 
-def test_it_ends_where_the_model_agrees(stand: Any) -> None:
+def test_learning_ends_when_the_model_is_adequate(stand: Any) -> None:
     here = stand([SURE])
     assert here.learner.learn().ended is LearningEnd.ADEQUATE
     assert here.bench.measured == [1]
 
 
-def test_rounds_go_on_while_rivals_are_left(stand: Any) -> None:
+def test_rounds_continue_while_rivals_remain(stand: Any) -> None:
     here = stand([UNSURE, UNSURE, SURE])
     learned = here.learner.learn()
     assert [one.number for one in learned.rounds] == [1, 2, 3]
@@ -248,7 +250,7 @@ def test_rounds_go_on_while_rivals_are_left(stand: Any) -> None:
         (LearningEnd.STOPPED, [UNSURE], {"status": ["finished", "failed"]}),
     ],
 )
-def test_every_ending_says_why(
+def test_every_end_of_learning_states_its_reason(
     stand: Any, ended: LearningEnd, verdicts: list[Any], more: dict[str, Any]
 ) -> None:
     here = stand(verdicts, **more)
@@ -259,9 +261,9 @@ def test_every_ending_says_why(
     assert (Kept.find(here.kept.folder.parents[1]).learned is None) is (ended is LearningEnd.STOPPED)
 
 
-def test_what_does_not_predict_what_it_was_not_fitted_on_is_asked_once_more(stand: Any) -> None:
-    """After a designed round its rival is gone, and the few records of that kind decide alone whether it
-    predicts them: more of them are taken before anything is said to be outside the library."""
+def test_an_effect_that_fails_cross_validation_gets_one_more_round(stand: Any) -> None:
+    """After a designed round its rival is excluded, but too few records test its prediction: more are
+    measured before the answer is outside_library."""
     sure = [UNSURE, UNCONFIRMED, SURE]
     here = stand(sure, designs=[design(), CONFIRM])
     learned = here.learner.learn()
@@ -271,15 +273,15 @@ def test_what_does_not_predict_what_it_was_not_fitted_on_is_asked_once_more(stan
 
     here = stand([UNSURE, UNCONFIRMED, UNCONFIRMED], designs=[design(), CONFIRM])
     learned = here.learner.learn()
-    assert learned.ended is LearningEnd.OUTSIDE_LIBRARY  # it was asked once, and still does not
+    assert learned.ended is LearningEnd.OUTSIDE_LIBRARY  # it fails again after its one more round
     assert here.bench.measured == [1, 2, 3]
 
     blunt = design(names=("leak",), sharpened=replace(SHARPER, after=2.99e-16))
     assert stand([UNCONFIRMED], designs=[blunt]).learner.learn().ended is LearningEnd.OUTSIDE_LIBRARY
 
 
-def test_nothing_is_added_for_a_bench_that_answers_otherwise(stand: Any) -> None:
-    """However sure the verdict is: it may be another bench by now, or what it does is not understood."""
+def test_no_effect_is_added_if_the_bench_contradicts_every_rival(stand: Any) -> None:
+    """However certain the verdict: the bench may have changed, or its behaviour is not understood."""
     sure = verdict(Verdict.MISSING_EFFECT, "spring")
     here = stand([UNSURE, sure])
     assert here.learner.learn().ended is LearningEnd.OUTSIDE_LIBRARY
@@ -289,7 +291,7 @@ def test_nothing_is_added_for_a_bench_that_answers_otherwise(stand: Any) -> None
     assert here.bench.vetoed[1] is False
 
 
-def test_a_size_is_told_as_well_as_it_was_asked_for(stand: Any) -> None:
+def test_rounds_continue_until_the_requested_precision_is_reached(stand: Any) -> None:
     here = stand([VAGUE, VAGUE, SURE], designs=[CONFIRM, CONFIRM], precision=0.1)
     learned = here.learner.learn()
     assert learned.ended is LearningEnd.ADEQUATE
@@ -300,13 +302,13 @@ def test_a_size_is_told_as_well_as_it_was_asked_for(stand: Any) -> None:
     assert out.statement == (
         "leak.conductance is known to within ± 1e-16 m^3 (95 %), expected ± 1e-16, before ± 3e-16"
     )
-    assert stand([VAGUE]).learner.learn().ended is LearningEnd.ADEQUATE  # nobody asked for its size
+    assert stand([VAGUE]).learner.learn().ended is LearningEnd.ADEQUATE  # no precision was requested
     blunt = design(names=("leak",), sharpened=replace(SHARPER, after=2.99e-16))
     learned = stand([VAGUE], designs=[blunt], precision=0.1).learner.learn()
-    assert learned.ended is LearningEnd.ADEQUATE  # no record would tell it better
+    assert learned.ended is LearningEnd.ADEQUATE  # no record would improve the precision
 
 
-def test_where_no_condition_can_be_set_the_sensor_is_named(stand: Any) -> None:
+def test_without_settable_conditions_the_separating_sensor_is_named(stand: Any) -> None:
     nothing = NothingToSet("no condition of the rig 'pump' can be set", hint="With flow the records so far …")
     nothing.sensors = ("flow",)
     learned = stand([UNSURE], designs=[nothing]).learner.learn()
@@ -315,14 +317,14 @@ def test_where_no_condition_can_be_set_the_sensor_is_named(stand: Any) -> None:
     assert learned.statement == "no condition of the rig 'pump' can be set. With flow the records so far …"
 
 
-def test_a_sensor_is_named_where_no_record_does_it(stand: Any) -> None:
+def test_a_sensor_is_named_if_no_record_separates_and_the_sensor_would(stand: Any) -> None:
     learned = stand([UNSURE], designs=[design(separable=False)]).learner.learn()
     assert learned.sensor == ("flow",)
-    hardly = design(separable=False, sensor=0.05)  # the best that it could have, and still no answer
+    hardly = design(separable=False, sensor=0.05)  # the best possible sensor would not separate either
     assert stand([UNSURE], designs=[hardly]).learner.learn().sensor == ()
 
 
-def test_a_proposal_that_was_declined_is_kept_and_made_again(stand: Any) -> None:
+def test_a_declined_proposal_is_kept_and_offered_again(stand: Any) -> None:
     here = stand([UNSURE, SURE], answers=[False, True])
     learned = here.learner.learn()
     assert learned.ended is LearningEnd.DECLINED
@@ -335,7 +337,7 @@ def test_a_proposal_that_was_declined_is_kept_and_made_again(stand: Any) -> None
     assert Path(learned.rounds[-1].procedure).is_file()
 
 
-def test_a_run_that_failed_is_carried_out_again(stand: Any) -> None:
+def test_a_failed_run_is_repeated_on_resume(stand: Any) -> None:
     here = stand([UNSURE, UNSURE, SURE], status=["finished", "failed", "finished"])
     assert here.learner.learn().ended is LearningEnd.STOPPED
     assert here.learner.learn().ended is LearningEnd.ADEQUATE
@@ -344,7 +346,7 @@ def test_a_run_that_failed_is_carried_out_again(stand: Any) -> None:
 
 
 def test_the_budget_counts_bench_time_of_failed_runs(stand: Any) -> None:
-    """A bench whose runs failed again and again could be tried for ever."""
+    """Otherwise a bench whose runs keep failing would be tried forever."""
     verdicts, status = [UNSURE, UNSURE, UNSURE, SURE], ["finished", "failed", "failed", "finished"]
     here = stand(verdicts, status=status, budget=2000.0)
     assert here.learner.learn().ended is LearningEnd.STOPPED
@@ -358,8 +360,10 @@ def test_the_budget_counts_bench_time_of_failed_runs(stand: Any) -> None:
 
 
 @pytest.mark.parametrize("moment", range(1, 9))
-def test_a_kill_at_any_moment_costs_no_run(stand: Any, moment: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """After each thing that is written to disk the process may be gone."""
+def test_an_interruption_after_any_write_costs_no_run(
+    stand: Any, moment: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The process may end after each write to disk."""
     here = stand([UNSURE, UNSURE, SURE])
     written, times = Kept.write, iter(range(1, 99))
 
@@ -380,14 +384,14 @@ def test_a_kill_at_any_moment_costs_no_run(stand: Any, moment: int, monkeypatch:
     assert [one.run for one in learned.rounds] == ["run-1", "run-2", "run-3"]
 
 
-def test_a_budget_that_the_first_round_exceeds_moves_nothing(stand: Any) -> None:
+def test_a_budget_below_the_first_round_is_refused_before_any_motion(stand: Any) -> None:
     here = stand([], budget=500.0)
     with pytest.raises(RigctlError, match="the budget is too small for the first round"):
         here.learner.learn()
     assert here.bench.measured == []
 
 
-def test_it_begins_with_runs_that_are_there(stand: Any) -> None:
+def test_learning_can_start_from_existing_runs(stand: Any) -> None:
     here = stand([SURE], runs=("20260101-000000-before",))
     assert here.learner.learn().ended is LearningEnd.ADEQUATE
     assert here.bench.measured == []

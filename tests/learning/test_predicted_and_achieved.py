@@ -41,13 +41,13 @@ def test_the_gain_is_the_change_of_the_margin() -> None:
     assert out.statement == "leak is distinguished: its margin over drift increased by 22 (expected: 20)"
 
 
-def test_the_other_one_may_win() -> None:
+def test_the_less_probable_rival_may_win() -> None:
     out = what_came_out(promised(), diagnosis(Verdict.MISSING_EFFECT, [["drift"]], leak=-30.0, drift=-45.0))
     assert out.winner == "drift"
     assert out.gains == {"leak": pytest.approx(15.0 + 3.0)}
 
 
-def test_two_that_are_still_in_one_class_are_not_told_apart() -> None:
+def test_rivals_still_in_one_class_are_not_separated() -> None:
     found = diagnosis(Verdict.AMBIGUOUS, [["leak", "drift"]], leak=-40.0, drift=-38.0)
     out = what_came_out(promised(), found)
     assert out.winner == "leak"
@@ -64,15 +64,15 @@ def test_two_that_are_still_in_one_class_are_not_told_apart() -> None:
         diagnosis(Verdict.ADEQUATE, []),
     ],
 )
-def test_a_bench_that_answers_otherwise_than_every_rival_breaks_the_promise(found: Diagnosis) -> None:
+def test_a_bench_that_contradicts_every_rival_refutes_the_prediction(found: Diagnosis) -> None:
     out = what_came_out(promised(), found)
     assert not out.kept
     assert out.winner == ""
     assert "behaved differently from every rival's prediction" in out.statement
 
 
-def test_one_that_was_left_and_not_designed_for_is_no_surprise() -> None:
-    """A class may have more members than are designed for."""
+def test_a_winner_left_in_the_class_but_not_designed_for_is_accepted() -> None:
+    """A class may have more members than the design considers."""
     found = diagnosis(Verdict.MISSING_EFFECT, [["spring"]], spring=-80.0, leak=-20.0, drift=-10.0)
     out = what_came_out(promised(), found, left={"leak", "drift", "spring"})
     assert (out.kept, out.winner, out.told) == (True, "spring", True)
@@ -82,7 +82,7 @@ def test_one_that_was_left_and_not_designed_for_is_no_surprise() -> None:
     assert not what_came_out(promised(), found, left={"leak", "drift"}).kept
 
 
-def test_nothing_may_be_one_of_the_rivals() -> None:
+def test_no_missing_effect_may_be_one_of_the_rivals() -> None:
     out = what_came_out(promised(leak=0.6, none=0.4), diagnosis(Verdict.ADEQUATE, [], leak=4.0))
     assert out.winner == "none"
     assert out.kept
