@@ -13,19 +13,19 @@ from rigctl.compensation.paired_test import upper_bound
 
 
 @pytest.mark.parametrize("ratio", [0.2, 1.0, 1.5])
-def test_a_true_ratio_is_covered_in_95_of_100_cases(ratio: float) -> None:
+def test_the_bound_covers_the_true_ratio_in_95_of_100_cases(ratio: float) -> None:
     rng = np.random.default_rng(7)
     covered = [upper_bound(ratio * rng.laplace(size=8), rng.laplace(size=8)) >= ratio for _ in range(200)]
     assert np.mean(covered) > 0.92  # 0.95 less two standard deviations of 200
 
 
-def test_a_schedule_without_effect_is_seldom_accepted() -> None:
+def test_a_schedule_without_effect_is_rarely_accepted() -> None:
     rng = np.random.default_rng(8)
     accepted = [upper_bound(rng.normal(size=6), rng.normal(size=6)) < 1.0 for _ in range(200)]
     assert np.mean(accepted) < 0.08
 
 
-def test_five_pairs_give_a_bound_and_four_do_not() -> None:
+def test_a_finite_bound_needs_five_pairs() -> None:
     better, worse = np.full(5, 0.01), np.linspace(1.0, 1.4, 5)
     assert math.isinf(upper_bound(better[:4], worse[:4]))
     assert upper_bound(better, worse) < 0.1
@@ -34,7 +34,9 @@ def test_five_pairs_give_a_bound_and_four_do_not() -> None:
 
 
 @given(st.integers(0, 1000), st.floats(0.1, 10.0), st.floats(1e-6, 1e6))
-def test_the_bound_scales_with_the_errors_in_any_unit(seed: int, factor: float, unit: float) -> None:
+def test_the_bound_scales_with_the_errors_and_not_with_their_unit(
+    seed: int, factor: float, unit: float
+) -> None:
     rng = np.random.default_rng(seed)
     one, other = rng.normal(size=7), rng.normal(size=7)
     bound = upper_bound(one, other)

@@ -18,7 +18,7 @@ from rigctl.errors import RigctlError
 
 pytestmark = pytest.mark.usefixtures("shared_results")
 
-#: hidden in the bench: the flow-control valve closes as it warms, so that the stroke falls
+#: hidden in the bench: the flow-control valve closes as it warms, so the stroke decreases
 HIDDEN = "flow_area_thermal_drift"
 WANTED = ("--keep", "stroke = 95 mm", "--vary", "supply_pressure", "--over", "oil_temperature")
 
@@ -43,7 +43,9 @@ def schedule(bench: str) -> dict[str, Any]:
     return answer("compensate", bench, "--model", MODEL, *WANTED, "--rows", "4", *outputs)
 
 
-def test_the_pressure_rises_with_the_temperature_and_keeps_the_stroke(schedule: dict[str, Any]) -> None:
+def test_the_scheduled_pressure_rises_with_the_temperature_and_keeps_the_stroke(
+    schedule: dict[str, Any],
+) -> None:
     rows = schedule["rows"]
     assert [row["over"] for row in rows] == pytest.approx([30.0, 40.0, 50.0, 60.0], abs=0.5)
     assert all(0.2 < after["vary"] - before["vary"] < 1.0 for before, after in pairwise(rows))
@@ -61,7 +63,7 @@ def test_the_pressure_rises_with_the_temperature_and_keeps_the_stroke(schedule: 
     assert "95 mm" in schedule["statement"]
 
 
-def test_the_answer_is_a_few_lines_and_the_table_is_asked_for(bench: str, schedule: dict[str, Any]) -> None:
+def test_the_answer_is_short_and_the_table_needs_verbose(bench: str, schedule: dict[str, Any]) -> None:
     asked = ("compensate", bench, "--model", MODEL, *WANTED, "--rows", "4")
     lines = told(*asked).splitlines()
     assert lines[0] == f"Schedule: {schedule['statement']}."
@@ -71,7 +73,7 @@ def test_the_answer_is_a_few_lines_and_the_table_is_asked_for(bench: str, schedu
     assert "left at" in "\n".join(told(*asked, "-v").splitlines()[1:])
 
 
-def test_the_files_say_the_same(schedule: dict[str, Any]) -> None:
+def test_the_csv_and_the_c_header_contain_the_schedule(schedule: dict[str, Any]) -> None:
     with Path("schedule.csv").open(encoding="utf-8", newline="") as stream:
         heads, *lines = csv.reader(stream)
     assert heads[:2] == ["oil_temperature [degC]", "supply_pressure [bar]"]
@@ -84,7 +86,7 @@ def test_the_files_say_the_same(schedule: dict[str, Any]) -> None:
     assert "bar over oil_temperature in degC" in header
 
 
-def test_the_check_makes_pairs_in_a_drawn_order(schedule: dict[str, Any]) -> None:
+def test_the_check_procedure_has_pairs_in_random_order(schedule: dict[str, Any]) -> None:
     for file, called in (("procedures/check.yaml", "stroke.yaml"), ("check.yaml", "procedures/stroke.yaml")):
         assert f'procedure: "{called}"' in Path(file).read_text("utf-8")
         assert answer("check", file)["kind"] == "procedure"
@@ -97,7 +99,7 @@ def test_the_check_makes_pairs_in_a_drawn_order(schedule: dict[str, Any]) -> Non
     refusal("compensate", "latest", "--model", MODEL, *WANTED, "-o", "schedule.h")  # it is there
 
 
-def test_it_is_accepted_on_the_bench_that_drifts_and_not_on_another(schedule: dict[str, Any]) -> None:
+def test_a_schedule_is_accepted_only_on_the_bench_that_drifts(schedule: dict[str, Any]) -> None:
     assert schedule["procedure"]
     told("simulate", "procedures/check.yaml", "--with", HIDDEN, "--seed", "5")
     verdict = answer("compensate", "latest", "--judge")
@@ -125,13 +127,15 @@ def test_it_is_accepted_on_the_bench_that_drifts_and_not_on_another(schedule: di
         ({"--over": "supply_pressure"}, "are the same"),
     ],
 )
-def test_what_cannot_be_is_said(bench: str, changed: dict[str, str], said: str) -> None:
+def test_invalid_requests_are_refused_with_their_reason(
+    bench: str, changed: dict[str, str], said: str
+) -> None:
     wanted = dict(zip(WANTED[::2], WANTED[1::2], strict=True)) | changed
     words = [word for pair in wanted.items() for word in pair]
     assert said in refusal("compensate", bench, "--model", MODEL, *words)
 
 
-def test_where_the_rig_does_not_go_far_enough_the_schedule_ends(bench: str) -> None:
+def test_the_schedule_ends_where_the_rig_reaches_its_limit(bench: str) -> None:
     words = ("--keep", "stroke = 127 mm", *WANTED[2:], "--rows", "3")
     found = answer("compensate", bench, "--model", MODEL, *words, "--page", "schedule.html")
     reached = [row["vary"] is not None for row in found["rows"]]
@@ -150,7 +154,7 @@ def test_where_the_rig_does_not_go_far_enough_the_schedule_ends(bench: str) -> N
     assert any("extrapolated" in note for note in found["notes"])
 
 
-def test_other_runs_and_half_a_call_are_refused(bench: str) -> None:
+def test_other_runs_and_incomplete_options_are_refused(bench: str) -> None:
     assert "no check of a schedule" in refusal("compensate", bench, "--judge")
     assert "--over" in refusal("compensate", bench, "--keep", "stroke = 95 mm")
     assert "from its records" in refusal("compensate", bench, "--judge", "--vary", "supply_pressure")
@@ -158,12 +162,12 @@ def test_other_runs_and_half_a_call_are_refused(bench: str) -> None:
         told("compensate", bench, "--model", MODEL, *WANTED, "-o", "schedule.txt")
 
 
-def test_what_changes_nothing_is_no_set_point(tmp_path: Path) -> None:
+def test_an_actuator_without_influence_is_refused_as_set_point(tmp_path: Path) -> None:
     create_project(tmp_path)
     with chdir(tmp_path):
         arguments = ("powers=20 %, 60 %", "second=30 %", "dwell=1 min")
         words = [word for argument in arguments for word in ("-a", argument)]
         told("simulate", "procedures/heater-board-steps.yaml", *words, "--seed", "3")
         wanted = ("--keep", "final = 40 degC", "--vary", "heater_2", "--over", "heater_1")
-        model = ("--model", "models/heater-board.yaml")  # without what couples the two heaters
+        model = ("--model", "models/heater-board.yaml")  # without coupling of the two heaters
         assert "does not change 'final'" in refusal("compensate", "latest", *model, *wanted)

@@ -1,4 +1,4 @@
-"""The scan for changes: what it sees, and how often it is wrong where nothing changes."""
+"""The scan for changes: its power, and its false alarms where nothing changes."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ def _correlated(draw: np.random.Generator, count: int, correlation: float = 0.3)
     ],
     ids=["normal", "cauchy", "skewed", "correlated"],
 )
-def test_false_alarms_stay_below_the_level_for_any_scatter(draw: object, most: int) -> None:
-    """At 5 % of 150 courses 7.5 are expected, and 12 or fewer in 97 of 100 such tests."""
+def test_false_alarms_stay_at_the_level_for_any_distribution_of_the_scatter(draw: object, most: int) -> None:
+    """At 5 %, 7.5 alarms are expected in 150 courses; 97 of 100 such tests give 12 or fewer."""
     generator = np.random.default_rng(5)
     alarms = sum(scan(draw(generator, 40), ORDER).p_value < 0.05 for _ in range(150))  # type: ignore[operator]
     assert alarms <= most
 
 
 @pytest.mark.parametrize("correlation", [0.3, 0.6])
-def test_alarms_stay_rare_for_correlated_neighbours(correlation: float) -> None:
-    """Of 400 courses four are expected at 1 %, and one in ten such tests where forty quantities share it."""
+def test_false_alarms_stay_rare_for_correlated_runs(correlation: float) -> None:
+    """In 400 courses four alarms are expected at 1 %, and 0.1 where forty quantities share the level."""
     generator = np.random.default_rng(6)
     found = [scan(_correlated(generator, 40, correlation), ORDER).p_value for _ in range(400)]
     assert sum(p < 0.01 for p in found) <= 9
@@ -62,18 +62,18 @@ def test_a_single_outlying_run_is_not_a_change() -> None:
     assert scan(values, ORDER).p_value > 0.05
 
 
-def test_units_and_stretching_do_not_matter() -> None:
+def test_the_p_value_does_not_depend_on_scale_or_offset() -> None:
     values = np.random.default_rng(4).standard_normal(40)
     assert scan(values, ORDER).p_value == scan(1e-15 * values - 7e-15, ORDER).p_value
 
 
 def test_runs_at_the_same_position_have_no_change() -> None:
     values = np.r_[np.zeros(20), np.ones(20)] + 0.01 * np.random.default_rng(6).standard_normal(40)
-    assert scan(values, np.zeros(40)).p_value > 0.01  # only the straight line is left, over no places
+    assert scan(values, np.zeros(40)).p_value > 0.01  # all positions are equal: only a straight line remains
     assert scan(values, ORDER).p_value < 1e-3
 
 
-def test_so_few_runs_cannot_show_a_change() -> None:
+def test_too_few_runs_cannot_show_a_change() -> None:
     assert best_possible(np.arange(2.0)) == 1.0
     assert best_possible(np.arange(8.0)) > 0.01 > best_possible(np.arange(20.0))
 
@@ -94,7 +94,7 @@ def test_scatter_between_runs_is_separated_from_their_uncertainty() -> None:
     assert scatter_between(alone[:4], own[:4]) is None
 
 
-def test_the_change_has_its_previous_value_and_date() -> None:
+def test_a_change_is_described_by_its_kind_start_and_values() -> None:
     noise = 0.1 * np.random.default_rng(9).standard_normal(40)
     std = np.full(40, 0.1)
     step = shape_of(2.0 + 5.0 * (ORDER >= 16) + noise, std, ORDER, 0.0)

@@ -1,4 +1,4 @@
-"""`rigctl survey` as a user calls it: runs of a pump whose gaps widen, and runs that are wrong."""
+"""`rigctl survey` as a user calls it: runs of a pump whose gaps widen, and unusable runs."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ parameters:
   slip: {value: 0.005 l/(min*bar), fit: true}
 """
 SHARED = ("--model", "models/pump.yaml", "--effects", "none", "--workers", "1")
-#: runs, and after how many the gaps begin to widen
+#: number of runs, and the number after which the gaps begin to widen
 RUNS, WIDEN = 30, 12
-#: the run that scatters far
+#: the run with an outlying slip
 STUCK = 24
 
 
@@ -82,7 +82,7 @@ def _one(found: dict[str, Any], name: str) -> dict[str, Any]:
     return next(one for one in found["quantities"] if one["name"] == name)
 
 
-def test_what_grows_is_told_with_its_size_and_its_date(year: Path) -> None:
+def test_a_growing_parameter_is_reported_with_its_size_and_date(year: Path) -> None:
     with chdir(year):
         found = answer("survey", *SHARED)
     assert (found["verdict"], found["over"]) == ("changed", "date")
@@ -96,7 +96,7 @@ def test_what_grows_is_told_with_its_size_and_its_date(year: Path) -> None:
     assert _one(found, "delivery")["p_value"] > 0.01
 
 
-def test_an_alarm_is_an_exit_code_and_a_failed_case(year: Path) -> None:
+def test_an_alarm_sets_the_exit_code_and_fails_a_junit_case(year: Path) -> None:
     with chdir(year):
         done = call("survey", *SHARED, "--alarm", "--junit", "s.xml", "--force", "-o", "s.html")
         assert done.exit_code == 1, done.output
@@ -112,7 +112,7 @@ def test_an_alarm_is_an_exit_code_and_a_failed_case(year: Path) -> None:
     assert "Changed." in page and "course-1" in page and "<script src" not in page
 
 
-def test_notes_on_the_data_are_those_of_compare(year: Path) -> None:
+def test_notes_on_the_data_equal_those_of_compare(year: Path) -> None:
     with chdir(year):
         ids = [run.id for run in list_runs()][:3]
         notes = [run["notes"] for run in answer("survey", *ids, *SHARED)["runs"]]
@@ -122,7 +122,7 @@ def test_notes_on_the_data_are_those_of_compare(year: Path) -> None:
     assert all(note in evidence for each in notes for note in each)
 
 
-def test_an_effect_is_looked_at_in_its_typical_shape() -> None:
+def test_an_effect_is_tested_in_its_typical_shape() -> None:
     model = load_model(Path(__file__).parents[2] / "models" / "hl32-textbook.yaml")
     found = {one.name: one for one in _picked(model, None, None)}
     assert not found["coulomb_friction"].shapes and not found["stribeck_friction"].shapes
@@ -130,7 +130,7 @@ def test_an_effect_is_looked_at_in_its_typical_shape() -> None:
     assert list(found["pump_slip"].secants.values()) == [sorted(sizes)[len(sizes) // 2]]
 
 
-def test_before_anything_has_changed_nothing_is_told(year: Path) -> None:
+def test_no_change_is_reported_before_the_parameter_changes(year: Path) -> None:
     with chdir(year):
         ids = [run.id for run in list_runs()][: WIDEN + 1]
         found = answer("survey", *ids, *SHARED, "--alarm")
@@ -138,7 +138,7 @@ def test_before_anything_has_changed_nothing_is_told(year: Path) -> None:
     assert found["verdict"] in ("cannot_tell", "no_change_seen")
 
 
-def test_one_run_and_two_runs_say_that_they_cannot_tell(year: Path) -> None:
+def test_one_or_two_runs_give_no_verdict(year: Path) -> None:
     with chdir(year):
         ids = [run.id for run in list_runs()]
         for few in ([ids[0]], [ids[0], ids[-1]]):
@@ -150,7 +150,7 @@ def test_one_run_and_two_runs_say_that_they_cannot_tell(year: Path) -> None:
     assert "scatter between runs" in evidence and all(run in evidence for run in few)
 
 
-def test_runs_that_cannot_be_read_are_told_and_left_out(year: Path) -> None:
+def test_a_run_with_excluded_records_is_named_and_left_out(year: Path) -> None:
     with chdir(year):
         ids = [run.id for run in list_runs()]
         told("runs", "exclude", ids[5], "0", "--reason", "air in the line")
@@ -164,7 +164,7 @@ def test_runs_that_cannot_be_read_are_told_and_left_out(year: Path) -> None:
     assert len(_one(found, "slip")["values"]) == RUNS - 1
 
 
-def test_a_damaged_run_is_left_out_and_named(year: Path) -> None:
+def test_a_damaged_run_is_named_and_left_out(year: Path) -> None:
     with chdir(year):
         last = list_runs()[-1]
         file = Path(str(last.folder)) / "run.json"
@@ -180,7 +180,7 @@ def test_a_damaged_run_is_left_out_and_named(year: Path) -> None:
     assert last.id in alone
 
 
-def test_runs_in_storage_say_the_same(year: Path) -> None:
+def test_runs_in_storage_give_the_same_answer(year: Path) -> None:
     with chdir(year):
         ids = [run.id for run in list_runs()][:3]
         stored = [f"{(year / 'runs').as_uri()}/{name}" for name in ids]
@@ -188,7 +188,7 @@ def test_runs_in_storage_say_the_same(year: Path) -> None:
     assert here == there
 
 
-def test_nothing_depends_on_how_many_work(year: Path) -> None:
+def test_the_answer_does_not_depend_on_the_number_of_workers(year: Path) -> None:
     with chdir(year):
         model, runs = rigctl.load_model("models/pump.yaml"), [rigctl.open_run(r.id) for r in list_runs()]
         one, two = (
@@ -207,19 +207,21 @@ def test_nothing_depends_on_how_many_work(year: Path) -> None:
         (("--where", "rig = 'other'"), "no run to survey"),
     ],
 )
-def test_what_is_not_there_is_refused(year: Path, options: tuple[str, ...], says: str) -> None:
+def test_unknown_names_are_refused_with_the_nearest_one(
+    year: Path, options: tuple[str, ...], says: str
+) -> None:
     with chdir(year):
         assert says in refusal("survey", *SHARED, *options)
 
 
-def test_a_shared_parameter_is_held_and_tested_still(year: Path) -> None:
+def test_a_shared_parameter_is_held_and_still_tested(year: Path) -> None:
     with chdir(year):
         found = answer("survey", *SHARED, "--share", "delivery", "--over", "pressure", "--by", "month")
     assert (found["free"], found["shared"]) == (["slip"], ["delivery"])
     assert {one["kind"] for one in found["quantities"]} == {"parameter", "held"}
 
 
-def test_a_run_of_another_bench_is_no_run_of_this_survey(year: Path) -> None:
+def test_a_run_of_another_bench_is_refused(year: Path) -> None:
     fan = RIG.replace("name: pump", "name: fan").replace("model: families/pump.yaml\n", "")
     with chdir(year):
         Path("rigs/fan.yaml").write_text(fan.replace("flow:", "draught:"), encoding="utf-8")
