@@ -92,7 +92,7 @@ def test_a_whole_record_follows_the_second_writing(
         (80, tuple(1.022 * s for s in (77.4, 94.9, 109.6, 122.6))),
     ],
 )
-def test_strokes_of_the_published_bench(celsius: float, strokes: tuple[float, ...]) -> None:
+def test_strokes_agree_with_the_published_bench(celsius: float, strokes: tuple[float, ...]) -> None:
     for bar, stroke in zip((20.0, 30.0, 40.0, 50.0), strokes, strict=True):
         position = simulated(celsius, bar)["position"]
         assert 1e3 * (position[TIMES <= 2.25].max() - START_AT) == pytest.approx(stroke, abs=0.15)
