@@ -15,7 +15,7 @@ from rigctl.model.measured.assumed import assumed_of, assuming
 
 
 def both(written: str) -> list[float]:
-    """What an import and an analysis of the shipped board take it for, SI."""
+    """The SI values that an import and an analysis of the shipped board assume."""
     model = load_model(shipped("models") / "heater-board.yaml")
     name, value = written.split("=")
     analysed = assumed_of(assuming(Run(Path(), {}), model, [written]))
@@ -60,7 +60,7 @@ def test_a_level_needs_its_unit_and_a_position_none() -> None:
     assert caught.value.expected == f"30 {rig.actuators[level].unit}"
 
 
-def test_the_unit_asked_for_an_input_is_that_of_what_commands_it() -> None:
+def test_the_unit_suggested_for_an_input_is_that_of_its_actuator() -> None:
     """The relief valve is set in bar: '30' is not to be completed to '30 Pa'."""
     model = load_model(shipped("models") / "hl32-textbook.yaml")
     with pytest.raises(RigctlError, match="pressure_setpoint: the unit is missing") as caught:

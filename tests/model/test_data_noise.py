@@ -16,7 +16,7 @@ from rigctl.noise import ChannelNoise, NoiseModel
 def record(
     index: int, values: np.ndarray, *, row: bool = False, switched: float | None = None
 ) -> MeasuredRecord:
-    """One a second; its input goes to 1 at the time `switched`."""
+    """Samples at 1 Hz; the input goes to 1 at the time `switched`."""
     times = np.zeros(1) if switched is None else np.array([0.0, switched])
     return MeasuredRecord(
         run="r",
@@ -39,7 +39,7 @@ def measured(records: Sequence[MeasuredRecord]) -> Measurements:
     return Measurements(("position",), ("mm",), ("valve",), tuple(records), None, ("r",))
 
 
-def test_spikes_and_edges_are_counted_in_the_records_that_were_chosen() -> None:
+def test_spikes_and_edges_are_counted_in_the_selected_records_only() -> None:
     rng = np.random.default_rng(1)
     values = [1e-4 * rng.standard_normal(400) for _ in range(3)]
     for place in (50, 150, 250):
@@ -67,15 +67,15 @@ def test_spikes_and_edges_are_counted_in_the_records_that_were_chosen() -> None:
 @pytest.mark.parametrize(
     ("values", "sigma"), [([0.0, 0.0, 4.0], 0.02), ([0.0, 0.0, 0.0], 0.005), ([2.0, 2.0, 4.0], 0.01)]
 )
-def test_a_short_column_of_zeros_has_noise(values: list[float], sigma: float) -> None:
-    """Half a per cent of a typical value, of the largest where that is 0, of 1 where all are."""
+def test_the_noise_of_a_few_values_is_guessed_and_never_zero(values: list[float], sigma: float) -> None:
+    """0.5 % of the typical value; of the largest value if that is 0; of 1 if all are 0."""
     rows = [record(k, np.array([value]), row=True) for k, value in enumerate(values)]
     (channel,) = noise_of(measured(rows)).model.channels
     assert channel.guessed
     assert channel.sigma == pytest.approx(sigma)
 
 
-def test_spikes_in_motion_are_found_after_subtracting_a_model() -> None:
+def test_spikes_during_motion_are_found_in_the_residuals_of_a_model() -> None:
     rng = np.random.default_rng(2)
     moving = np.sin(np.arange(600) / 12.0)
     clean = [moving + 1e-2 * rng.standard_normal(600) for _ in range(3)]
@@ -84,7 +84,7 @@ def test_spikes_in_motion_are_found_after_subtracting_a_model() -> None:
         places = rng.permutation(np.arange(30, 270, 12))[:15]
         values[places[:8]] += 0.5
         values[places[8:]] += 0.07
-    lacks = 0.05 * np.exp(-(((np.arange(600) - 450) / 4.0) ** 2))  # what a model may lack is no spike
+    lacks = 0.05 * np.exp(-(((np.arange(600) - 450) / 4.0) ** 2))  # a short misfit of the model is no spike
     for given in (spiky, clean):
         measurements = measured([record(k, values) for k, values in enumerate(given)])
         noise = noise_of(measurements)
@@ -104,7 +104,7 @@ def test_noise_without_rest_is_estimated_from_residuals() -> None:
     rng = np.random.default_rng(3)
     sigma, at = 1e-2, np.arange(400)
     moving = [np.sin(at / 6.0 + 2.0 * k) + 0.5 * np.sin(at / 3.3 + k) for k in range(4)]
-    lacks = 3.0 * sigma * np.sin(at / 60.0)  # an effect that is missing is smooth within a window
+    lacks = 3.0 * sigma * np.sin(at / 60.0)  # a missing effect is smooth within a window
     given = [one + sigma * rng.standard_normal(at.size) for one in moving]
     measurements = measured([record(k, values) for k, values in enumerate(given)])
     noise = noise_of(measurements)
@@ -118,7 +118,7 @@ def test_noise_without_rest_is_estimated_from_residuals() -> None:
     assert channel.sigma == pytest.approx(sigma, rel=0.08)
     assert (channel.source, channel.guessed) == ("residuals", False)
     assert "from the model's residuals" in found.model.statement
-    # a model that leaves as much as the noise is no reason to doubt it
+    # residuals larger than the noise are no estimate of it
     wrong = [one + 2.0 * before.sigma for one in outputs]
     assert with_noise_off_model(noise, measurements, wrong) is None
 
@@ -132,7 +132,7 @@ def test_noise_growth_hidden_by_motion_is_estimated_from_residuals() -> None:
     given = [one + wide * rng.standard_normal(at.size) for one, wide in zip(moving, widths, strict=True)]
     measurements = measured([record(k, values) for k, values in enumerate(given)])
     noise = replace(noise_of(measurements), model=flat(1e-2), grown=None)
-    lacks = 0.02 * np.sin(at / 25.0)  # an effect that is missing, and smooth
+    lacks = 0.02 * np.sin(at / 25.0)  # a missing effect is smooth
     found = with_noise_off_model(noise, measurements, [(one + lacks)[:, None] for one in moving])
     assert found is not None
     assert found.grown is not None
@@ -143,7 +143,7 @@ def test_noise_growth_hidden_by_motion_is_estimated_from_residuals() -> None:
     assert "grows with the level" in found.model.statement
 
 
-def test_heavy_tails_have_the_width_of_their_differences() -> None:
+def test_the_sigma_of_heavy_tailed_noise_is_that_of_the_unmasked_residuals() -> None:
     rng = np.random.default_rng(5)
     tails = [1e-2 / np.sqrt(3.0) * rng.standard_t(3.0, 600) for _ in range(6)]
     measurements = measured([record(k, values) for k, values in enumerate(tails)])

@@ -24,7 +24,7 @@ from rigctl.files.shipped import shipped
 from rigctl.model import Model, load_model
 from rigctl.model.fmu import export_fmu
 
-#: what is commanded from when on, by input
+#: commands of each input: (time, value from then on)
 STROKE = {"valve": [(0.0, 0.0), (0.2, 1.0), (1.2, 0.0), (1.5, -1.0)], "pressure_setpoint": [(0.0, 30e5)]}
 HEAT = {"heater_1": [(0.0, 0.0), (1.0, 0.6)], "heater_2": [(0.0, 0.0), (1.3, 0.3)]}
 END = 2.0
@@ -49,7 +49,7 @@ def rows(found: Model, commands: dict[str, list[tuple[float, float]]], base: lis
 
 
 def both(found: Model, path: Path, commands: dict[str, list[tuple[float, float]]], **start: float) -> Any:
-    """What FMPy and the engine make of the same commands: by output, shape (samples,) each."""
+    """The outputs of FMPy and of the engine for the same commands."""
     description = read_model_description(str(path))
     given = {one.name: float(one.start) for one in description.modelVariables if one.start is not None}
     system = found.system()
@@ -93,7 +93,7 @@ def both(found: Model, path: Path, commands: dict[str, list[tuple[float, float]]
         ("hl32-textbook.yaml", ("valve_open_delay", "piston_leakage", "stribeck_friction"), STROKE),
     ],
 )
-def test_an_fmu_computes_what_the_engine_does(
+def test_an_fmu_agrees_with_the_engine(
     tmp_path: Path, name: str, effects: tuple[str, ...], commands: dict[str, list[tuple[float, float]]]
 ) -> None:
     found = model(name, *effects)
@@ -144,7 +144,9 @@ def test_a_step_can_be_reverted(tmp_path: Path) -> None:
     slave.freeInstance()
 
 
-def test_the_command_reports_the_written_fmu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_export_command_reports_the_fmu_and_refuses_wrong_targets(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     source = str(shipped("models", "heater-board.yaml"))
     assert "2 states, 3 inputs, 4 parameters, 2 outputs, compiled for" in told(

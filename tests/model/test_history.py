@@ -46,7 +46,7 @@ def kept_files(head: Path) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in folder.iterdir() if file.suffix in (".yaml", ".json")}
 
 
-def test_the_first_change_keeps_what_was_there(head: Path) -> None:
+def test_the_first_change_saves_the_original_as_version_one(head: Path) -> None:
     before = head.read_bytes()
     changed = load_model(head).with_values({"flow_area": 3.3e-6}, std={"flow_area": 2e-9}, source="a fit")
     error = ModelError({"position": 1.5}, {"position": 1.7}, 20.0, {"position": "mm"}, {"position": 0.2})
@@ -68,14 +68,14 @@ def test_the_first_change_keeps_what_was_there(head: Path) -> None:
         True,
         "a fit",
     )
-    assert "edge_area" not in second.values  # the rig says it
+    assert "edge_area" not in second.values  # given by the rig
     assert load_version(head, 1).values["flow_area"] == pytest.approx(4.05e-6)
     assert load_model(head).parameters["flow_area"].std == pytest.approx(2e-9)
     for file in (first.file, first.file.with_suffix(".json"), second.file):
         assert not stat.S_IMODE(file.stat().st_mode) & 0o222
 
 
-def test_a_version_is_a_model_like_any_other(tmp_path: Path) -> None:
+def test_a_version_can_be_loaded_and_changed_like_any_model(tmp_path: Path) -> None:
     (tmp_path / "rigs").mkdir()
     shutil.copy(shipped("rigs", "hl32-bench.yaml"), tmp_path / "rigs" / "mine.yaml")
     head = tmp_path / "m.yaml"
@@ -90,13 +90,13 @@ def test_a_version_is_a_model_like_any_other(tmp_path: Path) -> None:
     with pytest.raises(RigctlError, match="expected 1 to 2") as refused:
         load_model(Path(f"{head}@3"))
     assert refused.value.where.file == head
-    # made out of an earlier one, it is the next
+    # a change of an earlier version makes the next version
     again = save_version(first.with_effect("barus", {}), Path(f"{head}@1"), Change("add", effect="barus"))
     assert (again.number, again.parent) == (3, 1)
     assert set(load_model(head).effects) == {"barus"}
 
 
-def test_an_edit_by_hand_is_kept_before_it_is_changed(head: Path) -> None:
+def test_an_edit_by_hand_is_saved_as_a_version_before_the_next_change(head: Path) -> None:
     save_version(load_model(head).with_values({"flow_area": 3.3e-6}), head, FIT)
     by_hand = head.read_text(encoding="utf-8").replace("120 N*s/m", "130 N*s/m") + "# by hand\n"
     head.write_text(by_hand, encoding="utf-8", newline="\n")
@@ -110,7 +110,7 @@ def test_an_edit_by_hand_is_kept_before_it_is_changed(head: Path) -> None:
     assert "# by hand" in head.read_text(encoding="utf-8")
 
 
-def test_an_edit_while_a_fit_goes_on_is_kept_too(head: Path) -> None:
+def test_an_edit_during_a_fit_is_saved_as_a_version(head: Path) -> None:
     model = load_model(head)
     head.write_text("model: hydraulic_cylinder\n", encoding="utf-8")
     version = save_version(model.with_values({"flow_area": 3.3e-6}), head, FIT)
@@ -123,7 +123,7 @@ def test_an_edit_while_a_fit_goes_on_is_kept_too(head: Path) -> None:
     assert load_version(head, 2).parameters == {}
 
 
-def test_a_head_put_back_is_the_version_it_was(head: Path) -> None:
+def test_a_restored_file_is_recognised_as_its_earlier_version(head: Path) -> None:
     save_version(load_model(head).with_values({"flow_area": 3.3e-6}), head, FIT)
     shutil.copy(find_version(head, 1).file, head)
     head.chmod(0o644)
@@ -132,7 +132,7 @@ def test_a_head_put_back_is_the_version_it_was(head: Path) -> None:
     assert save_version(load_model(head).with_effect("barus", {}), head, FIT).parent == 1
 
 
-def test_line_ends_make_no_version(head: Path) -> None:
+def test_changed_line_endings_make_no_new_version(head: Path) -> None:
     save_version(load_model(head).with_values({"flow_area": 3.3e-6}), head, FIT)
     head.write_bytes(head.read_bytes().replace(b"\n", b"\r\n"))
     assert current_version(head).number == 2
@@ -141,7 +141,7 @@ def test_line_ends_make_no_version(head: Path) -> None:
     assert head.read_bytes().count(b"\n") == head.read_bytes().count(b"\r\n")
 
 
-def test_a_version_that_was_tampered_with_is_refused(head: Path) -> None:
+def test_a_modified_version_file_is_refused(head: Path) -> None:
     save_version(load_model(head).with_values({"flow_area": 3.3e-6}), head, FIT)
     file = find_version(head, 1).file
     file.chmod(0o644)
@@ -151,7 +151,7 @@ def test_a_version_that_was_tampered_with_is_refused(head: Path) -> None:
     assert refused.value.where.file == file
 
 
-def test_a_version_that_was_never_finished_leaves_its_number_unused(head: Path) -> None:
+def test_an_unfinished_version_is_kept_and_its_number_is_skipped(head: Path) -> None:
     model = load_model(head)
     folder = head.parent / ".history" / "m"
     folder.mkdir(parents=True)
@@ -162,7 +162,7 @@ def test_a_version_that_was_never_finished_leaves_its_number_unused(head: Path) 
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"version": 1}', "\xff"])
-def test_a_damaged_note_is_told_with_its_place(head: Path, text: str) -> None:
+def test_a_damaged_version_note_is_reported_with_its_file(head: Path, text: str) -> None:
     save_version(load_model(head).with_values({"flow_area": 3.3e-6}), head, FIT)
     note = find_version(head, 2).file.with_suffix(".json")
     note.chmod(0o644)
@@ -172,7 +172,7 @@ def test_a_damaged_note_is_told_with_its_place(head: Path, text: str) -> None:
     assert refused.value.where.file == note
 
 
-def test_files_that_differ_only_in_their_ending_do_not_share_versions(head: Path) -> None:
+def test_files_that_differ_only_in_their_suffix_do_not_share_versions(head: Path) -> None:
     save_version(load_model(head).with_values({"flow_area": 3.3e-6}), head, FIT)
     other = Path(shutil.copy(head, head.with_suffix(".yml")))
     with pytest.raises(RigctlError, match=r"versions of m\.yaml"):
@@ -181,7 +181,7 @@ def test_files_that_differ_only_in_their_ending_do_not_share_versions(head: Path
     assert current_version(other).number == 2
 
 
-def test_a_model_that_is_no_file_cannot_be_kept(head: Path) -> None:
+def test_a_model_not_read_from_a_file_cannot_be_saved(head: Path) -> None:
     from rigctl.families.hydraulic_cylinder.family import FAMILY as HYDRAULIC_CYLINDER
 
     with pytest.raises(RigctlError, match="not read from a file"):
@@ -189,7 +189,7 @@ def test_a_model_that_is_no_file_cannot_be_kept(head: Path) -> None:
     assert not (head.parent / ".history").exists()
 
 
-def test_the_users_own_effect_comes_with_its_file(head: Path) -> None:
+def test_a_user_effect_is_saved_with_a_reference_to_its_file(head: Path) -> None:
     from rigctl.effects.user import load_effect
 
     file = head.parent / "effects" / "mine.yaml"
@@ -206,7 +206,7 @@ def test_the_users_own_effect_comes_with_its_file(head: Path) -> None:
     assert set(load_model(Path(f"{head}@2")).effects) == {effect.name}
 
 
-def test_errors_are_known_of_the_version_before_a_fit_too(head: Path) -> None:
+def test_a_fit_records_the_errors_of_the_version_before_it_too(head: Path) -> None:
     def error(rmse: float) -> ModelError:
         return ModelError.from_si({"position": rmse * 1e-3}, {"position": "mm"}, noise={"position": 1e-4})
 
@@ -258,7 +258,7 @@ def test_no_sequence_of_changes_alters_an_earlier_version(steps: list[str]) -> N
             assert parse_model(version.file.read_text(encoding="utf-8")).family.name == "heater_board"
 
 
-def test_writers_at_the_same_time_lose_nothing(head: Path) -> None:
+def test_concurrent_threads_lose_no_version(head: Path) -> None:
     base = load_model(head)
     areas = [3e-6 + 1e-8 * k for k in range(12)]
     with ThreadPoolExecutor(4) as pool:
@@ -272,7 +272,7 @@ def test_writers_at_the_same_time_lose_nothing(head: Path) -> None:
     assert head.read_bytes() in kept_files(head).values()
 
 
-def test_programs_at_the_same_time_lose_nothing(head: Path) -> None:
+def test_concurrent_processes_lose_no_version(head: Path) -> None:
     program = (
         "import sys\n"
         "from pathlib import Path\n"
@@ -295,7 +295,7 @@ def test_programs_at_the_same_time_lose_nothing(head: Path) -> None:
         )
 
 
-def test_a_note_is_json_that_every_reader_accepts(head: Path) -> None:
+def test_a_version_note_is_strict_json_without_nan(head: Path) -> None:
     error = ModelError({"position": float("nan"), "oil_temperature": 0.5})
     save_version(load_model(head).with_values({"flow_area": 3.3e-6}), head, Change("fit", after=error))
     note = json.loads(find_version(head, 2).file.with_suffix(".json").read_text(encoding="utf-8"))

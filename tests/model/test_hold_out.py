@@ -39,12 +39,12 @@ def record(index: int, oil: float, supply: float) -> MeasuredRecord:
     )
 
 
-def test_a_temperature_is_meant_to_within_a_kelvin() -> None:
+def test_equality_of_temperatures_holds_within_a_kelvin() -> None:
     assert held_out(measurements(), "oil_temperature == 60 degC", UNITS) == (4, 5)
 
 
 @pytest.mark.parametrize("name", ["oil", "temperature", "oil_temperature"])
-def test_a_variable_is_known_by_the_usual_names_of_its_dimension(name: str) -> None:
+def test_a_condition_accepts_the_usual_names_of_a_variable(name: str) -> None:
     assert held_out(measurements(), f"{name} > 50 degC and supply == 20 bar", UNITS) == (4,)
 
 
@@ -52,7 +52,7 @@ def test_records_are_counted_from_one() -> None:
     assert held_out(measurements(), "record == 1 or record == 6", UNITS) == (0, 5)
 
 
-def test_nothing_is_held_out_and_everything_chosen_without_a_condition() -> None:
+def test_without_a_condition_no_record_is_held_out_and_all_are_selected() -> None:
     assert held_out(measurements(), None, UNITS) == ()
     assert chosen(measurements(), None, UNITS) == tuple(range(6))
 
@@ -67,7 +67,7 @@ def test_nothing_is_held_out_and_everything_chosen_without_a_condition() -> None
         ("oil_temperature > 50 bar", ""),
     ],
 )
-def test_a_choice_that_makes_no_sense_is_refused_clearly(text: str, said: str) -> None:
+def test_an_invalid_condition_is_refused_with_its_reason(text: str, said: str) -> None:
     with pytest.raises(RigctlError) as caught:
         held_out(measurements(), text, UNITS)
     assert said in str(caught.value)
@@ -78,7 +78,7 @@ def test_replicates_share_condition_commands_and_start() -> None:
     assert group_numbers([*records, records[2]]) == [0, 1, 2, 3, 4, 5, 2]
 
 
-def test_phases_are_named_by_what_the_valve_does() -> None:
+def test_phases_are_named_after_the_motion_that_the_valve_commands() -> None:
     family = find_family("hydraulic_cylinder")
     names = [item.name for item in family.inputs]
     row = np.zeros(len(names))
@@ -96,7 +96,7 @@ def test_phases_are_named_by_what_the_valve_does() -> None:
     assert phase[-1] == 3
 
 
-def test_a_record_in_which_nothing_is_switched_has_three_parts() -> None:
+def test_a_record_without_switches_is_divided_into_early_middle_and_late() -> None:
     family = find_family("heater_board")
     times = np.arange(90.0)
     phase, found = phases_of(times, np.zeros(1), np.ones((1, 3)), family, ["%", "%", "K"])

@@ -31,5 +31,5 @@ def record(inputs: list[list[float]]) -> MeasuredRecord:
     [([[0.0], [2.0], [1.0], [0.0]], [2, 0, 1, 2]), ([[5.0]], [1]), ([[]], [0])],
     ids=["up, down, off", "one command", "a family without inputs"],
 )
-def test_the_kinds_of_switches(inputs: list[list[float]], kinds: list[int]) -> None:
+def test_switches_are_classified_as_up_down_or_to_zero(inputs: list[list[float]], kinds: list[int]) -> None:
     assert record(inputs).switch_kinds.tolist() == kinds

@@ -20,7 +20,7 @@ def model(text: str) -> Model:
     return parse_model("model: hydraulic_cylinder\n" + text, Path("m.yaml"))
 
 
-def test_the_shipped_model_is_the_textbook() -> None:
+def test_the_shipped_textbook_model_has_its_documented_contents() -> None:
     textbook = load_model(TEXTBOOK)
     assert textbook.family is HYDRAULIC_CYLINDER
     assert textbook.effects == {}
@@ -40,14 +40,14 @@ def test_the_shipped_model_is_the_textbook() -> None:
     assert system.output_names == ("oil_temperature", "supply_pressure", "position")
 
 
-def test_with_the_library_the_system_holds_every_effect_at_null() -> None:
+def test_a_system_with_the_library_has_every_effect_at_its_null_value() -> None:
     system = load_model(TEXTBOOK).system(library=True)
     nominal = dict(zip(system.parameter_names, system.nominal, strict=True))
     assert nominal["piston_leakage.conductance"] == 0.0
     assert nominal["coulomb_friction.presliding"] == 20e-6
 
 
-def test_the_rig_counts_more_than_the_family_and_the_file_more_than_the_rig() -> None:
+def test_values_of_the_rig_override_the_family_and_the_model_file_overrides_the_rig() -> None:
     rig = load_rig(BENCH)
     assert Model(HYDRAULIC_CYLINDER).values["tank_conductance"] == 12.0
     assert Model(HYDRAULIC_CYLINDER, rig).values["flow_area"] == pytest.approx(3.3e-6)
@@ -85,24 +85,24 @@ def test_effects_are_read_with_their_units() -> None:
         ("efects: {}", "m.yaml:2:1", "did you mean 'effects'"),
     ],
 )
-def test_mistakes_name_their_place(text: str, place: str, message: str) -> None:
+def test_mistakes_are_reported_with_line_and_column(text: str, place: str, message: str) -> None:
     with pytest.raises(RigctlError, match=message) as caught:
         model(text + "\n")
     assert str(caught.value).startswith(place)
 
 
-def test_an_unknown_family_is_named() -> None:
+def test_an_unknown_family_is_refused_with_the_nearest_name() -> None:
     with pytest.raises(RigctlError, match="did you mean 'hydraulic_cylinder'"):
         parse_model("model: hydraulic_cilinder\n")
 
 
-def test_all_mistakes_of_a_file_are_told_together() -> None:
+def test_all_mistakes_of_a_file_are_reported_together() -> None:
     with pytest.raises(RigctlError) as caught:
         model("parameters: {flow_araea: 4 mm^2, moving_mass: 3 m}\n")
     assert str(caught.value).count("m.yaml:2:") == 2
 
 
-def test_an_effect_is_added_and_removed_without_touching_the_model() -> None:
+def test_adding_and_removing_an_effect_leaves_the_original_model_unchanged() -> None:
     textbook = load_model(TEXTBOOK)
     more = textbook.with_effect("coulomb_friction", {"force": 55.0})
     assert textbook.effects == {}
@@ -115,7 +115,7 @@ def test_an_effect_is_added_and_removed_without_touching_the_model() -> None:
         textbook.without_effect("coulomb_friction")
 
 
-def test_base_physics_is_taken_away_and_brought_back() -> None:
+def test_base_physics_can_be_removed_and_restored() -> None:
     textbook = load_model(TEXTBOOK)
     without = textbook.without_effect("spool_lag")
     assert without.values["spool_time"] == 1e-3
@@ -123,7 +123,7 @@ def test_base_physics_is_taken_away_and_brought_back() -> None:
     assert without.with_effect("spool_lag", {}).values["spool_time"] == pytest.approx(25e-3)
 
 
-def test_values_change_by_name_and_keep_what_is_fitted() -> None:
+def test_changing_values_by_name_keeps_the_free_parameters() -> None:
     more = load_model(TEXTBOOK).with_effect("coulomb_friction", {})
     changed = more.with_values({"flow_area": 3e-6, "coulomb_friction.force": 7.0, "edge_area": 2e-5})
     assert changed.fitted == more.fitted
@@ -133,7 +133,7 @@ def test_values_change_by_name_and_keep_what_is_fitted() -> None:
         more.with_values({"flow_are": 1.0})
 
 
-def test_inputs_come_from_the_rigs_roles() -> None:
+def test_inputs_follow_from_the_roles_of_the_rig() -> None:
     rig = load_rig(BENCH)
     sources = input_sources("hydraulic_cylinder", rig, {"pump": 0.0})
     commands = {"valve": -1.0, "heater": 1.0, "relief_valve": 30e5}
@@ -145,7 +145,7 @@ def test_inputs_come_from_the_rigs_roles() -> None:
     assert values["pump"] == 0.0
 
 
-def test_a_value_may_be_written_alone_or_with_what_it_is_for() -> None:
+def test_the_schema_accepts_a_plain_value_or_a_value_with_its_fields() -> None:
     from rigctl.model.schema import ModelFile
 
     schema = ModelFile.model_json_schema()
@@ -155,7 +155,7 @@ def test_a_value_may_be_written_alone_or_with_what_it_is_for() -> None:
 
 
 def test_base_physics_that_a_model_has_is_not_added_again() -> None:
-    """`rigctl model add M linear_friction` made a version in which the fitted damping was the family's."""
+    """`rigctl model add M linear_friction` used to reset the fitted damping to the value of the family."""
     own = load_model(TEXTBOOK).with_values({"viscous_damping": 150.0})
     with pytest.raises(RigctlError, match="has this effect already"):
         own.with_effect("linear_friction", {})

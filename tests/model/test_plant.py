@@ -1,4 +1,4 @@
-"""The compiled bench against SciPy's integrators on the same equations written a second time."""
+"""The compiled bench against SciPy's integrators on an independent implementation of the same equations."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from rigctl.model import build_system, plant_inputs, plant_stepper, superset
 from rigctl.rig.load import load_rig
 
 FAMILY = "hydraulic_cylinder"
-# the record starts off the end stop, whose corner is rounded over micrometres in one writing only;
-# the retraction ends before the stop, for the oracle cannot pass a hard corner
+# the record starts off the end stop, whose corner only one implementation rounds over micrometres;
+# the retraction ends before the stop, because the reference cannot integrate over a hard corner
 CAMPAIGN = [(0.2, 0.0), (1.05, 1.0), (1.0, 0.0), (0.5, -1.0)]
 START_AT = 0.01
 TIMES = np.arange(0.0, 2.75, 0.01)
@@ -59,7 +59,7 @@ def record(system: System, celsius: float, bar: float, heater: float = 0.0) -> E
 
 def plain(celsius: float, bar: float, bench: PlainCylinder | None = None) -> dict[str, Vector]:
     bench = replace(bench or PlainCylinder(), p_set=bar * 1e5)
-    # several times faster, and as near where no seal lets go
+    # several times faster, and as accurate where no seal breaks loose
     method, rtol = ("Radau", 1e-8) if bench.presliding else ("LSODA", 1e-10)
     y = bench.record(celsius, CAMPAIGN, TIMES, start_at=START_AT, method=method, rtol=rtol)
     names = ("oil_temperature", "spool", "supply_pressure", "pressure_a", "pressure_b", "position")
@@ -68,7 +68,7 @@ def plain(celsius: float, bar: float, bench: PlainCylinder | None = None) -> dic
 
 @pytest.mark.parametrize(("celsius", "bar"), [(20.0, 20.0), (60.0, 50.0)])
 @pytest.mark.parametrize(("tolerance", "measured", "chambers"), [(DEFAULT, 3e-5, 6e-4), (TIGHT, 5e-6, 2e-5)])
-def test_a_whole_record_follows_the_second_writing(
+def test_a_whole_record_agrees_with_an_independent_implementation(
     celsius: float, bar: float, tolerance: Tolerance, measured: float, chambers: float
 ) -> None:
     found, expected = simulated(celsius, bar, tolerance=tolerance), plain(celsius, bar)
@@ -170,10 +170,10 @@ HIDDEN: list[tuple[str, dict[str, float], PlainCylinder]] = [
 
 
 @pytest.mark.parametrize(("name", "values", "bench"), HIDDEN, ids=[name for name, _, _ in HIDDEN])
-def test_a_hidden_effect_moves_the_bench_as_its_formula_says(
+def test_a_hidden_effect_agrees_with_an_independent_implementation(
     name: str, values: dict[str, float], bench: PlainCylinder
 ) -> None:
-    # a seal that lets go at once multiplies an integrator's errors, most where the chambers ring after it
+    # a seal that breaks loose amplifies integration errors, most where the chambers ring afterwards
     sudden = name == "stribeck_friction"
     tolerance, ringing = (FINE, 3e-3) if sudden else (TIGHT, 2e-4)
     found, expected = simulated(50.0, 40.0, {name: values}, tolerance=tolerance), plain(50.0, 40.0, bench)
@@ -193,7 +193,7 @@ def test_a_hidden_effect_moves_the_bench_as_its_formula_says(
         ("valve_delay_thermal", {"coefficient": 1e-3}, (0.03, 0.0)),
     ],
 )
-def test_a_valve_that_is_late_is_a_later_command(
+def test_a_valve_delay_equals_a_later_command(
     name: str, values: dict[str, float], later: tuple[float, float]
 ) -> None:
     opening, closing = later
@@ -206,11 +206,11 @@ def test_a_valve_that_is_late_is_a_later_command(
         (0.5, -1.0),
     ]
     expected = bench.record(50.0, commands, TIMES, start_at=START_AT)[:, 5]
-    # the oil warms by 0.01 K before the valve is told to open
+    # the oil warms by 0.01 K before the valve is commanded to open
     assert np.abs(found - expected).max() < 5e-5 * expected.max()
 
 
-def test_the_whole_library_at_null_is_the_base_on_the_engine() -> None:
+def test_the_whole_library_at_null_changes_no_trajectory() -> None:
     base, off = simulated(50.0, 40.0), simulated(50.0, 40.0, superset(FAMILY))
     for name, values in base.items():
         # the steps are chosen over all states, so that they differ within the tolerance
@@ -227,16 +227,16 @@ SIZES = [
 
 @cache
 def at_null(more: str) -> CompiledSystem:
-    """The bench with every effect of the library, off but for a little of one of them."""
+    """The bench with every effect of the library at null, except for a small amount of `more`."""
     return compile_system(
         build_system(FAMILY, superset(FAMILY, {more: {"coefficient": 500.0}} if more else {}))
     )
 
 
 @pytest.mark.parametrize(("effect", "parameter"), SIZES)
-def test_the_sensitivity_at_null_is_what_a_little_of_the_effect_does(effect: str, parameter: str) -> None:
+def test_sensitivities_at_null_agree_with_one_sided_differences(effect: str, parameter: str) -> None:
     size = library(FAMILY)[effect].parameter(parameter).start * 5e-3
-    # heating shows the heat effects, a friction that contains the viscosity those of the viscosity
+    # heating excites the thermal effects, viscous friction those of the viscosity
     compiled = at_null("viscous_friction" if effect != "viscous_friction" else "")
     system = compiled.system
     column = f"{effect}.{parameter}"
@@ -248,7 +248,7 @@ def test_the_sensitivity_at_null_is_what_a_little_of_the_effect_does(effect: str
     trajectories = simulate(
         compiled, [base.replace(parameters=q) for q in values], columns=[column], tolerance=FINE
     ).require()
-    # a one-sided difference of second order: below null an effect may not be
+    # a one-sided second-order difference, as an effect may not be negative
     slope = (4.0 * trajectories.outputs[1] - trajectories.outputs[2] - 3.0 * trajectories.outputs[0]) / (
         2.0 * size
     )
@@ -260,7 +260,7 @@ def test_the_sensitivity_at_null_is_what_a_little_of_the_effect_does(effect: str
         assert error < 0.03 * share + noise, name
 
 
-def test_the_bench_is_stepped_and_switched_between_samples() -> None:
+def test_the_stepped_bench_reproduces_the_published_stroke() -> None:
     rig = load_rig(shipped("rigs", "hl32-bench.yaml"))
     bench = plant_stepper(rig, initial={"pressure_b": 18e5})
     assert bench.compiled.system.output_names == ("oil_temperature", "supply_pressure", "position")
@@ -273,7 +273,7 @@ def test_the_bench_is_stepped_and_switched_between_samples() -> None:
     assert 1e3 * bench.outputs()[2] == pytest.approx(77.4, abs=0.1)
 
 
-def test_hidden_effects_have_their_typical_size_on_the_bench() -> None:
+def test_hidden_effects_default_to_their_typical_size() -> None:
     rig = load_rig(shipped("rigs", "hl32-bench.yaml"))
     bench = plant_stepper(rig, {"coulomb_friction": {"force": 30.0}, "pressure_lag": {}})
     system = bench.compiled.system
@@ -284,7 +284,7 @@ def test_hidden_effects_have_their_typical_size_on_the_bench() -> None:
         plant_stepper(rig, initial={"presure_b": 0.0})
 
 
-def test_commands_become_inputs() -> None:
+def test_commands_are_converted_to_model_inputs() -> None:
     inputs = plant_inputs(load_rig(shipped("rigs", "hl32-bench.yaml")))
     commands = {"valve": 1.0, "heater": 1.0, "relief_valve": 30e5}
     switched: Callable[[str], dict[str, float]] = lambda name: inputs.switched(name, commands)  # noqa: E731

@@ -20,7 +20,7 @@ from rigctl.model.writing.update import updated_text
 TEXTBOOK = shipped("models", "hl32-textbook.yaml")
 
 
-def test_a_prior_is_read_in_si_and_every_fit_has_it() -> None:
+def test_a_prior_is_read_in_si_and_used_by_every_fit() -> None:
     model = load_model(TEXTBOOK)
     assert model.parameters["dead_volume_a"].prior == Prior(pytest.approx(60e-6), pytest.approx(15e-6))
     assert model.parameters["flow_area"].prior is None
@@ -29,7 +29,7 @@ def test_a_prior_is_read_in_si_and_every_fit_has_it() -> None:
     assert unknowns["viscous_damping"].prior is None
 
 
-def test_a_fit_changes_the_value_and_not_what_was_known_before() -> None:
+def test_a_fit_changes_the_value_and_not_the_prior() -> None:
     model = load_model(TEXTBOOK).with_values({"moving_mass": 13.5}, std={"moving_mass": 0.4}, source="a fit")
     again = parse_model(updated_text(model, TEXTBOOK), TEXTBOOK)
     mass = again.parameters["moving_mass"]
@@ -52,7 +52,7 @@ def test_an_invalid_prior_is_refused(written: str, said: str, tmp_path: Path) ->
 
 
 def beats(shared: np.ndarray, _: Sequence[np.ndarray], derivatives: bool) -> list[Block]:
-    """A level that is far off, and a ringing that is read once in some periods: it has many false minima."""
+    """A level far off, and an undersampled oscillation with many local minima."""
     level, frequency = shared
     times = np.linspace(0.5, 1.0, 6)
     ring = np.cos(2 * np.pi * frequency * times) - np.cos(2 * np.pi * 50.0 * times)
@@ -65,7 +65,7 @@ def beats(shared: np.ndarray, _: Sequence[np.ndarray], derivatives: bool) -> lis
 
 
 def test_a_bad_start_of_one_parameter_does_not_affect_the_others() -> None:
-    """However far off the level is, what is known of the frequency keeps it near its minimum."""
+    """However far off the level is, the prior keeps the frequency near its minimum."""
     unknowns = [
         Unknown("level", 10.0, 0.0, 1e3),
         Unknown("frequency", 50.02, 1.0, 200.0, prior=Prior(50.02, 0.05)),

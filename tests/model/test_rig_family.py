@@ -41,7 +41,7 @@ def refused(old: str, new: str) -> str:
     return str(found.value)
 
 
-def test_a_path_in_a_rig_file_is_its_family() -> None:
+def test_a_rig_file_may_name_its_family_by_path() -> None:
     assert family_of(rig()).name == "water_tank"
     assert family_of(load_rig(shipped("rigs", "heater-board.yaml"))) is HEATER_BOARD
     with using_families(replace(HEATER_BOARD, name="own_board")):
@@ -63,12 +63,12 @@ def test_mismatches_of_rig_and_family_are_reported_with_their_place(old: str, ne
     assert said in refused(old, new)
 
 
-def test_a_rig_without_a_family_says_what_to_add() -> None:
+def test_a_rig_without_a_family_is_refused() -> None:
     with pytest.raises(RigctlError, match="names no model family"):
         family_of(rig(f"model: {TANK}\n", "").model_copy(update={"model": None}))
 
 
-def test_a_switch_gives_its_power_and_a_level_its_own_unit() -> None:
+def test_inputs_take_the_power_of_a_switch_and_the_value_of_a_level() -> None:
     family = find_family(TANK)
     sources = {source.input: source for source in input_sources(family, rig())}
     assert sources["heater"].of({"heater": 1.0, "inflow": 0.0}) == 1000.0
@@ -84,7 +84,7 @@ def test_a_switch_gives_its_power_and_a_level_its_own_unit() -> None:
 
 @pytest.mark.parametrize(("commanded", "wanted"), [("rpm", "Hz"), ("Hz", "rad/s")])
 def test_an_actuator_in_rpm_is_refused_for_an_input_in_hz(commanded: str, wanted: str) -> None:
-    """1 rpm is 2π/60 rad/s, and of 1 Hz nobody knows whether it counts turns."""
+    """1 rpm is 2π/60 rad/s, but 1 Hz may or may not count turns."""
     family = find_family(TANK)
     inputs = tuple(replace(one, unit=wanted) if one.name == "inflow" else one for one in family.inputs)
     level = rig().actuators["inflow"].model_copy(update={"unit": commanded})
@@ -93,14 +93,14 @@ def test_an_actuator_in_rpm_is_refused_for_an_input_in_hz(commanded: str, wanted
         input_sources(replace(family, inputs=inputs), spun)
 
 
-def test_the_rig_gives_the_parameters_and_chooses_the_outputs() -> None:
+def test_the_rig_gives_the_parameters_and_selects_the_outputs() -> None:
     system = build_system(family_of(rig()), rig=rig())
     assert system.output_names == ("level",)
     assert dict(zip(system.parameter_names, system.nominal, strict=True))["loss_coefficient"] == 4.0
     assert "33.33333" in repr(system.rhs[0])  # one over the base area, which no fit changes
 
 
-def test_a_model_file_names_a_family_by_its_path(tmp_path: Path) -> None:
+def test_a_model_file_may_name_its_family_by_path(tmp_path: Path) -> None:
     model = parse_model(
         f"model: {TANK}\nparameters: {{orifice_area: {{value: 12.345678 mm^2, fit: true}}}}\n"
     )
@@ -115,6 +115,6 @@ def test_a_model_file_names_a_family_by_its_path(tmp_path: Path) -> None:
         parse_model("model: tonk.yaml\n", tmp_path / "model.yaml")
 
 
-def test_a_fixed_number_cannot_be_fitted() -> None:
+def test_a_constant_of_the_family_cannot_be_fitted() -> None:
     with pytest.raises(RigctlError, match="base_area is a dimension that no fit changes"):
         parse_model(f"model: {TANK}\nparameters: {{base_area: {{value: 0.1 m^2, fit: true}}}}\n")

@@ -23,7 +23,7 @@ PRINTED = (
 
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
-def test_each_says_what_it_is_and_what_a_fit_may_change(path: object) -> None:
+def test_every_shipped_model_has_a_description_and_free_parameters(path: object) -> None:
     model = load_model(path)  # type: ignore[arg-type]
     assert model.description
     assert model.fitted
@@ -31,7 +31,7 @@ def test_each_says_what_it_is_and_what_a_fit_may_change(path: object) -> None:
     assert model.system().outputs
 
 
-def test_the_board_knows_its_heat_capacity_and_fits_the_rest() -> None:
+def test_the_heat_capacity_of_the_board_is_fixed_and_the_rest_is_free() -> None:
     model = load_model(shipped("models", "heater-board.yaml"))
     assert model.fitted == ("heater_gain_1", "heater_gain_2", "convection")
     assert model.values["heat_capacity"] == 2.0
@@ -39,7 +39,7 @@ def test_the_board_knows_its_heat_capacity_and_fits_the_rest() -> None:
     assert model.system().output_names == tuple(model.rig.channels)
 
 
-def test_the_oil_reproduces_the_printed_table_row_by_row() -> None:
+def test_the_oil_model_reproduces_the_printed_table_row_by_row() -> None:
     model = load_model(shipped("models", "hl32-oil.yaml"))
     compiled = compile_system(model.system())
     rows = np.arange(float(len(PRINTED)))

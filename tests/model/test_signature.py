@@ -29,7 +29,7 @@ def own(term: str, slot: str = "friction", unit: str = "N") -> Effect:
     )
 
 
-def test_a_sensor_offset_changes_its_reading_by_the_offset_and_nothing_else() -> None:
+def test_a_sensor_offset_shifts_its_own_reading_only() -> None:
     seen = signature(cylinder("position_offset"))
     place = seen.output_names.index("position")
     assert seen.difference[:, place] == pytest.approx(1e-3, abs=1e-12)
@@ -37,7 +37,7 @@ def test_a_sensor_offset_changes_its_reading_by_the_offset_and_nothing_else() ->
     assert seen.slopes[:, place, 0] == pytest.approx(1.0)
 
 
-def test_a_late_valve_costs_speed_times_delay() -> None:
+def test_a_valve_delay_reduces_the_stroke_by_speed_times_delay() -> None:
     seen = signature(cylinder("valve_open_delay"))
     place = seen.output_names.index("position")
     still = np.searchsorted(seen.times, 2.0)
@@ -46,7 +46,7 @@ def test_a_late_valve_costs_speed_times_delay() -> None:
     assert seen.difference[still, place] == pytest.approx(-speed * 20e-3, rel=2e-3)
 
 
-def test_the_slopes_are_those_of_the_differences() -> None:
+def test_the_slopes_agree_with_finite_differences() -> None:
     effect = cylinder("coulomb_friction")
     small = Effect(
         **{**vars(effect), "parameters": (_resized(effect.parameters[0], 1.0), effect.parameters[1])}
@@ -62,7 +62,7 @@ def _resized(parameter: EffectParameter, start: float) -> EffectParameter:
     return EffectParameter(**{**vars(parameter), "start": start})
 
 
-def test_removing_base_physics_has_a_signature_too() -> None:
+def test_removing_base_physics_has_a_signature() -> None:
     seen = signature(cylinder("spool_lag"))
     place = seen.output_names.index("position")
     assert np.abs(seen.difference[:, place]).max() == pytest.approx(7.4e-3, rel=0.1)
@@ -71,13 +71,13 @@ def test_removing_base_physics_has_a_signature_too() -> None:
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_every_effect_of_the_library_shows_on_the_standard_record(family: str) -> None:
-    # the viscosity under pressure acts only where something contains the viscosity
+def test_every_effect_of_the_library_acts_on_the_standard_record(family: str) -> None:
+    # a pressure-dependent viscosity acts only where a term contains the viscosity
     alone = {"hydraulic_cylinder": {"barus", "modulus_viscosity"}}.get(family, set())
     assert {name for name, effect in library(family).items() if signature(effect).silent} == alone
 
 
-def test_an_effect_that_needs_another_is_shown_together_with_it() -> None:
+def test_an_effect_that_needs_another_has_a_signature_beside_it() -> None:
     leakage = cylinder("piston_leakage")
     beside = signature(cylinder("barus"), alongside=[(leakage, leakage.start)])
     assert not beside.silent
@@ -85,13 +85,13 @@ def test_an_effect_that_needs_another_is_shown_together_with_it() -> None:
         signature(load_effect(EXAMPLE), alongside=[(leakage, leakage.start)])
 
 
-def test_a_rig_chooses_the_readings() -> None:
+def test_a_rig_selects_the_readings_of_a_signature() -> None:
     rig = load_rig(shipped("rigs", "hl32-bench.yaml"))
     seen = signature(cylinder("piston_leakage"), rig)
     assert seen.output_names == ("oil_temperature", "supply_pressure", "position")
 
 
-def test_the_eccentric_piston_looks_like_the_leaking_one() -> None:
+def test_an_eccentric_piston_gap_has_the_signature_of_piston_leakage() -> None:
     effect = load_effect(EXAMPLE)
     alike = lookalikes(signature(effect), effect)
     assert alike[0].name == "piston_leakage"
@@ -100,12 +100,12 @@ def test_the_eccentric_piston_looks_like_the_leaking_one() -> None:
     assert [each.likeness for each in alike] == sorted((each.likeness for each in alike), reverse=True)
 
 
-def test_the_library_is_separable_if_everything_is_measured() -> None:
+def test_a_closing_delay_is_separable_if_everything_is_measured() -> None:
     effect = cylinder("valve_close_delay")
     assert lookalikes(signature(effect), effect)[0].likeness < SAME
 
 
-def test_a_trial_reports_its_warnings() -> None:
+def test_the_trial_of_an_effect_warns_of_flat_unseen_and_tiny_terms() -> None:
     bench = load_rig(shipped("rigs", "hl32-bench.yaml"))
     good = try_effect(load_effect(EXAMPLE), bench)
     assert faults_on_record(good.effect, bench) == ()
@@ -125,8 +125,8 @@ def test_a_trial_reports_its_warnings() -> None:
     assert "coulomb_friction" in tiny.warnings[1]
 
 
-def test_the_record_reaches_a_point_where_a_term_is_undefined() -> None:
-    # positive at rest, but a retracting piston is faster than that
+def test_a_term_undefined_on_the_standard_record_is_reported() -> None:
+    # positive at rest, negative for a fast retraction
     faults = faults_on_record(own("size*sqrt((0.05 m/s + velocity)/(1 m/s))"))
     assert [fault.part for fault in faults] == [("terms", "friction")]
     assert "the term has no value at velocity = -0." in str(faults[0].error)

@@ -39,7 +39,7 @@ def trajectories(sensitivities: Sequence[np.ndarray]) -> Trajectories:
 
 
 def sound(count: int = 6) -> list[np.ndarray]:
-    """Slopes of two columns, whose size differs between records as that of a viscosity does."""
+    """Slopes of two columns, whose size varies between records as with a viscosity."""
     return [np.full((5, 1, 2), [1.0 + 4.0 * k, 1e6 / (1.0 + k)]) for k in range(count)]
 
 
@@ -47,7 +47,7 @@ def beyond(found: Sequence[np.ndarray]) -> list[int]:
     return list(beyond_the_others(trajectories(found)))
 
 
-def test_a_record_far_beyond_the_others_in_several_columns_is_looked_into() -> None:
+def test_a_record_with_far_larger_derivatives_in_several_columns_is_suspect() -> None:
     found = sound()
     assert beyond(found) == []
     found[2][3] *= 1e4
@@ -56,7 +56,7 @@ def test_a_record_far_beyond_the_others_in_several_columns_is_looked_into() -> N
     assert beyond(found) == [2, 4]
 
 
-def test_an_effect_that_acts_in_few_records_is_not() -> None:
+def test_large_derivatives_in_a_single_column_are_not_suspect() -> None:
     found = sound()
     for record in found:
         record[:, :, 0] *= 1e-9
@@ -64,7 +64,7 @@ def test_an_effect_that_acts_in_few_records_is_not() -> None:
     assert beyond(found) == []
 
 
-def test_few_records_tell_nothing_of_one_another() -> None:
+def test_three_records_are_too_few_to_suspect_one() -> None:
     found = sound(3)
     found[1] *= 1e6
     assert beyond(found) == []
@@ -73,7 +73,7 @@ def test_few_records_tell_nothing_of_one_another() -> None:
 def in_doubt(
     monkeypatch: pytest.MonkeyPatch, made: Callable[[int, Tolerance], np.ndarray]
 ) -> tuple[Trajectories, list[tuple[list[int], Tolerance]]]:
-    """Six records as `simulate_soundly` has them where an integration makes `made`, and what it asks for."""
+    """The result of `simulate_soundly` on six records whose integration gives `made`, and its requests."""
     asked = []
 
     def integrate(_: object, records: Sequence[int], *, tolerance: Tolerance = DEFAULT, **__: object) -> Any:
@@ -85,10 +85,10 @@ def in_doubt(
 
 
 @pytest.mark.parametrize("share", [1e6, 1e3, np.nan])
-def test_spoilt_derivatives_are_those_of_a_tight_integration_and_the_outputs_stay(
+def test_inaccurate_derivatives_are_replaced_by_those_of_a_tight_integration(
     monkeypatch: pytest.MonkeyPatch, share: float
 ) -> None:
-    """Whether the somewhat finer steps spoil them as much, less, or to no number at all."""
+    """Whether the finer steps give derivatives as inaccurate, less so, or NaN."""
 
     def made(record: int, tolerance: Tolerance) -> np.ndarray:
         wrong = {DEFAULT: -1e5, TIGHT: 1.0}.get(tolerance, share)
@@ -96,7 +96,9 @@ def test_spoilt_derivatives_are_those_of_a_tight_integration_and_the_outputs_sta
 
     found, asked = in_doubt(monkeypatch, made)
     np.testing.assert_array_equal(found.sensitivities[5], sound()[5])
-    assert asked == [([0, 1, 2, 3, 4, 5], DEFAULT)]  # of a step that is taken back nobody asks for more
+    assert asked == [
+        ([0, 1, 2, 3, 4, 5], DEFAULT)
+    ]  # a rejected step needs no derivatives: nothing more is computed
     for _ in range(2):
         for slope, right in zip(found.sensitivities, sound(), strict=True):
             np.testing.assert_array_equal(slope, right)
@@ -107,7 +109,7 @@ def test_spoilt_derivatives_are_those_of_a_tight_integration_and_the_outputs_sta
         np.testing.assert_array_equal(slope, right)
 
 
-def test_large_derivatives_that_finer_steps_leave_as_they_are_are_not_spoilt(
+def test_large_derivatives_confirmed_by_finer_steps_are_accepted(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def made(record: int, tolerance: Tolerance) -> np.ndarray:
@@ -119,11 +121,11 @@ def test_large_derivatives_that_finer_steps_leave_as_they_are_are_not_spoilt(
     assert [records for records, _ in asked] == [[0, 1, 2, 3, 4, 5], [2]]
 
 
-def test_a_swing_that_the_steps_follow_has_large_derivatives_and_they_are_right(
+def test_the_large_derivatives_of_an_undamped_oscillation_are_accurate(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Five records of a damped oscillator and one that rings on, in which stiffness and damping shift the
-    phase of every swing."""
+    """Five records of an overdamped oscillator and one with hardly any damping, where stiffness and damping
+    shift the phase of every period."""
     builder = SystemBuilder()
     x, v = builder.state("x", "m", scale=1e-4), builder.state("v", "m/s", scale=1e-2)
     u = builder.input("u", "m/s^2")

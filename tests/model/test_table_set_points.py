@@ -1,4 +1,4 @@
-"""A table of strokes that lacks a set-point: what it is judged at is said, and may be given."""
+"""A table of strokes that lacks a set-point: the assumed value is reported, and can be given."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def pressures(measured: Measurements) -> list[float]:
     return [record.inputs[:, column].max() / 1e5 for record in measured.records]
 
 
-def test_a_pressure_that_no_column_has_is_said_and_can_be_given(tmp_path: Path, model: Model) -> None:
+def test_a_missing_pressure_is_reported_and_can_be_assumed(tmp_path: Path, model: Model) -> None:
     run = table(tmp_path, "oil_temperature [degC],stroke [mm]\n20,125\n60,119\n", model)
     silent = read_measurements(model, [run])
     assert pressures(silent) == pytest.approx([50.0, 50.0])
@@ -44,7 +44,7 @@ def test_a_pressure_that_no_column_has_is_said_and_can_be_given(tmp_path: Path, 
         assert "taken as" not in " ".join(given.notes)
 
 
-def test_an_oil_temperature_that_no_column_has_is_said(tmp_path: Path, model: Model) -> None:
+def test_a_missing_oil_temperature_is_reported(tmp_path: Path, model: Model) -> None:
     text = "pressure_setpoint [bar],stroke [mm]\n20,77\n30,97\n40,100\n50,125\n"
     measured = read_measurements(model, [table(tmp_path, text, model)])
     assert pressures(measured) == pytest.approx([20.0, 30.0, 40.0, 50.0])
@@ -54,7 +54,7 @@ def test_an_oil_temperature_that_no_column_has_is_said(tmp_path: Path, model: Mo
     ]
 
 
-def test_a_table_with_both_says_nothing(tmp_path: Path, model: Model) -> None:
+def test_a_table_with_all_set_points_gives_no_note(tmp_path: Path, model: Model) -> None:
     text = "oil_temperature [degC],pressure_setpoint [bar],stroke [mm]\n20,30,97\n60,50,119\n"
     measured = read_measurements(model, [table(tmp_path, text, model)])
     assert pressures(measured) == pytest.approx([30.0, 50.0])

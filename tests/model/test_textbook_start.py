@@ -14,7 +14,7 @@ from rigctl.engine.simulate import simulate
 from rigctl.files.shipped import shipped
 from rigctl.model import load_model, parameter_values
 
-#: what the channels of the published bench cannot tell apart: K, Pa, m
+#: noise of the channels of the published bench: K, Pa, m
 NOISE = np.array([0.1, 8e3, 1e-4])
 
 
@@ -29,7 +29,7 @@ def stroke(celsius: float, bar: float, parameters: Floats, states: Sequence[str]
     )
 
 
-def test_the_fit_comes_from_the_textbooks_flow_area_to_the_benchs() -> None:
+def test_the_fit_finds_the_flow_area_of_the_bench_from_the_textbook_value() -> None:
     textbook = load_model(shipped("models", "hl32-textbook.yaml"))
     system = textbook.system()
     compiled = compile_system(system)

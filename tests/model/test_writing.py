@@ -1,4 +1,4 @@
-"""A changed model file says the changed model, and keeps every comment and everything that did not change."""
+"""A written model file reads as the changed model, and keeps its comments and all unchanged text."""
 
 from __future__ import annotations
 
@@ -59,14 +59,14 @@ def same(one: Model, other: Model) -> None:
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_nothing_changes_where_nothing_is_changed(layout: str) -> None:
+def test_an_unchanged_model_is_written_unchanged(layout: str) -> None:
     text = LAYOUTS[layout]
     assert updated_text(parse_model(text, PATH), PATH) == text
 
 
 @pytest.mark.parametrize("path", sorted(shipped("models").glob("*.yaml")), ids=lambda path: path.stem)
 @pytest.mark.parametrize("newline", ["\n", "\r\n"])
-def test_every_parameter_of_a_shipped_model_can_change(path: Path, newline: str) -> None:
+def test_changing_every_parameter_of_a_shipped_model_keeps_its_comments(path: Path, newline: str) -> None:
     text = path.read_text(encoding="utf-8").replace("\n", newline)
     model = parse_model(text, path)
     changed = model.with_values(
@@ -101,10 +101,10 @@ _CHANGES = st.lists(
 
 @settings(max_examples=80)
 @given(st.sampled_from(sorted(LAYOUTS)), _CHANGES)
-def test_any_changes_in_any_layout(
+def test_any_sequence_of_changes_survives_writing_in_any_layout(
     layout: str, changes: list[tuple[str, float, float | None, str] | str]
 ) -> None:
-    """Each change is written and read again; the comments of what stays are still there."""
+    """Each change is written and read again; the comments of unchanged parts remain."""
     text = LAYOUTS[layout]
     model = parse_model(text, PATH)
     for change in changes:
@@ -136,7 +136,7 @@ def test_any_changes_in_any_layout(
         model = again
 
 
-def test_a_value_that_stays_keeps_its_text() -> None:
+def test_an_unchanged_value_keeps_its_text() -> None:
     text = (
         "model: heater_board\nparameters:\n  heater_gain_1: {value: 1.000 W, fit: true}\n"
         "  convection: 12.0 mW/K\n"
@@ -149,12 +149,12 @@ def test_a_value_that_stays_keeps_its_text() -> None:
     )
 
 
-def test_what_was_known_of_a_value_goes_with_it() -> None:
+def test_a_changed_value_loses_its_former_uncertainty_and_source() -> None:
     model = parse_model(LAYOUTS["as shipped"], PATH).with_values({"convection": 0.0125})
     assert "  convection: {value: 12.5 mW/K, fit: true}  # loss\n" in updated_text(model, PATH)
 
 
-def test_a_comment_keeps_its_column_while_there_is_room() -> None:
+def test_a_comment_keeps_its_column_if_the_value_fits() -> None:
     text = "model: heater_board\nparameters:\n  convection: {value: 12 mW/K, fit: true}      # loss\n"
     model = parse_model(text, PATH)
     assert "{value: 12.3457 mW/K" not in text
@@ -165,7 +165,7 @@ def test_a_comment_keeps_its_column_while_there_is_room() -> None:
     assert "}  # loss\n" in longer
 
 
-def test_an_effect_is_added_and_removed_without_a_trace() -> None:
+def test_adding_and_removing_an_effect_restores_the_file() -> None:
     text = shipped("models", "hl32-textbook.yaml").read_text(encoding="utf-8")
     path = shipped("models", "hl32-textbook.yaml")
     more = parse_model(updated_text(load_model(path).with_effect("coulomb_friction", {}), path), path)
@@ -175,7 +175,7 @@ def test_an_effect_is_added_and_removed_without_a_trace() -> None:
     assert updated_text(more.without_effect("coulomb_friction"), path) == text
 
 
-def test_a_comment_above_an_effect_that_goes_stays() -> None:
+def test_removing_an_effect_keeps_the_comments_around_it() -> None:
     text = (
         "model: heater_board\neffects:\n  radiation: {area: 9 cm^2}  # old\n  # the thermometers are late\n"
         "  sensor_lag: {}\n  # last words\n"
@@ -187,7 +187,7 @@ def test_a_comment_above_an_effect_that_goes_stays() -> None:
     )
 
 
-def test_a_gap_becomes_the_conductance_that_a_fit_knows() -> None:
+def test_a_fitted_gap_is_written_as_its_conductance() -> None:
     text = (
         "model: hydraulic_cylinder\neffects:\n"
         "  piston_leakage: {clearance: {value: 30 um, fit: true, std: 1 um}}\n"
@@ -202,7 +202,7 @@ def test_a_gap_becomes_the_conductance_that_a_fit_knows() -> None:
     assert "{conductance: {value: 1.5e-14 m^3, fit: true, std: 2e-16 m^3}}" in updated_text(fitted, PATH)
 
 
-def test_lists_of_own_effects_grow_in_their_style() -> None:
+def test_lists_of_files_are_extended_in_their_own_style() -> None:
     for text, grown in (
         ("a: 1\n", "a: 1\nfiles: [x.yaml]\n"),
         ("files: []\n", "files: [x.yaml]\n"),
@@ -214,7 +214,7 @@ def test_lists_of_own_effects_grow_in_their_style() -> None:
         assert edited.text == grown
 
 
-def test_a_file_with_anchors_is_left_alone() -> None:
+def test_a_file_with_anchors_is_refused_with_the_place() -> None:
     text = "model: heater_board\nparameters:\n  heater_gain_1: &w 1 W\n  heater_gain_2: *w\n"
     with pytest.raises(RigctlError, match="anchors") as refused:
         updated_text(parse_model(text, PATH).with_values({"heater_gain_1": 2.0}), PATH)
@@ -234,24 +234,26 @@ def test_a_file_with_anchors_is_left_alone() -> None:
         (1e-6, "l/min", None, "0.06 l/min"),
     ],
 )
-def test_digits_follow_the_uncertainty(value: float, unit: str, std: float | None, text: str) -> None:
+def test_the_digits_of_a_value_follow_its_uncertainty(
+    value: float, unit: str, std: float | None, text: str
+) -> None:
     assert value_text(value, unit, std=std) == text
 
 
-def test_uncertainty_has_two_digits_and_an_interval_of_temperature_is_in_kelvin() -> None:
+def test_an_uncertainty_has_two_digits_and_that_of_a_temperature_is_in_kelvin() -> None:
     assert std_text(0.123456e-6, "mm^2") == "0.12 mm^2"
     assert std_text(0.5, "degC") == "0.5 K"
     assert std_text(0.0123, "1") == "0.012"
 
 
 @given(st.floats(1e-6, 1e-2), st.floats(1e-12, 1e-3))
-def test_what_is_written_lies_within_the_bounds_and_near_the_value(value: float, std: float) -> None:
+def test_a_written_value_lies_within_the_bounds_and_near_the_true_one(value: float, std: float) -> None:
     text = value_text(value, "l/min", std=std, low=1e-6, high=1e-2)
     model = parse_model(f"model: hydraulic_cylinder\nparameters: {{pump_flow: {text}}}\n")
     assert model.values["pump_flow"] == pytest.approx(value, rel=1e-5, abs=std / 50.0)
 
 
-def test_a_value_that_is_no_number_is_never_written() -> None:
+def test_a_value_that_is_not_finite_is_refused() -> None:
     model = parse_model(LAYOUTS["as shipped"], PATH).with_values({"convection": float("nan")})
     with pytest.raises(RigctlError, match="not a finite number"):
         updated_text(model, PATH)
@@ -266,13 +268,13 @@ def test_a_value_that_is_no_number_is_never_written() -> None:
         ("effects: {radiation: {area: {value: 9 cm^2, std: 1}}}", "m.yaml:2:50", "unit is missing"),
     ],
 )
-def test_a_wrong_uncertainty_is_told_with_its_place(text: str, place: str, message: str) -> None:
+def test_a_wrong_uncertainty_is_reported_with_its_place(text: str, place: str, message: str) -> None:
     with pytest.raises(RigctlError, match=message) as refused:
         parse_model("model: heater_board\n" + text, PATH)
     assert str(refused.value.where) == place
 
 
-def test_a_source_may_say_anything() -> None:
+def test_a_source_may_contain_any_characters() -> None:
     said = 'fit: {3} runs # and [more], it\'s "x"\\ é ±'
     model = parse_model(LAYOUTS["as shipped"], PATH).with_values({"convection": 0.02}, source=said)
     assert parse_model(updated_text(model, PATH), PATH).parameters["convection"].source == said
