@@ -34,10 +34,10 @@ def test_declarations_are_sound(effect: Effect) -> None:
 
 
 @pytest.mark.parametrize("effect", EVERY, ids=label)
-def test_every_bound_says_whether_physics_forbids_what_lies_beyond(effect: Effect) -> None:
+def test_every_bound_is_declared_as_physical_or_usual(effect: Effect) -> None:
     for parameter in effect.parameters:
         assert parameter.physical is not None
-        if parameter.sign == 1:  # one direction only is what physics says of the null value
+        if parameter.sign == 1:  # a one-sided parameter is bounded at its null value by physics
             assert parameter.physical in ("low", "both")
         low, high = parameter.widest
         assert low <= parameter.low < parameter.high <= high
@@ -45,7 +45,7 @@ def test_every_bound_says_whether_physics_forbids_what_lies_beyond(effect: Effec
         assert (high > parameter.high) is (parameter.physical in ("none", "low"))
 
 
-def test_a_bound_that_nobody_has_explained_is_only_usual_unless_it_is_the_null_value() -> None:
+def test_an_undeclared_bound_is_usual_unless_it_is_the_null_value() -> None:
     force = EffectParameter("force", "N", 0.0, 100.0, 0.0, 2e3, "F")
     assert (force.usual, force.widest) == ((False, True), (0.0, 2e4))
     width = EffectParameter("width", "mm", None, 1e-3, 1e-4, 1e-2, "w")
@@ -55,7 +55,7 @@ def test_a_bound_that_nobody_has_explained_is_only_usual_unless_it_is_the_null_v
     assert force.bounds_around(3e3) == (0.0, 2e4)
 
 
-def test_an_order_of_two_parameters_must_be_one_that_can_hold() -> None:
+def test_an_order_of_two_parameters_must_be_satisfiable() -> None:
     stribeck = find_effect("stribeck_friction", "hydraulic_cylinder")
     order = {one.name: one.at_least for one in stribeck.parameters if one.at_least}
     assert order == {"static_force": "force"}
@@ -66,7 +66,7 @@ def test_an_order_of_two_parameters_must_be_one_that_can_hold() -> None:
         assert [wrong in one for one in found] == [True]
 
 
-#: working range of what is not given by the family's own values
+#: working range of the variables that the family gives no value
 RANGES = {
     "oil_temperature": (280.0, 360.0),
     "spool": (-1.0, 1.0),
@@ -89,11 +89,11 @@ RANGES = {
 
 
 def random_values(system: System, seed: int) -> dict[str, float]:
-    """A state somewhere in the working range, and the parameters as they are."""
+    """A random state within the working range, and the nominal parameters."""
     rng = np.random.default_rng(seed)
     values = dict(zip(system.parameter_names, system.nominal, strict=True))
     for name in (*system.state_names, *system.input_names):
-        # an effect's own states may stand anywhere while it is off
+        # an effect's own states may have any value while it is off
         values[name] = rng.uniform(*RANGES[name]) if name in RANGES else rng.uniform(-1, 1)
     for name in system.input_names:
         values[before(name)] = 0.0
@@ -115,13 +115,13 @@ def compare_bits(base: System, other: System) -> None:
 
 
 @pytest.mark.parametrize("effect", WITH_TERMS, ids=label)
-def test_at_its_null_an_effect_changes_no_bit(effect: Effect) -> None:
+def test_an_effect_at_null_leaves_the_equations_bit_identical(effect: Effect) -> None:
     compare_bits(build_system(effect.family), build_system(effect.family, {effect.name: {}}))
 
 
 @pytest.mark.parametrize("effect", WITH_TERMS, ids=label)
-def test_at_its_typical_size_an_effect_changes_something(effect: Effect) -> None:
-    # viscosity under pressure acts only together with a term that contains the viscosity
+def test_an_effect_of_typical_size_changes_the_equations(effect: Effect) -> None:
+    # a pressure-dependent viscosity acts only together with a term that contains the viscosity
     helper = {"viscous_friction": {"coefficient": 500.0}} if effect.family == "hydraulic_cylinder" else {}
     used = {name: values for name, values in helper.items() if name != effect.name}
     base = build_system(effect.family, used)
@@ -141,16 +141,16 @@ def test_at_its_typical_size_an_effect_changes_something(effect: Effect) -> None
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_the_whole_library_at_its_null_changes_no_bit(family: str) -> None:
+def test_the_whole_library_at_null_leaves_the_equations_bit_identical(family: str) -> None:
     compare_bits(build_system(family), build_system(family, superset(family)))
 
 
-def test_an_unknown_effect_names_the_nearest() -> None:
+def test_an_unknown_effect_is_refused_with_the_nearest_name() -> None:
     with pytest.raises(RigctlError, match="did you mean 'piston_leakage'"):
         find_effect("piston_leak", "hydraulic_cylinder")
 
 
-def test_an_unsound_effect_is_refused_with_all_that_is_wrong() -> None:
+def test_an_unsound_effect_is_refused_with_all_its_errors() -> None:
     effect = Effect(
         name="mine",
         family="hydraulic_cylinder",
@@ -164,7 +164,7 @@ def test_an_unsound_effect_is_refused_with_all_that_is_wrong() -> None:
         check_effect(effect)
 
 
-def test_a_term_of_the_wrong_dimension_is_named() -> None:
+def test_a_term_of_the_wrong_dimension_is_refused() -> None:
     wrong = Effect(
         name="mine",
         family="hydraulic_cylinder",

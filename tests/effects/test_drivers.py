@@ -17,20 +17,22 @@ from rigctl.effects.user import load_effect
         ("hydraulic_cylinder", "piston_leakage", ["pressure_a - pressure_b", "oil_temperature"]),
         # the bristle follows the piston's speed
         ("hydraulic_cylinder", "coulomb_friction", ["velocity"]),
-        # the pressure of the slot is that of either chamber, or of the supply
+        # the pressure of the slot is that of the supply or of either chamber
         ("hydraulic_cylinder", "entrained_air", ["supply_pressure", "pressure_a", "pressure_b"]),
         ("hydraulic_cylinder", "constant_load", []),
-        # a lag follows what it lags behind, and not what moves that
+        # a lag is driven by its signal, not by the variables that move the signal
         ("hydraulic_cylinder", "pressure_lag", ["supply_pressure"]),
         ("heater_board", "heater_nonlinearity", ["heater_1", "heater_2"]),
         ("oil_viscosity", "walther", ["oil_temperature"]),
     ],
 )
-def test_drivers_are_what_the_terms_depend_on(family: str, effect: str, expected: list[str]) -> None:
+def test_drivers_are_the_variables_that_the_terms_depend_on(
+    family: str, effect: str, expected: list[str]
+) -> None:
     assert [one.name for one in drivers(find_effect(effect, family))] == expected
 
 
-def test_a_users_effect_has_the_drivers_that_its_formula_names(tmp_path: Path) -> None:
+def test_a_user_effect_has_the_variables_of_its_formula_as_drivers(tmp_path: Path) -> None:
     path = tmp_path / "seal.yaml"
     path.write_text(
         "effect: cold_seal\nsummary: Grips harder in cold oil.\nslot: friction\n"

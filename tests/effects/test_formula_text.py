@@ -18,7 +18,7 @@ from rigctl.effects.user.names import term_types
 from rigctl.engine.symbols import evaluate, variables_of
 from rigctl.physics.families import FAMILIES
 
-#: what a formula of a file can say: no states of the effect's own
+#: effects that a file can express: those without states of their own
 EFFECTS = [
     effect
     for family in FAMILIES.values()
@@ -40,7 +40,7 @@ def texts(effect: Effect) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda one: f"{one.family}-{one.name}")
-def test_a_term_that_is_written_out_is_read_as_itself(effect: Effect) -> None:
+def test_a_term_written_as_text_is_read_back_with_equal_values(effect: Effect) -> None:
     family, rng = effect.model_family, np.random.default_rng(1)
     before = terms_in_symbols(effect, family)
     for slot, text in texts(effect).items():
@@ -49,13 +49,13 @@ def test_a_term_that_is_written_out_is_read_as_itself(effect: Effect) -> None:
         names = {one.name for one in (*variables_of(before[slot]), *variables_of(after))}
         for _ in range(3):
             values = {name: float(rng.uniform(0.5, 1.5)) for name in sorted(names)}
-            # a quotient that the family has a name for, by which one of the two may go
+            # kinematic viscosity may be written as a name or as a quotient: the values must agree
             values |= {"true_dynamic_viscosity": 0.7, "true_density": 1.4, "true_kinematic_viscosity": 0.5}
             expected = evaluate(before[slot], values)
             assert evaluate(after, values) == pytest.approx(expected, rel=1e-9, nan_ok=True)
 
 
-def test_an_effect_of_the_library_is_a_file_of_its_own() -> None:
+def test_an_effect_of_the_library_can_be_written_to_a_file_and_read_back() -> None:
     effect = library("hydraulic_cylinder")["piston_leakage"]
     read = parse_effect(effect_file_text(effect, texts(effect), effect.family, "leak"))
     assert read.name == "leak"

@@ -91,7 +91,7 @@ def family(text: str) -> ModelFamily:
 
 
 @pytest.mark.parametrize("text", [MOTOR, OVEN, PUMP, DECLARED])
-def test_every_generic_effect_is_sound_and_there_are_not_too_many(text: str) -> None:
+def test_every_generic_effect_is_sound_and_their_number_is_limited(text: str) -> None:
     chosen = family(text)
     effects = generic_effects(chosen)
     assert effects == tuple(library(chosen).values())
@@ -103,11 +103,13 @@ def test_every_generic_effect_is_sound_and_there_are_not_too_many(text: str) -> 
         assert effect.source
 
 
-def test_friction_acts_on_a_speed_and_leaks_on_what_is_stored() -> None:
+def test_friction_is_offered_for_speeds_and_leaks_for_stored_quantities() -> None:
     motor = set(library(family(MOTOR)))
     assert {"coulomb_on_speed", "stribeck_on_speed", "quadratic_drag_on_speed"} <= motor
     assert {"leak_on_current", "power_law_on_current", "saturation_of_voltage", "lag_of_rpm"} <= motor
-    assert not {name for name in motor if name.endswith("_on_angle")}  # a position has no balance of its own
+    assert not {
+        name for name in motor if name.endswith("_on_angle")
+    }  # the rate of a position is its speed, without a balance of its own
     assert "coulomb_on_current" not in motor
     assert "leak_on_speed" not in motor
 
@@ -137,8 +139,8 @@ outputs: {stretch: {unit: "1", formula: expansion*(oven - 20 degC)}}
         (TABLE, "quadratic_of_stretch_with_oven"),
     ],
 )
-def test_shares_of_a_temperature_are_counted_from_its_usual_value(text: str, name: str) -> None:
-    """Two per cent of 293 K would be an error of 6 K at room temperature."""
+def test_relative_errors_of_a_temperature_refer_to_its_usual_value(text: str, name: str) -> None:
+    """Two percent of 293 K would be an error of 6 K at room temperature."""
     chosen = family(text)
     effect = library(chosen)[name]
     assert "− 20 degC)" in effect.equation
@@ -157,8 +159,8 @@ def test_shares_of_a_temperature_are_counted_from_its_usual_value(text: str, nam
         assert added(30.0) == pytest.approx(0.2)
 
 
-def test_effects_on_a_reading_act_at_one_of_its_slots() -> None:
-    """Two would be read by each other's effects: an equation that depends on itself."""
+def test_effects_on_a_reading_act_at_only_one_of_its_slots() -> None:
+    """Effects at two slots would depend on each other: a circular equation."""
     text = MOTOR.replace("formula: current}", "formula: current + extra + sensor - more}")
     text += "slots:\n" + "".join(
         f"  {name}: {{unit: A, kind: {kind}}}\n"
@@ -173,8 +175,8 @@ def test_effects_on_a_reading_act_at_one_of_its_slots() -> None:
     build_system(chosen, superset(chosen))  # all together
 
 
-def test_a_settled_reading_may_depend_on_what_its_author_left_out() -> None:
-    """The textbook's pump delivers the same at every pressure; real ones leak."""
+def test_a_static_reading_may_depend_on_inputs_that_its_formula_lacks() -> None:
+    """The textbook pump delivers the same flow at every pressure; real pumps leak."""
     text = "family: pump\ninputs: {pressure: {value: 100 bar}, oil_temperature: {value: 40 degC}}\n"
     text += "parameters: {delivery: {value: 8 l/min, bounds: [1 l/min, 50 l/min]}}\n"
     text += "outputs: {flow: {unit: l/min, formula: delivery}}\n"
@@ -195,7 +197,7 @@ def test_a_settled_reading_may_depend_on_what_its_author_left_out() -> None:
         ("K", ("W/cm^2",), "K/(W/cm^2)"),
     ],
 )
-def test_units_of_a_quotient_are_those_that_were_written(
+def test_the_unit_of_a_quotient_keeps_the_units_as_written(
     above: str, below: tuple[str, ...], unit: str
 ) -> None:
     assert shown_quotient(above, *below) == unit
@@ -219,18 +221,18 @@ outputs: {pace: {unit: 1/s, formula: pace}}
     [("1/s", False), ("Hz", False), ("1/min", False)]
     + [(unit, True) for unit in ("rad/s", "rpm", "deg/s", "U/min")],
 )
-def test_friction_acts_on_what_turns_and_not_on_what_grows(unit: str, turns: bool) -> None:
+def test_friction_is_offered_for_angular_speeds_and_not_for_growth_rates(unit: str, turns: bool) -> None:
     known = set(library(family(GROWTH.replace("0.1 1/s, scale: 1e-3 1/s", f"1 {unit}, scale: 1e-2 {unit}"))))
     assert ("coulomb_on_pace" in known) == turns
     assert ("leak_on_pace" in known) != turns
 
 
-def test_a_rate_turns_where_an_angle_is_its_integral() -> None:
+def test_a_rate_is_an_angular_speed_if_an_angle_is_its_integral() -> None:
     angle = "  angle: {start: '0', scale: 0.1, rate: pace}\ninputs:"
     assert "coulomb_on_pace" in library(family(GROWTH.replace("inputs:", angle)))
 
 
-def test_heat_leaks_to_the_room_and_a_mean_of_two_states_lags_like_any_reading() -> None:
+def test_heat_leaks_to_the_room_and_a_mean_of_states_may_lag() -> None:
     oven = family(OVEN)
     known = library(oven)
     assert known["leak_on_air"].equation == "w = −k·(air − room_temperature)"
@@ -245,7 +247,7 @@ def test_heat_leaks_to_the_room_and_a_mean_of_two_states_lags_like_any_reading()
     assert why["mean_reading"] == ""
 
 
-def test_a_table_without_time_may_lack_something_that_depends_on_its_settings() -> None:
+def test_a_static_family_has_effects_that_depend_on_its_inputs() -> None:
     pump = family(PUMP)
     known = library(pump)
     assert {"offset_of_head", "quadratic_of_head_with_flow", "threshold_of_head_with_speed"} <= set(known)
@@ -256,8 +258,8 @@ def test_a_table_without_time_may_lack_something_that_depends_on_its_settings() 
     assert {"offset_on_loss", "threshold_on_loss_with_flow"} <= set(library(declared))
 
 
-def test_a_drag_slot_is_against_the_motion_whatever_its_sign() -> None:
-    """A slot that slows down and a derived one that speeds up: friction brakes at both."""
+def test_friction_opposes_the_motion_whatever_the_sign_of_its_slot() -> None:
+    """A declared slot that decelerates and a derived one that accelerates: friction brakes at both."""
     for text, effect, size in ((DECLARED, "coulomb_on_drag", 0.5), (MOTOR, "coulomb_on_speed", 50.0)):
         chosen = family(text)
         compiled = compile_system(build_system(chosen, {effect: {"size": size}}))
@@ -273,7 +275,7 @@ def test_a_drag_slot_is_against_the_motion_whatever_its_sign() -> None:
         assert course[-1] < 10.0 - 0.9 * 0.1 * size
 
 
-def test_shipped_families_and_those_that_do_not_want_them_have_none() -> None:
+def test_shipped_families_and_those_that_opt_out_have_no_generic_effects() -> None:
     for name, shipped in FAMILIES.items():
         assert generic_effects(shipped) == (), name
     silent = family(MOTOR.replace("family: motor", "family: motor\ngeneric_effects: false"))
@@ -281,7 +283,7 @@ def test_shipped_families_and_those_that_do_not_want_them_have_none() -> None:
     assert library(silent) == {}
 
 
-def test_a_family_in_python_gets_slots_too_and_sees_the_input_that_acts() -> None:
+def test_a_python_family_gets_generic_slots_and_sees_the_disturbed_input() -> None:
     cart = ModelFamily(
         name="cart",
         title="Cart",
@@ -303,13 +305,13 @@ def test_a_family_in_python_gets_slots_too_and_sees_the_input_that_acts() -> Non
     assert found[-1, 0] == pytest.approx((1.0 + 3.0) / 2.0 * 2.0, rel=1e-6)
 
 
-def test_importing_the_effects_reads_no_unit() -> None:
-    """The registry of units takes a second to make, and every command would pay for it."""
+def test_importing_the_effects_does_not_load_the_unit_registry() -> None:
+    """The unit registry takes a second to build, at the cost of every command."""
     asked = "import sys, rigctl.effects; sys.exit('pint' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", asked], check=False).returncode == 0
 
 
-def test_effects_that_are_off_change_nothing() -> None:
+def test_effects_at_null_change_no_output() -> None:
     chosen = family(MOTOR)
     times = np.linspace(0.0, 0.5, 26)
     outputs = []

@@ -1,4 +1,4 @@
-"""The cylinder's effects: each term equal to its formula, worked out by hand."""
+"""The effects of the cylinder: each term compared with a hand calculation."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ RHO = 870.0 * (1.0 - 7e-4 * 45.0)
 BORE_AREA = math.pi / 4 * 8e-3**2
 
 
-def test_every_effect_of_the_reference_is_there() -> None:
+def test_the_library_has_every_effect_of_the_reference() -> None:
     wanted = [
         "piston_leakage",
         "valve_leakage",
@@ -167,16 +167,20 @@ def at_typical_size(name: str) -> Scope:
 
 
 @pytest.mark.parametrize(("name", "slot", "local", "expected"), TERMS_BY_HAND)
-def test_terms_by_hand(name: str, slot: str, local: dict[str, float], expected: float) -> None:
+def test_terms_equal_hand_calculations(
+    name: str, slot: str, local: dict[str, float], expected: float
+) -> None:
     assert at_typical_size(name).total(slot, **local) == pytest.approx(expected, rel=1e-4)
 
 
 @pytest.mark.parametrize(("name", "slot", "local", "expected"), FACTORS_BY_HAND)
-def test_factors_by_hand(name: str, slot: str, local: dict[str, float], expected: float) -> None:
+def test_factors_equal_hand_calculations(
+    name: str, slot: str, local: dict[str, float], expected: float
+) -> None:
     assert at_typical_size(name).factor(slot, **local) == pytest.approx(expected, rel=1e-9)
 
 
-def test_every_term_has_been_worked_out_by_hand() -> None:
+def test_every_term_has_a_hand_calculation() -> None:
     done = {(name, slot) for name, slot, _, _ in TERMS_BY_HAND + FACTORS_BY_HAND}
     assert done == {(effect.name, slot) for effect in TERMS for slot in effect.slots}
 
@@ -185,10 +189,10 @@ def test_every_term_has_been_worked_out_by_hand() -> None:
     ("name", "lag", "signal"),
     [("pressure_lag", 0.02, "supply_pressure"), ("thermocouple_lag", 10.0, "oil_temperature")],
 )
-def test_a_ramp_is_read_late_by_exactly_the_lag(name: str, lag: float, signal: str) -> None:
+def test_a_ramp_is_read_late_by_the_lag(name: str, lag: float, signal: str) -> None:
     effect = find_effect(name, FAMILY.name)
     rate = scope_with(effect, effect.start | {"deviation": 0.0}).rate(signal)
-    # the deviation that no longer changes while the signal keeps its rate
+    # the steady deviation for a signal of constant rate
     resolution = {"pressure_lag": 2e-3, "thermocouple_lag": 0.2}[name]
     settled = -float(rate) * (lag + resolution)
     m = scope_with(effect, {"lag": lag, "deviation": settled})
@@ -206,7 +210,7 @@ def run(
     return value
 
 
-def test_backlash_takes_a_side_and_keeps_it_at_rest() -> None:
+def test_backlash_follows_the_direction_of_motion_and_stays_at_rest() -> None:
     effect = find_effect("position_backlash", FAMILY.name)
     rate = effect.bind(effect.states[0].rate)
     out = run(effect, lambda m: float(rate(m)), -0.5, 400, 1e-4, velocity=0.05)
@@ -218,8 +222,8 @@ def test_backlash_takes_a_side_and_keeps_it_at_rest() -> None:
 
 
 @pytest.mark.parametrize("name", ["coulomb_friction", "stribeck_friction", "pressure_friction"])
-def test_a_seal_drags_against_the_motion_and_holds_at_rest(name: str) -> None:
-    """It bends over its presliding distance, 20 um, and stays bent when the piston stops."""
+def test_a_seal_bends_with_the_motion_and_stays_bent_at_rest(name: str) -> None:
+    """It bends over its presliding distance of 20 um and stays bent when the piston stops."""
     effect = find_effect(name, FAMILY.name)
     rate = effect.bind(effect.states[0].rate)
     assert effect.states[0].start == -1.0  # a record begins after a retraction
@@ -234,7 +238,7 @@ def test_a_seal_drags_against_the_motion_and_holds_at_rest(name: str) -> None:
     assert run(effect, lambda m: float(rate(m)), 0.7, 100, 1.0, velocity=0.0) == 0.7
 
 
-def test_heaters_and_wall_follow_with_their_time_constants() -> None:
+def test_heater_lag_and_wall_follow_their_time_constants() -> None:
     heater = find_effect("heater_lag", FAMILY.name)
     rate = heater.bind(heater.states[0].rate)
     assert run(heater, lambda m: float(rate(m)), 0.0, 2200, 0.01) == pytest.approx(
@@ -245,7 +249,7 @@ def test_heaters_and_wall_follow_with_their_time_constants() -> None:
     assert wall.bind(wall.states[0].rate)(m) == pytest.approx(float(m.rate("oil_temperature")) - 2.0 / 120.0)
 
 
-def test_base_physics_can_be_taken_away() -> None:
+def test_base_physics_can_be_removed_within_the_bounds_of_its_parameters() -> None:
     for effect in LIBRARY.values():
         for name, nothing in effect.base.items():
             parameter = FAMILY.parameter(name)

@@ -1,4 +1,4 @@
-"""A measured curve as an effect: SciPy's monotone cubic inside, level beyond, and a band to tell of."""
+"""A measured curve as an effect: SciPy's monotone cubic inside, level beyond, with an uncertainty band."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def drawn(points: list[tuple[float, float]]) -> Curve:
     return Curve("curve", "1", "1", x, y, beyond="level")
 
 
-def test_the_file_of_the_test_curve_is_read() -> None:
+def test_a_curve_file_is_read_as_a_monotone_cubic_in_its_units() -> None:
     x, y = (np.array(one) for one in zip(*POINTS, strict=True))
     effect = parse_effect(text())
     for where in (-250.0, -7.0, 0.5, 99.0):
@@ -62,7 +62,9 @@ def curves(draw: st.DrawFn) -> list[tuple[float, float]]:
 
 
 @given(curves(), st.floats(0.0, 1.0))
-def test_between_its_points_it_is_the_monotone_cubic(points: list[tuple[float, float]], place: float) -> None:
+def test_between_its_points_a_curve_is_a_monotone_cubic(
+    points: list[tuple[float, float]], place: float
+) -> None:
     x, y = (np.array(one) for one in zip(*points, strict=True))
     where = x[0] + place * (x[-1] - x[0])
     expected = float(PchipInterpolator(x, y)(where))
@@ -70,7 +72,7 @@ def test_between_its_points_it_is_the_monotone_cubic(points: list[tuple[float, f
 
 
 @given(curves(), st.floats(0.0, 1e4))
-def test_beyond_its_ends_it_levels_off(points: list[tuple[float, float]], beyond: float) -> None:
+def test_beyond_its_ends_a_curve_levels_off(points: list[tuple[float, float]], beyond: float) -> None:
     x, y = (np.array(one) for one in zip(*points, strict=True))
     curve = drawn(points)
     slopes = PchipInterpolator(x, y).derivative()
@@ -86,7 +88,7 @@ def test_linear_extrapolation_is_optional() -> None:
     assert at(effect, -1.0) == pytest.approx(-500.0)
 
 
-def test_its_factor_switches_it_off_and_its_shift_moves_it_within_its_band() -> None:
+def test_the_factor_scales_a_curve_and_the_shift_moves_it_within_its_band() -> None:
     band = f"  band: {[[y - 0.1 * abs(x), y + 0.1 * abs(x)] for x, y in POINTS]}\n"
     effect = parse_effect(text(more=band))
     assert effect.null == {"factor": 0.0, "shift": 0.0}
@@ -97,14 +99,14 @@ def test_its_factor_switches_it_off_and_its_shift_moves_it_within_its_band() -> 
     assert [one.name for one in parse_effect(text()).parameters] == ["factor"]
 
 
-def test_where_a_slot_multiplies_a_curve_is_the_factor_itself() -> None:
+def test_at_a_multiplying_slot_the_curve_is_the_factor() -> None:
     effect = parse_effect(text([(-300.0, 1.0), (0.0, 1.0), (300.0, 0.5)], slot="throttle_area", unit="1"))
     assert at(effect, 0.3) == pytest.approx(0.5)
     assert at(effect, 0.3, factor=0.5) == pytest.approx(0.75)
     assert at(effect, 0.3, factor=0.0) == 1.0
 
 
-def test_its_range_is_its_box_and_its_driver_what_it_is_a_curve_of() -> None:
+def test_the_range_of_a_curve_is_its_validity_and_its_variable_its_driver() -> None:
     effect = parse_effect(text())
     assert [str(one) for one in effect.valid] == ["velocity from -300 mm/s to 100 mm/s"]
     assert [one.name for one in drivers(effect)] == ["velocity"]
@@ -144,13 +146,13 @@ def test_its_range_is_its_box_and_its_driver_what_it_is_a_curve_of() -> None:
         ("  over", f"  band: {[[1.0, 2.0]] * 6}\n  over", "the band at -300 mm/s does not hold the curve"),
     ],
 )
-def test_mistakes_are_one_clear_message_each(old: str, new: str, said: str) -> None:
+def test_mistakes_in_a_curve_are_refused_with_a_clear_message(old: str, new: str, said: str) -> None:
     with pytest.raises(RigctlError) as caught:
         parse_effect(text().replace(old, new), Path("mine.yaml"))
     assert said in str(caught.value)
 
 
-def test_the_band_of_a_curve_widens_what_compare_says(
+def test_compare_reports_the_uncertainty_from_the_band_of_a_curve(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A tank that drains through a hole whose law is a curve: level h, dh/dt = (inflow − curve(h))/area."""
@@ -190,9 +192,9 @@ def test_the_band_of_a_curve_widens_what_compare_says(
     found = commands.answer("compare", run, "--model", "model.yaml", "--no-fit", "-o", "page.html")
     (band,) = found["curve_bands"]
     assert (band["effect"], band["channel"], band["unit"]) == ("hole", "level", "mm")
-    # 0.1 l/min for the time that the level takes to fall, less what a lower level drains less
+    # 0.1 l/min while the level falls, less the smaller outflow at a lower level
     assert 4.0 < band["largest"] < 20.0
-    (left,) = found["outside_validity"]  # empty in the end, where nothing was measured
+    (left,) = found["outside_validity"]  # the level ends below the measured range
     assert (left["over"], left["record"], left["low"]) == ("level", f"{run}/0", 100.0)
     page = Path("page.html").read_text("utf-8")
     assert "and its curve" in page

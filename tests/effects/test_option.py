@@ -1,4 +1,4 @@
-"""``--with EFFECT:param=value``: read with units, checked, and refused plainly."""
+"""``--with EFFECT:param=value``: read with units, checked, and refused with a clear message."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigctl.effects import library, parse_effect_option
 from rigctl.errors import RigctlError
 
 
-def test_a_name_alone_takes_the_typical_size() -> None:
+def test_an_effect_name_alone_means_its_typical_size() -> None:
     assert parse_effect_option("piston_leakage") == ("piston_leakage", {"conductance": 5.2e-15})
 
 
@@ -31,7 +31,7 @@ def test_a_temperature_error_is_a_difference() -> None:
     assert parse_effect_option("thermocouple_offset:offset=2 degC")[1] == {"offset": 2.0}
 
 
-def test_every_effect_can_be_hidden_by_its_name() -> None:
+def test_every_effect_can_be_given_by_its_name_alone() -> None:
     for effect in library("hydraulic_cylinder").values():
         if effect.terms:
             assert parse_effect_option(effect.name)[1] == effect.start
@@ -55,6 +55,6 @@ def test_every_effect_can_be_hidden_by_its_name() -> None:
         ("spool_lag", "base physics"),
     ],
 )
-def test_mistakes_have_clear_messages(text: str, message: str) -> None:
+def test_mistakes_in_an_option_are_refused_with_a_clear_message(text: str, message: str) -> None:
     with pytest.raises(RigctlError, match=message):
         parse_effect_option(text)

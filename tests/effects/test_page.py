@@ -1,4 +1,4 @@
-"""The reference pages of the library: complete, current, and of equations that are sound LaTeX."""
+"""The reference pages of the library: complete, current, and with sound LaTeX equations."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EVERY = [effect for family in FAMILIES for effect in library(family).values()]
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_the_page_is_current(family: str) -> None:
+def test_the_page_of_each_family_is_current(family: str) -> None:
     page = (DOCS / f"{family}.md").read_text(encoding="utf-8")
     assert page == effects_page(find_family(family)), "run 'make docs'"
 
@@ -46,7 +46,7 @@ def test_the_page_has_every_effect_slot_and_variable(family: str) -> None:
 
 
 @pytest.mark.parametrize("effect", EVERY, ids=lambda effect: f"{effect.family}-{effect.name}")
-def test_every_equation_is_complete(effect: Effect) -> None:
+def test_every_latex_equation_is_balanced_and_has_no_qualified_names(effect: Effect) -> None:
     family = find_family(effect.family)
     for term in terms_in_symbols(effect, family).values():
         latex = latex_of(term, effect)
@@ -55,7 +55,7 @@ def test_every_equation_is_complete(effect: Effect) -> None:
         assert "." not in re.sub(r"\d\.\d", "", latex)  # no qualified name is left
 
 
-def test_a_gaps_viscosity_is_called_viscosity() -> None:
+def test_the_viscosity_of_a_leakage_gap_is_written_as_viscosity() -> None:
     effect = library("hydraulic_cylinder")["piston_leakage"]
     term = terms_in_symbols(effect, find_family(effect.family))["flow_a_to_b"]
     assert latex_of(term, effect) == r"\frac{\mathrm{conductance} \, \left(p_A - p_B\right)}{\mu}"
@@ -64,7 +64,7 @@ def test_a_gaps_viscosity_is_called_viscosity() -> None:
     )
 
 
-def test_a_parameter_that_is_called_like_a_variable_keeps_its_full_name() -> None:
+def test_a_parameter_with_the_name_of_a_variable_keeps_its_qualified_name() -> None:
     effect = Effect(
         name="drag",
         family="hydraulic_cylinder",
@@ -82,7 +82,7 @@ def test_a_parameter_that_is_called_like_a_variable_keeps_its_full_name() -> Non
     assert "tanh(velocity/drag.velocity)" in text_of(term, effect, find_family(effect.family))
 
 
-def test_a_document_holds_values_in_their_units() -> None:
+def test_the_json_of_an_effect_has_values_in_its_own_units() -> None:
     document = effect_document(library("hydraulic_cylinder")["position_offset"])
     assert document["parameters"] == [
         {

@@ -1,4 +1,4 @@
-"""Several effects at once: their order makes no difference, contradictions are refused, files join in."""
+"""Several effects at once: their order does not matter, contradictions are refused, files are included."""
 
 from __future__ import annotations
 
@@ -45,7 +45,9 @@ def shuffled(draw: st.DrawFn) -> tuple[list[Effect], list[Effect]]:
 
 
 @given(shuffled())
-def test_the_order_of_effects_makes_no_difference(orders: tuple[list[Effect], list[Effect]]) -> None:
+def test_the_system_does_not_depend_on_the_order_of_effects(
+    orders: tuple[list[Effect], list[Effect]],
+) -> None:
     first, second = (
         build_system(FAMILY, {effect.name: effect.start for effect in order}, own_effects=OWN)
         for order in orders
@@ -53,7 +55,7 @@ def test_the_order_of_effects_makes_no_difference(orders: tuple[list[Effect], li
     assert first.state_names == second.state_names
     assert first.parameter_names == second.parameter_names
     assert first.nominal == second.nominal
-    # the same text is the same machine code, so that not even the rounding differs
+    # equal text gives equal machine code, so not even the rounding differs
     assert [to_text(rate) for rate in first.rhs] == [to_text(rate) for rate in second.rhs]
     assert [to_text(output.expr) for output in first.outputs] == [
         to_text(output.expr) for output in second.outputs
@@ -79,7 +81,7 @@ def test_contributions_to_one_slot_add() -> None:
     assert shares[0] == pytest.approx(-50.0 * 0.1 / 12.0)
 
 
-def test_duplicate_effects_are_refused() -> None:
+def test_contradictory_effects_are_refused() -> None:
     eccentric, plain = OWN[0], library(FAMILY.name)["piston_leakage"]
     for pair in ([eccentric, plain], [plain, eccentric]):
         with pytest.raises(RigctlError, match="contradict one another"):
@@ -89,7 +91,7 @@ def test_duplicate_effects_are_refused() -> None:
         Model(FAMILY).with_effect("barus", {}).with_effect("modulus_viscosity", {})
 
 
-def test_a_file_is_an_effect_of_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_option_accepts_an_effect_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     mine = tmp_path / "my effect.yaml"
     mine.write_text(EXAMPLE.read_text(encoding="utf-8"), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
@@ -149,7 +151,7 @@ effects: {{piston_leakage_eccentric: {{conductance: {{value: 1e-14 m^3, fit: tru
 """
 
 
-def test_a_model_file_names_effect_files_beside_it(tmp_path: Path) -> None:
+def test_a_model_file_may_name_effect_files_beside_it(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text(EXAMPLE.read_text(encoding="utf-8"), encoding="utf-8")
     file = tmp_path / "model.yaml"
     file.write_text(MODEL.format(file="mine.yaml"), encoding="utf-8")
@@ -170,12 +172,12 @@ def test_a_model_file_names_effect_files_beside_it(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_mistakes_about_own_effects_have_their_place(text: str, message: str) -> None:
+def test_mistakes_about_own_effects_are_reported_with_their_place(text: str, message: str) -> None:
     with pytest.raises(RigctlError, match=message):
         parse_model(text, Path("m.yaml"))
 
 
-def test_a_model_names_a_folder_of_effects(tmp_path: Path) -> None:
+def test_a_model_file_may_name_a_folder_of_effects(tmp_path: Path) -> None:
     folder = tmp_path / "effects"
     folder.mkdir()
     for name in ("upper", "lower"):

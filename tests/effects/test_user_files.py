@@ -1,4 +1,4 @@
-"""Effect files: read with their places, checked for dimensions, nulls and slopes, never executed."""
+"""Effect files: errors have their place, dimensions, nulls and slopes are checked, nothing is executed."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def at(effect: Effect, slot: str, local: dict[str, float] | None = None, **chang
     return float(combine(slot, **(local or {})))
 
 
-def test_the_shipped_example_is_its_formula() -> None:
+def test_the_shipped_example_equals_its_formula() -> None:
     effect = load_effect(EXAMPLE)
     assert effect.name == "piston_leakage_eccentric"
     assert effect.kind == "process"
@@ -59,7 +59,7 @@ def test_the_shipped_example_is_its_formula() -> None:
     assert at(effect, "flow_a_to_b", pressure_a=9e5, pressure_b=4e5) == pytest.approx(expected, rel=1e-6)
 
 
-def test_numbers_with_units_and_temperatures_in_degc_are_read_as_meant() -> None:
+def test_a_difference_of_temperatures_in_degc_is_in_kelvin() -> None:
     effect = parse_effect(
         written(
             "1 + share*(oil_temperature - 20 degC)/(40 degC - 20 degC)",
@@ -70,7 +70,7 @@ def test_numbers_with_units_and_temperatures_in_degc_are_read_as_meant() -> None
     assert at(effect, "throttle_area", {"reynolds": 1e3}, oil_temperature=313.15) == pytest.approx(1.1)
 
 
-def test_a_temperature_in_degc_is_a_point_and_one_in_kelvin_an_interval() -> None:
+def test_a_parameter_in_degc_is_a_temperature_and_one_in_kelvin_a_difference() -> None:
     effect = parse_effect(
         written(
             "size*smooth_step(oil_temperature - limit, width)",
@@ -85,7 +85,7 @@ def test_a_temperature_in_degc_is_a_point_and_one_in_kelvin_an_interval() -> Non
     assert at(effect, "friction", velocity=0.1, oil_temperature=335.15) == pytest.approx(expected)
 
 
-def test_a_slot_has_variables_of_its_own() -> None:
+def test_the_variables_of_a_slot_are_known_only_there() -> None:
     effect = parse_effect(
         written(
             "delay*after^2", "valve_delay", "{delay: {null_value: 0 ms, start: 20 ms, bounds: [0 ms, 1 s]}}"
@@ -95,7 +95,7 @@ def test_a_slot_has_variables_of_its_own() -> None:
     assert "unknown name, got 'after'" in refused(written("size*after"))
 
 
-def test_a_file_without_a_family_is_told_of_which_it_is() -> None:
+def test_a_file_without_a_family_is_told_the_assumed_one() -> None:
     said = refused(written(slot="flow_reading"))
     assert "so it is of hydraulic_cylinder: 'family: FILE' says another" in said
     named = refused(written(slot="flow_reading", more="family: hydraulic_cylinder\n"))
@@ -114,7 +114,7 @@ def test_an_effect_may_act_at_several_slots() -> None:
     assert effect.equation == "flow_a_to_tank: k*pressure_a/viscosity; flow_b_to_tank: k*pressure_b/viscosity"
 
 
-def test_the_kind_follows_from_the_slot() -> None:
+def test_the_kind_of_an_effect_follows_from_its_slot() -> None:
     share = "{gain: {null_value: 0, start: 1 %, bounds: [-10 %, 10 %]}}"
     assert parse_effect(written("gain*position", "position_reading", share)).kind == "sensor"
 
@@ -143,7 +143,7 @@ def test_the_kind_follows_from_the_slot() -> None:
         (written("size*minimum(velocity, 1 m/s)/(1 m/s)"), "minimum takes two values and a width"),
     ],
 )
-def test_what_is_no_formula_of_the_model_is_refused(text: str, message: str) -> None:
+def test_an_invalid_formula_is_refused_with_its_reason(text: str, message: str) -> None:
     assert message in refused(text)
 
 
@@ -163,7 +163,7 @@ def test_what_is_no_formula_of_the_model_is_refused(text: str, message: str) -> 
         ("size*Heaviside(velocity)", "smooth_step(x - limit, width)"),
     ],
 )
-def test_a_branch_or_a_corner_is_told_the_smooth_alternative(term: str, instead: str) -> None:
+def test_a_branch_or_a_corner_is_refused_with_the_smooth_alternative(term: str, instead: str) -> None:
     message = refused(written(term))
     assert message.startswith("mine.yaml:4:7: ")
     assert instead in message
@@ -194,7 +194,7 @@ def test_a_branch_or_a_corner_is_told_the_smooth_alternative(term: str, instead:
         ("size*(oil_temperature/(1 K))^-200", "friction", None),
     ],
 )
-def test_a_term_is_exactly_off_at_null_and_smooth(term: str, slot: str, message: str | None) -> None:
+def test_a_term_must_be_exactly_off_at_null_and_smooth(term: str, slot: str, message: str | None) -> None:
     if message is None:
         assert parse_effect(written(term, slot)).slots == (slot,)
     else:
@@ -228,7 +228,7 @@ def test_a_term_is_exactly_off_at_null_and_smooth(term: str, slot: str, message:
         ),
     ],
 )
-def test_parameters_respect_their_declarations(parameters: str, message: str) -> None:
+def test_invalid_parameter_declarations_are_refused(parameters: str, message: str) -> None:
     assert message in refused(written(parameters=parameters))
 
 
@@ -246,7 +246,7 @@ def test_additional_fields_of_a_file_are_checked(more: str, message: str) -> Non
     assert message in refused(written(more=more))
 
 
-def test_a_name_of_the_library_is_taken() -> None:
+def test_a_name_of_the_library_is_refused() -> None:
     text = written().replace("effect: mine", "effect: coulomb_friction")
     assert "the library has an effect of this name" in refused(text)
 
@@ -267,7 +267,7 @@ def test_a_circular_term_is_refused() -> None:
     assert "an equation depends on itself" in refused(text)
 
 
-def test_several_mistakes_are_reported_with_their_places() -> None:
+def test_several_mistakes_are_reported_together_with_their_places() -> None:
     text = written(parameters="{size: {null_value: 0 N, start: 900 N, bounds: [0 N, 500 N]}}").replace(
         "effect: mine", "effect: barus"
     )
@@ -332,7 +332,7 @@ def test_symbols_plain_numbers_and_the_grammar_agree(text: str) -> None:
 
 
 @given(st.text(alphabet="size*velocity/()+-^.,<>= 0123456789eEmNbar$?_xtanhsqrexp", max_size=60))
-def test_any_text_is_read_or_refused(text: str) -> None:
+def test_any_text_is_read_or_refused_without_a_traceback(text: str) -> None:
     quoted = text.replace("'", "''")
     try:
         parse_effect(written(quoted))
@@ -340,7 +340,7 @@ def test_any_text_is_read_or_refused(text: str) -> None:
         return
 
 
-def test_values_at_which_a_threshold_is_looked_for_are_written_in_the_file() -> None:
+def test_the_grid_of_values_for_a_threshold_is_read_and_checked() -> None:
     text = written(
         "size*positive_part(velocity - limit, 1 mm/s)/(1 m/s)",
         parameters="{size: {null_value: 0 N, start: 50 N, bounds: [0 N, 500 N]},"

@@ -86,7 +86,7 @@ def test_a_sensor_slot_makes_a_sensor_effect() -> None:
     assert effect("position_reading", [size], equation="c")(lambda m, p: p.size).kind == "sensor"
 
 
-def test_an_unknown_slot_is_named_when_the_module_is_read() -> None:
+def test_an_unknown_slot_is_refused_by_the_decorator() -> None:
     with pytest.raises(RigctlError, match="did you mean 'friction'"):
         effect("fricton", [SIZE], equation="F")
 
@@ -103,7 +103,7 @@ def test_a_registered_function_is_an_effect_like_any_other(installed: Any) -> No
     assert "drag.size" in Model(FAMILY).system(library=True).parameter_names
 
 
-def test_one_effect_alone_can_be_registered(installed: Any) -> None:
+def test_a_single_effect_can_be_registered(installed: Any) -> None:
     installed(DRAG, "drag")
     assert "drag" in library("hydraulic_cylinder")
 
@@ -141,7 +141,7 @@ def test_a_wrong_function_is_refused_with_its_reason(installed: Any, body: str, 
         ),
     ],
 )
-def test_what_is_no_effect_is_refused(installed: Any, source: str, message: str) -> None:
+def test_an_invalid_entry_point_is_refused(installed: Any, source: str, message: str) -> None:
     installed(source)
     with pytest.raises(RigctlError, match=message):
         library("hydraulic_cylinder")

@@ -1,4 +1,4 @@
-"""Validity boxes and provenance of effect files: read with their units, refused with their place, shown."""
+"""Validity ranges and provenance of effect files: read with units, refused with their place, and shown."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_ranges_and_provenance_are_read_with_their_units() -> None:
     }
 
 
-def test_ranges_are_shown_only_for_effects_that_have_them(
+def test_validity_and_provenance_are_shown_only_for_effects_that_have_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -113,7 +113,7 @@ def test_ranges_are_shown_only_for_effects_that_have_them(
         ("provenance: {discovery: 0}", "discovery"),
     ],
 )
-def test_mistakes_are_one_clear_message_each(more: str, said: str) -> None:
+def test_mistakes_are_refused_with_one_clear_message(more: str, said: str) -> None:
     message = refused(more)
     assert said in message
     assert message.startswith("mine.yaml:")
@@ -121,7 +121,7 @@ def test_mistakes_are_one_clear_message_each(more: str, said: str) -> None:
 
 
 @given(st.floats(-1e3, 1e3), st.floats(1e-3, 1e3), st.sampled_from(["m/s", "mm/s", "km/h"]))
-def test_a_range_is_shown_as_it_was_written(low: float, width: float, unit: str) -> None:
+def test_a_range_is_shown_in_the_unit_it_was_written_in(low: float, width: float, unit: str) -> None:
     effect = parse_effect(text(f"valid: {{velocity: [{low!r} {unit}, {low + width!r} {unit}]}}"))
     found = box(effect)["velocity"]
     assert found["unit"] == unit
