@@ -1,4 +1,4 @@
-"""Families by name, file, context and installed package; and when Python may run."""
+"""Families by name, file, context and installed package, and when a Python file may run."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., 
     return install
 
 
-def test_a_name_is_a_family_that_is_shipped() -> None:
+def test_a_shipped_family_is_found_by_its_name() -> None:
     assert find_family("heater_board") is HEATER_BOARD
     with pytest.raises(RigctlError, match="did you mean 'heater_board'"):
         find_family("heaterboard")
 
 
-def test_a_path_is_looked_for_beside_its_file_in_the_project_and_among_the_shipped(
+def test_a_family_path_is_searched_beside_the_file_in_the_project_and_among_the_shipped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     elsewhere = tmp_path / "elsewhere"
@@ -84,7 +84,7 @@ def test_a_file_may_not_take_the_name_of_a_shipped_family(tmp_path: Path) -> Non
         find_family(str(path))
 
 
-def test_what_is_given_is_known_until_the_end_of_its_context() -> None:
+def test_a_given_family_is_known_within_its_context_only() -> None:
     own = replace(HEATER_BOARD, name="own_board")
     with using_families(own):
         assert find_family("own_board") is own
@@ -96,13 +96,13 @@ def test_what_is_given_is_known_until_the_end_of_its_context() -> None:
         find_family("own_board")
 
 
-def test_what_is_given_must_be_sound() -> None:
+def test_an_unsound_given_family_is_refused() -> None:
     unsound = replace(HEATER_BOARD, name="unsound", outputs=())
     with pytest.raises(RigctlError, match="the family has no outputs"):
         using_families(unsound).__enter__()
 
 
-def test_python_named_by_a_file_does_not_run(tmp_path: Path) -> None:
+def test_a_python_file_named_by_another_file_is_not_run(tmp_path: Path) -> None:
     (tmp_path / "trap.py").write_text("raise SystemExit('sprung')", "utf-8")
     with pytest.raises(RigctlError, match="a Python file is not run because another file names it"):
         find_family("trap.py", tmp_path / "rig.yaml")
@@ -111,7 +111,7 @@ def test_python_named_by_a_file_does_not_run(tmp_path: Path) -> None:
     assert is_family_file("trap.PY")
 
 
-def test_a_python_file_named_on_purpose_makes_a_family(tmp_path: Path) -> None:
+def test_a_python_file_run_explicitly_gives_a_family(tmp_path: Path) -> None:
     path = tmp_path / "board.py"
     path.write_text(PROGRAM, "utf-8")
     family = run_family_file(path)
@@ -133,26 +133,28 @@ def test_a_python_file_named_on_purpose_makes_a_family(tmp_path: Path) -> None:
         ("def family():\n    raise KeyError('x')\n", r"board\.py: 'family' fails: KeyError: 'x'"),
     ],
 )
-def test_what_is_wrong_with_a_python_file_is_told_with_its_line(tmp_path: Path, text: str, said: str) -> None:
+def test_errors_of_a_python_file_are_reported_with_their_line(tmp_path: Path, text: str, said: str) -> None:
     path = tmp_path / "board.py"
     path.write_text(text, "utf-8")
     with pytest.raises(RigctlError, match=said):
         run_family_file(path)
 
 
-def test_a_python_file_must_be_there(tmp_path: Path) -> None:
+def test_a_missing_python_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(RigctlError, match="there is no such Python file"):
         run_family_file(tmp_path / "nowhere.py")
 
 
-def test_an_installed_package_offers_its_family(installed: Callable[..., None]) -> None:
+def test_the_family_of_an_installed_package_is_found_and_loaded_on_demand(
+    installed: Callable[..., None],
+) -> None:
     installed(PROGRAM)
     assert "their_board" in family_names()
     assert "package_of_their_board" not in sys.modules  # listing loads nothing
     assert find_family("their_board").title == HEATER_BOARD.title
 
 
-def test_a_broken_package_harms_only_its_own_family(installed: Callable[..., None]) -> None:
+def test_a_broken_package_affects_only_its_own_family(installed: Callable[..., None]) -> None:
     installed("raise RuntimeError('broken')", name="broken_board")
     installed(PROGRAM)
     assert find_family("their_board").name == "their_board"
@@ -172,7 +174,7 @@ def test_a_broken_package_harms_only_its_own_family(installed: Callable[..., Non
         ),
     ],
 )
-def test_what_a_package_registers_must_be_a_sound_family(
+def test_an_unsound_family_of_a_package_is_refused(
     installed: Callable[..., None], name: str, source: str, said: str
 ) -> None:
     installed(source, name=name)

@@ -83,7 +83,7 @@ def formula(text: str) -> ModelFamily:
         ),
     ],
 )
-def test_errors_are_reported(family: ModelFamily, part: str, said: str) -> None:
+def test_errors_of_a_family_are_reported_with_their_part(family: ModelFamily, part: str, said: str) -> None:
     flaws = examine_family(family)
     assert flaws
     assert flaws[0].part == part
@@ -92,7 +92,7 @@ def test_errors_are_reported(family: ModelFamily, part: str, said: str) -> None:
         check_family(family)
 
 
-def test_undefined_equations_and_derivatives_are_located() -> None:
+def test_an_equation_without_a_derivative_is_located() -> None:
     def far(m):  # type: ignore[no-untyped-def]
         from rigctl.engine.symbols import sqrt
 
@@ -104,7 +104,7 @@ def test_undefined_equations_and_derivatives_are_located() -> None:
     assert "absolute(x, width)" in str(found[0].error)
 
 
-def test_inputs_and_constants_may_be_used_by_effects_only() -> None:
+def test_inputs_and_constants_that_no_equation_uses_are_allowed() -> None:
     more = replace(
         CUP,
         inputs=(*CUP.inputs, InputVariable("stirrer", "1", 0.0, "")),
@@ -113,6 +113,6 @@ def test_inputs_and_constants_may_be_used_by_effects_only() -> None:
     assert examine_family(more) == ()
 
 
-def test_it_is_evaluated_at_and_near_rest() -> None:
+def test_equations_are_checked_at_and_near_rest() -> None:
     tried = sorted({point["heat"] for point in resting_points(CUP)})
     assert tried == pytest.approx([333.1, 333.15, 333.2])

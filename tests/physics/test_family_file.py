@@ -1,4 +1,4 @@
-"""A user's family file: its result, and its error messages."""
+"""A user's family file: the family it gives, and its error messages."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TANK = shipped("models", "families", "water-tank.yaml")
 TEXT = TANK.read_text(encoding="utf-8")
 PATH = Path("tank.yaml")
 
-#: a family of the fewest lines
+#: a minimal family
 SMALL = """\
 family: cup
 states:
@@ -82,7 +82,7 @@ def test_quantities_are_si_and_keep_their_display_unit(tank: ModelFamily) -> Non
     assert tank.slot("level_reading").kind == "sensor"
 
 
-def test_its_equations_agree_with_a_manual_derivation(tank: ModelFamily) -> None:
+def test_the_equations_of_the_tank_equal_a_hand_calculation(tank: ModelFamily) -> None:
     m = at(tank, level=0.3, temperature=320.0, inflow=5e-5, heater=800.0)
     head = 0.5 * (0.3 + math.hypot(0.3, 1e-3))
     outflow = 0.61 * 20e-6 * math.sqrt(2 * 9.80665 * head)
@@ -91,7 +91,7 @@ def test_its_equations_agree_with_a_manual_derivation(tank: ModelFamily) -> None
     assert m.rate("temperature") == pytest.approx(heat / (998.0 * 4180.0 * 0.05 * head))
 
 
-def test_slots_are_where_they_are_declared(tank: ModelFamily) -> None:
+def test_an_addition_acts_at_its_slot(tank: ModelFamily) -> None:
     plain = at(tank)
     leaking = at(tank, Addition("leak", "a hole", lambda m: -1e-5))
     assert float(leaking.rate("level")) - float(plain.rate("level")) == pytest.approx(-1e-5 / 0.05)
@@ -102,7 +102,7 @@ def test_slots_are_where_they_are_declared(tank: ModelFamily) -> None:
     assert reading.formula(off) == pytest.approx(0.202)
 
 
-def test_numbers_and_symbols_agree(tank: ModelFamily) -> None:
+def test_the_equations_accept_symbols(tank: ModelFamily) -> None:
     graph = Graph()
     known = {s.name: graph.variable(s.name, parse_unit(s.unit).dimension) for s in tank.states}
     known |= {i.name: graph.variable(i.name, parse_unit(i.unit).dimension) for i in tank.inputs}
@@ -115,7 +115,7 @@ def test_a_family_can_be_pickled(tank: ModelFamily) -> None:
     assert at(again).rate("level") == at(tank).rate("level")
 
 
-def test_a_delay_acts_on_previous_and_next_commands() -> None:
+def test_a_delay_may_depend_on_the_commands_before_and_after() -> None:
     text = SMALL.replace(
         "room: {value: 20 degC}",
         "room: {value: 20 degC, delay: dead + (after - before)*slope}",
@@ -132,7 +132,7 @@ def test_a_delay_acts_on_previous_and_next_commands() -> None:
     assert delay(Scope(family, values), 290.0, 293.0) == pytest.approx(5.0)
 
 
-def test_the_standard_record_begins_at_once(tank: ModelFamily) -> None:
+def test_the_standard_record_always_has_a_switch_at_time_zero(tank: ModelFamily) -> None:
     record = tank.standard_record
     assert record is not None
     assert (record.times[0], record.times[-1], len(record.times)) == (0.0, 1500.0, 301)
@@ -213,7 +213,7 @@ def test_a_mistake_is_reported_with_its_place(old: str, new: str, said: str) -> 
     assert message.startswith("tank.yaml:")
 
 
-def test_definitions_in_a_circle_are_named() -> None:
+def test_circular_definitions_are_refused_with_their_names() -> None:
     text = SMALL + "definitions:\n  a: {unit: K, formula: b}\n  b: {unit: K, formula: a}\n"
     assert refused(text) == "tank.yaml:16:25: an equation depends on itself: a -> b -> a"
 
@@ -233,12 +233,12 @@ def test_the_standard_record_is_checked_against_the_names() -> None:
     assert "too many samples" in refused(SMALL + record.replace("1 Hz", "1 kHz"))
 
 
-def test_a_name_that_is_taken_is_refused() -> None:
+def test_the_name_of_an_existing_family_is_refused() -> None:
     with pytest.raises(RigctlError, match=r"tank\.yaml:1:9: there is a model family of this name already"):
         parse_family(SMALL.replace("cup", "heater_board"), PATH, FAMILIES)
 
 
-#: what people and programs leave in a file by accident
+#: text that people and programs leave in a file by accident
 SPLINTERS = [
     "", " ", ":", "- ", "{", "}", "[", "]", "$", "0", "-1", "1e999", "nan", ".inf", "true", "null", "~", "*a",
     "!!python/object:os.system ", "\t", "'", "%", "°C", "30 bar", "level", "((((", "^^", "^", "/", "*", "0/0",

@@ -1,4 +1,4 @@
-"""The oil's equations against the published tables and against limits known by hand."""
+"""The equations of the oil compared with published tables and known limits."""
 
 from __future__ import annotations
 
@@ -40,13 +40,15 @@ def rounded_like(value: float, printed: str) -> str:
 
 
 @pytest.mark.parametrize(("celsius", "kinematic", "dynamic"), PRINTED)
-def test_every_printed_digit_of_the_paper_is_reproduced(celsius: int, kinematic: str, dynamic: str) -> None:
+def test_every_printed_digit_of_the_published_table_is_reproduced(
+    celsius: int, kinematic: str, dynamic: str
+) -> None:
     temperature = celsius + ZERO_CELSIUS
     assert rounded_like(HL32.dynamic_viscosity(temperature), dynamic) == dynamic
     assert rounded_like(HL32.kinematic_viscosity(temperature) / 1e-6, kinematic) == kinematic
 
 
-def test_the_three_printed_points_give_the_exact_constants_not_the_printed_ones() -> None:
+def test_the_three_printed_points_give_their_own_vogel_constants() -> None:
     points = [(20, 7.3856e-2), (40, 2.8900e-2), (100, 4.697e-3)]
     solved = oil.vogel_from_points([(t + ZERO_CELSIUS, mu) for t, mu in points])
     assert solved.a == pytest.approx(3.1132e-5, abs=5e-10)
@@ -64,7 +66,7 @@ def test_the_three_printed_points_give_the_exact_constants_not_the_printed_ones(
     gaps=st.tuples(st.floats(10.0, 60.0), st.floats(10.0, 60.0)),
     order=st.permutations([0, 1, 2]),
 )
-def test_three_points_of_a_vogel_law_give_it_back(
+def test_three_points_determine_a_vogel_law(
     a: float, b: float, c: float, start: float, gaps: tuple[float, float], order: list[int]
 ) -> None:
     temperatures = [start, start + gaps[0], start + sum(gaps)]
@@ -89,12 +91,12 @@ def test_points_without_a_vogel_law_are_refused(points: list[tuple[float, float]
         oil.vogel_from_points(points)
 
 
-def test_a_temperature_below_vogels_pole_is_refused() -> None:
+def test_a_temperature_below_the_pole_of_vogels_law_is_refused() -> None:
     with pytest.raises(RigctlError, match="no value at this temperature"):
         HL32.dynamic_viscosity(100.0)
 
 
-def test_the_misfit_is_relative_and_largest_at_the_hot_end() -> None:
+def test_the_misfit_to_the_measured_viscosity_is_relative_and_largest_when_hot() -> None:
     rows = oil.misfit(
         HL32.kinematic_viscosity, [(p.temperature, p.kinematic_measured) for p in oil.published_viscosity()]
     )
@@ -103,23 +105,23 @@ def test_the_misfit_is_relative_and_largest_at_the_hot_end() -> None:
     assert oil.largest_misfit(rows).temperature == pytest.approx(353.15)
 
 
-def test_the_published_table_is_shipped_whole_and_in_si() -> None:
+def test_the_shipped_table_is_complete_in_si_and_consistent() -> None:
     table = oil.published_viscosity()
     assert [round(p.temperature - ZERO_CELSIUS) for p in table] == list(range(20, 85, 5))
     assert table[0].kinematic_measured == pytest.approx(85.19e-6)
     assert table[-1].dynamic_measured == pytest.approx(0.007889)
-    # the measured columns agree with one another through the density to the digits printed
+    # the two measured columns differ by the density, to the printed digits
     for point in table:
         ratio = point.dynamic_measured / point.kinematic_measured
         assert ratio == pytest.approx(HL32.density(point.temperature), rel=3e-4)
 
 
-def test_density_falls_by_its_expansion() -> None:
+def test_density_falls_linearly_with_its_expansion_coefficient() -> None:
     assert HL32.density(288.15) == 870.0
     assert HL32.density(388.15) == pytest.approx(870.0 * 0.93)
 
 
-def test_barus_and_modulus_at_the_values_of_their_sources() -> None:
+def test_pressure_laws_of_viscosity_have_the_values_of_their_sources() -> None:
     # 0.00215 1/bar at 40 degC and low pressure, to be compared with Barus' 0.002
     assert oil.modulus_coefficient(0.0, 313.15, HL32.modulus) * 1e5 == pytest.approx(2.154e-3, rel=1e-3)
     at_300_bar = 1.0 / (334 + 3.2557 * 40 + (0.026266 + 0.000315 * 40) * 300)
@@ -138,7 +140,7 @@ def test_walther_passes_through_its_two_points() -> None:
     assert 75e-6 < oil.walther(293.15, a, b) < 100e-6
 
 
-def test_capillary_viscometer() -> None:
+def test_the_capillary_viscometer_follows_hagen_poiseuille() -> None:
     constant = oil.capillary_constant(bore=1.1e-3, length=0.1, volume=5.6e-6, head=0.12)
     assert constant == pytest.approx(math.pi * 1.1e-3**4 * 9.80665 * 0.12 / (128 * 0.1 * 5.6e-6))
     assert oil.kinematic_from_time(400.0, constant) == 400.0 * constant
@@ -150,7 +152,7 @@ def test_capillary_viscometer() -> None:
     fraction=st.floats(0.0, 0.1),
     exponent=st.floats(1.0, 1.4),
 )
-def test_bulk_modulus_is_volume_over_minus_its_slope(
+def test_the_effective_bulk_modulus_agrees_with_the_derivative_of_the_volume(
     pressure: float, fraction: float, exponent: float
 ) -> None:
     def volume(p: float) -> float:
@@ -164,12 +166,12 @@ def test_bulk_modulus_is_volume_over_minus_its_slope(
     assert found == pytest.approx(expected, rel=1e-5)
 
 
-def test_oil_without_air_keeps_its_bulk_modulus() -> None:
+def test_air_reduces_the_bulk_modulus_and_its_absence_adds_no_compliance() -> None:
     assert oil.air_compliance(20e5, 0.0, 1.4e9) == 0.0
     assert oil.effective_bulk_modulus(ATMOSPHERE, 0.01, 1.4e9) < 0.02 * 1.4e9
 
 
-def test_the_laws_take_arrays_and_expressions() -> None:
+def test_viscosity_laws_accept_arrays_and_expressions() -> None:
     temperatures = np.array([293.15, 313.15, 353.15])
     vogel = HL32.vogel
     curve = oil.vogel(temperatures, vogel.a, vogel.b, vogel.c)  # type: ignore[arg-type]
@@ -187,7 +189,7 @@ def test_the_laws_take_arrays_and_expressions() -> None:
     assert number == pytest.approx(HL32.dynamic_viscosity(313.15), rel=1e-14)
 
 
-def test_an_unknown_oil_names_the_nearest() -> None:
+def test_an_unknown_oil_is_refused_with_the_nearest_name() -> None:
     assert oil.find_oil("hl32") is HL32
     with pytest.raises(RigctlError, match="did you mean 'HL32'"):
         oil.find_oil("HL23")

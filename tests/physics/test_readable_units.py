@@ -28,18 +28,18 @@ from rigctl.units import Dimension, parse_unit
         ("cSt^2", "m^4/s^2"),
     ],
 )
-def test_a_unit_in_the_fewest_factors(written: str, shortest: str) -> None:
+def test_a_unit_is_written_with_the_fewest_factors(written: str, shortest: str) -> None:
     assert si_unit_of(parse_unit(written).dimension) == shortest
 
 
-def test_a_unit_of_a_display_is_the_same_one() -> None:
-    """It was kg*m^2/(s^2*K), beside J/K for what an effect makes of two units."""
+def test_the_si_unit_of_a_display_unit_is_written_in_the_same_way() -> None:
+    """It used to be kg*m^2/(s^2*K), while effects wrote J/K."""
     assert si_unit("kJ/K") == "J/K"
     assert si_unit("bar*min/l") == "Pa*s/m^3"
 
 
 @given(st.lists(st.integers(-3, 3), min_size=7, max_size=7))
-def test_it_is_of_the_same_dimension_always(exponents: list[int]) -> None:
+def test_the_written_unit_has_the_same_dimension(exponents: list[int]) -> None:
     dimension = Dimension(tuple(Fraction(one) for one in exponents))
     found = parse_unit(si_unit_of(dimension))
     assert (found.dimension, found.factor, found.offset) == (dimension, 1.0, 0.0)

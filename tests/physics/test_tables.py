@@ -1,4 +1,4 @@
-"""Look-up tables and fitted exponents in a family file, judged by SciPy's interpolation."""
+"""Look-up tables and fitted exponents in a family file, compared with SciPy's interpolation."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ outputs:
 POINTS = np.array([[0.0, 21.0], [10.0, 20.0], [20.0, 17.0], [30.0, 11.0], [40.0, 1.0]])
 
 
-def test_tables_and_exponents_of_a_family_file_and_their_derivatives() -> None:
+def test_tables_and_exponents_of_a_family_file_agree_with_scipy() -> None:
     system = build_system(parse_family(FAMILY), {})
     flow = np.linspace(-7.3, 47.1, 120)
     rows = np.arange(float(flow.size))
@@ -65,9 +65,7 @@ def test_tables_and_exponents_of_a_family_file_and_their_derivatives() -> None:
     seed=st.integers(0, 10**6),
     kind=st.sampled_from(["cubic", "linear"]),
 )
-def test_a_curve_goes_through_its_points_and_stays_between_them(
-    steps: list[float], seed: int, kind: str
-) -> None:
+def test_a_curve_agrees_with_scipy_interpolation(steps: list[float], seed: int, kind: str) -> None:
     x = np.cumsum([0.0, *steps])
     y = np.random.default_rng(seed).normal(size=x.size).cumsum()
     curve = Curve("c", "m", "V", tuple(x.tolist()), tuple(y.tolist()), kind)  # type: ignore[arg-type]
@@ -92,7 +90,7 @@ def test_a_curve_goes_through_its_points_and_stays_between_them(
         ("unit: m, points", "unit: mx, points", "unknown unit, got 'mx'"),
     ],
 )
-def test_mistakes(old: str, new: str, said: str) -> None:
+def test_mistakes_in_a_table_are_refused_with_a_clear_message(old: str, new: str, said: str) -> None:
     assert old in FAMILY
     with pytest.raises(RigctlError) as refused:
         parse_family(FAMILY.replace(old, new))
