@@ -1,6 +1,6 @@
-"""The bench's equations written a second time, as plain numbers with hard corners.
+"""An independent implementation of the bench's equations, in plain numbers with hard corners.
 
-An oracle: it shares nothing with the package, so that a mistake there cannot hide here.
+A reference for tests: it shares no code with the package, so that both cannot have the same mistake.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 Vector = NDArray[np.float64]
 
-#: what a hidden effect adds, by place: flows in m^3/s (``ab`` from A to B, ``pt`` from P to tank),
+#: contributions of a hidden effect: flows in m^3/s (``ab`` from A to B, ``pt`` from P to tank),
 #: ``friction`` and ``load`` in N, ``mass`` in kg, ``area`` and ``setting`` as factors
 Extra = Callable[[Vector, float], dict[str, float]]
 
@@ -50,7 +50,7 @@ class PlainCylinder:
     extra: Extra = nothing
     #: compliance in 1/Pa that a hidden effect adds at a pressure
     soft: Callable[[float], float] = lambda p: 0.0
-    #: m by which a seal bends before it slides; where it is not 0, how far it is bent is an eighth state
+    #: m by which a seal bends before it slides; if not 0, its bending is an eighth state
     presliding: float = 0.0
 
     def rates(self, y: Vector, command: float) -> Vector:
@@ -142,6 +142,6 @@ class PlainCylinder:
         return np.concatenate(parts)
 
     def stroke(self, celsius: float, open_for: float = 1.05, after: float = 1.0) -> float:
-        """How far one timed extension moves the piston, in m."""
+        """The stroke of one timed extension, m."""
         end = np.array([open_for + after])
         return float(self.record(celsius, [(open_for, 1.0), (after, 0.0)], end)[0, 5])

@@ -19,7 +19,7 @@ TANK = Tank(
 )
 
 
-def test_the_shipped_rig() -> None:
+def test_the_shipped_rig_has_the_heat_capacity_and_powers_of_its_data() -> None:
     tank = tank_of(load_rig(RIG))
     assert tank is not None
     assert tank.heat_capacity(288.15) == pytest.approx(870.0 * 0.08 * 1900.0)
@@ -27,7 +27,7 @@ def test_the_shipped_rig() -> None:
     assert tank.power(50e5, heating=True) == pytest.approx(2000.0 + 1166.7 / 0.9, rel=1e-3)
 
 
-def test_published_rates_of_heating() -> None:
+def test_heating_rates_agree_with_the_published_ones() -> None:
     """The heaters give 0.9 K/min; at 50 bar the pump adds 0.5, before its efficiency."""
     adiabatic = Tank(0.08, HL32, 2000.0, 14e-3 / 60.0, 0.0, 295.15)
     minute = adiabatic.after(293.15, 60.0, 0.0, heating=True) - 293.15
@@ -37,7 +37,7 @@ def test_published_rates_of_heating() -> None:
 
 
 @given(st.floats(283.0, 350.0), st.floats(283.0, 350.0), st.floats(0.0, 60e5), st.booleans())
-def test_time_and_temperature_undo_each_other(
+def test_the_time_to_a_temperature_leads_to_that_temperature(
     start: float, target: float, pressure: float, heating: bool
 ) -> None:
     seconds = TANK.time_to(target, start, pressure, heating)
@@ -49,7 +49,7 @@ def test_time_and_temperature_undo_each_other(
         assert TANK.after(start, seconds, pressure, heating) == pytest.approx(target, abs=0.05)
 
 
-def test_an_hour_of_heating_against_small_steps() -> None:
+def test_the_heating_time_agrees_with_a_numerical_solution() -> None:
     temperature, step = 293.15, 1.0
     for _ in range(3600):
         power = TANK.power(30e5, heating=True) - TANK.loss * (temperature - TANK.ambient)
@@ -57,7 +57,7 @@ def test_an_hour_of_heating_against_small_steps() -> None:
     assert TANK.time_to(temperature, 293.15, 30e5, heating=True) == pytest.approx(3600.0, rel=2e-3)
 
 
-def test_what_is_never_reached() -> None:
+def test_an_unreachable_temperature_takes_infinite_time() -> None:
     assert TANK.time_to(400.0, 350.0, 0.0, heating=False) == math.inf
     assert TANK.time_to(290.0, 300.0, 0.0, heating=False) == math.inf
     assert TANK.time_to(300.0, 300.0, 0.0, heating=False) == 0.0
@@ -68,7 +68,7 @@ def test_what_is_never_reached() -> None:
 
 
 @pytest.mark.parametrize("line", ["  tank_fill: 80 l", "    power: 2000 W", "  heat: {actuator: heater"])
-def test_a_rig_that_does_not_tell(line: str) -> None:
+def test_a_rig_without_the_data_of_its_tank_has_no_heat_balance(line: str) -> None:
     lines = RIG.read_text(encoding="utf-8").splitlines()
     without = parse_rig("\n".join(text for text in lines if not text.startswith(line)))
     assert tank_of(without) is None

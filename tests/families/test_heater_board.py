@@ -1,4 +1,4 @@
-"""The two-heater board and its effects against formulas worked out by hand."""
+"""The two-heater board and its effects, compared with hand calculations."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ def scope(effect: str | None = None, **states: float) -> Scope:
 
 
 def heats(effect: str, **states: float) -> tuple[float, float]:
-    """What an effect adds to each heater's balance, in W."""
+    """The contribution of an effect to the heat balance of each heater, W."""
     base, more = scope(), scope(effect, **states)
     return tuple(
         2.0 * (float(more.rate(name)) - float(base.rate(name))) for name in ("temperature_1", "temperature_2")
     )
 
 
-def test_the_base_is_one_lump_each() -> None:
+def test_each_heater_is_one_lumped_capacity() -> None:
     m = scope()
     assert m.rate("temperature_1") == pytest.approx((0.6 * 1.0 - 0.012 * 44.0) / 2.0)
     assert m.rate("temperature_2") == pytest.approx((0.1 * 1.0 - 0.012 * 14.0) / 2.0)
 
 
-def test_radiation() -> None:
+def test_radiation_follows_the_stefan_boltzmann_law() -> None:
     expected = [-9e-4 * SIGMA * (t**4 - 296.0**4) for t in (340.0, 310.0)]
     assert heats("radiation") == pytest.approx(expected)
 
@@ -56,16 +56,16 @@ def test_coupling_transfers_heat_between_the_heaters() -> None:
     assert one == pytest.approx(-other)
 
 
-def test_power_law_convection_meets_the_linear_one_at_thirty_kelvin() -> None:
+def test_power_law_convection_equals_its_formula() -> None:
     expected = [-0.012 * d * ((d / 30.0) ** 0.25 - 1.0) for d in (44.0, 14.0)]
     assert heats("power_law_convection") == pytest.approx(expected, rel=1e-4)
 
 
-def test_a_bent_heater_keeps_its_ends() -> None:
+def test_a_nonlinear_heater_equals_its_formula() -> None:
     assert heats("heater_nonlinearity") == pytest.approx([0.6 * 0.1 * 0.4, 0.1 * 0.1 * 0.9])
 
 
-def test_lags_walls_and_drift() -> None:
+def test_lags_wall_capacity_and_ambient_drift_equal_their_formulas() -> None:
     assert heats("heater_lag", element_1=0.2, element_2=0.1) == pytest.approx([-0.4 * 10.0 / 10.5, 0.0])
     assert heats("wall_heat_capacity", difference_1=3.0, difference_2=-1.0) == pytest.approx(
         [-3.0 / 60.0, 1.0 / 60.0]
@@ -78,7 +78,7 @@ def test_lags_walls_and_drift() -> None:
     assert slope == pytest.approx(2.0 / 20.5 - float(lagged.rate("temperature_1")))
 
 
-def test_a_heater_settles_with_one_time_constant() -> None:
+def test_a_heater_follows_a_step_with_one_time_constant() -> None:
     # full power: 1 W over 0.012 W/K, with the time constant 2 J/K over 0.012 W/K
     temperature, dt = 296.0, 0.05
     for _ in range(int(2.0 / 0.012 / dt)):

@@ -1,4 +1,4 @@
-"""The cylinder's equations against the same equations written a second time, and against known numbers."""
+"""The cylinder's equations compared with an independent implementation and with published numbers."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def near(a: float, b: float, scale: float) -> bool:
     p_set=st.floats(10e5, 60e5),
     throttle=st.sampled_from(["meter_in", "meter_out", "both"]),
 )
-def test_every_rate_equals_the_equations_written_a_second_time(
+def test_every_rate_agrees_with_an_independent_implementation(
     temperature: float,
     spool: float,
     pressures: tuple[float, float, float],
@@ -62,7 +62,7 @@ def test_every_rate_equals_the_equations_written_a_second_time(
 ) -> None:
     ps, pa, pb = pressures
     drops = (ps - pa, pa, ps - pb, pb)
-    if min(map(abs, drops)) < 2e5:  # there the root is rounded on purpose
+    if min(map(abs, drops)) < 2e5:  # there the square root is smoothed
         return
     plain = PlainCylinder(p_set=p_set, heater=1500.0, throttle=throttle)
     expected = plain.rates(np.array([temperature, spool, ps, pa, pb, position, velocity]), command)
@@ -103,20 +103,20 @@ def integrate(pressure: float, celsius: float) -> float:
 
 
 @pytest.mark.parametrize(("bar", "stroke"), [(20, 77.4), (30, 94.9), (40, 109.6), (50, 122.6)])
-def test_strokes_of_the_bench(bar: int, stroke: float) -> None:
+def test_strokes_agree_with_the_published_bench(bar: int, stroke: float) -> None:
     found = integrate(bar * 1e5, 20.0)
     assert 1e3 * found == pytest.approx(stroke, abs=0.1)
     assert found == pytest.approx(PlainCylinder(p_set=bar * 1e5).stroke(20.0), abs=5e-5)
 
 
 @pytest.mark.parametrize(("celsius", "percent"), [(60, 1.4), (80, 2.2)])
-def test_hot_oil_is_thinner_in_mass_and_goes_further(celsius: int, percent: float) -> None:
+def test_hot_oil_of_lower_density_gives_a_longer_stroke(celsius: int, percent: float) -> None:
     cold, hot = integrate(30e5, 20.0), integrate(30e5, float(celsius))
     assert 100.0 * (hot / cold - 1.0) == pytest.approx(percent, abs=0.05)
 
 
 @pytest.mark.parametrize(("bar", "watts"), [(20, 467), (30, 700), (40, 933), (50, 1167)])
-def test_the_pump_heats_over_the_relief_valve(bar: int, watts: int) -> None:
+def test_the_pump_power_over_the_relief_valve_heats_the_oil(bar: int, watts: int) -> None:
     m = scope(
         supply_pressure=bar * 1e5,
         pressure_setpoint=bar * 1e5,
@@ -128,7 +128,7 @@ def test_the_pump_heats_over_the_relief_valve(bar: int, watts: int) -> None:
     assert float(m.supply_pressure * m.flow_relief) == pytest.approx(watts, abs=1.0)
 
 
-def test_the_heaters_give_nine_tenths_of_a_kelvin_per_minute() -> None:
+def test_the_heaters_warm_the_oil_by_the_published_rate() -> None:
     heated = scope(heater_power=2000.0, supply_pressure=0.0, pump=0.0, oil_temperature=295.15)
     assert 60.0 * float(heated.rate("oil_temperature")) == pytest.approx(0.9, abs=0.02)
 
@@ -144,7 +144,7 @@ def test_a_stopped_pump_has_no_flow() -> None:
     assert float(slipping.flow_from_pump) == pytest.approx(0.0, abs=1e-8)
 
 
-def test_blocked_ports_pass_nothing_that_a_record_could_show() -> None:
+def test_blocked_ports_pass_a_negligible_flow() -> None:
     m = scope(supply_pressure=50e5, pressure_a=10e5, pressure_b=20e5, spool=0.0)
     flows = (m.flow_supply_to_a, m.flow_supply_to_b, m.flow_a_to_return, m.flow_b_to_return)
     # 1e-11 m^3/s moves a blocked chamber of 60 cm^3 by 2 mbar in a second
@@ -154,7 +154,7 @@ def test_blocked_ports_pass_nothing_that_a_record_could_show() -> None:
 def test_vapour_keeps_the_pressure_above_minus_one_bar() -> None:
     pressure, volume = 0.0, 60e-6
     pulled = 0.0
-    while pulled < 8.0 * volume:  # draw the chamber out to nine times its volume
+    while pulled < 8.0 * volume:  # expand the chamber to nine times its volume
         m = scope(pressure_a=pressure, velocity=0.1, position=0.0, spool=0.0)
         step = min(1e-3, 1e3 / abs(float(m.rate("pressure_a"))))
         pressure += step * float(m.rate("pressure_a"))
@@ -168,7 +168,7 @@ def test_vapour_keeps_the_pressure_above_minus_one_bar() -> None:
     resistance=st.floats(0.0, 1e12),
     turbulence=st.floats(0.0, 1e16),
 )
-def test_a_line_in_series_takes_its_share_of_the_drop(
+def test_pressure_drops_of_orifice_and_line_in_series_add_up(
     area: float, drop: float, resistance: float, turbulence: float
 ) -> None:
     k = restrictions.conductance(0.62, area, 860.0)
@@ -176,13 +176,13 @@ def test_a_line_in_series_takes_its_share_of_the_drop(
     assert q * q / float(k) ** 2 + resistance * q + turbulence * q * q == pytest.approx(abs(drop), rel=1e-4)
 
 
-def test_the_piston_rests_on_its_stops() -> None:
+def test_the_end_stops_push_back_and_act_nowhere_else() -> None:
     for position, push in ((-20e-6, 4000.0), (0.25 + 20e-6, -4000.0)):
         assert float(scope(position=position).end_stops) == pytest.approx(push, rel=0.01)
     assert abs(float(scope(position=1e-3, velocity=0.1).end_stops)) < 1.0
 
 
-def test_dimensions_of_all_equations_agree() -> None:
+def test_all_equations_have_the_declared_dimensions() -> None:
     graph = Graph()
     known = {
         item.name: graph.variable(item.name, parse_unit(item.unit).dimension)
@@ -199,14 +199,14 @@ def test_dimensions_of_all_equations_agree() -> None:
         check_dimension(graph.expression(output.formula(m)), parse_unit(output.unit).dimension, output.name)
 
 
-def test_a_misspelt_variable_names_the_nearest() -> None:
+def test_a_misspelt_name_is_refused_with_the_nearest_name() -> None:
     with pytest.raises(RigctlError, match="did you mean 'pressure_a'"):
         _ = scope().presure_a
     with pytest.raises(RigctlError, match="did you mean 'meter_in'"):
         _ = scope("meter_on").flow_supply_to_a
 
 
-def test_an_equation_that_depends_on_itself_is_named() -> None:
+def test_a_circular_equation_is_refused_with_its_names() -> None:
     circular = Addition("line_temperature", "mine", lambda m: 1e-3 * m.density)
     m = Scope(
         FAMILY,

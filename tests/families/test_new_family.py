@@ -1,4 +1,4 @@
-"""A family of models is one folder: its equations, its effects and what differs between records are found."""
+"""A family is one folder, in which its equations, effects and record-level parameters are found."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ print([start.state for start in record_level(FAMILIES["kettle"]).starts])
 """
 
 
-def test_a_new_family_is_one_folder(tmp_path: Path) -> None:
+def test_a_new_family_is_found_from_its_folder_alone(tmp_path: Path) -> None:
     folder = tmp_path / "kettle"
     (folder / "effects").mkdir(parents=True)
     (folder / "__init__.py").write_text("", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The viscosity table and its effects against formulas worked out by hand."""
+"""The viscosity table and its effects, compared with hand calculations."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def read(name: str, m: Scope) -> float:
     return float(next(output for output in OIL_VISCOSITY.outputs if output.name == name).formula(m))
 
 
-def test_the_base_reproduces_the_printed_table() -> None:
+def test_vogels_law_reproduces_the_printed_table() -> None:
     for celsius, printed in ((20.0, 85.19009), (60.0, 16.42916), (80.0, 9.213226)):
         assert read("kinematic_viscosity", scope(celsius=celsius)) / 1e-6 == pytest.approx(printed, abs=5e-6)
 
 
-def test_pressure_thickens_the_oil() -> None:
+def test_pressure_raises_the_viscosity_by_barus_and_by_the_modulus_law() -> None:
     base = read("dynamic_viscosity", scope())
     assert read("dynamic_viscosity", scope("barus", bar=200.0)) == pytest.approx(
         base * math.exp(2e-8 * 200e5)
@@ -51,14 +51,14 @@ def test_walthers_law_replaces_vogels() -> None:
     assert half == pytest.approx(math.sqrt(whole * none))
 
 
-def test_density_bends() -> None:
+def test_density_curvature_equals_its_formula() -> None:
     assert read("density", scope("density_curvature")) == pytest.approx(
         870 * (1 - 7e-4 * 45) * (1 - 3e-7 * 45**2)
     )
 
 
-def test_the_end_correction_is_that_of_the_capillary() -> None:
-    # nu = k*t - c/t is what the oil has, k*t what is read
+def test_the_end_correction_is_the_inverse_of_the_viscometer_formula() -> None:
+    # the true viscosity is nu = k*t - c/t, the reading k*t
     constant, correction = 0.03e-6, 1e-12 / 0.03e-6
     reading = read("kinematic_viscosity", scope("capillary_end_correction", celsius=80.0))
     time = reading / constant
@@ -67,6 +67,6 @@ def test_the_end_correction_is_that_of_the_capillary() -> None:
     assert reading > true
 
 
-def test_a_cold_bath_reads_thick_oil() -> None:
+def test_an_oil_colder_than_its_thermometer_reads_more_viscous() -> None:
     colder = read("kinematic_viscosity", scope("thermometer_offset", offset=-2.0))
     assert colder == pytest.approx(read("kinematic_viscosity", scope(celsius=58.0)))
