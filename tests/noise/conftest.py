@@ -1,4 +1,4 @@
-"""Campaigns of the separate bench, integrated once, with noise drawn anew as often as a test likes."""
+"""Campaigns of the separate bench, integrated once, with new noise for every test."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Truth:
     records: list[NoiseRecord]
 
     def measured(self, seed: int, correlation: float, *, ten_bits: bool = False) -> list[NoiseRecord]:
-        """The campaign as it is recorded once."""
+        """One noisy recording of the campaign."""
         rng = np.random.default_rng(seed)
         return [
             NoiseRecord(
@@ -66,7 +66,7 @@ def _truth(scatter: Scatter) -> Truth:
 
 @pytest.fixture(scope="session")
 def bench_truth() -> Truth:
-    """28 conditions, four of them repeated; a little scatter from run to run."""
+    """28 conditions, four of them repeated, with a little scatter between runs."""
     return _truth(Scatter(setting=0.002, oil=0.05, trapped=0.01, position_zero=5e-5))
 
 

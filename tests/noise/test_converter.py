@@ -1,4 +1,4 @@
-"""A converter's step is read from the values, and what it does to noise is what a simulation shows."""
+"""The step of a converter is found from the values; its bias and variance agree with simulations."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigctl.noise.converter import find_step, noise_before, stretch_bias, window
 
 @pytest.mark.parametrize("sigma", [0.02, 0.2, 0.5, 3.0])
 @pytest.mark.parametrize("step", [0.25, 1e-4, 1.2e4])
-def test_the_step_is_found(sigma: float, step: float) -> None:
+def test_the_step_of_a_converter_is_found_in_noisy_values(sigma: float, step: float) -> None:
     rng = np.random.default_rng(1)
     series = [
         np.round(rng.uniform(0, 50) + np.linspace(0, 9, 300) + sigma * rng.standard_normal(300)) * step
@@ -35,7 +35,7 @@ def test_values_without_a_grid_have_no_step() -> None:
 
 
 @pytest.mark.parametrize("sigma", [0.1, 0.2, 0.35])
-def test_the_bias_of_a_stretch_is_that_of_a_simulated_converter(sigma: float) -> None:
+def test_the_bias_of_a_stretch_agrees_with_a_simulated_converter(sigma: float) -> None:
     rng = np.random.default_rng(4)
     levels = np.linspace(0.0, 1.0, 100, endpoint=False)
     noise = sigma * rng.standard_normal((20000, 1))
@@ -46,7 +46,7 @@ def test_the_bias_of_a_stretch_is_that_of_a_simulated_converter(sigma: float) ->
     assert noise_before(1.0, within) == pytest.approx(sigma, abs=0.005)
 
 
-def test_the_bias_without_noise_is_that_of_rounding_and_vanishes_for_wide_noise() -> None:
+def test_the_bias_is_that_of_rounding_without_noise_and_vanishes_for_wide_noise() -> None:
     assert stretch_bias(0.3, 0.0) == pytest.approx(0.3 / np.sqrt(12.0), rel=0.03)
     assert stretch_bias(0.3, 0.3) < 1e-8
     assert stretch_bias(0.0, 1.0) == 0.0
@@ -57,7 +57,7 @@ def test_the_bias_without_noise_is_that_of_rounding_and_vanishes_for_wide_noise(
 
 @pytest.mark.parametrize("level", [0.0, 0.25, 0.5])
 @pytest.mark.parametrize("sigma", [0.2, 0.35])
-def test_the_variance_at_a_level_is_that_of_a_simulated_converter(level: float, sigma: float) -> None:
+def test_the_variance_at_a_level_agrees_with_a_simulated_converter(level: float, sigma: float) -> None:
     converted = np.round(level + sigma * np.random.default_rng(5).standard_normal(200_000))
     expected = converted.var() / (sigma**2 + 1.0 / 12.0)
     assert window_share(np.array([[14.0 + 2.0 * level]]), 2.0, 2.0 * sigma)[0] == pytest.approx(
@@ -66,5 +66,5 @@ def test_the_variance_at_a_level_is_that_of_a_simulated_converter(level: float, 
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.1, 0.35, 2.0])
-def test_a_signal_that_crosses_steps_carries_the_whole_variance(sigma: float) -> None:
+def test_a_signal_that_crosses_steps_has_the_full_quantisation_variance(sigma: float) -> None:
     assert window_share(np.linspace(0.0, 5.0, 500)[None, :], 1.0, sigma)[0] == pytest.approx(1.0, abs=0.02)

@@ -1,4 +1,4 @@
-"""Edges beside a switch that the sampling does not resolve are found; slow signals lose no reading."""
+"""Edges at a switch that the sampling does not resolve are found; slow signals lose no reading."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def test_without_a_switch_there_is_no_edge(seed: int, ramp: float, swing: float)
     height=st.floats(3.0 * THRESHOLD * 6**0.5 * SIGMA, 1e3),
     late=st.integers(0, 2),
 )
-def test_a_jump_at_a_switch_is_an_edge_and_what_is_beside_it_is_not(
+def test_only_the_samples_of_a_jump_at_a_switch_are_an_edge(
     seed: int, place: int, height: float, late: int
 ) -> None:
     values = SIGMA * np.random.default_rng(seed).standard_normal(300)
@@ -56,10 +56,10 @@ def test_a_jump_at_a_switch_is_an_edge_and_what_is_beside_it_is_not(
     height=st.floats(1.0, 1e4),
     fraction=st.floats(0.0, 1.0),
 )
-def test_a_response_that_the_sampling_resolves_is_no_edge(
+def test_a_response_resolved_by_the_sampling_is_no_edge(
     seed: int, samples: float, order: int, height: float, fraction: float
 ) -> None:
-    """Lags of three samples and more, one to three in a row, however far above the noise they bend."""
+    """One to three lags in series, of three or more samples each, however far above the noise."""
     fine = 50
     switch = 100 + fraction
     step = (np.arange(300 * fine) >= switch * fine).astype(float)
@@ -71,7 +71,7 @@ def test_a_response_that_the_sampling_resolves_is_no_edge(
     assert not edges(values, 0.01 * switch, half=0.005).size
 
 
-def test_ringing_is_an_edge_until_it_has_died_away() -> None:
+def test_ringing_is_an_edge_until_it_has_decayed() -> None:
     after = np.maximum(np.arange(300) - 99, 0)
     values = 100.0 * np.where(after > 0, np.exp(-after / 3.0) * np.cos(2.2 * after), 0.0)
     found = edges(values, TIMES[99])
@@ -93,7 +93,7 @@ def test_two_tanks_filled_in_steps_lose_no_reading() -> None:
         values = solve_ivp(levels, (0.0, times[-1]), [0.5, 0.5], t_eval=times, max_step=spacing).y.T
         values = values + sigma * rng.standard_normal(values.shape)
         bends = np.abs(np.diff(values, 2, axis=0)) > THRESHOLD * 6**0.5 * sigma
-        assert bends.any()  # a test that looked at bends alone would leave readings out
+        assert bends.any()  # a test of curvature alone would exclude readings
         switches = times[1:][np.abs(np.diff(pump)) > 0.0]
         assert not find_edges(times, values, np.full(2, sigma), switches).any()
 
@@ -104,7 +104,7 @@ def test_a_gap_is_no_edge() -> None:
     assert not edges(values, times[150], times=times).size
 
 
-def test_missing_values_and_short_records_are_taken_as_they_are() -> None:
+def test_missing_values_and_short_records_are_accepted() -> None:
     values = np.zeros(300)
     values[150:] = 50.0
     values[149] = np.nan
@@ -112,18 +112,18 @@ def test_missing_values_and_short_records_are_taken_as_they_are() -> None:
     assert not edges(np.array([0.0, 50.0]), 0.01, times=np.array([0.0, 0.01])).size
 
 
-def test_a_reading_before_a_switch_that_is_known_exactly_is_kept() -> None:
+def test_the_reading_before_an_exactly_known_switch_is_kept() -> None:
     values = np.where(np.arange(300) < 150, 0.0, 50.0)
     assert edges(values, TIMES[150]).tolist() == [150, 151]
-    # known to half a sample, the one before may already show it
+    # if known to half a sample only, the sample before may already show the switch
     assert edges(values, TIMES[150] - 0.005, half=0.006).tolist() == [149, 150, 151]
 
 
 @pytest.mark.parametrize("period", [5, 20, 50])
-def test_a_channel_that_bends_everywhere_has_no_edges(period: int) -> None:
+def test_a_channel_that_is_curved_everywhere_has_no_edges(period: int) -> None:
     sweep = 1000.0 * SIGMA * np.sin(2 * np.pi * np.arange(300) / period)
     switches = TIMES[5::10]
     assert not edges(sweep, *switches).size
-    stepped = np.where(np.arange(300) < 150, 0.0, 50.0)  # beside one whose edges are
+    stepped = np.where(np.arange(300) < 150, 0.0, 50.0)  # beside a channel that has edges
     found = find_edges(TIMES, np.column_stack([sweep, stepped]), np.array([SIGMA, SIGMA]), TIMES[150:151])
     assert found[:, 1].sum() == 2

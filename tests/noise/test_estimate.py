@@ -1,4 +1,4 @@
-"""Sigma and correlation are recovered from data of a bench that shares no code with this."""
+"""Sigma and correlation are recovered from data of the separate bench, which shares no code with rigctl."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rigctl.validation.bench.sensing import TEN_BITS, Noise
 NAMES = ("oil_temperature", "supply_pressure", "position", "pressure_a", "pressure_b")
 SIGMA = np.array([Noise().sigma[name] for name in NAMES])
 STEP = np.array([TEN_BITS[name] for name in NAMES])
-#: the rod stands after the stroke; the rod moves; both
+#: the rod at rest after the stroke; in motion; both
 STRETCHES = ((165, 225), (60, 120), (30, 125))
 
 
@@ -27,7 +27,7 @@ def coloured(rng: np.random.Generator, size: int, rho: float) -> NDArray[np.floa
 
 
 def stretch_means(bench_truth, records: list[NoiseRecord], noise: NoiseModel) -> NDArray[np.float64]:
-    """Means of the errors over stretches, each over the standard deviation that the noise model gives it."""
+    """Mean errors over stretches, divided by their standard deviation according to the noise model."""
     found = []
     for first, last in STRETCHES:
         times = np.arange(last - first) * noise.spacing
@@ -56,7 +56,7 @@ def test_sigma_and_correlation_are_unbiased(bench_truth, rho: float) -> None:
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.6])
-def test_ten_bits_leave_the_total_sigma_and_the_means_right(bench_truth, rho: float) -> None:
+def test_total_sigma_and_means_are_right_for_a_ten_bit_converter(bench_truth, rho: float) -> None:
     total = np.sqrt(SIGMA**2 + STEP**2 / 12.0)
     sigmas, means = [], []
     for seed in range(3):
@@ -71,7 +71,7 @@ def test_ten_bits_leave_the_total_sigma_and_the_means_right(bench_truth, rho: fl
 
 
 @pytest.mark.parametrize("share", [0.3, 0.7])
-def test_white_noise_on_slow_noise_leaves_the_means_right(
+def test_means_are_right_for_white_noise_plus_coloured_noise(
     plain_record: Callable[..., NoiseRecord], share: float
 ) -> None:
     rng = np.random.default_rng(11)
@@ -92,7 +92,7 @@ def test_white_noise_on_slow_noise_leaves_the_means_right(
     assert np.std(z) == pytest.approx(1.0, abs=0.08)
 
 
-def test_replicates_stand_in_where_every_record_moves_too_much(
+def test_noise_is_estimated_from_replicates_where_every_record_moves_too_much(
     plain_record: Callable[..., NoiseRecord],
 ) -> None:
     rng = np.random.default_rng(5)
@@ -108,7 +108,9 @@ def test_replicates_stand_in_where_every_record_moves_too_much(
     assert "replicates" in channel.statement
 
 
-def test_stretches_that_all_move_are_said_to_be_a_guess(plain_record: Callable[..., NoiseRecord]) -> None:
+def test_noise_of_a_signal_that_always_moves_is_reported_as_a_guess(
+    plain_record: Callable[..., NoiseRecord],
+) -> None:
     values = 50.0 * np.sin(2 * np.pi * 2.0 * np.arange(400) * 0.01)
     channel = estimate_noise([plain_record(values)], ["x"]).channels[0]
     assert channel.guessed
@@ -117,7 +119,7 @@ def test_stretches_that_all_move_are_said_to_be_a_guess(plain_record: Callable[.
 
 @pytest.mark.parametrize("sigma", [0.0, 0.02, 0.1, 0.2])
 @pytest.mark.parametrize("moving", [True, False])
-def test_noise_that_a_converter_swallows_is_no_less_than_the_converter(
+def test_noise_hidden_by_a_converter_is_no_smaller_than_its_quantisation(
     plain_record: Callable[..., NoiseRecord], sigma: float, moving: bool
 ) -> None:
     rng = np.random.default_rng(12)
@@ -130,7 +132,7 @@ def test_noise_that_a_converter_swallows_is_no_less_than_the_converter(
     total = np.sqrt(sigma**2 + 1.0 / 12.0)
     if moving:
         assert channel.step == pytest.approx(1.0)
-        # a slow signal makes a sawtooth of what the converter leaves, which no noise model is right for
+        # for a slow signal the quantisation error is a sawtooth, which no noise model describes
         assert 0.9 * total < channel.sigma < 1.2 * total
     elif channel.step:
         assert 0.95 * np.sqrt(1.0 / 12.0) < channel.sigma < 1.5 * total
@@ -138,7 +140,7 @@ def test_noise_that_a_converter_swallows_is_no_less_than_the_converter(
         assert channel.sigma > 0.0
 
 
-def test_phases_too_short_for_a_correlation_leave_the_differences() -> None:
+def test_noise_of_short_phases_is_estimated_from_differences() -> None:
     rng = np.random.default_rng(6)
     times = np.arange(240) * 0.01
     values = (3.0 * np.cos(5 * times) + 0.2 * rng.standard_normal(240))[:, None]
@@ -149,7 +151,7 @@ def test_phases_too_short_for_a_correlation_leave_the_differences() -> None:
     assert "cannot show correlation" in channel.statement
 
 
-def test_what_the_data_cannot_tell_comes_from_the_rig_file_and_is_said() -> None:
+def test_noise_that_the_data_do_not_show_is_taken_from_the_rig_file_and_reported() -> None:
     record = NoiseRecord(np.arange(100) * 0.01, np.full((100, 2), 300.0), 0, np.zeros(100, np.intp))
     noise = estimate_noise([record], ["told", "untold"], known={"told": 0.3})
     assert noise.guessed == ("told", "untold")
@@ -160,7 +162,7 @@ def test_what_the_data_cannot_tell_comes_from_the_rig_file_and_is_said() -> None
     assert "only guessed for told, untold" in noise.statement
 
 
-def test_a_rig_file_far_off_is_named(plain_record: Callable[..., NoiseRecord]) -> None:
+def test_a_rig_file_with_a_far_smaller_noise_is_reported(plain_record: Callable[..., NoiseRecord]) -> None:
     record = plain_record(np.random.default_rng(7).standard_normal(400))
     channel = estimate_noise([record], ["x"], known={"x": 0.1}).channels[0]
     assert channel.source == "quiet"
@@ -183,7 +185,7 @@ def test_missing_samples_and_spikes_are_left_out(plain_record: Callable[..., Noi
     assert "spikes masked" in channel.statement
 
 
-def test_the_scale_of_the_values_does_not_matter(plain_record: Callable[..., NoiseRecord]) -> None:
+def test_estimates_do_not_depend_on_the_scale_of_the_values(plain_record: Callable[..., NoiseRecord]) -> None:
     values = coloured(np.random.default_rng(9), 800, 0.4)
     one = estimate_noise([plain_record(values)], ["x"]).channels[0]
     for scale in (1e-9, 1e9):
@@ -193,7 +195,7 @@ def test_the_scale_of_the_values_does_not_matter(plain_record: Callable[..., Noi
 
 
 @pytest.mark.parametrize("size", [0, 1, 2, 5, 11, 12, 13, 40])
-def test_records_of_any_length_give_an_answer_without_a_warning(size: int) -> None:
+def test_records_of_any_length_give_an_estimate_without_a_warning(size: int) -> None:
     rng = np.random.default_rng(size)
     record = NoiseRecord(np.arange(size) * 0.01, rng.standard_normal((size, 1)), 0, np.zeros(size, np.intp))
     with warnings.catch_warnings():
@@ -202,12 +204,12 @@ def test_records_of_any_length_give_an_answer_without_a_warning(size: int) -> No
     assert noise.channels[0].sigma > 0.0
 
 
-def test_a_channel_that_was_never_read_is_guessed() -> None:
+def test_the_noise_of_a_channel_without_readings_is_guessed() -> None:
     record = NoiseRecord(np.arange(50) * 0.01, np.full((50, 1), np.nan), 0, np.zeros(50, np.intp))
     assert estimate_noise([record], ["x"]).guessed == ("x",)
 
 
-def test_channels_that_do_not_fit_their_names_are_refused() -> None:
+def test_a_number_of_channels_unequal_to_the_names_is_refused() -> None:
     record = NoiseRecord(np.arange(3) * 1.0, np.zeros((3, 2)), 0, np.zeros(3, np.intp))
     with pytest.raises(ValueError, match="channels"):
         estimate_noise([record], ["x"])
@@ -219,6 +221,6 @@ def test_channels_that_do_not_fit_their_names_are_refused() -> None:
     ("times", "values", "phase"),
     [((0.0, 0.0), (2, 1), 2), ((0.0, 1.0), (3, 1), 2), ((0.0, 1.0), (2, 1), 3)],
 )
-def test_records_that_cannot_be_are_refused(times, values, phase) -> None:
+def test_inconsistent_records_are_refused(times, values, phase) -> None:
     with pytest.raises(ValueError, match=r"times|phase"):
         NoiseRecord(np.array(times), np.zeros(values), 0, np.zeros(phase, np.intp))

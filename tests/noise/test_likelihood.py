@@ -1,4 +1,4 @@
-"""The restricted likelihood of a noise, against its formula with whole covariance matrices."""
+"""The restricted likelihood of noise, compared with its formula with whole covariance matrices."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 
 def windows(rng: np.random.Generator, samples: int, orders: int, count: int) -> WindowGroup:
-    """Windows of noise at times that are not all equally far apart."""
+    """Windows of noise at irregular times."""
     positions = np.cumsum(rng.integers(1, 4, samples)).astype(float)
     trend = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, samples), orders))[0]
     none = np.zeros(count, dtype=np.intp)
@@ -22,7 +22,7 @@ def windows(rng: np.random.Generator, samples: int, orders: int, count: int) -> 
 
 
 def by_matrices(groups: list[WindowGroup], rho: float, white: float) -> tuple[float, float]:
-    """Σ (ln|R| + ln|XᵀR⁻¹X|) and Q as `fit_noise` states them."""
+    """Σ (ln|R| + ln|XᵀR⁻¹X|) and Q as defined at `fit_noise`."""
     determinant = quadratic = 0.0
     for group in groups:
         apart = np.abs(group.positions[:, None] - group.positions)
@@ -38,7 +38,7 @@ def by_matrices(groups: list[WindowGroup], rho: float, white: float) -> tuple[fl
 
 @pytest.mark.parametrize("white", [0.0, 0.1, 0.6, 0.99, 1.0])
 @pytest.mark.parametrize("rho", [0.0, 0.2, 0.7, 0.98])
-def test_the_likelihood_is_that_of_the_covariance_matrix(rho: float, white: float) -> None:
+def test_the_likelihood_agrees_with_whole_covariance_matrices(rho: float, white: float) -> None:
     rng = np.random.default_rng(4)
     shapes = [(8, 1, 3), (25, 3, 60), (12, 4, 1), (2, 1, 5)]
     groups = [windows(rng, *shape) for shape in shapes]

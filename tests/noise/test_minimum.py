@@ -1,4 +1,4 @@
-"""The search of a minimum on an interval: step by step the one of SciPy."""
+"""The search for a minimum on an interval, step by step equal to SciPy's."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FUNCTIONS: dict[str, Callable[[float], float]] = {
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 @given(st.floats(-2.0, 1.0), st.floats(1e-3, 5.0), st.sampled_from([1e-8, 1e-3, 0.03]))
-def test_every_step_is_the_one_of_scipy(name: str, low: float, width: float, within: float) -> None:
+def test_every_step_equals_that_of_scipy(name: str, low: float, width: float, within: float) -> None:
     seen: tuple[list[float], list[float]] = [], []
 
     def counted(x: float, where: list[float]) -> float:

@@ -40,7 +40,7 @@ LAWS = {
 
 
 @pytest.mark.parametrize("width", LAWS.values(), ids=LAWS)
-def test_growth_with_the_level_is_read_whatever_smooth_misfit_is_there(width) -> None:
+def test_growth_with_the_level_is_estimated_despite_a_smooth_misfit(width) -> None:
     for seed in range(3):
         rng = np.random.default_rng(seed)
         misfit = 0.4 * np.sin(np.arange(SIZE) / 12.0)
@@ -54,7 +54,7 @@ def test_growth_with_the_level_is_read_whatever_smooth_misfit_is_there(width) ->
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.6])
-def test_noise_that_is_alike_everywhere_has_its_width_and_no_law(correlation: float) -> None:
+def test_constant_noise_has_its_sigma_and_no_law(correlation: float) -> None:
     for seed in range(4):
         errors = [0.1 * one for one in noise(np.random.default_rng(seed), correlation)]
         found = width_off_model(left_over(errors), 0, correlation=correlation)
@@ -64,7 +64,7 @@ def test_noise_that_is_alike_everywhere_has_its_width_and_no_law(correlation: fl
         assert 0.25 * SIZE * RECORDS < found.degrees < 0.7 * SIZE * RECORDS
 
 
-def test_heavy_tails_are_worth_fewer_degrees() -> None:
+def test_heavy_tails_have_fewer_degrees_of_freedom() -> None:
     rng = np.random.default_rng(1)
     errors = [rng.standard_t(5.0, SIZE) for _ in range(RECORDS)]
     found = width_off_model(left_over(errors), 0)
@@ -73,7 +73,7 @@ def test_heavy_tails_are_worth_fewer_degrees() -> None:
     assert found.degrees < 0.9 * width_off_model(left_over(noise(rng)), 0).degrees
 
 
-def test_a_misfit_at_a_few_edges_is_no_growth() -> None:
+def test_a_misfit_at_a_few_edges_is_not_taken_for_growth() -> None:
     """After each switch the error rings for six samples, at the highest levels only."""
     rng = np.random.default_rng(2)
     ring = np.array([0.0, 2.0, -1.5, 1.0, -0.7, 0.4])
@@ -87,7 +87,7 @@ def test_a_misfit_at_a_few_edges_is_no_growth() -> None:
     assert found is None or found.law is None
 
 
-def test_a_misfit_as_fast_as_the_sampling_is_not_told() -> None:
+def test_no_noise_is_estimated_under_a_misfit_as_fast_as_the_sampling() -> None:
     at = np.arange(SIZE)
     errors = [
         0.05 * one + 0.4 * np.sin(at / 0.9 + k) for k, one in enumerate(noise(np.random.default_rng(3)))
@@ -95,7 +95,7 @@ def test_a_misfit_as_fast_as_the_sampling_is_not_told() -> None:
     assert width_off_model(left_over(errors), 0) is None
 
 
-def test_differences_do_not_reach_over_a_switch_or_a_gap() -> None:
+def test_differences_are_not_taken_across_a_switch_or_a_gap() -> None:
     errors = [0.1 * one for one in noise(np.random.default_rng(4))]
     for one in errors:
         one[200:] += 50.0
@@ -106,18 +106,18 @@ def test_differences_do_not_reach_over_a_switch_or_a_gap() -> None:
     assert found.sigma == pytest.approx(0.1, rel=0.06)
 
 
-def test_what_was_known_is_kept_where_the_new_law_is_no_likelier() -> None:
+def test_a_known_law_is_kept_if_the_new_one_is_no_likelier() -> None:
     rng = np.random.default_rng(5)
     width = LAWS["a straight line"]
     errors = [width(levels(k)) * one for k, one in enumerate(noise(rng))]
-    known = [3.0 * width(levels(k)) for k in range(RECORDS)]  # of another scale: that is not the law's
+    known = [3.0 * width(levels(k)) for k in range(RECORDS)]  # of another scale, which is not part of the law
     found = width_off_model(left_over(errors), 0, known=known)
     assert found is not None
     assert found.law is None
     assert width_off_model(left_over(errors), 0, known=[np.ones(SIZE)] * RECORDS).law is not None
 
 
-def test_few_readings_and_coarse_steps_have_no_law() -> None:
+def test_few_readings_or_coarse_converter_steps_give_no_law() -> None:
     width = LAWS["a straight line"]
     errors = [width(levels(k)) * one for k, one in enumerate(noise(np.random.default_rng(6)))]
     assert (
@@ -129,7 +129,7 @@ def test_few_readings_and_coarse_steps_have_no_law() -> None:
     assert found.law is None
 
 
-def test_a_wider_law_is_the_same_growth() -> None:
+def test_scaling_a_law_scales_its_sigma() -> None:
     law = VarianceLaw(0.1, 0.02, 0.3, 5.0, 100, shot=0.04)
     level, slope = np.array([5.0, 7.0, -3.0]), np.array([0.0, 1.0, -2.0])
     assert law.scaled(3.0).sigma(level, slope) == pytest.approx(3.0 * law.sigma(level, slope))

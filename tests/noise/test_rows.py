@@ -1,4 +1,4 @@
-"""Noise of tables: read from neighbouring rows, without a model."""
+"""Noise of tables, estimated from neighbouring rows without a model."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def published(column: str) -> np.ndarray:
         return np.array([float(row[column]) for row in csv.DictReader(file)])
 
 
-def test_the_published_viscosities_scatter_by_seven_tenths_of_a_percent() -> None:
+def test_the_published_viscosities_have_a_noise_of_0_7_percent() -> None:
     found = row_noise(TEMPERATURES, published("kinematic_viscosity [cSt]"), ONE)
     assert found is not None
     assert found.relative
@@ -31,7 +31,7 @@ def test_the_published_viscosities_scatter_by_seven_tenths_of_a_percent() -> Non
     assert (found.differences, found.repeats, found.degrees) == (10, 0, 4)
 
 
-def test_a_share_of_the_value_is_read_back_with_its_degrees_of_freedom() -> None:
+def test_relative_noise_is_recovered_with_its_degrees_of_freedom() -> None:
     rng = np.random.default_rng(1)
     squares = []
     for _ in range(2000):
@@ -42,7 +42,7 @@ def test_a_share_of_the_value_is_read_back_with_its_degrees_of_freedom() -> None
     assert 2.0 * np.mean(squares) ** 2 / np.var(squares) == pytest.approx(4.7, rel=0.15)
 
 
-def test_values_of_one_size_have_one_sigma_and_steps_need_not_be_equal() -> None:
+def test_values_of_similar_size_have_absolute_noise_even_at_irregular_points() -> None:
     rng = np.random.default_rng(2)
     x = np.sort(rng.uniform(0.0, 10.0, 200))
     found = row_noise(x, 100.0 + 3.0 * np.sin(x) + 0.2 * rng.standard_normal(200), np.zeros(200, np.intp))
@@ -51,8 +51,8 @@ def test_values_of_one_size_have_one_sigma_and_steps_need_not_be_equal() -> None
     assert found.sigma == pytest.approx(0.2, rel=0.15)
 
 
-def test_what_a_curve_bends_more_than_a_quadratic_is_not_read_as_noise() -> None:
-    """A viscosity from −20 to 100 °C: four points each would read 0.35 % where there is none."""
+def test_curvature_beyond_a_quadratic_is_not_taken_for_noise() -> None:
+    """A viscosity from −20 to 100 °C without noise, for which four-point differences would give 0.35 %."""
     wide = np.arange(-20.0, 101.0, 10.0)
     bare = row_noise(wide, vogel(wide), ONE)
     assert bare is not None
@@ -67,7 +67,7 @@ def test_what_a_curve_bends_more_than_a_quadratic_is_not_read_as_noise() -> None
     assert found.differences == 9
 
 
-def test_noise_alone_is_read_from_four_points() -> None:
+def test_pure_noise_is_estimated_from_four_neighbouring_points() -> None:
     rng = np.random.default_rng(7)
     for _ in range(500):
         found = row_noise(TEMPERATURES, 100.0 + rng.standard_normal(13), ONE)
@@ -75,7 +75,7 @@ def test_noise_alone_is_read_from_four_points() -> None:
         assert found.differences == 10
 
 
-def test_each_curve_is_read_by_itself() -> None:
+def test_each_curve_is_evaluated_by_itself() -> None:
     points, series = np.tile(np.arange(10.0), 2), np.repeat([0, 1], 10)
     rng = np.random.default_rng(3)
     values = 90.0 * series + 0.1 * rng.standard_normal(20)
@@ -85,7 +85,7 @@ def test_each_curve_is_read_by_itself() -> None:
     assert found.sigma == pytest.approx(0.1, rel=0.5)
 
 
-def test_repeats_count_and_their_mean_stands_for_the_point() -> None:
+def test_repeats_count_and_their_mean_represents_the_point() -> None:
     rng = np.random.default_rng(4)
     points = np.repeat(np.arange(6.0), 5)
     found = row_noise(points, 50.0 + 0.3 * rng.standard_normal(30), np.zeros(30, np.intp))
@@ -111,7 +111,7 @@ def test_a_derived_column_is_detected() -> None:
     assert not same_reading(kinematic, law, TEMPERATURES, ONE)
 
 
-def test_whitening_divides_by_the_share_of_each_value() -> None:
+def test_whitening_divides_each_value_by_its_relative_sigma() -> None:
     noise = NoiseModel((ChannelNoise("nu", 1e-6, share=0.01),), 1.0)
     values = np.array([[85e-6], [9e-6], [0.0]])
     ok = np.array([[True], [True], [False]])

@@ -1,4 +1,4 @@
-"""Scatter between replicates: unbiased with many, drawn to the prior with few, cautious with none."""
+"""Scatter between replicates: unbiased with many, drawn towards the prior with few, widened with none."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rigctl.noise import estimate_scatter
 from rigctl.noise.scatter import CAUTION
 
 
-def test_many_replicates_show_the_scatter_beneath_the_uncertainty_of_each_value() -> None:
+def test_many_replicates_show_the_scatter_below_the_uncertainty_of_each_value() -> None:
     rng = np.random.default_rng(1)
     conditions = np.repeat(np.arange(400), 2)
     std = np.array([0.0, 1.0, 3.0]) * np.ones((800, 1))
@@ -23,7 +23,7 @@ def test_many_replicates_show_the_scatter_beneath_the_uncertainty_of_each_value(
     assert found.degrees[0] > found.degrees[1] > found.degrees[2]
 
 
-def test_few_replicates_are_drawn_to_the_prior() -> None:
+def test_the_scatter_of_few_replicates_is_drawn_towards_the_prior() -> None:
     rng = np.random.default_rng(2)
     ratios = []
     for _ in range(300):
@@ -46,7 +46,7 @@ def test_a_scatter_hidden_by_the_uncertainty_of_the_values_stays_at_the_prior() 
     assert np.mean(np.abs(np.array(found) - 0.1) < 0.005) > 0.9
 
 
-def test_without_replicates_the_prior_is_widened_and_it_is_said() -> None:
+def test_without_replicates_the_prior_is_widened_and_the_statement_says_so() -> None:
     found = estimate_scatter(np.zeros((3, 2)), np.ones((3, 2)), np.arange(3), prior=np.array([1.0, 2.0]))
     assert found.sigma == pytest.approx(CAUTION * np.array([1.0, 2.0]))
     assert found.replicates == 0
@@ -54,13 +54,13 @@ def test_without_replicates_the_prior_is_widened_and_it_is_said() -> None:
     assert "no condition was measured twice" in found.statement
 
 
-def test_equal_replicates_and_missing_values_are_taken_as_they_are() -> None:
+def test_equal_replicates_and_missing_values_are_accepted() -> None:
     values = np.array([[1.0], [1.0], [np.nan], [4.0]])
     found = estimate_scatter(values, np.full((4, 1), 0.01), np.array([0, 0, 1, 1]), prior=np.ones(1))
     assert found.replicates == 1
     assert 0.7 < found.sigma[0] < 0.9
 
 
-def test_shapes_that_do_not_belong_together_are_refused() -> None:
+def test_inconsistent_shapes_are_refused() -> None:
     with pytest.raises(ValueError, match="shapes"):
         estimate_scatter(np.zeros((3, 2)), np.ones((3, 1)), np.arange(3), prior=np.ones(2))

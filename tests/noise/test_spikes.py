@@ -12,13 +12,13 @@ from rigctl.noise.spikes import _medians, _quantile, find_spikes_on_scales
 
 
 @pytest.mark.parametrize(("rho", "ten_bits"), [(0.0, False), (0.6, False), (0.6, True), (0.0, True)])
-def test_a_stroke_is_no_spike(bench_truth, rho: float, ten_bits: bool) -> None:
+def test_a_noisy_stroke_has_no_spikes(bench_truth, rho: float, ten_bits: bool) -> None:
     records = bench_truth.measured(1, rho, ten_bits=ten_bits)
     masks = [find_spikes(record.times, record.values, record.phase) for record in records]
-    assert np.mean(masks) < 2e-4  # normal noise lies beyond 4.5 sigma in one sample of 150 000
+    assert np.mean(masks) < 2e-4  # normal noise exceeds 4.5 sigma in one sample of 150 000
 
 
-def test_a_noise_free_stroke_and_its_converter_are_no_spikes(bench_truth) -> None:
+def test_a_noise_free_stroke_has_no_spikes_with_or_without_a_converter(bench_truth) -> None:
     step = np.array([0.25, 1.2e4, 3e-4, 1.2e4, 1.2e4])
     for record in bench_truth.records:
         assert not find_spikes(record.times, record.values, record.phase).any()
@@ -75,7 +75,7 @@ def test_steps_and_ramps_are_no_spikes(seed: int, height: float, ramp: float) ->
     values = 0.1 * rng.standard_normal(300)
     values[100:] += height
     values[200:] += ramp * np.arange(100) * 0.1
-    # white noise itself has a few values in a thousand that stand out
+    # white noise has a few outlying values in a thousand
     assert find_spikes(np.arange(300) * 0.01, values[:, None])[:, 0].sum() <= 6
 
 
@@ -87,7 +87,7 @@ def test_ringing_is_no_spike() -> None:
     assert not find_spikes(times, values[:, None]).any()
 
 
-def test_a_peak_right_after_a_switch_is_left_alone() -> None:
+def test_a_peak_right_after_a_switch_is_no_spike() -> None:
     times = np.arange(200) * 0.01
     values = 0.01 * np.random.default_rng(7).standard_normal((200, 1))
     values[102] += 3.0
@@ -96,7 +96,7 @@ def test_a_peak_right_after_a_switch_is_left_alone() -> None:
     assert not find_spikes(times, values, phase).any()
 
 
-def test_a_peak_that_every_record_has_belongs_to_the_bench() -> None:
+def test_a_peak_common_to_all_records_is_no_spike() -> None:
     rng = np.random.default_rng(8)
     records = []
     for _ in range(6):
@@ -109,7 +109,7 @@ def test_a_peak_that_every_record_has_belongs_to_the_bench() -> None:
     assert not np.any(masks[1:])
 
 
-def test_two_scales_at_once_find_what_each_finds() -> None:
+def test_spikes_on_two_scales_at_once_equal_those_of_each_scale() -> None:
     rng = np.random.default_rng(10)
     records = []
     for _ in range(5):
@@ -132,12 +132,12 @@ def test_missing_values_are_no_spikes_and_hide_none() -> None:
 
 
 @pytest.mark.parametrize("size", [0, 1, 5, 9, 10, 12])
-def test_short_records_pass(size: int) -> None:
+def test_short_records_have_no_spikes(size: int) -> None:
     assert not find_spikes(np.arange(size) * 1.0, np.zeros((size, 2))).any()
 
 
 @pytest.mark.parametrize("size", [1, 2, 5, 8, 9, 376])
-def test_medians_and_quantiles_are_those_of_numpy(size: int) -> None:
+def test_medians_and_quantiles_equal_those_of_numpy(size: int) -> None:
     rows = np.random.default_rng(size).standard_normal((7, size))
     np.testing.assert_array_equal(_medians(rows), np.median(rows, axis=1))
     for share in (0.0, 0.25, 0.5, 0.68, 1.0):

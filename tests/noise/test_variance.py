@@ -1,4 +1,4 @@
-"""Noise that grows with what is measured, has tails or is slow: learned without a model; a true model passes.
+"""Noise that grows with the signal, has heavy tails or is coloured is learned without a model.
 
 The generators are NumPy and SciPy alone.
 """
@@ -36,7 +36,7 @@ def coloured(rng: np.random.Generator, size: int, rho: float) -> Floats:
 
 
 def motor_force(rng: np.random.Generator) -> Floats:
-    """A second at rest, three in motion under a slowly changing load, two at rest: 100 samples a second."""
+    """One second at rest, three in motion under a slowly changing load, two at rest, at 100 Hz."""
     times = np.arange(SIZE) * 0.01
     keep = np.exp(-0.01 / 0.15)
     lagged = lfilter([1.0 - keep], [1.0, -keep], ((times > 1.0) & (times < 4.0)).astype(float))
@@ -100,10 +100,10 @@ def residuals(noise: NoiseModel, records: list[NoiseRecord], ok: list, truth: li
 
 
 @pytest.mark.parametrize("noise", NOISES.values(), ids=NOISES)
-def test_a_true_model_has_unit_residuals_in_every_stretch_and_raises_no_alarm(
+def test_a_true_model_has_unit_residuals_and_raises_no_excess_of_alarms(
     noise: Callable[[np.random.Generator, Floats], Floats],
 ) -> None:
-    """Each stretch's mean square and mean, and of up to 480 tests at 1 % no more than 3 % reject."""
+    """Mean squares of stretches are 1, and of up to 480 tests of means at 1 % no more than 3 % reject."""
     squares, alarms, tests = [], 0, 0
     for seed in range(2 if noise is with_tails else 8):
         records, truth = campaign(seed, noise)
@@ -119,7 +119,7 @@ def test_a_true_model_has_unit_residuals_in_every_stretch_and_raises_no_alarm(
 
 
 @pytest.mark.parametrize(("share", "rest"), [(0.005, 0.03), (0.03, 1e-3), (0.2, 0.05)])
-def test_a_share_of_the_level_is_read_to_a_tenth(share: float, rest: float) -> None:
+def test_noise_in_proportion_to_the_level_is_estimated_accurately(share: float, rest: float) -> None:
     for seed in range(4):
         records, _ = campaign(
             seed, lambda rng, truth: np.hypot(rest, share * truth) * rng.standard_normal(truth.size)
@@ -132,7 +132,7 @@ def test_a_share_of_the_level_is_read_to_a_tenth(share: float, rest: float) -> N
 
 
 def test_noise_at_rest_is_not_used_in_motion() -> None:
-    """By the noise at rest the true force would be off by hundreds of sigmas in motion."""
+    """With the noise at rest the true force would be far outside its noise in motion."""
     records, truth = campaign(3, with_level)
     model, ok = learned(records)
     channel = model.channels[0]
@@ -159,7 +159,7 @@ def test_constant_noise_has_no_law(noise: Callable[..., Floats]) -> None:
 
 
 def test_ringing_at_fast_changes_is_not_noise() -> None:
-    """A lightly damped 43 Hz at each switch, at 100 samples a second."""
+    """A lightly damped oscillation of 43 Hz after each switch, sampled at 100 Hz."""
     rng = np.random.default_rng(4)
     records = []
     for k in range(RECORDS):
@@ -172,8 +172,8 @@ def test_ringing_at_fast_changes_is_not_noise() -> None:
     assert learned(records)[0].channels[0].law is None
 
 
-def test_noise_of_the_rate_and_of_the_level_are_distinguished() -> None:
-    """A sweep: jitter of the clock shows where the signal is steep, not where it is high."""
+def test_noise_that_follows_the_rate_is_distinguished_from_noise_of_the_level() -> None:
+    """Jitter of the clock shows where a sine is steep, not where it is high."""
     rng = np.random.default_rng(5)
     times = np.arange(SIZE) * 0.01
     records = []
@@ -186,7 +186,7 @@ def test_noise_of_the_rate_and_of_the_level_are_distinguished() -> None:
     assert law.rate == pytest.approx(0.02, rel=0.15)
 
 
-def test_a_temperature_counts_its_level_from_its_lowest() -> None:
+def test_the_level_of_a_temperature_counts_from_its_lowest_value() -> None:
     rng = np.random.default_rng(6)
     records = []
     for k in range(RECORDS):
@@ -201,7 +201,7 @@ def test_a_temperature_counts_its_level_from_its_lowest() -> None:
 
 @pytest.mark.parametrize("every", [15, 40, 200])
 def test_frequent_spikes_are_masked_and_counted(every: int) -> None:
-    """A heater switched every so many samples; each spike is 3 K or more, the noise 0.1 K."""
+    """A heater switched after every `every` samples; spikes of 3 K or more in noise of 0.1 K."""
     rng = np.random.default_rng(7)
     records, hits = [], []
     for k in range(RECORDS):
@@ -220,7 +220,7 @@ def test_frequent_spikes_are_masked_and_counted(every: int) -> None:
     assert (found & ~truth).sum() < 0.002 * truth.size
 
 
-def test_a_slow_level_in_steps_of_a_converter_keeps_its_sigma() -> None:
+def test_a_slow_signal_with_coarse_quantisation_keeps_its_sigma() -> None:
     rng = np.random.default_rng(8)
     step = 0.005
     records = []
@@ -246,7 +246,7 @@ def test_a_channel_without_a_law_has_one_sigma() -> None:
         (-5.0, "the highest level"),
     ],
 )
-def test_the_text_names_the_reference_of_a_level(origin: float, of: str) -> None:
+def test_the_statement_names_the_reference_of_a_level(origin: float, of: str) -> None:
     law = VarianceLaw(0.01, 0.03, 0.0, origin, 50)
     assert of in channel_statement(ChannelNoise("body", 0.05, source="quiet", guessed=False, law=law), None)
 
@@ -255,7 +255,9 @@ def test_the_text_names_the_reference_of_a_level(origin: float, of: str) -> None
     ("level", "said"),
     [(0.0, "(by the root of its distance from the lowest level)"), (0.03, "level and the root of that)")],
 )
-def test_the_text_says_that_counting_noise_grows_with_the_root(level: float, said: str) -> None:
+def test_the_statement_says_that_counting_noise_grows_with_the_root_of_the_level(
+    level: float, said: str
+) -> None:
     law = VarianceLaw(0.01, level, 0.0, 293.0, 50, shot=1e-3)
     assert said in channel_statement(
         ChannelNoise("body", 0.05, source="residuals", guessed=False, law=law), None
@@ -263,7 +265,7 @@ def test_the_text_says_that_counting_noise_grows_with_the_root(level: float, sai
 
 
 def _by_multiplications(terms: Floats, variance: Floats) -> Floats:
-    """The steps of `most_likely_squares` as its formula has them."""
+    """The iteration of `most_likely_squares`, written as its formula."""
     mean = np.maximum(terms.mean(axis=0), 1e-300)
     squares = variance.mean() / (terms.shape[1] * mean)
     for _ in range(100):
@@ -274,7 +276,7 @@ def _by_multiplications(terms: Floats, variance: Floats) -> Floats:
 
 @pytest.mark.parametrize("count", [1, 7, 8, 255, 256, 1001])
 @pytest.mark.parametrize("columns", [1, 2, 3])
-def test_the_most_likely_squares_are_those_of_the_formula(count: int, columns: int) -> None:
+def test_the_most_likely_squares_agree_with_their_formula(count: int, columns: int) -> None:
     rng = np.random.default_rng(count + columns)
     terms = np.column_stack([np.ones(count), rng.random(count), rng.random(count) ** 2])[:, :columns]
     variance = 1e-12 * (1.0 + terms.sum(axis=1)) * rng.chisquare(1, count)
@@ -282,12 +284,12 @@ def test_the_most_likely_squares_are_those_of_the_formula(count: int, columns: i
     np.testing.assert_allclose(found, _by_multiplications(terms, variance), rtol=1e-10, atol=1e-300)
 
 
-def test_readings_without_variance_have_no_squares() -> None:
+def test_readings_without_variance_have_zero_squares() -> None:
     terms = np.column_stack([np.ones(30), np.linspace(0.0, 1.0, 30)])
     assert most_likely_squares(terms, np.zeros(30)).tolist() == [0.0, 0.0]
 
 
-def test_a_term_that_is_zero_everywhere_spoils_nothing() -> None:
+def test_a_term_that_is_zero_everywhere_is_harmless() -> None:
     variance = np.random.default_rng(1).chisquare(1, 40)
     found = most_likely_squares(np.column_stack([np.ones(40), np.zeros(40)]), variance)
     assert found[0] == pytest.approx(variance.mean())

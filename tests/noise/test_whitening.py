@@ -30,7 +30,7 @@ def model(*channels: tuple[float, float, float], spacing: float = 0.01) -> Noise
     sigma=st.floats(1e-4, 1e4),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_whitened_rows_are_the_inverse_cholesky_factor_of_the_covariance(
+def test_whitening_equals_the_inverse_cholesky_factor_of_the_covariance(
     rho: float, white: float, sigma: float, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -47,7 +47,7 @@ def test_whitened_rows_are_the_inverse_cholesky_factor_of_the_covariance(
     assert whitener.log_determinant == pytest.approx(2.0 * np.log(np.diag(factor)).sum(), rel=1e-8, abs=1e-7)
 
 
-def test_rows_go_channel_after_channel_and_name_their_samples() -> None:
+def test_rows_are_ordered_by_channel_and_indexed_by_sample() -> None:
     noise = model((1.0, 0.5, 0.0), (2.0, 0.0, 0.0))
     ok = np.array([[True, True], [False, True], [True, False]])
     whitener = whiten(noise, np.array([0.0, 0.01, 0.02]), ok)
@@ -60,7 +60,7 @@ def test_rows_go_channel_after_channel_and_name_their_samples() -> None:
 
 
 def test_whitening_accepts_no_columns() -> None:
-    """LAPACK's `dgttrs` writes past its array without right-hand sides: seen as late as the process ends."""
+    """Without right-hand sides LAPACK's `dgttrs` writes past its array; the process may crash at its end."""
     script = (
         "import numpy as np\n"
         "from rigctl.noise.autoregression import innovations\n"
@@ -82,7 +82,7 @@ def test_a_block_of_columns_is_whitened_like_each_column() -> None:
         assert np.allclose(together[:, k], whitener(errors[:, :, k]), rtol=1e-12, atol=1e-12)
 
 
-def test_drawn_noise_comes_out_white() -> None:
+def test_whitened_noise_is_white() -> None:
     noise = model((1.0, 0.6, 0.4), (2.0, 0.9, 0.0))
     times = np.arange(20000) * 0.01
     rows = whiten(noise, times, np.ones((times.size, 2), bool))(noise.draw(times, np.random.default_rng(2)))
@@ -105,6 +105,6 @@ def test_equal_times_are_refused() -> None:
 
 
 @pytest.mark.parametrize(("sigma", "rho", "white"), [(0.0, 0.0, 0.0), (1.0, 1.0, 0.0), (1.0, 0.5, 1.5)])
-def test_impossible_noise_is_refused(sigma: float, rho: float, white: float) -> None:
+def test_invalid_noise_parameters_are_refused(sigma: float, rho: float, white: float) -> None:
     with pytest.raises(ValueError, match="must"):
         ChannelNoise("x", sigma, rho, white=white)

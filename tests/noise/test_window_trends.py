@@ -1,4 +1,4 @@
-"""Where a signal turns within a window, a trend of a higher order leaves the noise alone."""
+"""Where a signal turns within a window, a trend of higher order separates it from the noise."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SIGMA = 1e-4
 
 
 def swinging(samples_per_radian: float, correlation: float, seed: int) -> list[NoiseRecord]:
-    """A mass on a spring that swings out after steps of its force, read with noise; ten records."""
+    """Ten records of a mass on a spring that oscillates after steps of its force, with noise."""
     rng, records = np.random.default_rng(seed), []
     for condition in range(10):
         t = np.arange(600) / samples_per_radian
@@ -32,5 +32,5 @@ def swinging(samples_per_radian: float, correlation: float, seed: int) -> list[N
 def test_an_oscillating_signal_is_not_taken_for_noise(samples_per_radian: float, correlation: float) -> None:
     found = estimate_noise(swinging(samples_per_radian, correlation, 1), ["position"]).channels[0]
     assert not found.guessed
-    # with coloured noise a little of the signal may pass for it: on the safe side
+    # with coloured noise a little of the signal may pass for noise, which is conservative
     assert 0.9 * SIGMA < found.sigma < (1.3 if correlation else 1.1) * SIGMA
