@@ -1,4 +1,4 @@
-"""The compiled systems that the engine's tests share."""
+"""Compiled systems for the engine's tests."""
 
 from __future__ import annotations
 

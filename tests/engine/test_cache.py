@@ -32,7 +32,7 @@ def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def load(name: str, *, forget: bool = True) -> list[str]:
-    """Load the function as a new process would, and call it; whether it was compiled."""
+    """Load and call the function as a new process would; what was announced and compiled."""
     if forget:
         cache._loaded.clear()
     made: list[str] = []
@@ -56,7 +56,7 @@ def only_folder(root: Path) -> Path:
     return folders[0]
 
 
-def test_it_is_compiled_once(root: Path) -> None:
+def test_machine_code_is_compiled_once_and_then_loaded(root: Path) -> None:
     assert load("once") == COMPILED
     assert load("once", forget=False) == []
     assert load("once") == []
@@ -144,7 +144,7 @@ def test_a_race_with_another_process_is_harmless(root: Path, monkeypatch: pytest
     only_folder(root)
 
 
-def test_processes_share_one(root: Path) -> None:
+def test_concurrent_processes_share_one_entry(root: Path) -> None:
     program = (
         "import ctypes\n"
         "from rigctl.engine.cache import load_compiled\n"
@@ -158,7 +158,7 @@ def test_processes_share_one(root: Path) -> None:
     only_folder(root)
 
 
-def test_a_process_that_finds_its_machine_code_loads_no_compiler() -> None:
+def test_a_process_with_cached_machine_code_does_not_load_the_compiler() -> None:
     program = (
         "import json, sys\n"
         "import numpy as np\n"
@@ -195,6 +195,6 @@ def test_old_entries_are_removed(root: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert len(kept) == 3
 
 
-def test_the_users_own_place_is_used_unless_another_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_default_cache_is_in_the_users_cache_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(CACHE_VARIABLE, raising=False)
     assert cache.cache_root().parts[-2:] == ("rigctl", "engine")

@@ -1,4 +1,4 @@
-"""Delayed switches against solutions written out by hand."""
+"""Delayed switches compared with analytical solutions."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def record(rise: float = 0.0, fall: float = 0.0, slowness: float = 0.0, **change
 
 
 def exact(t: Floats, rise: float, fall: float, slowness: float, w0: float = 1.0) -> Floats:
-    """Commands at 0.5 s and 1.25 s; w at the second command decides its delay."""
+    """Commands at 0.5 s and 1.25 s; the delay of the second depends on w at its time."""
     up = 0.5 + rise
     down = 1.25 + fall + slowness * w0 * math.exp(-1.25 / DECAY)
     x = GAIN * (1.0 - np.exp(-np.clip(t - up, 0.0, down - up) / LAG))
@@ -75,7 +75,7 @@ def test_delays_and_their_sensitivities_agree_with_the_exact_solution(delayed: C
         assert result.sensitivity("x", column)[0] == pytest.approx(derivative, abs=1e-4)
 
 
-def test_zero_delay_is_the_plain_switch_bit_for_bit_and_still_has_its_derivative(
+def test_a_zero_delay_is_bit_identical_to_a_plain_switch_and_has_its_derivative(
     lag: CompiledSystem, delayed: CompiledSystem
 ) -> None:
     plain = simulate(lag, [lag_record()])
@@ -83,7 +83,7 @@ def test_zero_delay_is_the_plain_switch_bit_for_bit_and_still_has_its_derivative
     only_x = simulate(delayed, [record(initial=[0.0, 0.0])])
     assert only_x.stats[0].restarts == plain.stats[0].restarts
     t = result.times[0]
-    # one-sided on purpose: no command acts before it is given
+    # one-sided: no command acts before it is given
     forward = (exact(t, 1e-7, 0.0, 0.0) - exact(t, 0.0, 0.0, 0.0)) / 1e-7
     assert result.sensitivity("x", "rise")[0] == pytest.approx(forward, abs=1e-4)
     undelayed_builder, _ = lag_builder()
@@ -94,20 +94,20 @@ def test_zero_delay_is_the_plain_switch_bit_for_bit_and_still_has_its_derivative
     assert np.array_equal(bare.outputs[0], result.outputs[0])
 
 
-def test_a_negative_delay_acts_at_once_and_does_not_move(delayed: CompiledSystem) -> None:
+def test_a_negative_delay_acts_at_once_with_zero_sensitivity(delayed: CompiledSystem) -> None:
     result = simulate(delayed, [record(rise=-0.2)], columns=["rise"])
     assert np.array_equal(result.outputs[0], simulate(delayed, [record()]).outputs[0])
     assert not result.sensitivities[0].any()
 
 
-def test_a_later_command_that_acts_earlier_cancels_the_waiting_one(delayed: CompiledSystem) -> None:
+def test_a_later_command_that_acts_earlier_cancels_the_pending_one(delayed: CompiledSystem) -> None:
     """The valve of a pulse shorter than its opening time does not open."""
     result = simulate(delayed, [record(rise=0.9, fall=0.05)], columns=["rise"])
     assert not result.output("x")[0].any()
     assert not result.sensitivities[0].any()
 
 
-def test_commands_may_overlap_their_delays(delayed: CompiledSystem) -> None:
+def test_several_commands_may_be_pending_at_once(delayed: CompiledSystem) -> None:
     pulses = record(
         rise=0.2,
         fall=0.25,
@@ -125,7 +125,7 @@ def test_commands_may_overlap_their_delays(delayed: CompiledSystem) -> None:
     assert x[-1] == pytest.approx(GAIN, abs=1e-2)
 
 
-def test_a_delay_that_is_not_a_number_is_a_failure(delayed: CompiledSystem) -> None:
+def test_a_delay_that_is_not_finite_is_a_failure(delayed: CompiledSystem) -> None:
     failure = simulate(delayed, [record(slowness=1e308, initial=[0.0, 1e308])]).failures[0]
     assert failure is not None
     assert failure.cause is Cause.DELAY

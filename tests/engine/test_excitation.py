@@ -1,4 +1,4 @@
-"""Switch times that are unknown, and inputs that change steadily, against solutions made elsewhere."""
+"""Unknown switch times and piecewise linear inputs, compared with independent solutions."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def slow() -> CompiledSystem:
 
 
 def exact(t: Floats, up: float, down: float, late: float = 0.0) -> Floats:
-    """Up at once, down `late` times what w is at the command."""
+    """Up without delay; down delayed by `late` times w at the command."""
     down = down + late * math.exp(-down / DECAY)
     x = GAIN * (1.0 - np.exp(-np.clip(t - up, 0.0, down - up) / LAG))
     return np.where(t <= down, x, x * np.exp(-np.clip(t - down, 0.0, None) / LAG))
 
 
 @pytest.mark.parametrize("late", [0.0, SLOWNESS])
-def test_a_switch_time_has_its_derivative_with_and_without_a_delay(
+def test_derivatives_by_a_switch_time_are_exact_with_and_without_a_delay(
     lag: CompiledSystem, slow: CompiledSystem, late: float
 ) -> None:
     changes: dict[str, object] = {"switch_times": [0.0, 0.513, 1.257], "shifts": np.eye(3)[:, 1:]}
@@ -70,7 +70,7 @@ def test_a_switch_time_has_its_derivative_with_and_without_a_delay(
     assert found.sensitivity("x", "x")[0] == pytest.approx(np.exp(-t / LAG), abs=1e-4)
 
 
-def test_one_quantity_may_move_several_switches_and_a_record_none(lag: CompiledSystem) -> None:
+def test_a_shift_may_move_several_switches_or_none(lag: CompiledSystem) -> None:
     both = lag_record(shifts=[[0.0], [1.0], [1.0]])
     found = simulate(lag, [both, lag_record()], columns=["lag"], shift_columns=["offset"]).require()
     apart = simulate(lag, [lag_record(shifts=np.eye(3)[:, 1:])], shift_columns=["up", "down"]).require()
@@ -82,7 +82,7 @@ def test_one_quantity_may_move_several_switches_and_a_record_none(lag: CompiledS
 
 
 def two_inputs() -> System:
-    """``dx/dt = (gain·u − x·|v|)/lag``: one input in steps, one that changes steadily."""
+    """``dx/dt = (gain·u − x·v²)/lag``: one input in steps, one piecewise linear."""
     builder, names = lag_builder()
     v = builder.input("v", "1")
     square = names["x"] * v * v
@@ -91,7 +91,7 @@ def two_inputs() -> System:
     return builder.build()
 
 
-def test_an_input_that_changes_steadily_acts_as_it_is_drawn() -> None:
+def test_a_piecewise_linear_input_agrees_with_scipy() -> None:
     system = two_inputs()
     compiled = compile_system(system)
     generator = np.random.default_rng(4)
@@ -126,7 +126,7 @@ def test_an_input_that_changes_steadily_acts_as_it_is_drawn() -> None:
     assert found.sensitivity("x", "lag")[0] == pytest.approx(slope, abs=1e-4)
 
 
-def test_knots_do_not_restart_the_integration() -> None:
+def test_knots_of_an_input_do_not_restart_the_integration() -> None:
     compiled = compile_system(two_inputs())
     steps = [[0.0, 1.0], [1.0, 1.0], [0.0, 1.0]]
     knots = np.arange(61) / 20.0
@@ -148,14 +148,14 @@ def test_knots_do_not_restart_the_integration() -> None:
         ([0, 0], [0.0], [[1.0, 2.0]], "twice"),
     ],
 )
-def test_impossible_ramps_are_refused(
+def test_invalid_ramps_are_refused(
     inputs: list[int], knots: list[float], values: list[list[float]], said: str
 ) -> None:
     with pytest.raises(RigctlError, match=said):
         Ramps(np.array(inputs), np.array(knots), np.array(values))
 
 
-def test_a_record_that_does_not_fit_its_columns_is_refused(lag: CompiledSystem) -> None:
+def test_a_record_that_does_not_match_its_columns_is_refused(lag: CompiledSystem) -> None:
     with pytest.raises(RigctlError, match="quantities that move its switches"):
         simulate(lag, [lag_record(shifts=np.zeros((3, 2)))], shift_columns=["one"])
     with pytest.raises(RigctlError, match="one row of finite derivatives"):

@@ -1,4 +1,4 @@
-"""Nothing is written past an array: whole systems, degenerate ones too, with the marks of RIGCTL_DEBUG=1."""
+"""Nothing is written past an array: whole and degenerate systems with the guards of RIGCTL_DEBUG=1."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def still() -> System:
 
 
 def free() -> System:
-    """A state that nothing drives and no output shows, and no parameter."""
+    """A state without input, output or parameter."""
     builder = SystemBuilder()
     state = builder.state("x", "m", 1.0)
     builder.equation("x", -state / builder.constant(2.0, "s"))
@@ -51,7 +51,7 @@ def free() -> System:
 
 
 def late() -> System:
-    """A static output behind an input that acts late."""
+    """A static output with a delayed input."""
     builder = SystemBuilder()
     valve = builder.input("valve", "1")
     dead_time = builder.parameter("dead_time", "s", 0.25)
@@ -106,7 +106,7 @@ def test_degenerate_systems_are_integrated(make: object, sensitive: bool) -> Non
     assert found.sensitivities[0].shape == (9, len(system.outputs), len(columns) + len(starts))
 
 
-def test_a_write_beyond_an_array_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_write_beyond_an_array_is_reported_with_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(DEBUG_VARIABLE, "1")
     sizes = np.zeros(sizing.SIZES, dtype=np.int64)
     sizes[[sizing.N, sizing.GUARD]] = 2, 4
@@ -146,7 +146,7 @@ def test_shipped_systems_are_integrated_with_their_derivatives(name: str) -> Non
 
 
 def test_nothing_is_written_beyond_an_array() -> None:
-    """This file, and what delays and steps the systems, once more with the checks on."""
+    """The tests of this file, of delays and of the stepper, run again with the checks on."""
     environment = {**os.environ, DEBUG_VARIABLE: "1"}
     here, itself = (
         Path(__file__),

@@ -1,4 +1,4 @@
-"""Kept results: the same bits, found by content, never trusted when damaged, and bounded in size."""
+"""Cached results: bit-identical, found by content, not trusted if damaged, and bounded in size."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_a_result_is_computed_once_and_bit_identical(folder: Path) -> None:
     assert same(first, second)
     assert same(first, third)
     assert (TALLY.made - before.made, TALLY.reused - before.reused) == (1, 1)
-    for one in (first, second, third):  # layout decides how a sum is rounded
+    for one in (first, second, third):  # the memory layout influences the rounding of sums
         assert all(array.flags.c_contiguous and array.flags.owndata for array in (one.values, *one.own))
         assert type(one.inner) is Inner
         assert one.ending is Ending.STEP
@@ -158,7 +158,7 @@ DIFFERENT: tuple[Any, ...] = (
 )
 
 
-def test_different_values_have_different_names() -> None:
+def test_different_values_have_different_digests() -> None:
     assert len({digest(value) for value in DIFFERENT}) == len(DIFFERENT)
     assert digest(np.asfortranarray(np.ones((3, 2)))) == digest(np.ones((3, 2)))
     assert digest(np.float64(0.5), np.nan) == digest(0.5, float("nan"))
@@ -178,8 +178,8 @@ plain = st.recursive(
 
 @settings(max_examples=50)
 @given(plain, plain)
-def test_names_are_equal_exactly_for_equal_values(one: Any, other: Any) -> None:
-    # a pickle tells every two of these values apart, and JSON does not (1 and True, 0.0 and -0.0, NaN)
+def test_digests_are_equal_exactly_for_equal_values(one: Any, other: Any) -> None:
+    # pickles of different values differ; JSON does not distinguish 1 and True, 0.0 and -0.0, or NaN
     assert (digest(one) == digest(other)) == (
         pickle.dumps(one) == pickle.dumps(other) or repr(one) == repr(other)
     )
@@ -190,7 +190,7 @@ def test_names_are_equal_exactly_for_equal_values(one: Any, other: Any) -> None:
     st.floats(),
     st.text(max_size=5),
 )
-def test_numbers_and_words_survive_the_file(array: Floats, number: float, word: str) -> None:
+def test_numbers_and_text_survive_encoding(array: Floats, number: float, word: str) -> None:
     before = replace(outcome(), values=array, inner=Inner(word, number))
     arrays: list[np.ndarray] = []
     tree = json.loads(json.dumps(encode(before, arrays)))
@@ -254,12 +254,12 @@ def test_foreign_files_are_neither_executed_nor_trusted(
     assert not (tmp_path / "carried-out").exists()
 
 
-def test_a_result_of_another_type_is_rejected() -> None:
+def test_stored_results_of_the_wrong_type_are_rejected() -> None:
     arrays: list[np.ndarray] = []
     tree = encode(outcome(), arrays)
     for place in range(len(tree)):
         for wrong in ("no", 1.5, None, [], {"dtype": "<f8", "shape": [9]}):
-            if (place, wrong) == (3, None):  # that one may be None
+            if (place, wrong) == (3, None):  # this field may be None
                 continue
             spoilt = [*tree[:place], wrong, *tree[place + 1 :]]
             if (

@@ -1,4 +1,4 @@
-"""The fit against SciPy on dense problems, against exact answers, and in the ways a fit goes wrong."""
+"""The fit compared with SciPy on dense problems and with exact solutions, and its failures."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def everything(result: LeastSquaresResult) -> Floats:
     return np.concatenate([result.values, *result.local])
 
 
-def test_same_optimum_and_covariance_as_a_dense_solver() -> None:
+def test_the_optimum_and_covariance_agree_with_a_dense_solver() -> None:
     problem = Decays()
     result = least_squares(problem, problem.unknowns(), problem.local())
     dense = problem.scipy()
@@ -133,7 +133,7 @@ def test_same_optimum_and_covariance_as_a_dense_solver() -> None:
 @pytest.mark.parametrize(
     ("loss", "name"), [(Huber(1.5), "huber"), (SoftL1(1.5), "soft_l1"), (Cauchy(1.5), "cauchy")]
 )
-def test_robust_losses_reach_the_optimum_of_scipy_and_resist_outliers(loss: Loss, name: str) -> None:
+def test_robust_losses_agree_with_scipy_and_resist_outliers(loss: Loss, name: str) -> None:
     problem = Decays(outliers=4)
     result = least_squares(
         problem, problem.unknowns(), problem.local(), options=Options(loss=loss, cost=1e-14)
@@ -145,7 +145,7 @@ def test_robust_losses_reach_the_optimum_of_scipy_and_resist_outliers(loss: Loss
     assert abs(result.value("rate") - 1.3) < 0.5 * abs(plain.value("rate") - 1.3)
 
 
-def test_a_bound_that_blocks_does_not_stall_the_others() -> None:
+def test_a_parameter_at_its_bound_does_not_stall_the_others() -> None:
     problem = Decays()
     result = least_squares(problem, problem.unknowns(upper=2.0), problem.local())
     dense = problem.scipy(most_amplitude=2.0)
@@ -187,7 +187,7 @@ def test_bounded_linear_problems_agree_with_scipy(seed: int) -> None:
     assert np.abs(everything(result)).max() <= reach
 
 
-def test_priors_count_as_one_more_observation_each() -> None:
+def test_each_prior_counts_as_one_more_observation() -> None:
     problem = Decays(records=2)
     prior = Prior(mean=2.0, std=0.001)
     held = least_squares(problem, problem.unknowns(prior=prior), problem.local())
@@ -200,7 +200,7 @@ def test_priors_count_as_one_more_observation_each() -> None:
     assert held.cost == pytest.approx(share + data, rel=1e-9)
 
 
-def test_a_null_column_is_refused_by_its_name_unless_a_prior_holds_it() -> None:
+def test_a_parameter_without_influence_is_refused_unless_it_has_a_prior() -> None:
     problem = Decays()
 
     def with_null(shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block]:
@@ -219,7 +219,7 @@ def test_a_null_column_is_refused_by_its_name_unless_a_prior_holds_it() -> None:
     assert null_columns(blocks, ["amplitude", "rate", "barus"]) == ("barus",)
 
 
-def test_a_combination_that_the_data_do_not_determine_is_named() -> None:
+def test_a_combination_not_determined_by_the_data_is_reported() -> None:
     def evaluate(shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block]:
         pressure, area, friction = shared
         force = 1e5 * T * (1.0 + pressure + area) - friction * T**2
@@ -238,8 +238,8 @@ def test_a_combination_that_the_data_do_not_determine_is_named() -> None:
     assert np.isfinite(result.correlation).all()
 
 
-def test_parameters_of_any_size_are_scaled() -> None:
-    """Leakage of 1e-15 beside pressures of 1e6: nothing is lost to rounding."""
+def test_parameters_of_very_different_size_are_fitted_accurately() -> None:
+    """A leakage of 1e-15 beside a pressure of 1e6, without loss by rounding."""
     exact = np.array([2.3e-15, 4.5e6, -0.7])
 
     def evaluate(shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block]:
@@ -252,7 +252,7 @@ def test_parameters_of_any_size_are_scaled() -> None:
     assert result.weak == ()
 
 
-def test_steps_that_the_model_refuses_are_taken_back() -> None:
+def test_steps_that_the_model_refuses_are_rejected() -> None:
     problem = Decays()
     told: list[Iteration] = []
 
@@ -270,7 +270,7 @@ def test_steps_that_the_model_refuses_are_taken_back() -> None:
     assert costs == sorted(costs, reverse=True)
 
 
-def test_residuals_that_are_not_numbers_are_refused_too() -> None:
+def test_steps_to_residuals_that_are_not_finite_are_rejected() -> None:
     def evaluate(shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block]:
         with np.errstate(invalid="ignore", divide="ignore"):
             root = np.sqrt(shared[0] - T)
@@ -282,7 +282,7 @@ def test_residuals_that_are_not_numbers_are_refused_too() -> None:
         least_squares(evaluate, [Unknown("a", 1.0)], [()])
 
 
-def test_the_end_of_a_fit_is_told() -> None:
+def test_the_outcome_of_a_fit_is_reported() -> None:
     problem = Decays()
     short = least_squares(problem, problem.unknowns(), problem.local(), options=Options(iterations=2))
     assert short.outcome is Outcome.ITERATIONS
@@ -304,7 +304,7 @@ def test_the_end_of_a_fit_is_told() -> None:
     assert not stalled.converged
 
 
-def test_summary_is_a_table() -> None:
+def test_the_summary_lists_the_parameters_with_units_and_the_variance_factor() -> None:
     problem = Decays()
     text = least_squares(problem, problem.unknowns(), problem.local()).summary()
     assert "variance factor" in text
@@ -312,7 +312,7 @@ def test_summary_is_a_table() -> None:
     assert "1/s" in text
 
 
-def test_several_starts_find_the_lowest_of_several_minima() -> None:
+def test_multi_start_finds_the_lowest_of_several_minima() -> None:
     def evaluate(shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block]:
         wave, slope = np.sin(shared[0] * T), T * np.cos(shared[0] * T)
         return [Block(wave - np.sin(7.0 * T), slope[:, None])]
@@ -330,7 +330,7 @@ def test_several_starts_find_the_lowest_of_several_minima() -> None:
     assert again.costs == several.costs
 
 
-def test_starts_without_a_value_are_left_out_and_all_of_them_an_error() -> None:
+def test_starts_without_a_value_are_skipped_and_refused_if_no_other_is_left() -> None:
     def evaluate(shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block] | Refused:
         if shared[0] > 3.0:
             return Refused("too high")
@@ -353,7 +353,7 @@ def test_starts_without_a_value_are_left_out_and_all_of_them_an_error() -> None:
         ({"start": 1.0, "prior": Prior(0.0, 0.0)}, "no positive standard deviation"),
     ],
 )
-def test_an_impossible_parameter_is_refused(fields: dict[str, object], message: str) -> None:
+def test_an_invalid_unknown_is_refused(fields: dict[str, object], message: str) -> None:
     with pytest.raises(RigctlError, match=f"parameter k: .*{message}"):
         Unknown("k", **fields)  # type: ignore[arg-type]
 
@@ -373,13 +373,15 @@ def test_an_impossible_parameter_is_refused(fields: dict[str, object], message: 
         (lambda b: [Block(x.residual, x.shared * np.nan, x.local) for x in b], "not finite"),
     ],
 )
-def test_blocks_that_do_not_fit_are_named(spoil: Callable[[list[Block]], list[Block]], message: str) -> None:
+def test_blocks_of_the_wrong_shape_are_refused(
+    spoil: Callable[[list[Block]], list[Block]], message: str
+) -> None:
     problem = Decays()
     with pytest.raises(RigctlError, match=message):
         least_squares(lambda s, o, d: spoil(problem(s, o, d)), problem.unknowns(), problem.local())
 
 
-def test_unknown_names_are_named() -> None:
+def test_an_unknown_name_is_refused_with_the_nearest_one() -> None:
     problem = Decays()
     result = least_squares(problem, problem.unknowns(), problem.local())
     with pytest.raises(RigctlError, match=r"unknown fitted parameter, got 'rat'.*'rate'"):
@@ -388,10 +390,10 @@ def test_unknown_names_are_named() -> None:
         result.cost = 0.0  # type: ignore[misc]
 
 
-def test_records_of_the_cylinder_are_fitted_from_far_away(
+def test_a_fit_to_the_cylinder_recovers_the_truth_from_30_percent_off(
     cylinder: ModuleType, cylinder_compiled: CompiledSystem
 ) -> None:
-    """Three parameters 30 % off, and each record's first pressure its own: back to the truth."""
+    """Three parameters start 30 % off; the initial pressure of each record is fitted too."""
     names = ["valve_area", "viscous_damping", "spool_time"]
     records = cylinder.campaign()[::9]
     nominal = {name: value for name, (_, value, _) in cylinder.PARAMETERS.items()}
@@ -434,10 +436,10 @@ def test_records_of_the_cylinder_are_fitted_from_far_away(
 
 
 class Valley:
-    """Two gains that do nearly the same: their product is known hundreds of times as well as their ratio.
+    """Two nearly equivalent gains: their product is determined hundreds of times better than their ratio.
 
-    Along the valley the damping of Levenberg and Marquardt leaves a step nothing to gain, and a step of a
-    useful length leaves the valley, because the product bends.
+    Along the valley Levenberg-Marquardt damping leaves hardly any step, and a step of useful length leaves
+    the valley, because the product is nonlinear.
     """
 
     sigma = 1e-3
@@ -462,11 +464,11 @@ class Valley:
         return [Block(self.residuals(shared), columns) if derivatives else Block(self.residuals(shared))]
 
     def unknowns(self) -> list[Unknown]:
-        """Begun on the valley's floor, where the gain is none."""
+        """Starts on the floor of the valley, with zero gain."""
         return [Unknown("area", self.area), Unknown("gain", 0.0, -0.5, 0.5, scale=0.01)]
 
 
-def test_a_narrow_curved_valley_is_followed_to_its_end() -> None:
+def test_a_narrow_curved_valley_is_followed_to_its_minimum() -> None:
     valley = Valley()
     found = least_squares(valley, valley.unknowns(), [()], options=Options(cost=1e-5, largest_step=1.0))
     assert valley.begun - valley.best.cost > 10.0
@@ -474,7 +476,7 @@ def test_a_narrow_curved_valley_is_followed_to_its_end() -> None:
     assert found.value("gain") == pytest.approx(valley.best.x[1], abs=0.5 * float(found.std[1]))
 
 
-def test_a_model_without_a_value_beyond_the_valley_keeps_the_fit_where_it_was() -> None:
+def test_a_fit_stays_in_a_valley_beyond_which_the_model_has_no_value() -> None:
     valley = Valley()
 
     def evaluate(shared: Floats, local: Sequence[Floats], derivatives: bool) -> list[Block] | Refused:

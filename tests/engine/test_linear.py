@@ -17,7 +17,7 @@ from rigctl.engine.system import SystemBuilder
 
 Floats = NDArray[np.float64]
 
-# the kernels as plain Python: what they compute does not depend on the compiler
+# the kernels as plain Python: their results do not depend on the compiler
 factorise, solve = linear.factorise.py_func, linear.solve.py_func
 exchange_rows, solve_columns = linear.exchange_rows.py_func, linear.solve_columns.py_func
 
@@ -34,7 +34,7 @@ _WORKS = {
 
 
 def carry_out(text: str, function: str, *arrays: Floats) -> None:
-    """The straight-line code of a function, line by line."""
+    """Execute the straight-line code of a function."""
     known = dict(zip(ARGUMENTS[function], arrays, strict=True))
     start = text.index(f"function {function} ")
     numbers: list[np.float64] = []
@@ -52,7 +52,7 @@ def carry_out(text: str, function: str, *arrays: Floats) -> None:
 
 
 def in_order(matrix: Floats, unit: Floats, reach: float = 1.0) -> tuple[bool, str, Floats]:
-    """Whether ``I - reach·J``, which is `matrix`, goes in order; the code for it, and the factors."""
+    """Whether `matrix` = ``I - reach·J`` is eliminated without row exchange; its code, and the factors."""
     n = len(matrix)
     jacobian = (np.eye(n) - matrix) / reach
     text = elimination(n, zip(*(places.tolist() for places in np.nonzero(jacobian)), strict=True))
@@ -63,8 +63,8 @@ def in_order(matrix: Floats, unit: Floats, reach: float = 1.0) -> tuple[bool, st
 
 @settings(max_examples=60)
 @given(st.integers(1, 9), st.integers(0, 10_000))
-def test_solutions_are_accurate_with_and_without_exchanges(n: int, seed: int) -> None:
-    """In units twelve powers of ten apart, as pressures and positions are."""
+def test_solutions_are_accurate_with_and_without_row_exchanges(n: int, seed: int) -> None:
+    """In units twelve powers of ten apart, as for pressures and positions."""
     random = np.random.default_rng(seed)
     unit = 10.0 ** random.uniform(-6.0, 6.0, n)
     matrix = np.eye(n) + random.normal(size=(n, n)) * random.integers(0, 2, (n, n))
@@ -87,7 +87,7 @@ def test_solutions_are_accurate_with_and_without_exchanges(n: int, seed: int) ->
     assert one / unit == pytest.approx(wanted[:, 0], abs=1e-8)
 
 
-def test_rows_are_exchanged_where_a_pivot_is_small_in_its_unit() -> None:
+def test_rows_are_exchanged_if_a_pivot_is_small_relative_to_its_unit() -> None:
     matrix = np.array([[1e-9, 1.0], [1.0, 1.0]])
     assert not in_order(matrix, np.ones(2))[0]
     factors, exchanges = matrix.flatten(), np.zeros(2, dtype=np.int64)
@@ -95,7 +95,7 @@ def test_rows_are_exchanged_where_a_pivot_is_small_in_its_unit() -> None:
     right = np.array([1.0, 2.0])
     solve(2, factors, exchanges, right)
     assert right == pytest.approx(np.linalg.solve(matrix, [1.0, 2.0]), rel=1e-14)
-    # the same numbers are no reason to exchange where the first unknown is a pressure, the second a position
+    # the same numbers need no exchange if the first unknown is a pressure and the second a position
     assert in_order(matrix, np.array([1e6, 1e-6]))[0]
 
 
@@ -104,8 +104,8 @@ def test_a_zero_pivot_is_refused(bad: float) -> None:
     assert not in_order(np.array([[bad, 1.0], [1.0, 1.0]]), np.ones(2))[0]
 
 
-def test_structural_zeros_are_not_computed() -> None:
-    """A chain of lags takes a number of operations that grows with its length, not with the cube of it."""
+def test_operations_on_structural_zeros_are_omitted() -> None:
+    """The number of operations for a chain of lags grows with its length, not with the cube of it."""
     lengths = {}
     for n in (10, 40):
         chain = [(i, j) for i in range(n) for j in (i - 1, i) if j >= 0]
@@ -113,8 +113,8 @@ def test_structural_zeros_are_not_computed() -> None:
     assert lengths[40] < 4.5 * lengths[10]
 
 
-def test_records_are_exact_where_some_steps_exchange_rows_and_others_do_not() -> None:
-    """A stiff spring that is passed over by steps much longer than its period, beside a slow lag."""
+def test_records_are_accurate_if_only_some_steps_exchange_rows() -> None:
+    """A stiff spring, integrated with steps much longer than its period, beside a slow lag."""
     stiffness = 1e6
     builder = SystemBuilder()
     x, v = builder.state("x", "m", scale=1e-3), builder.state("v", "m/s", scale=10.0)
@@ -131,11 +131,11 @@ def test_records_are_exact_where_some_steps_exchange_rows_and_others_do_not() ->
     start = np.zeros(3)
     record = Excitation(times, np.array([0.0]), np.array([[1.0]]), start, np.array([stiffness, 100.0, 2.0]))
     found = simulate(compiled, [record], columns=["rate"]).require()
-    # the spring follows the lag by far within the tolerance
+    # the spring follows the lag to well within the tolerance
     assert found.output("x")[0][5:] == pytest.approx(1.0 - np.exp(-2.0 * times[5:]), abs=5e-3)
     slope = found.sensitivity("x", "rate")[0][5:]
     assert slope == pytest.approx(times[5:] * np.exp(-2.0 * times[5:]), abs=5e-3)
-    # ... and its matrix is refused at the steps that it takes later, not at those of the beginning
+    # its matrix needs row exchanges at the later, longer steps, not at the first ones
     spring = np.array([[0.0, 1.0], [-stiffness, -100.0]])
     units = np.array([1e-3, 10.0])  # as the states' scales
     for reach, expected in ((1e-5, True), (0.02, False)):

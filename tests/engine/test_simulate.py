@@ -1,4 +1,4 @@
-"""Records against independent solvers, and what happens when they cannot be integrated."""
+"""Simulated records compared with independent solvers, and failures of integration."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ Floats = NDArray[np.float64]
 
 
 def lag_exact(t: Floats, gain: float = 2.0, lag: float = 0.3) -> Floats:
-    """The record of `lag_record`, by hand."""
+    """The analytical solution of `lag_record`."""
     up = gain * (1.0 - np.exp(-np.clip(t - 0.5, 0.0, 0.75) / lag))
     return np.where(t <= 1.25, up, up * np.exp(-(t - 1.25) / lag))
 
 
-def test_a_first_order_lag_and_its_sensitivities_are_exact(lag: CompiledSystem) -> None:
+def test_a_first_order_lag_and_its_sensitivities_agree_with_the_exact_solution(lag: CompiledSystem) -> None:
     result = simulate(lag, [lag_record()], columns=["lag", "gain"], initial_columns=["x"], tolerance=TIGHT)
     t = result.times[0]
     assert result.output("x")[0] == pytest.approx(lag_exact(t), abs=1e-6)
@@ -45,7 +45,7 @@ def test_a_first_order_lag_and_its_sensitivities_are_exact(lag: CompiledSystem) 
     assert result.sensitivity("x", "x")[0] == pytest.approx(np.exp(-t / 0.3), abs=1e-4)
 
 
-def test_switches_between_samples_and_irregular_samples_with_gaps(lag: CompiledSystem) -> None:
+def test_switches_between_irregular_samples_act_at_their_exact_time(lag: CompiledSystem) -> None:
     times = np.array([0.0, 0.013, 0.5, 0.5, 0.5001, 0.9, 1.2499, 1.2500001, 2.9])
     result = simulate(lag, [lag_record(times=times)], tolerance=TIGHT)
     assert result.outputs[0][:, 0] == pytest.approx(lag_exact(times), abs=1e-6)
@@ -59,7 +59,7 @@ def test_a_record_need_not_sample_at_its_start_nor_after_its_last_switch(lag: Co
     assert nothing.outputs[0].shape == (0, 1)
 
 
-def test_cylinder_agrees_with_radau(cylinder: ModuleType, cylinder_compiled: CompiledSystem) -> None:
+def test_the_cylinder_agrees_with_radau(cylinder: ModuleType, cylinder_compiled: CompiledSystem) -> None:
     """Outputs within 3e-5 of their peak of a fully independent solution at 1e-9."""
     system = cylinder_compiled.system
     record = cylinder.campaign()[11]
@@ -91,10 +91,10 @@ def test_cylinder_agrees_with_radau(cylinder: ModuleType, cylinder_compiled: Com
     assert (np.abs(tight - exact).max(axis=0) / np.abs(exact).max(axis=0))[shown].max() < 2e-6
 
 
-def test_cylinder_sensitivities_agree_with_cvodes(
+def test_the_sensitivities_of_the_cylinder_agree_with_cvodes(
     cylinder: ModuleType, cylinder_compiled: CompiledSystem
 ) -> None:
-    """Within 1 % of another formula, another differentiation and another integrator; 2e-4 in the median."""
+    """Within 1 % of an independent formula, differentiation and integrator; within 2e-4 in the median."""
     system = cylinder_compiled.system
     names = [
         *list(cylinder.NUISANCES)[:7],
@@ -177,7 +177,7 @@ def typical(compiled: CompiledSystem, name: str) -> float:
     return value or guesses[name]
 
 
-def test_the_result_does_not_depend_on_the_number_of_threads_nor_on_the_columns(
+def test_the_result_does_not_depend_on_the_threads_or_the_columns(
     cylinder: ModuleType, cylinder_compiled: CompiledSystem
 ) -> None:
     records = cylinder.campaign()[:5]
@@ -192,7 +192,7 @@ def test_the_result_does_not_depend_on_the_number_of_threads_nor_on_the_columns(
     assert alone.sensitivities[0].shape == (701, 4, 0)
 
 
-def test_columns_come_in_the_order_asked_for(cylinder: ModuleType, cylinder_compiled: CompiledSystem) -> None:
+def test_columns_have_the_order_requested(cylinder: ModuleType, cylinder_compiled: CompiledSystem) -> None:
     records = cylinder.campaign()[:1]
     first = simulate(cylinder_compiled, records, columns=["air", "valve_area"], initial_columns=["position"])
     second = simulate(cylinder_compiled, records, columns=["valve_area"], initial_columns=["position"])
@@ -208,7 +208,7 @@ def test_record_level_parameters_may_differ_between_records(lag: CompiledSystem)
     assert result.outputs[0] == pytest.approx(2.0 * result.outputs[1], rel=1e-4, abs=1e-4)
 
 
-def test_an_excitation_can_be_varied_but_not_written(lag: CompiledSystem) -> None:
+def test_an_excitation_is_read_only_and_can_be_replaced_in_part(lag: CompiledSystem) -> None:
     record = lag_record()
     with pytest.raises(ValueError, match="read-only"):
         record.times[0] = 1.0
@@ -223,7 +223,7 @@ def test_a_compiled_system_can_be_pickled(lag: CompiledSystem) -> None:
     assert np.array_equal(simulate(copy, [lag_record()]).outputs[0], simulate(lag, [lag_record()]).outputs[0])
 
 
-def test_summary_says_what_was_done(lag: CompiledSystem) -> None:
+def test_the_summary_states_records_samples_and_columns(lag: CompiledSystem) -> None:
     good = simulate(lag, [lag_record()], columns=["gain"])
     assert good.ok
     assert good.require() is good
@@ -240,7 +240,7 @@ def test_summary_says_what_was_done(lag: CompiledSystem) -> None:
         ({"parameters": [2.0, 0.0]}, Cause.EQUATIONS, "the derivative of x is not a finite number"),
     ],
 )
-def test_a_bad_value_is_a_failure_with_a_reason(
+def test_an_invalid_value_is_a_failure_with_its_reason(
     lag: CompiledSystem, changes: dict[str, object], cause: Cause, message: str
 ) -> None:
     result = simulate(lag, [lag_record(), lag_record(**changes, name="bad")], columns=["gain"])
@@ -269,7 +269,7 @@ def explosive() -> CompiledSystem:
     return compile_system(builder.build())
 
 
-def test_a_solution_that_ceases_to_exist_ends_with_the_time_it_does(explosive: CompiledSystem) -> None:
+def test_a_solution_with_a_pole_ends_at_the_time_of_the_pole(explosive: CompiledSystem) -> None:
     times = np.arange(30) * 0.095
     record = Excitation(times, np.zeros(1), np.zeros((1, 1)), np.ones(1), np.ones(1), "pole")
     result = simulate(explosive, [record], columns=["rate"])
@@ -284,7 +284,7 @@ def test_a_solution_that_ceases_to_exist_ends_with_the_time_it_does(explosive: C
     assert result.outputs[0][:, 0] == pytest.approx(-np.log(1.0 - result.times[0]), abs=1e-2)
 
 
-def test_an_output_that_is_not_a_number_is_a_failure(explosive: CompiledSystem) -> None:
+def test_an_output_that_is_not_finite_is_a_failure(explosive: CompiledSystem) -> None:
     record = Excitation(np.arange(5.0), np.zeros(1), np.zeros((1, 1)), -np.ones(1), np.ones(1))
     failure = simulate(explosive, [record]).failures[0]
     assert failure is not None
@@ -320,12 +320,12 @@ def test_a_stiff_start_far_from_equilibrium_is_integrated() -> None:
         ({"initial": [[0.0]]}, "one-dimensional"),
     ],
 )
-def test_an_impossible_record_is_refused(changes: dict[str, object], message: str) -> None:
+def test_an_invalid_record_is_refused(changes: dict[str, object], message: str) -> None:
     with pytest.raises(RigctlError, match=f"record lag: .*{message}"):
         lag_record(**changes)
 
 
-def test_mistakes_in_a_call_are_named(lag: CompiledSystem) -> None:
+def test_mistakes_in_a_call_are_refused_with_the_wrong_name(lag: CompiledSystem) -> None:
     with pytest.raises(RigctlError, match=r"unknown parameter to differentiate by, got 'gian'.*'gain'"):
         simulate(lag, [lag_record()], columns=["gian"])
     with pytest.raises(RigctlError, match="unknown state to differentiate by"):
@@ -340,7 +340,7 @@ def test_mistakes_in_a_call_are_named(lag: CompiledSystem) -> None:
         simulate(lag, [lag_record()]).sensitivity("x", "gain")
 
 
-def test_trajectories_are_frozen(lag: CompiledSystem) -> None:
+def test_trajectories_are_immutable(lag: CompiledSystem) -> None:
     result = simulate(lag, [lag_record()])
     with pytest.raises(AttributeError):
         result.columns = ()  # type: ignore[misc]

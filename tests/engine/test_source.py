@@ -1,4 +1,4 @@
-"""Machine code against the slow evaluation of the same expressions, and what identifies a model."""
+"""Machine code compared with direct evaluation of the same expressions, and the digest of a model."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rigctl.engine.system import System, SystemBuilder
 
 
 def every_operation() -> System:
-    """One output for each thing an expression can be."""
+    """One output for each kind of expression."""
     builder = SystemBuilder()
     x, y = builder.state("x", "1", scale=1.0), builder.state("y", "1", scale=1.0)
     u = builder.input("u", "1")
@@ -92,13 +92,13 @@ def test_machine_code_agrees_with_evaluation(
     assert call(operations, "rhs", [2], inputs)[0] == pytest.approx([p * y - x * u, q * x + 0.5])
 
 
-def test_patterns_name_only_what_depends(operations: CompiledSystem) -> None:
+def test_sparsity_patterns_contain_only_actual_dependences(operations: CompiledSystem) -> None:
     assert operations.source.rhs_pattern == ((0, 0), (1, 1))
     assert (2, 0) not in operations.source.outputs_pattern
     assert operations.source.delays_pattern == ()
 
 
-def test_the_digest_names_the_equations_and_nothing_else() -> None:
+def test_the_digest_is_equal_for_equal_equations_and_changes_with_them() -> None:
     first, again = source_of(every_operation()), source_of(every_operation())
     assert first.digest == again.digest
     builder, names = lag_builder()

@@ -1,4 +1,4 @@
-"""Columns by the shape of a term, held against SciPy's splines, its integrator and finite differences."""
+"""Spline columns of a term compared with SciPy's splines, its integrator and finite differences."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TIMES = np.linspace(0.0, 2.0, 41)
 
 
 def _oscillator() -> System:
-    """``x' = v, v' = u − k·x − c·|v|·v``, read with a gain that is off by `error` of x."""
+    """``x' = v, v' = u − k·x − c·|v|·v``; the reading is x with the relative error `error`."""
     builder = SystemBuilder()
     x, v = builder.state("x", "m", 1e-2), builder.state("v", "m/s", 1e-2)
     u = builder.input("u", "m/s^2")
@@ -87,8 +87,8 @@ def test_columns_are_derivatives_with_respect_to_spline_coefficients() -> None:
         np.testing.assert_allclose(columns[:, FUNCTIONS + k], expected, atol=1e-6)
 
 
-def test_all_splines_together_are_the_terms_own_column() -> None:
-    """They sum to 1 over their range; a column of two parameters is the sum of theirs."""
+def test_spline_columns_sum_to_the_column_of_their_term() -> None:
+    """Splines sum to 1 over their range; the column of two parameters is the sum of their columns."""
     knots = knots_over(-3.0, 3.0, FUNCTIONS)
     splines = SplineColumns(
         (SplineArgument({"v": 1.0, "u": 0.1}, knots),),
@@ -102,7 +102,7 @@ def test_all_splines_together_are_the_terms_own_column() -> None:
     assert found.columns == ("c", "k", *(f"spline {n}" for n in range(FUNCTIONS)))
 
 
-def test_products_of_splines_sum_to_one_as_well() -> None:
+def test_columns_of_products_of_splines_sum_to_the_column_of_their_term() -> None:
     knots = knots_over(-3.0, 3.0, 5)
     splines = SplineColumns(
         (SplineArgument({"v": 1.0}, knots), SplineArgument({"x": 1.0}, knots_over(-1.0, 1.0, 5))),
@@ -113,7 +113,7 @@ def test_products_of_splines_sum_to_one_as_well() -> None:
     np.testing.assert_allclose(columns[:, 1:].sum(axis=1), 0.8 * columns[:, 0], atol=1e-12)
 
 
-def test_a_terms_outputs_do_not_change_by_columns_of_its_shape() -> None:
+def test_spline_columns_do_not_change_the_outputs() -> None:
     splines = SplineColumns(
         (SplineArgument({"v": 1.0}, knots_over(-1.0, 1.0, FUNCTIONS)),),
         tuple(SplineColumn({"c": 0.8}, (0, k)) for k in range(FUNCTIONS)),
@@ -134,7 +134,9 @@ def test_a_terms_outputs_do_not_change_by_columns_of_its_shape() -> None:
         ({"v": 1.0}, SplineColumn({"c": 1.0}, (0, 0), (1, 0)), "a function that there is not"),
     ],
 )
-def test_missing_names_are_refused(arguments: dict[str, float], column: SplineColumn, said: str) -> None:
+def test_unknown_names_and_functions_are_refused(
+    arguments: dict[str, float], column: SplineColumn, said: str
+) -> None:
     with pytest.raises(RigctlError, match=said):
         simulate(
             compile_system(_oscillator()),
@@ -143,7 +145,7 @@ def test_missing_names_are_refused(arguments: dict[str, float], column: SplineCo
         )
 
 
-def test_knots_increase() -> None:
+def test_decreasing_or_too_few_knots_are_refused() -> None:
     knots = knots_over(0.0, 1.0, FUNCTIONS)
     with pytest.raises(RigctlError, match="do not rise"):
         SplineColumns((SplineArgument({"v": 1.0}, knots[::-1].copy()),))

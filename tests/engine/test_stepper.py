@@ -16,7 +16,7 @@ from rigctl.engine.tolerance import TIGHT
 from rigctl.errors import ExitCode, RigctlError
 
 
-def test_stepping_a_record_gives_the_record_bit_for_bit(
+def test_stepping_a_record_is_bit_identical_to_simulating_it(
     cylinder: ModuleType, cylinder_compiled: CompiledSystem
 ) -> None:
     record = cylinder.campaign()[5]
@@ -42,7 +42,7 @@ def test_smooth_phases_take_one_step_a_call(cylinder: ModuleType, cylinder_compi
     assert stepper.steps - settled == 1000
 
 
-def test_switches_at_exact_times_between_samples(lag: CompiledSystem) -> None:
+def test_switches_between_samples_act_at_their_exact_time(lag: CompiledSystem) -> None:
     stepper = Stepper(lag, [0.0], [2.0, 0.3], [0.0], tolerance=TIGHT)
     stepper.switch_input("u", 0.0, at=1.003)
     stepper.switch_input("u", 1.0, at=0.317)
@@ -56,7 +56,7 @@ def test_switches_at_exact_times_between_samples(lag: CompiledSystem) -> None:
     assert stepper.time == 1.5
 
 
-def test_commands_of_one_moment_act_in_the_order_given(lag: CompiledSystem) -> None:
+def test_simultaneous_commands_act_in_the_order_given(lag: CompiledSystem) -> None:
     stepper = Stepper(lag, [0.0], [2.0, 0.3], [0.0])
     for value in (5.0, 3.0, 4.0):
         stepper.switch_input("u", value, at=1.0)
@@ -85,7 +85,7 @@ def test_a_delay_is_honoured_across_calls() -> None:
         stepper.advance(1.0)
 
 
-def test_faults_change_state_and_parameters_between_calls(lag: CompiledSystem) -> None:
+def test_state_and_parameters_can_be_changed_between_calls(lag: CompiledSystem) -> None:
     stepper = Stepper(lag, [0.0], [2.0, 0.3], [1.0], time=10.0, tolerance=TIGHT)
     stepper.set_state([5.0])
     assert stepper.outputs()[0] == 5.0
@@ -95,7 +95,7 @@ def test_faults_change_state_and_parameters_between_calls(lag: CompiledSystem) -
     assert stepper.state.tolist() == stepper.outputs().tolist()
 
 
-def test_sixty_thousand_calls_give_the_same_numbers_each_time(lag: CompiledSystem) -> None:
+def test_repeated_runs_of_5000_calls_are_bit_identical(lag: CompiledSystem) -> None:
     def run() -> bytes:
         stepper = Stepper(lag, [0.0], [2.0, 0.3], [0.0])
         seen = np.empty(5_000)
@@ -107,7 +107,7 @@ def test_sixty_thousand_calls_give_the_same_numbers_each_time(lag: CompiledSyste
     assert run() == run()
 
 
-def test_mistakes_are_named(lag: CompiledSystem) -> None:
+def test_mistakes_are_refused_with_their_reason(lag: CompiledSystem) -> None:
     stepper = Stepper(lag, [0.0], [2.0, 0.3], [0.0], time=1.0)
     with pytest.raises(RigctlError, match=r"back in time, got '0.5 s'; expected 1 s or later"):
         stepper.advance(0.5)
@@ -127,7 +127,7 @@ def test_mistakes_are_named(lag: CompiledSystem) -> None:
         Stepper(lag, [0.0], [2.0, math.nan], [0.0])
 
 
-def test_equations_that_break_down_end_the_work_with_a_reason(lag: CompiledSystem) -> None:
+def test_equations_without_a_finite_value_end_the_simulation_with_a_reason(lag: CompiledSystem) -> None:
     stepper = Stepper(lag, [0.0], [2.0, 0.3], [1.0])
     stepper.advance(1.0)
     stepper.set_parameters([2.0, 0.0])
@@ -136,7 +136,7 @@ def test_equations_that_break_down_end_the_work_with_a_reason(lag: CompiledSyste
     assert caught.value.exit_code is ExitCode.FAILED
 
 
-def test_a_record_of_the_lag_and_its_steps_agree(lag: CompiledSystem) -> None:
+def test_stepping_with_switch_commands_is_identical_to_simulating_the_record(lag: CompiledSystem) -> None:
     record = lag_record()
     stepper = Stepper(lag, record.initial, record.parameters, record.inputs[0])
     for moment, inputs in zip(record.switch_times[1:], record.inputs[1:], strict=True):

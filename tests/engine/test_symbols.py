@@ -1,4 +1,4 @@
-"""The graph of expressions: numbers, derivatives, dimensions, and what a user sees when one is wrong."""
+"""The graph of expressions: values, derivatives, dimensions, and error messages."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NAMES = ("x", "y", "z")
 
 Tree: TypeAlias = "str | float | tuple[str, Tree, Tree]"
 
-# smooth everywhere and bounded in growth, so that a finite difference is a fair judge
+# smooth everywhere and of bounded growth, so that finite differences are accurate
 COMBINE: Mapping[str, Callable[[Scalar, Scalar], Scalar]] = {
     "add": lambda a, b: a + b,
     "subtract": lambda a, b: a - b,
@@ -76,7 +76,9 @@ def variables(graph: Graph) -> dict[str, Scalar]:
 
 
 @given(TREES, POINTS)
-def test_expression_and_plain_numbers_agree(tree: Tree, point: dict[str, float]) -> None:
+def test_expressions_evaluate_to_the_same_values_as_plain_numbers(
+    tree: Tree, point: dict[str, float]
+) -> None:
     graph = Graph()
     expr = graph.expression(build(tree, variables(graph)))
     number = float(build(tree, point))
@@ -95,7 +97,7 @@ def test_derivative_agrees_with_finite_differences(tree: Tree, point: dict[str, 
     def at(offset: float) -> float:
         return evaluate(expr, {**point, name: point[name] + offset})
 
-    # Richardson's fourth- and sixth-order central differences; their gap is the oracle's own error
+    # Richardson's fourth- and sixth-order central differences; their difference estimates their error
     d1, d2, d3 = ((at(h * k) - at(-h * k)) / (2 * h * k) for k in (1, 2, 4))
     fourth, coarse = (4 * d1 - d2) / 3, (4 * d2 - d3) / 3
     sixth = (16 * fourth - coarse) / 15
@@ -106,7 +108,7 @@ def test_derivative_agrees_with_finite_differences(tree: Tree, point: dict[str, 
 
 @given(TREES, TREES)
 @example(("exp", "x", ("add", -0.5, -0.5)), ("exp", "y", ("add", -0.5, -0.5)))  # the sum of two negatives
-def test_equal_formulas_are_one_node(tree: Tree, other: Tree) -> None:
+def test_equal_formulas_share_one_node(tree: Tree, other: Tree) -> None:
     graph = Graph()
     named = variables(graph)
     first = graph.expression(build(tree, named))
@@ -118,7 +120,7 @@ def test_equal_formulas_are_one_node(tree: Tree, other: Tree) -> None:
 
 
 @given(TREES, POINTS)
-def test_text_of_an_expression_is_the_formula_itself(tree: Tree, point: dict[str, float]) -> None:
+def test_the_text_of_an_expression_evaluates_to_its_value(tree: Tree, point: dict[str, float]) -> None:
     graph = Graph()
     expr = graph.expression(build(tree, variables(graph)))
     functions = {name: getattr(math, name) for name in ("exp", "log", "sqrt", "tanh", "sin", "cos")}
@@ -127,7 +129,9 @@ def test_text_of_an_expression_is_the_formula_itself(tree: Tree, point: dict[str
 
 
 @given(TREES, POINTS, st.floats(-2.0, 2.0))
-def test_substituting_a_number_is_evaluating_with_it(tree: Tree, point: dict[str, float], x: float) -> None:
+def test_substituting_a_number_agrees_with_evaluating_with_it(
+    tree: Tree, point: dict[str, float], x: float
+) -> None:
     graph = Graph()
     expr = graph.expression(build(tree, variables(graph)))
     replaced = substitute(expr, {graph.variables["x"]: x})
@@ -158,7 +162,7 @@ def test_derivative_is_exactly_zero_where_there_is_no_dependence() -> None:
         derivative(x, x * 2)
 
 
-def test_simplification() -> None:
+def test_expressions_are_simplified_to_a_canonical_form() -> None:
     graph = Graph()
     x, y = graph.variable("x", DIMENSIONLESS), graph.variable("y", DIMENSIONLESS)
     assert x + 0 is x
@@ -177,7 +181,7 @@ def test_simplification() -> None:
     assert symbols.exp(graph.constant(0.0)) is graph.constant(1.0)
 
 
-def test_dimensions_of_a_hydraulic_term() -> None:
+def test_the_dimensions_of_a_hydraulic_term_are_derived_and_checked() -> None:
     graph = Graph()
     area = graph.variable("area", unit("m^2"))
     drop = graph.variable("drop", unit("Pa"))
@@ -215,7 +219,9 @@ def test_equal_constants_of_different_dimension_are_distinct() -> None:
         (lambda p, t: symbols.positive_part(p, t.graph.constant(1.0, t.declared)), "two dimensions"),
     ],
 )
-def test_a_wrong_dimension_is_named(wrong: Callable[..., symbols.Expr], message: str) -> None:
+def test_a_wrong_dimension_is_refused_with_its_place(
+    wrong: Callable[..., symbols.Expr], message: str
+) -> None:
     graph = Graph()
     p, t = graph.variable("p", unit("Pa")), graph.variable("T", unit("K"))
     with pytest.raises(RigctlError, match=message):
@@ -233,7 +239,9 @@ def test_a_wrong_dimension_is_named(wrong: Callable[..., symbols.Expr], message:
         lambda x: not x,
     ],
 )
-def test_a_branch_on_a_state_names_the_smooth_alternatives(branch: Callable[[symbols.Expr], object]) -> None:
+def test_a_branch_on_a_variable_is_refused_with_the_smooth_alternatives(
+    branch: Callable[[symbols.Expr], object],
+) -> None:
     x = Graph().variable("velocity", unit("m/s"))
     with pytest.raises(RigctlError, match=r"may not branch.*velocity.*positive_part"):
         branch(x)
@@ -259,7 +267,7 @@ def test_a_branch_on_a_state_names_the_smooth_alternatives(branch: Callable[[sym
         (lambda g, x: evaluate(x, {"X": 1.0}), "unknown variable in an equation.*did you mean 'X'"),
     ],
 )
-def test_mistakes_are_readable_errors(wrong: Callable[..., object], message: str) -> None:
+def test_mistakes_are_refused_with_a_readable_error(wrong: Callable[..., object], message: str) -> None:
     graph = Graph()
     with pytest.raises(RigctlError, match=message):
         wrong(graph, graph.variable("x", DIMENSIONLESS))
@@ -279,7 +287,7 @@ def test_numbers_outside_the_domain_follow_ieee_arithmetic() -> None:
     assert symbols.power(1e300, 2.0) == math.inf
 
 
-def test_smooth_switches_touch_their_corners_and_limits() -> None:
+def test_smooth_functions_have_their_values_at_corners_and_limits() -> None:
     assert symbols.positive_part(0.0, 0.2) == pytest.approx(0.1)
     assert symbols.positive_part(100.0, 0.2) == pytest.approx(100.0, abs=2e-4)
     assert symbols.positive_part(-100.0, 0.2) == pytest.approx(0.0, abs=2e-4)
@@ -291,7 +299,7 @@ def test_smooth_switches_touch_their_corners_and_limits() -> None:
     assert constant_like(15.0, 2.0) == 15.0
 
 
-def test_printing() -> None:
+def test_expressions_are_written_as_text_and_latex() -> None:
     graph = Graph()
     k, mu = graph.variable("k", unit("m^3")), graph.variable("mu", unit("Pa*s"))
     a, b = graph.variable("p_a", unit("Pa")), graph.variable("p_b", unit("Pa"))

@@ -1,4 +1,4 @@
-"""What a system of equations must be, and what is said when it is not."""
+"""Requirements on a system of equations, and the errors if they are not met."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rigctl.units import parse_unit
 
 
 def tank() -> tuple[SystemBuilder, dict[str, object]]:
-    """A tank that runs out through a hole."""
+    """A tank that drains through a hole."""
     builder = SystemBuilder()
     names = {
         "level": builder.state("level", "m", scale=1e-3),
@@ -84,7 +84,7 @@ def delay_on_present_input(builder: SystemBuilder, names: dict[str, object]) -> 
         (lambda b, n: b.input("t", "degC"), "t is not in SI"),
     ],
 )
-def test_mistakes_are_named(
+def test_mistakes_are_refused_with_the_wrong_name(
     spoil: Callable[[SystemBuilder, dict[str, object]], object], message: str
 ) -> None:
     builder, names = tank()
@@ -93,7 +93,7 @@ def test_mistakes_are_named(
         builder.build()
 
 
-def test_a_system_put_together_by_hand_is_checked_too() -> None:
+def test_a_system_built_directly_is_checked_too() -> None:
     graph = Graph()
     x = graph.variable("x", parse_unit("m").dimension)
     rhs = x / graph.constant(1.0, parse_unit("s").dimension)

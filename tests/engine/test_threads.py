@@ -9,31 +9,31 @@ import pytest
 from rigctl.engine.threads import in_threads
 
 
-def test_results_come_in_order_and_errors_are_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_keep_the_order_of_the_items_and_errors_are_raised(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_NUM_THREADS", "3")
     assert in_threads(lambda k: k * k, range(50)) == [k * k for k in range(50)]
     with pytest.raises(ZeroDivisionError):
         in_threads(lambda k: 1 // k, range(5))
 
 
-def test_items_are_worked_on_at_once() -> None:
+def test_items_are_processed_in_parallel() -> None:
     together = threading.Barrier(2, timeout=30.0)
     assert sorted(in_threads(lambda _: together.wait(), range(2), 2)) == [0, 1]
 
 
-def test_work_within_such_work_waits_for_no_thread() -> None:
+def test_nested_parallel_work_does_not_deadlock() -> None:
     def outer(k: int) -> list[int]:
         return in_threads(lambda j: 10 * k + j, range(4), 2)
 
     assert in_threads(outer, range(4), 2) == [[10 * k + j for j in range(4)] for k in range(4)]
 
 
-def test_one_thread_is_the_callers_own(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_with_one_thread_the_work_runs_in_the_callers_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_NUM_THREADS", "1")
     assert in_threads(lambda _: threading.current_thread(), range(3)) == [threading.current_thread()] * 3
 
 
-def test_nothing_is_begun_after_a_failure_and_nothing_goes_on_afterwards() -> None:
+def test_no_item_is_started_after_a_failure() -> None:
     begun, failed = [], threading.Event()
 
     def work(k: int) -> None:
@@ -50,7 +50,7 @@ def test_nothing_is_begun_after_a_failure_and_nothing_goes_on_afterwards() -> No
     assert len(begun) == ended <= 3
 
 
-def test_the_dearest_items_are_begun_first_and_results_keep_the_order_of_the_items() -> None:
+def test_the_most_expensive_items_are_started_first() -> None:
     begun: list[int] = []
     first = threading.Barrier(2, timeout=30.0)
 
