@@ -134,9 +134,9 @@ def test_one_effect_and_two_of_similar_odds_are_ambiguous() -> None:
 
 
 def test_an_effect_with_a_small_remainder_is_not_distinguished_from_two() -> None:
-    """Seed 1055 of a search for such cases: a test rejects what it leaves, 1 % of the misfit.
+    """Found by a search over seeds: a test rejects its remainder, 1 % of the misfit.
 
-    That is no more than what sizes of undriven effects may scatter.
+    So small a remainder may be scatter in the size of an effect without a driver.
     """
     rng = np.random.default_rng(1055)
     effects = [made_effect(f"effect_{k}") for k in range(8)]

@@ -57,7 +57,7 @@ def test_a_poorly_known_noise_makes_a_stretch_less_significant() -> None:
     assert known < 0.01 < guessed
 
 
-def test_a_constant_error_of_a_coarse_converter_at_rest_is_no_misfit() -> None:
+def test_a_constant_error_of_a_coarse_converter_at_rest_is_not_a_misfit() -> None:
     """With a coarse converter, the error is the same for all samples at rest."""
     fine = ChannelNoise("pressure", 0.1)
     coarse = NoiseModel((ChannelNoise("position", 0.1, step=0.2, bias=0.2), fine), 1.0)

@@ -79,7 +79,7 @@ def test_an_ambient_temperature_that_rises_with_the_heaters_is_evidence() -> Non
 
 
 @pytest.mark.parametrize("seed", [2, 3, 4])
-def test_ambient_temperatures_that_scatter_within_their_prior_are_no_evidence(seed: int) -> None:
+def test_ambient_temperatures_that_scatter_within_their_prior_are_not_evidence(seed: int) -> None:
     generator = np.random.default_rng(seed)
     found = quantities(lambda _: float(generator.normal(0.0, 1.0)), seed)
     assert not any(one.statement for one in found.values())

@@ -100,7 +100,7 @@ def test_an_effect_is_hidden_by_the_step_that_absorbs_most_of_it() -> None:
 
 @pytest.mark.parametrize("known", [2, 4, 40])
 def test_a_table_has_an_excess_exactly_if_its_test_rejects(known: int) -> None:
-    """By the same distribution as the p-value: noise of few degrees of freedom explains more than χ² does."""
+    """The excess uses the distribution of the p-value: with few degrees of freedom of the noise F, not χ²."""
     for statistic in (15.0, 30.0, 60.0, 200.0, 2000.0):
         p = chi2_tail(statistic, 10, known)
         assert (Test(statistic, p, 10, known=known).excess > 0.0) is (p < ALPHA)

@@ -84,7 +84,7 @@ def test_remainders_unusual_sizes_and_constants_withdraw_levels_of_an_answer() -
     assert levels("spring_load", usual=False) == (True, True, False)  # another law may do it at a usual size
     assert levels("spring_load", constant={"spring_load": ["position"]}) == (True, False, True)
     assert levels("spring_load", constant={"spring_load": []}) == (True, True, True)
-    assert levels("constant_load", whole=False) == (True, False, False)  # what is left may be no constant
+    assert levels("constant_load", whole=False) == (True, False, False)  # the remainder may not be constant
     steady = levels("constant_load", whole=False, steady=["constant_load"])
     assert steady == (True, True, False)  # it is how its size scatters
     assert levels("constant_load", varying=["constant_load"]) == (True, False, True)

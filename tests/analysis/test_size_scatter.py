@@ -84,6 +84,6 @@ def test_a_delay_that_jitters_between_switches_is_named_with_its_location() -> N
 
 
 def test_an_effect_with_zero_slope_at_null_is_still_ranked_first() -> None:
-    """5 % of air that dissolves: the fitted mass has made up for more of it than its slope can."""
+    """5 % of dissolving air: the fitted mass has compensated for more of it than the slope predicts."""
     found = diagnosed("entrained_air", 0.05)
     assert found.ranking[0].effect == "entrained_air"

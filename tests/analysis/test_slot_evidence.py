@@ -148,7 +148,7 @@ def test_disturbance_columns_add_up_to_the_derivative_of_the_engine(nothing: Fit
 
 
 def test_without_a_fit_there_are_no_nuisance_parameters(nothing: FitResult) -> None:
-    """As in the linearisation, what its parameters could absorb remains a misfit."""
+    """As in the linearisation, a misfit that free parameters could absorb remains."""
     taken = replace(nothing, solution=None)
     columns = disturbance_columns(nothing, nothing.problem, disturbed(nothing.problem, 7))
     free, held = (disturbance_normals(fit, nothing.problem, columns) for fit in (nothing, taken))

@@ -81,7 +81,9 @@ def test_a_rival_is_described_with_similarities_and_differences() -> None:
         (0.4, 4.0, "d = 0.40, at least 2.33 is needed; their mBIC differs by 4.0, at least 9.2 is needed"),
     ],
 )
-def test_an_inseparable_rival_names_what_would_separate_it(d: float, difference: float, why: str) -> None:
+def test_an_inseparable_rival_is_described_with_the_criteria_it_misses(
+    d: float, difference: float, why: str
+) -> None:
     said = rival_text(replace(RIVAL, separation=d, difference=difference, differs=None))
     assert said == (
         "position_thermal_drift would look like valve_leakage (cos 0.94), "
@@ -94,7 +96,7 @@ def leaves(share: float) -> Remainder | None:
 
 
 def statement(verdict: Verdict, left: float, failed: Sequence[str], rivals: Sequence[Rival] = ()) -> str:
-    """The statement on two effects, of which those in `failed` do not pass cross-validation."""
+    """The statement on two effects; those in `failed` do not pass cross-validation."""
     known = library(find_family("hydraulic_cylinder"))
     names = ("valve_leakage", "coulomb_friction")
     chosen: Any = [(SimpleNamespace(effect=known[name]), SimpleNamespace(parameters={})) for name in names]

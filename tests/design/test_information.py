@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 
 
 def problem(seed: int, rows: int = 40, shared: int = 3, own: int = 2) -> tuple[Response, Response, Floats]:
-    """Two rivals' responses to one record, and what is known of the second one's common parameters."""
+    """Two rivals' responses to one record, and the information on the second one's shared parameters."""
     rng = np.random.default_rng(seed)
     one = Response(rng.normal(size=rows), rng.normal(size=(rows, shared + 1)), rng.normal(size=(rows, own)))
     other = Response(rng.normal(size=rows), rng.normal(size=(rows, shared)), rng.normal(size=(rows, own)))
@@ -55,7 +55,7 @@ def test_the_evidence_of_two_records_adds_up_to_their_joint_distance() -> None:
     assert whole.distances([np.eye(4), known])[0, 1] == pytest.approx(expected, rel=1e-9)
 
 
-def test_a_difference_that_the_rival_can_fit_is_no_distance() -> None:
+def test_a_difference_that_the_rival_can_fit_adds_no_distance() -> None:
     """A difference along the rival's derivatives counts only as far as its parameters are known."""
     rng = np.random.default_rng(0)
     columns = rng.normal(size=(30, 2))

@@ -1,4 +1,4 @@
-"""Formulas are tried at every location that the data allow, and at few where one location stands out."""
+"""Formulas are tried at every location that the data allow, and at few if one location is clearly best."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_all_locations_as_good_as_the_best_are_tried() -> None:
     assert wanted(*equal) == [f"{slot} over pressure_b" for slot in SLOTS[:12]]
 
 
-def test_few_locations_are_tried_where_one_stands_out() -> None:
+def test_few_locations_are_tried_if_one_is_clearly_best() -> None:
     worse = [located(slot, ("pressure_b",), 2000.0 - k, 8) for k, slot in enumerate(SLOTS[1:12])]
     singles = wanted(located(SLOTS[0], ("pressure_b",), 2500.0, 8), *worse)
     assert singles == [f"{slot} over pressure_b" for slot in SLOTS[:4]]
@@ -46,7 +46,7 @@ def test_few_locations_are_tried_where_one_stands_out() -> None:
 
 
 def test_pairs_of_variables_are_chosen_by_what_they_explain_and_not_by_their_splines() -> None:
-    """A drag at one position: the valve's command stands for the sign of the speed with fewer splines."""
+    """A drag at one position: the valve command replaces the sign of the speed with fewer splines."""
     best = located("line_resistance", ("position", "pressure_setpoint"), 2612.0, 15)
     drag = pairs("friction", [2551.0, 2580.0, 2560.0, 2594.0, 976.0, 541.0])
     found = wanted(best, *drag)

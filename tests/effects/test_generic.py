@@ -109,7 +109,7 @@ def test_friction_is_offered_for_speeds_and_leaks_for_stored_quantities() -> Non
     assert {"leak_on_current", "power_law_on_current", "saturation_of_voltage", "lag_of_rpm"} <= motor
     assert not {
         name for name in motor if name.endswith("_on_angle")
-    }  # the rate of a position is its speed, without a balance of its own
+    }  # the rate of a position is a speed, not a balance
     assert "coulomb_on_current" not in motor
     assert "leak_on_speed" not in motor
 

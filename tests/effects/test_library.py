@@ -103,7 +103,7 @@ def air(p: float) -> float:
     return slope / volume - 1 / 1.4e9
 
 
-# effect, slot, the slot's own variables, and the term worked out by hand at POINT and typical parameters
+# effect, slot, variables of the slot, and the term calculated by hand at POINT and typical parameters
 TERMS_BY_HAND: list[tuple[str, str, dict[str, float], float]] = [
     ("piston_leakage", "flow_a_to_b", {}, drop_with(5.2e-15, 9e5, 4e5)),
     ("valve_leakage", "flow_p_to_a", {}, drop_with(4e-15, 31e5, 9e5)),

@@ -27,7 +27,7 @@ def test_a_gap_can_be_given_instead_of_a_conductance() -> None:
     assert of_a_larger_piston["conductance"] == pytest.approx(2.0 * values["conductance"])
 
 
-def test_a_temperature_error_is_a_difference() -> None:
+def test_an_offset_in_degc_is_a_temperature_difference() -> None:
     assert parse_effect_option("thermocouple_offset:offset=2 degC")[1] == {"offset": 2.0}
 
 

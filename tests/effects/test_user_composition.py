@@ -191,7 +191,7 @@ def test_a_model_file_may_name_a_folder_of_effects(tmp_path: Path) -> None:
     model = parse_model(text, tmp_path / "model.yaml")
     assert [effect.name for effect in model.own_effects] == ["lower", "upper"]
     whole = model.system(library=True).parameter_names
-    assert {"lower.size", "upper.size"} <= set(whole)  # what a diagnosis differentiates
+    assert {"lower.size", "upper.size"} <= set(whole)  # the parameters that a diagnosis differentiates
     assert "lower.size" not in model.system().parameter_names
     with pytest.raises(RigctlError, match="two effects have the same name"):
         parse_model(text.replace("[effects]", "[effects, effects/upper.yaml]"), tmp_path / "model.yaml")

@@ -32,7 +32,7 @@ def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def load(name: str, *, forget: bool = True) -> list[str]:
-    """Load and call the function as a new process would; what was announced and compiled."""
+    """Load and call the function as a new process would; returns the steps "announced" and "made"."""
     if forget:
         cache._loaded.clear()
     made: list[str] = []

@@ -20,7 +20,7 @@ def test_the_step_of_a_converter_is_found_in_noisy_values(sigma: float, step: fl
     assert find_step(series) == pytest.approx(step, rel=1e-6)
 
 
-def test_a_step_rounded_in_the_file_beside_a_placeholder_is_found() -> None:
+def test_the_step_is_found_in_rounded_values_with_a_placeholder() -> None:
     rng = np.random.default_rng(2)
     values = np.round(0.4883 * np.round((40 + 30 * rng.random(800)) / 0.4883), 2)
     values[0] = 23.0

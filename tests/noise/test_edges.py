@@ -56,7 +56,7 @@ def test_only_the_samples_of_a_jump_at_a_switch_are_an_edge(
     height=st.floats(1.0, 1e4),
     fraction=st.floats(0.0, 1.0),
 )
-def test_a_response_resolved_by_the_sampling_is_no_edge(
+def test_a_response_resolved_by_the_sampling_is_not_an_edge(
     seed: int, samples: float, order: int, height: float, fraction: float
 ) -> None:
     """One to three lags in series, of three or more samples each, however far above the noise."""
@@ -98,7 +98,7 @@ def test_two_tanks_filled_in_steps_lose_no_reading() -> None:
         assert not find_edges(times, values, np.full(2, sigma), switches).any()
 
 
-def test_a_gap_is_no_edge() -> None:
+def test_a_gap_is_not_an_edge() -> None:
     times = np.where(np.arange(300) < 150, TIMES, TIMES + 10.0)
     values = np.where(np.arange(300) < 150, 0.0, 50.0)
     assert not edges(values, times[150], times=times).size

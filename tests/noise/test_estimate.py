@@ -170,7 +170,7 @@ def test_a_rig_file_with_a_far_smaller_noise_is_reported(plain_record: Callable[
     assert "times less" in channel.statement
 
 
-def test_missing_samples_and_spikes_are_left_out(plain_record: Callable[..., NoiseRecord]) -> None:
+def test_missing_samples_and_spikes_are_excluded(plain_record: Callable[..., NoiseRecord]) -> None:
     rng = np.random.default_rng(8)
     records = []
     for condition in range(10):

@@ -70,7 +70,7 @@ def test_bursts_of_up_to_three_samples_are_spikes_and_longer_ones_are_signal() -
 
 @settings(max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1), height=st.floats(0.5, 100.0), ramp=st.floats(-20.0, 20.0))
-def test_steps_and_ramps_are_no_spikes(seed: int, height: float, ramp: float) -> None:
+def test_steps_and_ramps_are_not_spikes(seed: int, height: float, ramp: float) -> None:
     rng = np.random.default_rng(seed)
     values = 0.1 * rng.standard_normal(300)
     values[100:] += height
@@ -79,7 +79,7 @@ def test_steps_and_ramps_are_no_spikes(seed: int, height: float, ramp: float) ->
     assert find_spikes(np.arange(300) * 0.01, values[:, None])[:, 0].sum() <= 6
 
 
-def test_ringing_is_no_spike() -> None:
+def test_ringing_is_not_a_spike() -> None:
     times = np.arange(400) * 0.01
     after = np.maximum(0.0, times - 2.0)
     values = 5.0 * (times > 2.0) * (1.0 - np.exp(-8 * after) * np.cos(60 * after))
@@ -87,7 +87,7 @@ def test_ringing_is_no_spike() -> None:
     assert not find_spikes(times, values[:, None]).any()
 
 
-def test_a_peak_right_after_a_switch_is_no_spike() -> None:
+def test_a_peak_right_after_a_switch_is_not_a_spike() -> None:
     times = np.arange(200) * 0.01
     values = 0.01 * np.random.default_rng(7).standard_normal((200, 1))
     values[102] += 3.0
@@ -96,7 +96,7 @@ def test_a_peak_right_after_a_switch_is_no_spike() -> None:
     assert not find_spikes(times, values, phase).any()
 
 
-def test_a_peak_common_to_all_records_is_no_spike() -> None:
+def test_a_peak_common_to_all_records_is_not_a_spike() -> None:
     rng = np.random.default_rng(8)
     records = []
     for _ in range(6):
@@ -123,7 +123,7 @@ def test_spikes_on_two_scales_at_once_equal_those_of_each_scale() -> None:
     assert sum(mask.sum() for mask in both[0]) > sum(mask.sum() for mask in both[1]) > 0
 
 
-def test_missing_values_are_no_spikes_and_hide_none() -> None:
+def test_missing_values_are_not_spikes_and_hide_none() -> None:
     values = 0.1 * np.random.default_rng(9).standard_normal((300, 2))
     values[40:60, 0] = np.nan
     values[:, 1] = np.nan

@@ -187,7 +187,7 @@ def test_the_schema_accepts_what_the_reader_accepts() -> None:
         ("time:", "room:", "tank.yaml:10:3: this name is already one of the inputs, got 'room'"),
         ("warmth:", "exp:", "this name has a meaning of its own, got 'exp'"),
         ("warmth:", "total:", "this name has a meaning of its own, got 'total'"),
-        # what is not used
+        # unused declarations
         (" + warmth", "", "tank.yaml:12:3: no equation uses this, got 'warmth'"),
         ("/time", "/(1 s)", "tank.yaml:10:3: no equation uses this, got 'time'"),
         # no slope, no value

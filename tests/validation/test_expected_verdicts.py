@@ -1,11 +1,10 @@
 """Campaigns of the separate bench, each diagnosed and compared with its expected verdict.
 
-``expected_verdicts.json`` has one trial a line: what the separate bench hides (effect, size in sigmas,
-direction; amplitudes in SI), in which noise, and the verdict with the classes of effects that it leaves
-undecided. Among them are effects that are easily overlooked: of a sensor's gain that the throttle's opening
-all but absorbs, of a pump's slip that the relief valve makes up for until it has no flow to spare, and of a
-spring and a sensor's backlash that together look like a delay. Each must come out as it stands there.
-`rigctl validate` makes many more, and counts them.
+``expected_verdicts.json`` has one trial per line: the hidden effects (name, size in sigmas, direction;
+amplitudes in SI), the noise, and the verdict with the classes of effects that it leaves undecided. Some of
+the effects are easily overlooked: the gain of a sensor that the opening of the throttle almost absorbs, the
+slip of a pump for which the relief valve compensates until it closes, and a spring and the backlash of a
+sensor that together look like a delay. `rigctl validate` runs and counts many more trials.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from rigctl.validation.work import diagnose_scenario
 class Expected:
     """A trial of the list: what is hidden, how large (SI), and the expected diagnosis.
 
-    `first` heads the ranking, where the list says so: a stand-in that comes near and must not be named.
+    `first`, if given, must head the ranking although it must not be named: a similar effect.
     """
 
     scenario: Scenario

@@ -1,4 +1,4 @@
-"""The separate bench against SciPy and published numbers: it must be right before it may judge rigctl."""
+"""The separate bench compared with SciPy and published numbers: rigctl is tested against it."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def test_a_truncated_result_is_computed_again(tmp_path: Path) -> None:
     assert [outcome.verdict for outcome in store.outcomes()] == ["adequate", "adequate", "ambiguous"]
 
 
-def test_results_of_another_version_do_not_count(tmp_path: Path) -> None:
+def test_results_of_another_version_are_ignored(tmp_path: Path) -> None:
     path = tmp_path / "results.jsonl"
     ResultStore(path, "1", Scenario.read).keep(Outcome(SCENARIOS[0], verdict="adequate"))
     assert len(ResultStore(path, "2", Scenario.read).missing(SCENARIOS)) == len(SCENARIOS)

@@ -17,7 +17,7 @@ CHANNELS = {"position": ("mm", 1e-4), "pressure_a": ("bar", 1e4)}
 
 
 def before(*, standard: bool = True) -> Any:
-    """A bench with both channels, of which the table has the position."""
+    """A bench with both channels, and a table of the position only."""
     family = SimpleNamespace(
         standard_record=object() if standard else None,
         outputs=tuple(SimpleNamespace(name=name, unit=unit) for name, (unit, _) in CHANNELS.items()),
