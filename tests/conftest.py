@@ -17,30 +17,29 @@ from filelock import FileLock
 from hypothesis import settings
 
 # The examples of `make test` are the same each time and have no deadline; `make explore` looks for new ones,
-# and what it finds becomes an `@example`.
+# and what it finds is added as an `@example`.
 settings.register_profile("suite", derandomize=True, deadline=None)
 settings.register_profile("explore", max_examples=2_000, deadline=None)
 settings.load_profile("suite")
 
-# What the tests start keeps its bytecode, also where a variable says otherwise: every command in a process of
-# its own would compile this package again, 0.1 to 0.4 s of processor.
+# Processes started by the tests keep their bytecode even where a variable disables it: otherwise each command
+# run as a separate process would compile this package again, 0.1 to 0.4 s of processor time.
 if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
     sys.dont_write_bytecode = False
 
-# The linear algebra starts threads for matrices of two hundred rows already, which on cores that other tests
-# keep busy wait ten times as long as they compute. The library reads this when it is imported, and what the
-# tests start inherits it.
+# The linear algebra library starts threads even for matrices of two hundred rows; on cores that other tests
+# keep busy, they wait ten times as long as they compute. The library reads this variable on import, and
+# processes started by the tests inherit it.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# A shell without job control starts what it puts in the background with Ctrl-C ignored, which what the tests
-# start would inherit: Ctrl-C would not end it.
+# A shell without job control starts background commands with Ctrl-C ignored; processes started by the tests
+# would inherit that, and Ctrl-C would not end them.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-#: files that wait more than they compute, for a silence, a process or a board in real time: one worker begins
-#: with them while the others compute. In the first one this process is host and device: it comes before the
-#: process holds what thousands of tests leave behind, whose collection stops both for longer than a guard
-#: waits.
+#: files that mostly wait, for a silence, a process or a board in real time: one worker starts with them while
+#: the others compute. In the first one this process is both host and device: it comes before thousands of
+#: tests have filled the memory, whose garbage collection would stop both for longer than a guard waits.
 WAITING = (
     "backends/test_line_guard.py",
     "faults/test_unconfirmed_endings.py",
@@ -54,9 +53,9 @@ WAITING = (
     "dataset/test_kill.py",
 )
 
-#: files that compute longest, roughly the longest first: they begin at once, so that no worker is left with
-#: one at the end; of two workers that compute the one that follows the pages has every other: what repeats a
-#: page, and finds its fits; so do the demo and what repeats it
+#: files that compute longest, roughly the longest first: they start at once, so that no worker is left with
+#: one at the end. Of two computing workers, the one that runs the pages gets every second file: those that
+#: repeat a page reuse its fits, and likewise for the demo and the tests that repeat it.
 LONGEST = (
     "test_docs.py",
     "validation/test_expected_verdicts.py",
@@ -199,7 +198,7 @@ def end_guards(folder: Path) -> None:
     guards = folder / "rigctl" / "guards"
     if not guards.exists():
         return
-    for _ in range(20):  # one that gives way may have to be told twice
+    for _ in range(20):  # a guard that yields may need a second notice
         for notice in guards.glob("*.json"):
             with suppress(OSError):
                 notice.unlink()
@@ -212,6 +211,6 @@ def wait_for_guards() -> None:
     for process in guard_port._GOING_ON if guard_port else ():
         try:
             process.wait(10.0)
-        except subprocess.TimeoutExpired:  # its notice lies elsewhere
+        except subprocess.TimeoutExpired:  # its notice is in another folder
             process.kill()
             process.wait()

@@ -56,7 +56,7 @@ def test_a_scaled_clock_sleeps_for_the_remaining_wall_time() -> None:
     assert wall.slept == [2.0]
 
 
-def test_the_calendar_time_corresponds_to_bench_time() -> None:
+def test_the_date_advances_at_the_speed_of_the_scaled_clock() -> None:
     wall = Wall()
     started = datetime(2026, 3, 14, tzinfo=UTC)
     clock = ScaledClock(speed=2.0, monotonic=wall.now, sleep=wall.sleep, started=started)

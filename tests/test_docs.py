@@ -1,4 +1,4 @@
-"""The documentation is true: links lead somewhere, generated pages are current, commands do what is shown."""
+"""The documentation is correct: valid links, current generated pages, commands that print what is shown."""
 
 from __future__ import annotations
 
@@ -88,8 +88,10 @@ def test_the_dataset_page_names_everything_that_is_in_a_run(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("page", CARRIED_OUT, ids=named)
-def test_a_page_can_be_followed(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every command of the page, in order; a page that makes no project of its own begins in a new one."""
+def test_the_commands_of_a_page_print_what_the_page_shows(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every command of the page, in order; a page that does not create a project starts in a new one."""
     for name in ("USER", "LOGNAME", "USERNAME", "LNAME"):
         monkeypatch.setenv(name, "ada")
     found = list(blocks(page.read_text(encoding="utf-8")))

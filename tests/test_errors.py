@@ -18,7 +18,7 @@ from rigctl.errors import (
 )
 
 
-def test_a_message_says_where_what_expected_nearest_and_what_to_do() -> None:
+def test_a_message_has_location_problem_expectation_nearest_name_and_hint() -> None:
     error = RigctlError(
         "unknown field",
         value="rig_",
@@ -34,37 +34,37 @@ def test_a_message_says_where_what_expected_nearest_and_what_to_do() -> None:
     assert error.exit_code is ExitCode.USAGE
 
 
-def test_a_message_without_a_place() -> None:
+def test_an_error_without_a_location_is_its_message_alone() -> None:
     assert str(RigctlError("no such run")) == "no such run"
 
 
-def test_places() -> None:
+def test_locations_print_as_path_and_line_and_fill_each_others_gaps() -> None:
     assert str(Location()) == ""
     assert str(Location(Path("a.yaml"))) == "a.yaml"
     assert str(Location(Path("a.yaml"), 3)) == "a.yaml:3"
     assert Location(None, 3).or_else(Location(Path("a.yaml"), 1, 2)) == Location(Path("a.yaml"), 3, 2)
 
 
-def test_a_place_is_filled_in_only_where_it_is_unknown() -> None:
+def test_only_the_unknown_parts_of_a_location_are_filled_in() -> None:
     error = RigctlError("wrong", where=Location(line=3)).at(Location(Path("a.yaml"), 9, 1))
     assert error.where == Location(Path("a.yaml"), 3, 1)
 
 
-def test_several_errors_are_shown_one_a_line() -> None:
+def test_several_errors_are_shown_one_per_line() -> None:
     error = SeveralErrors([RigctlError("one"), RigctlError("two", exit_code=ExitCode.FAILED)])
     error.at(Location(Path("a.yaml")))
     assert str(error) == "a.yaml: one\na.yaml: two"
     assert error.where.file == Path("a.yaml")
 
 
-def test_the_nearest_name() -> None:
+def test_the_nearest_name_ignores_case_and_is_none_without_a_near_match() -> None:
     assert nearest_name("positon", ["position", "pressure"]) == "position"
     assert nearest_name("POSITION", ["position"]) == "position"
     assert nearest_name("xyz", ["position"]) is None
     assert nearest_name("x", []) is None
 
 
-def test_an_unknown_name() -> None:
+def test_an_unknown_name_is_reported_with_the_nearest_name_or_the_valid_ones() -> None:
     assert str(unknown_name("channel", "positon", ["position"])) == (
         "unknown channel, got 'positon'; did you mean 'position'?"
     )

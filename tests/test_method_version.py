@@ -1,4 +1,4 @@
-"""The version of the method: code that decides does not change without a word, and the rest may."""
+"""The method version: decision code does not change without a declaration; other code may."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def tool() -> ModuleType:
     return module
 
 
-def test_deciding_code_has_not_changed_without_a_word(tool: ModuleType) -> None:
+def test_decision_code_matches_its_declared_fingerprint(tool: ModuleType) -> None:
     for number, mark, packages in tool.DECLARATIONS:
         assert getattr(method_version, number) >= 1
         assert tool.fingerprint(packages=packages) == getattr(method_version, mark), (
@@ -35,10 +35,10 @@ def test_deciding_code_has_not_changed_without_a_word(tool: ModuleType) -> None:
 @pytest.mark.parametrize(
     ("file", "raised"), [("search.py", "METHOD_VERSION"), ("grammar.py", "DISCOVERY_VERSION")]
 )
-def test_a_change_raises_the_version_of_what_it_can_change(
+def test_a_declared_change_raises_only_the_version_that_the_file_affects(
     tool: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str, raised: str
 ) -> None:
-    """A search for formulas starts from a verdict: what only it uses leaves the rates of verdicts valid."""
+    """A search for formulas starts from a verdict, so code used only there leaves the rates valid."""
     for package in (*tool.PACKAGES, *tool.SEARCHING):
         shutil.copytree(tool.ROOT / package, tmp_path / package)
     declared = tmp_path / "method_version.py"
@@ -69,7 +69,7 @@ def _versions(declared: Path) -> dict[str, int]:
         ("adequacy.py", "self.p_value >= ALPHA", "self.p_value > ALPHA", False),
     ],
 )
-def test_words_do_not_count_and_numbers_do(
+def test_only_changes_of_code_change_the_fingerprint_and_not_comments_or_docstrings(
     tool: ModuleType, tmp_path: Path, name: str, old: str, new: str, same: bool
 ) -> None:
     before = _copied(tool, tmp_path, name)
@@ -80,7 +80,7 @@ def test_words_do_not_count_and_numbers_do(
     assert (tool.fingerprint(tmp_path) == before) is same
 
 
-def test_a_function_that_moves_to_another_file_is_the_same(tool: ModuleType, tmp_path: Path) -> None:
+def test_renaming_a_file_leaves_the_fingerprint_unchanged(tool: ModuleType, tmp_path: Path) -> None:
     before = _copied(tool, tmp_path, "adequacy.py")
     path = next(tmp_path.rglob("adequacy.py"))
     path.rename(path.with_name("agreement.py"))

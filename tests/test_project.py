@@ -1,4 +1,4 @@
-"""The project around a folder, and the files its paths mean."""
+"""Finding the project of a folder, and resolving paths in it."""
 
 from __future__ import annotations
 
@@ -11,25 +11,27 @@ from rigctl.files.shipped import shipped
 from rigctl.project import Project, find_project
 
 
-def test_the_nearest_marker_upwards_is_the_root(tmp_path: Path) -> None:
+def test_the_root_is_the_nearest_parent_folder_with_a_marker(tmp_path: Path) -> None:
     (tmp_path / "rigctl.toml").write_text('runs = "data/runs"\n', encoding="utf-8")
     inner = tmp_path / "a" / "b"
     inner.mkdir(parents=True)
     assert find_project(inner) == Project(tmp_path, tmp_path / "data" / "runs")
 
 
-def test_without_a_marker_it_is_the_current_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_marker_the_project_is_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert find_project() == Project(tmp_path, tmp_path / "runs")
 
 
-def test_it_may_name_its_rig(tmp_path: Path) -> None:
+def test_a_project_may_name_its_rig_file(tmp_path: Path) -> None:
     (tmp_path / "rigctl.toml").write_text('rig = "rigs/press.yaml"\n', encoding="utf-8")
     project = find_project(tmp_path)
     assert (project.runs, project.rig) == (tmp_path / "runs", tmp_path / "rigs" / "press.yaml")
 
 
-def test_runs_may_be_kept_elsewhere(tmp_path: Path) -> None:
+def test_a_project_may_keep_its_runs_in_another_folder(tmp_path: Path) -> None:
     elsewhere = tmp_path / "elsewhere"
     (tmp_path / "rigctl.toml").write_text(f"runs = '{elsewhere}'\n", encoding="utf-8")
     assert find_project(tmp_path).runs == elsewhere
@@ -46,7 +48,7 @@ def test_runs_may_be_kept_elsewhere(tmp_path: Path) -> None:
         (b"runs = '\xff'", "not UTF-8"),
     ],
 )
-def test_a_broken_marker_is_named(tmp_path: Path, content: bytes, message: str) -> None:
+def test_an_invalid_project_file_is_reported_by_name(tmp_path: Path, content: bytes, message: str) -> None:
     marker = tmp_path / "rigctl.toml"
     marker.write_bytes(content)
     with pytest.raises(RigctlError) as caught:
@@ -55,7 +57,7 @@ def test_a_broken_marker_is_named(tmp_path: Path, content: bytes, message: str) 
     assert caught.value.where.file == marker
 
 
-def test_a_path_is_tried_beside_the_file_then_in_the_root_then_among_the_shipped(tmp_path: Path) -> None:
+def test_a_path_is_resolved_beside_the_file_then_in_the_root_then_among_shipped_files(tmp_path: Path) -> None:
     project = Project(tmp_path, tmp_path / "runs")
     procedure = tmp_path / "procedures" / "p.yaml"
     beside, root = tmp_path / "procedures" / "rigs" / "x.yaml", tmp_path / "rigs" / "x.yaml"
@@ -69,7 +71,7 @@ def test_a_path_is_tried_beside_the_file_then_in_the_root_then_among_the_shipped
 
 
 @pytest.mark.parametrize("path", ["rigs/none.yaml", "a\0b", "~nobody-of-that-name/x", "x" * 5000])
-def test_a_missing_file_names_the_searched_places(tmp_path: Path, path: str) -> None:
+def test_a_missing_file_is_reported_with_the_folders_searched(tmp_path: Path, path: str) -> None:
     project = Project(tmp_path, tmp_path / "runs")
     with pytest.raises(RigctlError, match="there is no such file") as caught:
         project.resolve(path, tmp_path / "p" / "p.yaml")

@@ -24,13 +24,13 @@ ROOT = Path(__file__).parents[1]
 HEAVY = ("numpy", "pandas", "pyarrow", "duckdb", "pint", "pydantic", "numba", "scipy", "plotly")
 
 
-def test_importing_it_imports_nothing_heavy() -> None:
+def test_importing_rigctl_imports_no_heavy_library() -> None:
     program = f"import rigctl, sys; print([name for name in {HEAVY} if name in sys.modules])"
     answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert answer.stdout.strip() == "[]"
 
 
-def test_its_names_are_those_of_the_packages() -> None:
+def test_public_names_are_the_objects_of_the_packages_and_are_listed_by_dir() -> None:
     assert rigctl.open_run is rigctl.dataset.open_run
     assert set(rigctl.__all__) <= set(dir(rigctl))
 
@@ -40,7 +40,7 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
         _ = rigctl.open_rum
 
 
-def test_the_table_is_what_a_type_checker_reads() -> None:
+def test_the_table_of_public_names_matches_the_imports_for_type_checkers() -> None:
     tree = ast.parse(Path(rigctl.__file__).read_text(encoding="utf-8"))
     imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
     read = {
@@ -51,7 +51,7 @@ def test_the_table_is_what_a_type_checker_reads() -> None:
         assert getattr(rigctl, name) is getattr(import_module(str(module)), there)
 
 
-def test_every_name_is_checked_as_users_would_write_it() -> None:
+def test_every_public_name_is_used_in_the_type_checked_file() -> None:
     text = (ROOT / "tests" / "public_typing.py").read_text(encoding="utf-8")
     assert [name for name in rigctl.__all__ if f"    rigctl.{name},\n" not in text] == []
 
@@ -72,7 +72,7 @@ def test_no_module_is_callable() -> None:
     assert [module for module in modules if callable(module)] == []
 
 
-def test_every_name_is_documented() -> None:
+def test_every_public_name_is_documented() -> None:
     for name in rigctl.__all__:
         public = getattr(rigctl, name)
         assert inspect.getdoc(public), name
@@ -124,7 +124,7 @@ def test_user_text_is_escaped_in_notebooks() -> None:
     assert "<script>" not in as_html("<script>", table)
 
 
-def test_runs_are_found(recorded: Simulation) -> None:
+def test_runs_are_found_by_procedure_and_status(recorded: Simulation) -> None:
     runs = recorded.run.folder.parent
     assert [one.id for one in rigctl.find_runs(runs=runs)] == [recorded.run.id]
     assert rigctl.find_runs(runs=runs, procedure="another") == []
@@ -144,7 +144,7 @@ def test_a_simulated_bench_runs_from_python(tmp_path: Path) -> None:
     assert (result.status, result.records) == ("finished", 2)
 
 
-def test_a_fit_from_python_is_that_of_a_comparison(tmp_path: Path) -> None:
+def test_a_fit_from_python_equals_the_fit_of_a_comparison(tmp_path: Path) -> None:
     model = rigctl.load_model(ROOT / "models" / "hl32-oil.yaml")
     imported = rigctl.import_file(ROOT / "data" / "hl32-viscosity.csv", None, tmp_path)
     run = rigctl.open_run(imported.path)
@@ -162,7 +162,7 @@ def calls(page: str) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.md")), ids=lambda page: page.stem)
-def test_a_signature_in_a_text_is_that_of_the_function(page: Path) -> None:
+def test_arguments_and_defaults_shown_in_the_documentation_are_those_of_the_functions(page: Path) -> None:
     for name, inside in calls(page.read_text(encoding="utf-8")):
         function = getattr(rigctl, name, None)
         if not inspect.isfunction(function):

@@ -1,4 +1,4 @@
-"""What is required is used, and what is offered is there."""
+"""Required packages are imported, and extras are listed and imported."""
 
 from __future__ import annotations
 

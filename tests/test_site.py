@@ -1,4 +1,4 @@
-"""The site of the documentation, as a reader of HTML sees it that shares nothing with its builder."""
+"""The documentation site, checked by an HTML parser that is independent of its builder."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def site(built_site: Path) -> dict[Path, Links]:
     return {path: Links(path) for path in built_site.rglob("*.html") if path.name != "404.html"}
 
 
-def test_every_page_of_the_documentation_is_on_it_and_reached(site: dict[Path, Links]) -> None:
+def test_every_page_of_the_documentation_is_on_the_site_and_reachable(site: dict[Path, Links]) -> None:
     folder = min((path.parent for path in site), key=lambda path: len(path.parts))
     pages = {path.relative_to(ROOT / "docs").with_suffix(".html") for path in (ROOT / "docs").rglob("*.md")}
     pages = {page.with_name("index.html") if page.name == "README.html" else page for page in pages}
@@ -53,13 +53,13 @@ def test_every_page_of_the_documentation_is_on_it_and_reached(site: dict[Path, L
     assert seen == set(site)
 
 
-def test_nothing_is_fetched_from_elsewhere(site: dict[Path, Links]) -> None:
+def test_pages_load_only_files_of_the_site(site: dict[Path, Links]) -> None:
     loaded = {(page, link) for page, found in site.items() for link in found.loads}
     assert loaded
     assert {(page, link) for page, link in loaded if not led(page, link)[0].is_file()} == set()
 
 
-def test_links_lead_to_pages_and_anchors_that_are_there(site: dict[Path, Links]) -> None:
+def test_links_lead_to_existing_pages_and_anchors(site: dict[Path, Links]) -> None:
     for page, found in site.items():
         for link in found.leads:
             if re.match(r"[a-z]+:", link):

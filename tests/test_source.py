@@ -1,4 +1,4 @@
-"""Rules of the source that no linter knows."""
+"""Rules for the source that no linter checks."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_next_without_a_default_is_found() -> None:
     assert bare_nexts("next(x for x in y)\nnext(iter(y))\nnext((x for x in y), 0)\nnext(counter)") == [1, 2]
 
 
-def test_no_search_ends_in_stop_iteration() -> None:
+def test_no_search_in_the_source_can_end_in_stop_iteration() -> None:
     found = {str(path): bare_nexts(path.read_text("utf-8")) for path in SOURCE.rglob("*.py")}
     assert {name: lines for name, lines in found.items() if lines} == {}
 
@@ -81,7 +81,7 @@ def test_the_glossary_names_existing_files() -> None:
 
 
 def test_the_longest_test_files_exist() -> None:
-    """One that moves would be begun last, and a worker be left with it at the end."""
+    """A file that is not found under its listed name would start last and prolong the whole run."""
     here = Path(__file__).parent
     body = ast.parse((here / "conftest.py").read_text("utf-8")).body
     (listed,) = [

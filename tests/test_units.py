@@ -101,7 +101,7 @@ def test_a_difference_of_temperatures_has_no_offset() -> None:
         ("1 K", "J/kg", "wrong dimension, got '1 K'; expected a quantity in J/kg"),
     ],
 )
-def test_refusals(text: str, unit: str, message: str) -> None:
+def test_an_invalid_or_wrong_quantity_is_refused_with_its_message(text: str, unit: str, message: str) -> None:
     with pytest.raises(RigctlError) as caught:
         read_si(text, unit)
     assert str(caught.value) == message
@@ -133,13 +133,13 @@ def test_refusals(text: str, unit: str, message: str) -> None:
         "1bar",
     ],
 )
-def test_what_is_no_unit(text: str) -> None:
+def test_an_unknown_or_malformed_unit_is_refused(text: str) -> None:
     with pytest.raises(RigctlError, match="unknown unit"):
         parse_unit(text)
 
 
 @pytest.mark.parametrize("name", [name for name in (*_COMMON, *_ELECTRICAL) if name])
-def test_units_known_by_heart_agree_with_pint(name: str) -> None:
+def test_built_in_units_agree_with_pint(name: str) -> None:
     if name in ("1", "count"):
         return
     unit = parse_unit(name)
@@ -157,14 +157,14 @@ def test_units_known_by_heart_agree_with_pint(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", list(_NAMED))
-def test_what_is_called_something_has_an_example_of_its_kind(name: str) -> None:
+def test_the_example_for_a_named_quantity_has_the_dimension_of_its_unit(name: str) -> None:
     words = describe(name)
     if "e.g." in words:
         example = words.split("'")[1]
         assert parse_quantity(example).unit.dimension == parse_unit(name).dimension
 
 
-def test_dimensions_multiply_and_print() -> None:
+def test_dimensions_multiply_and_print_as_units() -> None:
     pressure, length = parse_unit("Pa").dimension, parse_unit("m").dimension
     assert str(pressure) == "m^-1 kg s^-2"
     assert str(pressure * length**2) == "m kg s^-2"
@@ -176,7 +176,7 @@ def test_dimensions_multiply_and_print() -> None:
 
 
 @given(st.floats(-1e9, 1e9), st.sampled_from(["bar", "degC", "degF", "mm", "l/min", "N*s/m", "%", "1"]))
-def test_units_go_both_ways(value: float, name: str) -> None:
+def test_conversion_to_si_and_back_returns_the_value(value: float, name: str) -> None:
     unit = parse_unit(name)
     assert unit.from_si(unit.to_si(value)) == pytest.approx(value, rel=1e-12, abs=1e-9)
     assert unit.from_si(unit.to_si(value, difference=True), difference=True) == pytest.approx(
@@ -185,13 +185,13 @@ def test_units_go_both_ways(value: float, name: str) -> None:
 
 
 @given(st.floats(-1e9, 1e9), st.sampled_from(["bar", "degC", "K", "mm", "l/min", "1"]))
-def test_what_is_shown_can_be_read_again(si: float, unit: str) -> None:
+def test_a_displayed_quantity_is_read_back_unchanged(si: float, unit: str) -> None:
     shown = show(si, unit, digits=17)
     assert read_si(shown, unit) == pytest.approx(si, rel=1e-12, abs=1e-9)
 
 
 @given(st.text(max_size=20))
-def test_any_text_is_a_quantity_or_refused(text: str) -> None:
+def test_any_text_is_read_as_a_quantity_or_refused(text: str) -> None:
     try:
         quantity = parse_quantity(text)
     except RigctlError as error:
@@ -201,7 +201,7 @@ def test_any_text_is_a_quantity_or_refused(text: str) -> None:
 
 
 @given(st.text(alphabet="barmskK*/^()123 -%°CF", max_size=12))
-def test_any_unit_is_a_unit_or_refused(text: str) -> None:
+def test_any_text_is_read_as_a_unit_or_refused(text: str) -> None:
     try:
         unit = parse_unit(text)
     except RigctlError:
@@ -210,13 +210,13 @@ def test_any_unit_is_a_unit_or_refused(text: str) -> None:
     assert unit.factor != 0.0
 
 
-def test_conversion_needs_one_dimension() -> None:
+def test_conversion_between_different_dimensions_is_refused() -> None:
     assert convert(30.0, "bar", "MPa") == pytest.approx(3.0)
     with pytest.raises(RigctlError, match="cannot convert bar to mm"):
         convert(1.0, "bar", "mm")
 
 
-def test_common_units_do_not_wait_for_pint() -> None:
+def test_common_units_are_read_without_importing_pint() -> None:
     code = (
         "import sys; from rigctl.units import read_si; "
         "[read_si(text, unit) for text, unit in (('30 bar', 'Pa'), ('40 degC', 'K'), ('14 l/min', 'm^3/s'), "
@@ -226,19 +226,19 @@ def test_common_units_do_not_wait_for_pint() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_a_bound_is_reached_in_any_unit() -> None:
+def test_a_value_off_its_bound_only_by_rounding_is_put_on_the_bound() -> None:
     assert onto_bound(read_si("0.06 l/min", "m^3/s"), 1e-6, 1e-2) == 1e-6
     assert onto_bound(1.0000000000000002e-2, 1e-6, 1e-2) == 1e-2
     assert onto_bound(1.1e-2, 1e-6, 1e-2) == 1.1e-2
 
 
 @pytest.mark.parametrize("quantity", sorted(UNITS_OF))
-def test_the_units_that_are_listed_are_of_one_dimension(quantity: str) -> None:
+def test_the_units_listed_for_a_quantity_have_one_dimension(quantity: str) -> None:
     assert len({parse_unit(unit).dimension for unit in UNITS_OF[quantity]}) == 1
 
 
 @pytest.mark.parametrize(("written", "read"), SPELLINGS.items())
-def test_other_spellings_are_what_they_stand_for(written: str, read: str) -> None:
+def test_alternative_spellings_are_read_as_the_unit_they_stand_for(written: str, read: str) -> None:
     one, other = parse_unit(written), parse_unit(read)
     assert (one.dimension, one.factor, one.offset) == (other.dimension, other.factor, other.offset)
 
@@ -246,7 +246,7 @@ def test_other_spellings_are_what_they_stand_for(written: str, read: str) -> Non
 @pytest.mark.parametrize(
     ("written", "nearest"), [("BAR", "bar"), ("rmp", "rpm"), ("ohmm", "ohm"), ("kpa", "kPa")]
 )
-def test_an_unknown_unit_suggests_one(written: str, nearest: str) -> None:
+def test_an_unknown_unit_is_reported_with_the_nearest_unit(written: str, nearest: str) -> None:
     with pytest.raises(RigctlError, match=f"did you mean '{nearest}'"):
         parse_unit(written)
 
@@ -274,7 +274,7 @@ def test_a_value_has_the_digits_that_its_uncertainty_allows(
 
 
 @given(st.floats(-1e20, 1e20), st.floats(1e-20, 1e20))
-def test_no_digit_that_counts_is_lost(value: float, std: float) -> None:
+def test_rounding_to_the_uncertainty_loses_no_significant_digit(value: float, std: float) -> None:
     shown, spread = known_digits(value, std)
     assert abs(float(spread) - std) <= 0.05001 * std
     assert abs(float(shown) - value) <= 0.0501 * std + 1e-12 * abs(value)
