@@ -94,12 +94,12 @@ def test_the_board_follows_its_heat_balance(make_bench: MakeBench, board: Rig) -
     assert found[-1, 0] == pytest.approx(final - 0.3 / 0.016 * math.exp(-END / 125.0), abs=2e-3)
 
 
-def test_hidden_effects_of_the_board_act(make_bench: MakeBench, board: Rig) -> None:
+def test_hidden_effects_change_the_board_as_their_equations_say(make_bench: MakeBench, board: Rig) -> None:
     bench = make_bench(on=board, plant=None, effects=["radiation", "heater_coupling"])
     assert recorded(bench) == pytest.approx(solved(coupled_and_radiating, [ROOM, ROOM]), abs=2e-3)
 
 
-def test_full_power_stays_below_what_stops_a_run(board: Rig) -> None:
+def test_full_power_stays_below_the_interlock_limits(board: Rig) -> None:
     hottest = ROOM + 1.0 / 0.016
     limits = {limit.action: limit.threshold for limit in board.limits.values() if not limit.of_rate}
     noise = 6 * 0.1 + board.channels["temperature_1"].resolution

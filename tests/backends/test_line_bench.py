@@ -66,19 +66,19 @@ def with_lines(old: str, new: str) -> Rig:
     return parse_rig(TCLAB.text.replace(old, new))
 
 
-def test_it_asks_who_it_is_and_switches_off_before_anything_else(board: Board) -> None:
+def test_opening_checks_the_identity_and_switches_outputs_off_first(board: Board) -> None:
     assert board.bench.identity["firmware"] == "1.4.0 Arduino Uno"
     assert board.sketch.received == ["VER", "X", "Q1 0.00", "Q2 0.00"]
 
 
-def test_a_device_that_answers_just_in_time_is_opened(make: Callable[..., Board]) -> None:
-    """To what makes it safe, too: only at an ending are answers waited for no longer than 0.2 s."""
+def test_a_device_that_answers_just_within_the_timeout_is_opened(make: Callable[..., Board]) -> None:
+    """This includes the commands that make it safe: the timeout of 0.2 s applies only at the end of a run."""
     board = make(delay=0.45)
     board.bench.start(0.4)
     assert board.samples(2)[-1].commands == (0.0, 0.0)
 
 
-def test_samples_are_what_the_board_answers_at_the_rate_asked_for(board: Board) -> None:
+def test_samples_hold_the_answers_of_the_board_at_the_requested_rate(board: Board) -> None:
     board.bench.start(2.0)
     samples = board.samples(20)
     steps = [b.time - a.time for a, b in pairwise(samples)]
@@ -88,7 +88,7 @@ def test_samples_are_what_the_board_answers_at_the_rate_asked_for(board: Board) 
         assert sample.commands == (0.0, 0.0)
 
 
-def test_slow_queries_are_asked_at_their_own_rate(board: Board) -> None:
+def test_slow_queries_are_sent_at_their_own_rate(board: Board) -> None:
     board.bench.start(10.0)
     board.sketch.received.clear()
     board.samples(100)
@@ -97,7 +97,7 @@ def test_slow_queries_are_asked_at_their_own_rate(board: Board) -> None:
     assert asked["R1"] == asked["R2"] == pytest.approx(10, abs=1)
 
 
-def test_a_setting_is_sent_and_its_receipt_is_as_sure_as_the_answer_was_quick(board: Board) -> None:
+def test_the_receipt_of_a_command_is_uncertain_by_half_the_response_time(board: Board) -> None:
     board.bench.start(2.0)
     before = board.clock.now()
     receipt = board.bench.command("heater_1", 0.4).wait()
@@ -111,25 +111,25 @@ def test_a_setting_is_sent_and_its_receipt_is_as_sure_as_the_answer_was_quick(bo
     assert warm.commands == (0.4, 0.0)
 
 
-def test_a_board_that_sets_something_else_is_not_obeyed_silently(board: Board) -> None:
+def test_an_answer_with_another_value_than_commanded_is_an_error(board: Board) -> None:
     board.sketch.odd["Q1 40.00"] = b"35.00\r\n"
     with pytest.raises(RigctlError, match=r"answers '35.00' to 'Q1 40.00'; expected '40 %'"):
         board.bench.command("heater_1", 0.4).wait()
 
 
-def test_rounding_is_no_disobedience(board: Board) -> None:
+def test_an_answer_rounded_by_the_board_confirms_the_command(board: Board) -> None:
     board.sketch.odd["Q1 33.33"] = b"33.3\r\n"
     assert board.bench.command("heater_1", 1.0 / 3.0).wait().value == pytest.approx(1.0 / 3.0)
 
 
-def test_out_of_range_is_refused_before_anything_is_sent(board: Board) -> None:
+def test_a_value_out_of_range_is_refused_before_anything_is_sent(board: Board) -> None:
     board.sketch.received.clear()
     with pytest.raises(RigctlError, match="out of range"):
         board.bench.command("heater_1", 1.2).wait()
     assert board.sketch.received == []
 
 
-def test_it_is_not_asked_more_often_than_it_can_answer(board: Board) -> None:
+def test_a_rate_faster_than_the_device_can_answer_is_refused(board: Board) -> None:
     with pytest.raises(RigctlError, match="at most 10 Hz"):
         board.bench.start(20.0)
 
@@ -156,7 +156,7 @@ def test_the_end_of_a_pulse_is_sent_in_time(board: Board) -> None:
     assert board.sketch.heaters == (0.0, 0.0)
 
 
-def test_a_late_answer_is_not_taken_for_the_next_one(board: Board) -> None:
+def test_a_late_answer_is_not_taken_as_the_answer_to_the_next_query(board: Board) -> None:
     board.bench.start(1.0)
     board.samples(1)
     board.sketch.model._T2 = 60.0  # told apart from the first
@@ -167,7 +167,7 @@ def test_a_late_answer_is_not_taken_for_the_next_one(board: Board) -> None:
         assert sample.values[1] - sample.values[0] > 20.0
 
 
-def test_noise_on_the_line_is_thrown_away_and_told(board: Board) -> None:
+def test_unsolicited_lines_are_discarded_and_reported_in_a_note(board: Board) -> None:
     board.bench.start(2.0)
     board.samples(1)
     board.port.send_unasked(b"\xff\x00garbage\r\n12.5\r\n")
@@ -176,7 +176,7 @@ def test_noise_on_the_line_is_thrown_away_and_told(board: Board) -> None:
     assert board.messages("note") == ["2 lines that nobody asked for"]
 
 
-def test_a_torn_answer_is_asked_for_again(board: Board) -> None:
+def test_a_query_with_a_corrupt_answer_is_repeated_after_resynchronisation(board: Board) -> None:
     board.bench.start(2.0)
     board.sketch.odd["T1"] = b"2x.3\r\n"
     board.sketch.received.clear()
@@ -185,7 +185,7 @@ def test_a_torn_answer_is_asked_for_again(board: Board) -> None:
     assert board.sketch.received[:3] == ["T1", "VER", "T1"]  # brought back into step in between
 
 
-def test_a_lost_board_comes_back_with_its_heaters_off(board: Board) -> None:
+def test_a_board_that_reconnects_has_its_heaters_off(board: Board) -> None:
     board.bench.start(2.0)
     board.bench.command("heater_1", 0.5).wait()
     board.samples(2)
@@ -202,7 +202,7 @@ def test_a_lost_board_comes_back_with_its_heaters_off(board: Board) -> None:
     assert (off.actuator, off.value) == ("heater_1", 0.0)
 
 
-def test_a_board_that_never_comes_back_ends_it(board: Board) -> None:
+def test_a_board_that_does_not_return_within_30_s_is_given_up(board: Board) -> None:
     board.bench.start(2.0)
     board.port.gone = True
     with pytest.raises(BackendLost, match="did not come back within 30 s"):
@@ -210,7 +210,7 @@ def test_a_board_that_never_comes_back_ends_it(board: Board) -> None:
             board.bench.next_sample(1.0)
 
 
-def test_a_board_that_falls_silent_is_lost(board: Board) -> None:
+def test_a_board_that_stops_answering_is_reported_as_lost(board: Board) -> None:
     board.bench.start(2.0)
     board.port.mute = True
     assert board.bench.next_sample(5.0) is None
@@ -231,7 +231,7 @@ def test_a_board_that_was_reset_ends_the_run(board: Board) -> None:
     assert board.messages("alarm") == ["the device has set heater_1 to 0 % by itself"]
 
 
-def test_safe_sends_everything_even_when_one_answer_is_missing(board: Board) -> None:
+def test_safe_sends_all_its_commands_even_when_an_answer_is_missing(board: Board) -> None:
     board.bench.command("heater_1", 0.5).wait()
     board.sketch.odd["X"] = b""
     board.sketch.received.clear()
@@ -270,7 +270,7 @@ def test_another_device_is_refused() -> None:
     assert port.closed
 
 
-def test_nobody_there_is_said_after_the_time_it_may_take_to_wake(make: Callable[..., Board]) -> None:
+def test_a_silent_port_is_reported_after_the_wake_time_of_the_device(make: Callable[..., Board]) -> None:
     clock = VirtualClock()
     port = MemoryPort(Sketch(clock.now), clock)
     port.mute = True
@@ -281,7 +281,9 @@ def test_nobody_there_is_said_after_the_time_it_may_take_to_wake(make: Callable[
     assert 5.0 < clock.now() < 8.0
 
 
-def test_an_answer_of_several_lines(make: Callable[..., Board]) -> None:
+def test_one_query_can_read_several_channels_from_an_answer_of_several_lines(
+    make: Callable[..., Board],
+) -> None:
     queries = TCLAB.text[TCLAB.text.index("      - {send: T1") : TCLAB.text.index("    actuators:")]
     names = '"{temperature_1}", "{temperature_2}", "{heater_1}", "{heater_2}"'
     scan = f"      - send: SCAN\n        reply: [{names}]"
@@ -294,7 +296,7 @@ def test_an_answer_of_several_lines(make: Callable[..., Board]) -> None:
     assert samples[-1].values[0] == pytest.approx(294.0, abs=1.0)
 
 
-def test_keep_alive_is_sent_when_nothing_else_is(make: Callable[..., Board]) -> None:
+def test_a_keep_alive_is_sent_when_no_other_command_is(make: Callable[..., Board]) -> None:
     rig = with_lines(
         "    watchdog: 2 s", '    keep_alive: {send: P1, reply: "{_}", every: 0.5 s}\n    watchdog: 2 s'
     )
@@ -309,7 +311,7 @@ def test_keep_alive_is_sent_when_nothing_else_is(make: Callable[..., Board]) -> 
     assert "P1" not in board.sketch.received
 
 
-def test_a_setting_can_be_confirmed_by_a_question(make: Callable[..., Board]) -> None:
+def test_a_setting_can_be_confirmed_by_a_query(make: Callable[..., Board]) -> None:
     board = make(with_lines("    safe:", '    confirm: {send: VER, reply: "TCLab {_}"}\n    safe:'))
     assert board.bench.command("heater_1", 0.1).wait().value == 0.1
     board.sketch.odd["VER"] = b'-222,"Data out of range"\r\n'
@@ -330,7 +332,7 @@ def test_an_error_reply_is_a_refusal(make: Callable[..., Board]) -> None:
     assert board.messages("fault") == ["the device answers 'ERR sensor' to 'T1'"]
 
 
-def test_a_question_that_asks_whether_all_is_well_ends_the_run_when_it_is_not(
+def test_an_unexpected_answer_to_a_status_query_ends_the_run(
     make: Callable[..., Board],
 ) -> None:
     asked = '      - {send: VER, reply: "TCLab {_}"}\n      - {send: T1'
@@ -345,7 +347,7 @@ def test_a_question_that_asks_whether_all_is_well_ends_the_run_when_it_is_not(
     assert "expected 'TCLab {_}'" in alarm
 
 
-def test_what_the_guard_did_is_believed(board: Board) -> None:
+def test_outputs_switched_off_by_the_guard_get_receipts(board: Board) -> None:
     board.bench.start(2.0)
     board.bench.command("heater_1", 0.5).wait()
     board.samples(1)
@@ -364,7 +366,7 @@ def test_what_the_guard_did_is_believed(board: Board) -> None:
     assert (off.actuator, off.value) == ("heater_1", 0.0)
 
 
-def test_at_rest_a_standstill_is_only_a_note(board: Board) -> None:
+def test_a_guard_action_with_all_outputs_off_is_only_a_note(board: Board) -> None:
     board.bench.start(2.0)
     read, acted = board.port.read, [GuardActed(2.3)]
 
@@ -378,7 +380,7 @@ def test_at_rest_a_standstill_is_only_a_note(board: Board) -> None:
     assert len(board.messages("note")) == 1
 
 
-def test_what_makes_safe_is_sent_although_the_line_is_out_of_step(board: Board) -> None:
+def test_safe_commands_are_sent_even_when_answers_are_out_of_step(board: Board) -> None:
     board.bench.start(2.0)
     board.bench.command("heater_1", 0.5).wait()
     board.sketch.always |= {"VER": b"5\r\n", "T1": b"eh?\r\n"}  # every answer is that of another question
@@ -389,7 +391,7 @@ def test_what_makes_safe_is_sent_although_the_line_is_out_of_step(board: Board) 
     assert board.sketch.heaters == (0.0, 0.0)
 
 
-def test_the_answer_to_another_question_is_no_setting(board: Board) -> None:
+def test_an_invalid_read_back_does_not_change_the_commanded_values(board: Board) -> None:
     board.bench.start(2.0)
     board.sketch.odd["R1"] = b"eh?\r\n"
     samples = board.samples(4)

@@ -27,7 +27,7 @@ from tclab_board import Served
 
 SHIPPED = load_rig(shipped("rigs", "tclab-board.yaml"))
 TCLAB = parse_rig(patient(SHIPPED.text))
-#: of the tests of a standstill: more than that of a busy computer
+#: in tests with a suspended host: longer than a busy computer stalls
 WATCHED = parse_rig(patient(SHIPPED.text, watchdog="5 s"))
 
 #: heats, reports it, and then fails in the given way
@@ -115,7 +115,7 @@ def test_a_killed_host_leaves_the_heaters_off(board: Served, tmp_path: Path) -> 
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="needs SIGSTOP")
-def test_a_suspended_host_loses_the_heaters_and_is_informed(board: Served, tmp_path: Path) -> None:
+def test_a_suspended_host_finds_the_heaters_off_and_is_informed(board: Served, tmp_path: Path) -> None:
     with heating_host(board, tmp_path) as host:
         host.send_signal(signal.SIGSTOP)
         wait_for(lambda: board.sketch.received[-3:] == ["X", "Q1 0.00", "Q2 0.00"])
@@ -123,7 +123,7 @@ def test_a_suspended_host_loses_the_heaters_and_is_informed(board: Served, tmp_p
         host.send_signal(signal.SIGCONT)
 
 
-def test_a_stalled_loop_is_informed_of_the_guard_s_action(board: Served) -> None:
+def test_a_stalled_host_learns_that_the_guard_made_the_outputs_safe(board: Served) -> None:
     with opened(board.url, WATCHED) as bench:
         bench.start(5.0)
         bench.command("heater_1", 0.5).wait()
@@ -171,7 +171,7 @@ def test_a_guard_that_is_killed_is_replaced_with_outputs_off(board: Served) -> N
         assert bench.next_sample(60.0)
 
 
-def test_a_port_that_vanishes_and_returns(board: Served) -> None:
+def test_a_device_whose_port_returns_has_its_outputs_off(board: Served) -> None:
     with opened(board.url) as bench:
         bench.start(5.0)
         bench.command("heater_2", 0.5).wait()
@@ -200,7 +200,7 @@ def test_a_missing_port_is_an_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
-def test_on_a_terminal_two_hosts_do_not_share_the_port() -> None:
+def test_two_hosts_cannot_open_the_same_pseudo_terminal() -> None:
     with (
         Served(pty=True) as board,
         opened(board.url) as bench,

@@ -52,7 +52,7 @@ class Line:
 
 
 @pytest.mark.parametrize("obstacle", ["draft", "folder", "none"])
-def test_an_unwritable_notice_does_not_end_the_attempts(folder: Path, obstacle: str) -> None:
+def test_a_guard_keeps_trying_when_its_notice_cannot_be_written(folder: Path, obstacle: str) -> None:
     if obstacle == "draft":  # the folder is there, and nothing can be written to it: as on a full disk
         pursuit._path_of(URL).with_suffix(".tmp").mkdir(parents=True)
     elif obstacle == "folder":
@@ -63,7 +63,7 @@ def test_an_unwritable_notice_does_not_end_the_attempts(folder: Path, obstacle: 
     assert pursuits() == []
 
 
-def test_a_removed_notice_ends_the_attempts(folder: Path) -> None:
+def test_a_guard_stops_trying_when_its_notice_is_removed(folder: Path) -> None:
     line = Line(1000)
     opened = line.open
 
@@ -98,7 +98,7 @@ def said() -> str:
     return str(notice)
 
 
-def test_a_trying_guard_reports_for_how_long(folder: Path) -> None:
+def test_the_report_of_a_trying_guard_has_its_duration_and_number_of_attempts(folder: Path) -> None:
     leave(folder)
     assert re.search(r"has tried for \d+ s, 7 times, to make outputs safe on /dev/ttyACM0$", said())
 
@@ -113,7 +113,7 @@ def test_a_guard_without_a_process_has_stopped_trying(folder: Path) -> None:
     assert "has tried" not in said()
 
 
-def test_a_guard_without_recent_reports_may_be_gone(folder: Path) -> None:
+def test_a_guard_whose_notice_is_old_is_reported_with_the_time_of_its_last_one(folder: Path) -> None:
     leave(folder, newest=time.time() - 3600.0)
     assert "was last heard of at 20" in said()
 

@@ -1,4 +1,4 @@
-"""Modbus: numbers in registers, requests for neighbours, mistakes in the map, RTU on a line, the doctor."""
+"""Modbus: numbers in registers, block reads, mistakes in the map, RTU on a serial line, `rigctl doctor`."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def test_values_out_of_range_are_not_written() -> None:
             place(kind="uint16").words(number)
 
 
-def test_neighbours_are_read_in_one_request_and_long_tables_in_several() -> None:
+def test_adjacent_registers_are_read_in_one_request_and_long_tables_in_several() -> None:
     channels = {
         f"c{index}": {"table": "input", "address": 2 * index, "type": "float32"} for index in range(100)
     }
@@ -166,7 +166,7 @@ def test_the_doctor_reads_every_channel_and_names_the_right_word_order(tmp_path:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
-def test_rtu_on_a_serial_line() -> None:
+def test_a_controller_is_read_and_switched_by_rtu_on_a_serial_line() -> None:
     with unhurried(), RtuServer(RIG) as server:
         rig = parse_rig(PATIENT.text.replace("unit: 1 ", "unit: 1\n    frame: 8N1 "))  # a pty knows no parity
         bench = create_backend(rig, None, real_clock(), {"port": server.port})
@@ -220,7 +220,7 @@ def test_a_guard_continues_until_a_returning_device_is_off(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("broken", ["function", "address"])
-def test_an_answer_to_something_else_confirms_no_output(broken: str) -> None:
+def test_a_response_with_another_function_or_address_confirms_no_output(broken: str) -> None:
     """A gateway that confuses its clients: the transaction number is right, the answer is not."""
 
     def answer(listening: socket.socket) -> None:

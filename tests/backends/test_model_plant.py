@@ -49,7 +49,7 @@ def stroke(bench: SimulatedBench, pressure: float, rate: float = 100.0) -> float
 
 
 @pytest.mark.parametrize(("celsius", "longer"), [(20.0, 0.0), (60.0, 0.014), (80.0, 0.022)])
-def test_strokes_are_those_of_the_independent_calculation(
+def test_strokes_agree_with_the_independent_calculation(
     make_cylinder: MakeBench, celsius: float, longer: float
 ) -> None:
     bench = make_cylinder(celsius)
@@ -96,21 +96,21 @@ def test_a_rig_with_more_transducers_reads_the_chambers(make_bench: MakeBench) -
     assert values["pressure_b"] == pytest.approx(values["supply_pressure"], abs=2e5)
 
 
-def test_hidden_effects_act_and_are_named(make_cylinder: MakeBench) -> None:
+def test_hidden_effects_change_the_stroke_and_are_part_of_the_identity(make_cylinder: MakeBench) -> None:
     late = make_cylinder(effects=["valve_open_delay:delay=50 ms"])
     assert "valve_open_delay (delay=0.05" in late.identity["plant"]
     sound = stroke(make_cylinder(), 30e5)
     assert stroke(late, 30e5) == pytest.approx(sound * (1.0 - 0.05 / 1.05), abs=1e-3)
 
 
-def test_a_model_file_is_the_truth(make_cylinder: MakeBench) -> None:
+def test_a_model_file_can_define_the_simulated_plant(make_cylinder: MakeBench) -> None:
     bench = make_cylinder(plant=ROOT / "models" / "hl32-textbook.yaml")
     assert "hl32-textbook.yaml" in bench.identity["plant"]
     series = [area * 28.0 / (area**2 + 28.0**2) ** 0.5 for area in (3.3, 4.05)]  # throttle and valve edge
     assert stroke(bench, 30e5) == pytest.approx(94.9e-3 * series[1] / series[0], rel=0.015)
 
 
-def test_faults_act_on_the_equations(make_cylinder: MakeBench) -> None:
+def test_injected_faults_act_on_the_equations(make_cylinder: MakeBench) -> None:
     bench = make_cylinder(faults=["valve_stuck@10 s", "heater_stuck_on@0 s"])
     bench.command("relief_valve", 30e5).wait()
     before = run(bench, 11.0)
@@ -120,7 +120,7 @@ def test_faults_act_on_the_equations(make_cylinder: MakeBench) -> None:
     assert after[-1].values[TEMPERATURE] > 294.0
 
 
-def test_equal_seeds_give_equal_bytes_on_the_equations(make_cylinder: MakeBench) -> None:
+def test_equal_seeds_give_identical_samples_on_the_equations(make_cylinder: MakeBench) -> None:
     runs = []
     for _ in range(2):
         bench = make_cylinder(noise="on", quantised="on", seed=4)
@@ -138,7 +138,7 @@ def test_equal_seeds_give_equal_bytes_on_the_equations(make_cylinder: MakeBench)
         ({"plant": "models/nothing.yaml"}, "nothing.yaml"),
     ],
 )
-def test_a_wrong_truth_is_refused_before_anything_is_opened(
+def test_an_invalid_plant_option_is_refused_before_the_bench_is_opened(
     rig: Rig, options: dict[str, object], message: str
 ) -> None:
     with pytest.raises(RigctlError) as problem:

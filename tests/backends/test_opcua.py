@@ -45,7 +45,7 @@ def opened(server: OpcUaServer, rig: Rig = PATIENT) -> Iterator[Backend]:
 
 
 def test_an_old_value_by_the_server_s_clock_counts_as_missing(server: OpcUaServer) -> None:
-    server.skew = 3600.0  # the controller's clock is an hour ahead, which is nobody's business
+    server.skew = 3600.0  # the controller's clock is an hour ahead, which must not matter
     with opened(server) as bench:
         while not (sample := bench.next_sample(1.0)):
             pass
@@ -76,7 +76,7 @@ def test_an_infinite_value_is_missing_and_the_others_are_not(
         assert all(math.isfinite(reading) for reading in others)
 
 
-def test_a_source_whose_clock_is_ahead_is_not_fresh_for_ever(server: OpcUaServer) -> None:
+def test_a_stopped_source_whose_clock_is_ahead_counts_as_missing(server: OpcUaServer) -> None:
     """Its age was negative, so that a source that had stopped counted as fresh for a day."""
     server.frozen = datetime.now(UTC) + timedelta(days=1)
     with opened(server) as bench:
@@ -88,7 +88,7 @@ def test_a_source_whose_clock_is_ahead_is_not_fresh_for_ever(server: OpcUaServer
 @pytest.mark.parametrize(
     "status", ["UncertainLastUsableValue", "UncertainSubNormal", "BadOutOfService", "BadNodeIdUnknown"]
 )
-def test_a_value_that_is_not_good_is_missing_though_it_is_there(server: OpcUaServer, status: str) -> None:
+def test_a_value_with_a_status_other_than_good_counts_as_missing(server: OpcUaServer, status: str) -> None:
     server.statuses["SupplyPressure"] = status
     with opened(server) as bench:
         sample = bench.next_sample(bench.clock.now() + 2.0)
@@ -98,7 +98,9 @@ def test_a_value_that_is_not_good_is_missing_though_it_is_there(server: OpcUaSer
 
 
 @pytest.mark.parametrize("value", ["12.5", "on", ""])
-def test_a_text_is_no_reading(server: OpcUaServer, monkeypatch: pytest.MonkeyPatch, value: str) -> None:
+def test_a_text_value_counts_as_a_missing_reading(
+    server: OpcUaServer, monkeypatch: pytest.MonkeyPatch, value: str
+) -> None:
     values = server.values
     monkeypatch.setattr(server, "values", lambda: {**values(), "SupplyPressure": value})
     with opened(server) as bench:
@@ -114,7 +116,7 @@ def wired(node: str) -> Rig:
     return parse_rig(text)
 
 
-def test_a_value_that_the_node_cannot_hold_is_refused_and_the_session_goes_on(server: OpcUaServer) -> None:
+def test_a_value_that_the_node_cannot_hold_is_refused_and_the_session_stays_open(server: OpcUaServer) -> None:
     """The connection was given up for it, and the bench was out of reach for everything else."""
     with opened(server, wired("HostAlive")) as bench:
         with pytest.raises(RigctlError, match="600 is no value of type Byte"):
@@ -124,7 +126,7 @@ def test_a_value_that_the_node_cannot_hold_is_refused_and_the_session_goes_on(se
     assert server.circuit.off
 
 
-def test_an_output_at_a_node_of_text_is_refused(server: OpcUaServer) -> None:
+def test_an_output_mapped_to_a_text_node_is_refused(server: OpcUaServer) -> None:
     with pytest.raises(RigctlError, match="0 is no value of type String"), opened(server, wired("Plant")):
         pass
     assert server.circuit.off
@@ -137,7 +139,9 @@ def test_a_refusal_by_the_server_is_an_error(server: OpcUaServer) -> None:
     assert server.circuit.off
 
 
-def test_a_different_plant_is_not_changed(server: OpcUaServer, tmp_path: Path) -> None:
+def test_the_outputs_of_a_device_with_another_identity_are_not_changed(
+    server: OpcUaServer, tmp_path: Path
+) -> None:
     rig = tmp_path / "rig.yaml"
     text = PATIENT.text.replace("equals: oil circuit 4711", "equals: oil circuit 4712")
     rig.write_text(text.replace("wake: 60 s", "wake: 4 s"), encoding="utf-8")

@@ -13,7 +13,7 @@ from rigctl.errors import RigctlError
 from rigctl.rig import Rig
 
 
-def test_the_rig_file_names_the_default(rig: Rig) -> None:
+def test_the_rig_file_names_the_default_backend(rig: Rig) -> None:
     assert create_backend(rig, None, VirtualClock()).identity["kind"] == "simulated"
     assert "simulated" in backend_names()
 
@@ -30,7 +30,9 @@ def test_the_rig_file_names_the_default(rig: Rig) -> None:
         ("simulated", {"faults": ["valve_stuk@1 s"]}, "did you mean 'valve_stuck'?"),
     ],
 )
-def test_a_wrong_choice_is_refused(rig: Rig, choice: str, options: dict[str, object], message: str) -> None:
+def test_an_invalid_choice_of_backend_is_refused(
+    rig: Rig, choice: str, options: dict[str, object], message: str
+) -> None:
     with pytest.raises(RigctlError) as problem:
         create_backend(rig, choice, VirtualClock(), options)
     assert message in str(problem.value)
@@ -44,7 +46,7 @@ def test_command_line_options_override_those_of_the_rig_file(rig: Rig) -> None:
     assert (identity["seed"], identity["noise"]) == ("6", "off")
 
 
-def test_choosing_a_backend_imports_nothing_heavy() -> None:
+def test_choosing_a_backend_imports_no_heavy_library() -> None:
     code = (
         "import sys, rigctl.backends.registry as r; r.backend_names();"
         "print([m for m in ('numpy', 'pandas', 'pyarrow', 'numba', 'serial', 'pint') if m in sys.modules])"

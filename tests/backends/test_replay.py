@@ -57,7 +57,7 @@ def test_samples_are_played_at_their_recorded_intervals(rig: Rig) -> None:
     assert math.isnan(taken[2500 // 3].values[2])
 
 
-def test_the_end_of_the_recording_is_a_clear_error(rig: Rig) -> None:
+def test_the_end_of_the_recording_is_reported_as_an_error(rig: Rig) -> None:
     bench = player(rig, recording(3))
     bench.start(100.0)
     for _ in range(3):
@@ -73,7 +73,7 @@ def test_the_end_of_the_recording_is_a_clear_error(rig: Rig) -> None:
         bench.safe()
 
 
-def test_a_gap_in_the_recording_is_a_gap_when_it_is_played(rig: Rig) -> None:
+def test_a_gap_in_the_recording_is_replayed_as_a_gap(rig: Rig) -> None:
     played = recording(4)
     played.times[2:] += 5.0
     bench = player(rig, played)
@@ -82,7 +82,7 @@ def test_a_gap_in_the_recording_is_a_gap_when_it_is_played(rig: Rig) -> None:
     assert [sample and round(sample.time, 3) for sample in results] == [0.0, 0.01, None, None, 5.02, 5.03]
 
 
-def test_commands_get_receipts_and_change_nothing(rig: Rig) -> None:
+def test_commands_get_receipts_and_leave_the_recorded_samples_unchanged(rig: Rig) -> None:
     bench = player(rig, recording())
     bench.start(100.0)
     bench.next_sample(1.0)
@@ -165,7 +165,7 @@ def test_a_rig_with_another_channel_cannot_play_the_run(
         ({"run": "20200101-000000-nothing"}, "20200101-000000-nothing"),
     ],
 )
-def test_a_run_must_be_named_and_exist(
+def test_a_replay_without_an_existing_run_is_refused(
     rig: Rig, tmp_path: Path, options: dict[str, str], message: str
 ) -> None:
     with pytest.raises(RigctlError) as problem:
@@ -173,7 +173,7 @@ def test_a_run_must_be_named_and_exist(
     assert message in str(problem.value)
 
 
-def test_playing_never_imports_the_engine(
+def test_replaying_never_imports_the_engine(
     rig: Rig, tmp_path: Path, make_bench: Callable[..., SimulatedBench]
 ) -> None:
     record_a_run(rig, tmp_path, make_bench(), 3)

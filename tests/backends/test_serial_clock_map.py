@@ -37,8 +37,8 @@ def test_a_restarted_board_is_detected() -> None:
     assert not clock.add(20.0, 40_000, 20.002)
 
 
-def test_a_clock_that_stood_still_is_no_restart() -> None:
-    """An emulated board whose computer stood still had been restarted, as it was told."""
+def test_a_board_clock_that_stood_still_is_not_taken_for_a_restart() -> None:
+    """An emulated board whose computer had stalled used to be reported as restarted."""
     clock = ClockMap()
     for tick in range(20):
         assert clock.add(tick, 50_000_000 + tick * 1_000_000, tick + 0.002)

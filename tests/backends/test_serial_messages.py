@@ -18,7 +18,7 @@ READINGS = [Reading(n, 10_000 * n, (200, 500, 300), 1, 0) for n in range(5)]
 STREAM = b"".join(line(f"@{r.sequence},{r.board_us},200,500,300,1,0") for r in READINGS)
 
 
-def test_each_kind_of_line() -> None:
+def test_every_kind_of_message_is_parsed() -> None:
     assert parse_line(line("!3,123,V,-1").rstrip()) == Switched(3, 123, "V", -1)
     assert parse_line(line("#7 OK").rstrip()) == Reply(7, "OK")
     assert parse_line(line("@65535,4294967295,0,1023,7,15,63").rstrip()) == Reading(
@@ -28,7 +28,7 @@ def test_each_kind_of_line() -> None:
 
 
 @given(st.integers(0, len(STREAM)), st.integers(1, 40))
-def test_parsing_may_start_anywhere_with_any_chunks(begin: int, chunk: int) -> None:
+def test_parsing_can_start_anywhere_in_the_stream_with_chunks_of_any_size(begin: int, chunk: int) -> None:
     reader = LineReader()
     data = STREAM[begin:]
     got = [m for at in range(0, len(data), chunk) for m in reader.feed(data[at : at + chunk])]

@@ -20,7 +20,7 @@ from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Rig
 
 MakeBench = Callable[..., SimulatedBench]
-POSITION, VALVE = 2, 1  # where they stand in the shipped rig's samples
+POSITION, VALVE = 2, 1  # positions of these columns in the shipped rig's samples
 SPEED = (0.285 + 0.005) / STROKE_TIME  # of the plain plant's rod
 
 
@@ -43,7 +43,7 @@ class WallTime:
         return ScaledClock(speed=speed, monotonic=lambda: self.seconds, sleep=self.sleep)
 
 
-def test_samples_lie_on_the_grid_and_the_first_comes_at_once(make_bench: MakeBench) -> None:
+def test_samples_lie_on_the_time_grid_and_the_first_is_available_at_once(make_bench: MakeBench) -> None:
     bench = make_bench()
     bench.start(100.0)
     assert [sample.time for sample in take(bench, 301)] == [k / 100.0 for k in range(301)]
@@ -103,14 +103,14 @@ def test_a_command_between_two_samples_keeps_its_time(make_bench: MakeBench) -> 
     bench = make_bench()
     bench.start(10.0)
     take(bench, 1)
-    bench.clock.sleep_until(0.55)  # the samples until then are owed
+    bench.clock.sleep_until(0.55)  # the samples up to then have not been taken yet
     assert bench.command("valve", 1.0).wait().time == 0.55
     samples = take(bench, 10)
     assert [sample.commands[VALVE] for sample in samples] == [0.0] * 5 + [1.0] * 5
     assert samples[-1].values[POSITION] == pytest.approx(SPEED * 0.45)
 
 
-def test_a_late_caller_gets_every_sample(
+def test_a_caller_that_falls_behind_still_gets_every_sample(
     make_bench: MakeBench,
 ) -> None:
     wall = WallTime()
@@ -189,7 +189,7 @@ def test_closing_is_idempotent_and_a_closed_bench_raises(make_bench: MakeBench) 
         ("relief_valve", 20e5, 1.0, "relief_valve: a pulse needs a value to return to"),
     ],
 )
-def test_an_impossible_command_moves_nothing(
+def test_an_invalid_command_is_refused_and_changes_no_output(
     make_bench: MakeBench, actuator: str, value: float, duration: float | None, message: str
 ) -> None:
     bench = make_bench()
@@ -248,7 +248,7 @@ def campaign(bench: Backend) -> bytes:
     )
 
 
-def test_equal_seeds_give_equal_bytes(rig: Rig, make_bench: MakeBench) -> None:
+def test_equal_seeds_give_identical_samples_and_events(rig: Rig, make_bench: MakeBench) -> None:
     simulation = rig.simulation.model_copy(update={"scatter": {"relief_valve": 0.002}})
     scattered = rig.model_copy(update={"simulation": simulation})
     runs = [campaign(make_bench(on=scattered, noise="on", quantised="on", seed=seed)) for seed in (7, 7, 8)]

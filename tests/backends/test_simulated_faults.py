@@ -42,7 +42,7 @@ def column(samples: list[Sample], index: int) -> list[float]:
         ),
     ],
 )
-def test_a_fault_is_read_and_shown(rig: Rig, text: str, fault: Fault) -> None:
+def test_a_fault_is_parsed_and_printed(rig: Rig, text: str, fault: Fault) -> None:
     assert parse_fault(text, rig) == fault
     assert parse_fault(str(fault), rig) == fault
 
@@ -74,14 +74,14 @@ def test_a_wrong_fault_is_refused_in_plain_words(rig: Rig, text: str, message: s
         st.text(), st.builds("{}:{}@{}".format, st.sampled_from(sorted(KINDS)), st.text(), st.text())
     )
 )
-def test_any_text_is_a_fault_or_a_refusal(rig: Rig, text: str) -> None:
+def test_any_text_is_parsed_as_a_fault_or_refused(rig: Rig, text: str) -> None:
     try:
         assert parse_fault(text, rig).kind in KINDS
     except RigctlError as problem:
         assert str(problem)
 
 
-def test_a_rig_without_the_part_refuses_its_fault(rig: Rig) -> None:
+def test_a_fault_of_a_part_that_the_rig_lacks_is_refused(rig: Rig) -> None:
     bare = rig.model_copy(update={"roles": type(rig.roles)(), "actuators": {}})
     for text in ("heater_stuck_on@1 s", "valve_stuck@1 s", "setpoint_never_reached@1 s"):
         with pytest.raises(RigctlError):
@@ -98,7 +98,7 @@ def test_a_stuck_sensor_holds_its_value_and_recovers(make_bench: MakeBench) -> N
     assert positions[100] > positions[99] + 0.04
 
 
-def test_an_open_sensor_reads_what_the_rig_file_says_a_broken_wire_reads(make_bench: MakeBench) -> None:
+def test_an_open_sensor_reads_the_broken_wire_value_of_the_rig_file(make_bench: MakeBench) -> None:
     names = ("oil_temperature", "supply_pressure", "position")
     bench = make_bench(faults=[f"sensor_open:{name}@0.1 s" for name in names], quantised="on")
     bench.start(10.0)
@@ -107,7 +107,7 @@ def test_an_open_sensor_reads_what_the_rig_file_says_a_broken_wire_reads(make_be
     assert broken.values == pytest.approx((273.15 + 1023.75, -12.5e5, -0.010))
 
 
-def test_an_open_sensor_without_such_an_end_reads_nothing(rig: Rig, make_bench: MakeBench) -> None:
+def test_an_open_sensor_without_a_range_reads_nan(rig: Rig, make_bench: MakeBench) -> None:
     channel = rig.channels["position"].model_copy(update={"range": None})
     unbounded = rig.model_copy(update={"channels": {**rig.channels, "position": channel}})
     bench = make_bench(on=unbounded, faults="sensor_open:position@0 s")
@@ -115,7 +115,7 @@ def test_an_open_sensor_without_such_an_end_reads_nothing(rig: Rig, make_bench: 
     assert math.isnan(take(bench, 1)[0].values[2])
 
 
-def test_a_noisy_sensor_is_noisy_even_where_noise_is_off(make_bench: MakeBench) -> None:
+def test_a_noisy_sensor_is_noisy_even_with_simulated_noise_disabled(make_bench: MakeBench) -> None:
     bench = make_bench(faults="sensor_noisy:supply_pressure@1 s")
     bench.start(100.0)
     pressures = column(take(bench, 1100), 1)
@@ -133,7 +133,7 @@ def test_a_sensor_out_of_range_is_physically_impossible(rig: Rig, make_bench: Ma
     assert possible == [True] * 5 + [False] * 5
 
 
-def test_a_failed_sensor_leaves_its_neighbours_as_they_were(make_bench: MakeBench) -> None:
+def test_a_failed_sensor_leaves_the_other_channels_unchanged(make_bench: MakeBench) -> None:
     readings = []
     for faults in ((), ("sensor_noisy:position@0 s",), ("sensor_open:position@0 s",)):
         bench = make_bench(faults=faults, noise="on", quantised="on", seed=3)
@@ -143,7 +143,7 @@ def test_a_failed_sensor_leaves_its_neighbours_as_they_were(make_bench: MakeBenc
     assert readings[0] == readings[1] == readings[2]
 
 
-def test_a_heater_stuck_on_heats_whatever_it_is_told(make_bench: MakeBench) -> None:
+def test_a_heater_stuck_on_heats_whatever_is_commanded(make_bench: MakeBench) -> None:
     bench = make_bench(faults="heater_stuck_on@60 s")
     bench.start(1.0)
     temperatures = column(take(bench, 61), 0)
@@ -154,7 +154,7 @@ def test_a_heater_stuck_on_heats_whatever_it_is_told(make_bench: MakeBench) -> N
     assert samples[-1].commands[0] == 0.0
 
 
-def test_a_stuck_valve_stays_where_it_is_and_comes_free(make_bench: MakeBench) -> None:
+def test_a_stuck_valve_stays_where_it_is_until_the_fault_ends(make_bench: MakeBench) -> None:
     bench = make_bench(faults="valve_stuck@0.2 s..1 s")
     bench.start(10.0)
     bench.command("valve", 1.0, duration=0.5).wait()
@@ -163,7 +163,7 @@ def test_a_stuck_valve_stays_where_it_is_and_comes_free(make_bench: MakeBench) -
     assert positions[20] == pytest.approx(positions[10])
 
 
-def test_a_setpoint_is_never_reached(make_bench: MakeBench) -> None:
+def test_an_unreachable_set_point_can_be_injected_on_all_channels_or_one(make_bench: MakeBench) -> None:
     bench = make_bench(faults="setpoint_never_reached@0 s")
     bench.start(1.0)
     bench.command("heater", 1.0).wait()
@@ -181,7 +181,7 @@ def test_a_setpoint_is_never_reached(make_bench: MakeBench) -> None:
     assert last.values[1] == pytest.approx(20e5)
 
 
-def test_samples_stop_but_the_bench_obeys(make_bench: MakeBench) -> None:
+def test_the_bench_obeys_commands_while_samples_have_stopped(make_bench: MakeBench) -> None:
     bench = make_bench(faults="samples_stop@1 s..3 s")
     bench.start(10.0)
     assert take(bench, 10)[-1].time == 0.9
@@ -197,7 +197,7 @@ def test_samples_stop_but_the_bench_obeys(make_bench: MakeBench) -> None:
     assert kinds == [("fault", 1.0), ("fault", 3.0), ("gap", pytest.approx(3.0))]
 
 
-def test_samples_that_stop_for_good_are_missed_again_and_again(make_bench: MakeBench) -> None:
+def test_every_wait_for_a_sample_times_out_after_samples_stop_for_good(make_bench: MakeBench) -> None:
     bench = make_bench(faults="samples_stop@0 s")
     bench.start(100.0)
     assert [bench.next_sample(0.25) for _ in range(4)] == [None] * 4
@@ -205,7 +205,7 @@ def test_samples_that_stop_for_good_are_missed_again_and_again(make_bench: MakeB
     bench.safe()
 
 
-def test_a_lost_bench_says_so_from_every_call_and_closes_quietly(make_bench: MakeBench) -> None:
+def test_every_call_on_a_lost_bench_fails_except_close(make_bench: MakeBench) -> None:
     bench = make_bench(faults="backend_lost@1 s")
     bench.start(10.0)
     take(bench, 10)
@@ -235,7 +235,7 @@ def test_a_bench_that_comes_back_was_made_safe_by_its_watchdog(make_bench: MakeB
     assert "gap" in [notice.kind for notice in bench.take_notices()]
 
 
-def test_a_command_to_a_bench_that_is_away_is_refused_and_never_made_up_for(make_bench: MakeBench) -> None:
+def test_a_command_to_a_disconnected_bench_is_refused_and_not_repeated_later(make_bench: MakeBench) -> None:
     bench = make_bench(faults="backend_lost@1 s..2 s")
     bench.start(10.0)
     take(bench, 10)

@@ -41,7 +41,7 @@ def reference(of: Channel, value: float) -> float:
     ids=["straight", "fine", "falling", "curved", "curved falling", "curved and fine"],
 )
 @given(fraction=st.floats(-0.5, 1.5))
-def test_the_fast_converter_is_the_slow_one(of: Channel, fraction: float) -> None:
+def test_the_fast_converter_agrees_with_the_reference_implementation(of: Channel, fraction: float) -> None:
     ends = of.value_from_raw(of.raw.low), of.value_from_raw(of.raw.high)
     value = ends[0] + fraction * (ends[1] - ends[0])
     read, expected = Sensor(of).sound(value, 0.0), reference(of, value)
@@ -58,7 +58,7 @@ def test_position_is_read_in_steps_of_a_third_of_a_millimetre(rig: Rig) -> None:
     assert steps == pytest.approx(np.full(len(steps), 0.29325513e-3))
 
 
-def test_a_converter_clips(rig: Rig) -> None:
+def test_a_converter_clips_at_the_ends_of_its_range(rig: Rig) -> None:
     sensor = Sensor(rig.channels["supply_pressure"])
     assert sensor.sound(500e5, 0.0) == pytest.approx((-12.5 + 0.1221896 * 1023) * 1e5)
     assert sensor.sound(-500e5, 0.0) == pytest.approx(-12.5e5)
@@ -87,7 +87,7 @@ def test_without_a_converter_a_reading_is_the_true_value() -> None:
 
 
 @pytest.mark.parametrize("kind", sorted(SENSOR_FAILURES))
-def test_a_sensor_without_a_converter_fails_as_others_do(kind: str) -> None:
+def test_sensor_failures_also_act_without_a_converter(kind: str) -> None:
     sensor = Sensor(Channel(unit="A", quantity="current", noise="0.01 A"))
     sensor.failure = SENSOR_FAILURES[kind]()
     first, second = sensor.read(1.0, 0.5), sensor.read(2.0, -0.5)

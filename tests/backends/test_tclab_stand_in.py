@@ -12,7 +12,7 @@ from tclab_board import VERSION, Served
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")
-def test_the_boards_own_client_works_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_python_client_of_the_board_works_with_the_stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
     import tclab.tclab as client
 
     with Served(pty=True) as board:

@@ -31,7 +31,7 @@ def settings(server: ScpiServer, **other: Any) -> dict[str, Any]:
     return {**address_of(RIG, {"port": server.port}).settings, **other}
 
 
-def test_a_late_answer_is_not_taken_for_that_of_a_later_query() -> None:
+def test_a_late_answer_is_not_taken_as_the_answer_to_a_later_query() -> None:
     with ScpiServer(RIG) as server:
         client = VisaClient(server.port, settings(server, timeout=0.2))
         server.delay = 600.0
@@ -67,7 +67,7 @@ def _talkative(listening: socket.socket, said: Semaphore) -> None:
                 said.release()
 
 
-def test_unsolicited_data_are_not_an_answer() -> None:
+def test_unsolicited_data_are_not_taken_as_an_answer() -> None:
     """One additional line used to shift every later reading to another channel."""
     with ScpiServer(RIG) as server:
         known = settings(server, timeout=60.0)
@@ -120,7 +120,7 @@ def test_an_answer_counts_only_when_complete() -> None:
         thread.join()
 
 
-def test_no_connection_is_reported() -> None:
+def test_a_missing_connection_or_address_is_reported() -> None:
     with ScpiServer(RIG) as server:
         port, known = server.port, settings(server)
     with pytest.raises(PortLost, match="TCPIP"):  # when it is opened, or when it is asked
