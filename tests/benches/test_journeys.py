@@ -1,7 +1,7 @@
-"""A user's bench from a log to a corrected model, with documented commands only.
+"""From the log of a user's bench to a corrected model, with documented commands only.
 
-Ten benches that are no hydraulic cylinders. The log of each comes from a generator that shares no code with
-what judges it; family, rig and model are files as a user writes them.
+Ten benches other than hydraulic cylinders. The log of each comes from a generator that shares no code with
+rigctl's models; family, rig and model are files as a user writes them.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def project(folder: Path, name: str, amplitude: float) -> Path:
 
 
 @pytest.mark.parametrize("name", list(BENCHES))
-def test_a_bench_that_hides_nothing_is_called_adequate(name: str, tmp_path: Path) -> None:
+def test_the_model_of_a_bench_without_a_hidden_effect_is_adequate(name: str, tmp_path: Path) -> None:
     log = project(tmp_path / "mine", name, 0.0)
     with chdir(tmp_path / "mine"):
         told("import", str(log), "--rig", "rig.yaml")
@@ -55,7 +55,7 @@ def test_a_bench_that_hides_nothing_is_called_adequate(name: str, tmp_path: Path
 
 
 @pytest.mark.parametrize("name", list(BENCHES))
-def test_what_a_bench_hides_is_found_and_what_it_adds_holds_on_records_that_no_fit_saw(
+def test_a_hidden_effect_is_found_and_adding_it_reduces_the_error_on_held_out_records(
     name: str, tmp_path: Path
 ) -> None:
     bench = find_bench(name)

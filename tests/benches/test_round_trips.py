@@ -48,8 +48,8 @@ def came_back(run: Path, ending: str, rig: str) -> Path:
 
 
 @pytest.mark.parametrize("ending", FORMATS)
-def test_every_format_gives_back_every_sample_of_a_run(strokes: Path, ending: str) -> None:
-    """Also those between the records, of which two share a time where the rate changes."""
+def test_every_sample_of_a_run_survives_export_and_import_in_every_format(strokes: Path, ending: str) -> None:
+    """Samples between records are included; two of them share a time where the rate changes."""
     before, after = samples(strokes), samples(came_back(strokes, ending, "hl32-bench"))
     assert len(after) == len(before)
     assert list(after["record"]) == list(before["record"])
@@ -98,11 +98,11 @@ def test_a_verdict_survives_export_and_import(
 @pytest.mark.parametrize(
     ("rig", "ending"), [("hl32-bench", "xlsx"), ("hl32-bench-lines", "mat"), ("hl32-bench-uno", "tdms")]
 )
-def test_a_model_that_fails_on_a_stroke_fails_as_much_on_its_file(rig: str, ending: str) -> None:
+def test_an_inadequate_model_has_the_same_chi2_on_a_run_and_on_its_export(rig: str, ending: str) -> None:
     hide = ("--with", LOADED)
     run = Path(answer("simulate", *ONE_STROKE, "--rig", f"rigs/{rig}.yaml", "--seed", "3", *hide)["path"])
     paths = (run, came_back(run, ending, rig))
     found = [answer("compare", str(path), "--model", "models/hl32-textbook.yaml") for path in paths]
     assert not any(one["adequate"] for one in found)
-    # the times of the switches are unknown to within a sample now, and take a part of the misfit
+    # the switching times are now known only to within a sample, and absorb part of the misfit
     assert found[1]["chi2_reduced"] == pytest.approx(found[0]["chi2_reduced"], rel=0.3)
