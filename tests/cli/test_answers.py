@@ -11,7 +11,7 @@ from rigctl.model.history.change import ModelError
 from rigctl.report.answer import Answer
 
 
-def test_progress_that_counts_is_thinned_and_the_rest_is_not() -> None:
+def test_numbered_progress_messages_are_thinned_and_others_are_all_shown() -> None:
     said: list[str] = []
     time = iter(range(1000))
     tell = _thinned(said.append, lambda: float(next(time)))
@@ -32,7 +32,9 @@ def test_progress_goes_to_stderr_line_by_line(capsys: pytest.CaptureFixture[str]
     assert printed.err.splitlines() == ["Looking at 1 of 3"]
 
 
-def test_an_answer_is_a_line_and_one_for_each_fact(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_answer_is_a_summary_line_followed_by_one_line_per_fact(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     answer = Answer("warn", "An effect is missing", "oil [leaks]", (("size", "small"), ("how sure", "very")))
     show_answer(answer, title="An effect is missing (leak)", more=["the ranking"])
     assert [line.rstrip() for line in capsys.readouterr().out.splitlines()] == [
@@ -43,7 +45,7 @@ def test_an_answer_is_a_line_and_one_for_each_fact(capsys: pytest.CaptureFixture
     ]
 
 
-def test_bars_of_an_error_are_what_is_left_without_the_noise(capsys: pytest.CaptureFixture[str]) -> None:
+def test_error_bars_show_the_error_beyond_the_noise(capsys: pytest.CaptureFixture[str]) -> None:
     noise, units = {"position": 0.127}, {"position": "mm"}
     before = ModelError({"position": 0.158}, units=units, noise=noise)
     after = ModelError({"position": 0.127}, units=units, noise=noise)

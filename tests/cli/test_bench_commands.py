@@ -64,7 +64,7 @@ def test_simulate_prints_the_folder_of_the_run(rigctl: Rigctl) -> None:
     assert info["clock"] == "virtual"
 
 
-def test_one_seed_gives_one_set_of_samples(rigctl: Rigctl) -> None:
+def test_equal_seeds_give_identical_samples_and_others_do_not(rigctl: Rigctl) -> None:
     files = []
     for seed in ("7", "7", "8"):
         path = told(rigctl("simulate", "stroke.yaml", "--json", "--seed", seed))["path"]
@@ -73,7 +73,7 @@ def test_one_seed_gives_one_set_of_samples(rigctl: Rigctl) -> None:
     assert files[0] != files[2]
 
 
-def test_a_fault_ends_in_exit_code_1_and_one_sentence(rigctl: Rigctl) -> None:
+def test_a_run_that_fails_by_a_fault_exits_with_1_and_prints_the_reason(rigctl: Rigctl) -> None:
     done = rigctl("simulate", "stroke.yaml", "--fault", "valve_stuck@0 s", "--fault", "samples_stop@0.5 s")
     assert done.exit_code == 1
     assert "failed" in done.stdout
@@ -121,7 +121,9 @@ def test_a_dry_run_moves_nothing(rigctl: Rigctl) -> None:
         (["monitor", "--for", "soon"], "not a quantity"),
     ],
 )
-def test_a_mistake_is_one_message(rigctl: Rigctl, arguments: list[str], message: str) -> None:
+def test_a_mistake_is_reported_without_a_traceback(
+    rigctl: Rigctl, arguments: list[str], message: str
+) -> None:
     done = rigctl(*arguments)
     assert done.exit_code != 0
     said = str(done.exception) + done.output
@@ -154,7 +156,7 @@ def test_jog_and_off_leave_everything_safe(rigctl: Rigctl) -> None:
     assert told(rigctl("off", "--json"))["rig"] == "HL32 bench"
 
 
-def test_jog_without_an_operator_ends_at_once(rigctl: Rigctl) -> None:
+def test_jog_without_an_operator_ends_at_once_with_the_output_off(rigctl: Rigctl) -> None:
     done = rigctl("jog", "heater", "on", "--json")
     assert done.exit_code == 1
     assert told(done)["reason"].startswith("nobody can answer 'heater is at on; Enter brings it back'")
@@ -174,7 +176,7 @@ def test_the_rig_of_the_project_is_the_default(rigctl: Rigctl) -> None:
     assert told(rigctl("off", "--json"))["rig"] == "HL32 bench"
 
 
-def test_a_missed_measure_is_named(rigctl: Rigctl) -> None:
+def test_a_measure_outside_its_limits_is_the_reported_reason(rigctl: Rigctl) -> None:
     limits = "low: 90 mm, missed: continue}"
     measure = f"      - measure: {{name: way, value: last(position) - first(position), unit: mm, {limits}\n"
     text = PROCEDURE.replace("  - retract", measure + "  - retract")
@@ -184,7 +186,7 @@ def test_a_missed_measure_is_named(rigctl: Rigctl) -> None:
     assert reason.endswith("mm, expected at least 90 mm")
 
 
-def test_jog_until_enter(rigctl: Rigctl) -> None:
+def test_jog_switches_the_output_off_on_enter(rigctl: Rigctl) -> None:
     done = rigctl("jog", "heater", "on", typed="\n")
     assert done.exit_code == 0, done.output
     assert "heater off" in done.stderr
@@ -196,7 +198,7 @@ def test_jog_stops_at_a_limit(rigctl: Rigctl) -> None:
     assert "failed: The piston is about to reach its end stop" in done.stdout
 
 
-def test_monitor_for_people_and_for_programs(rigctl: Rigctl) -> None:
+def test_monitor_prints_text_or_one_json_object_per_sample(rigctl: Rigctl) -> None:
     done = rigctl("monitor", "--count", "3", "--json", "--speed", "max")
     assert done.exit_code == 0, done.output
     lines = [json.loads(line) for line in done.stdout.splitlines()]

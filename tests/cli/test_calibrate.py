@@ -75,7 +75,7 @@ def test_points_become_a_dated_calibration_and_nothing_else_changes(rigctl: Rigc
     assert different[0][1].endswith("# 0.5 V is 0 bar, 4.5 V is 100 bar")  # the user's comment
 
 
-def test_figure_and_points_are_kept_beside_it(rigctl: Rigctl, tmp_path: Path) -> None:
+def test_figure_and_points_are_kept_beside_the_rig_file(rigctl: Rigctl, tmp_path: Path) -> None:
     answer = told(rigctl("supply_pressure", "--points", "points.csv", "--json"))
     assert Path(answer["figure"]).read_bytes().startswith(b"\x89PNG")
     again = told(rigctl("supply_pressure", "--points", answer["points_file"], "--json", "--dry"))
@@ -88,7 +88,7 @@ def test_figure_and_points_are_kept_beside_it(rigctl: Rigctl, tmp_path: Path) ->
     assert len(list(folder.glob("*.yaml"))) == 2
 
 
-def test_what_is_shown_to_a_person(rigctl: Rigctl) -> None:
+def test_the_terminal_shows_residuals_polynomial_and_uncertainty(rigctl: Rigctl) -> None:
     shown = rigctl("supply_pressure", "--points", "points.csv", "--dry")
     assert shown.exit_code == 0
     assert "residual [bar]" in shown.stdout
@@ -119,7 +119,9 @@ def test_two_points_are_fitted_with_a_warning(rigctl: Rigctl, tmp_path: Path) ->
         ("reference,raw\n1,2\n", "too few points"),
     ],
 )
-def test_a_table_that_is_none_is_refused(rigctl: Rigctl, tmp_path: Path, table: str, message: str) -> None:
+def test_an_invalid_table_of_points_is_refused_and_the_rig_file_unchanged(
+    rigctl: Rigctl, tmp_path: Path, table: str, message: str
+) -> None:
     (tmp_path / "bad.csv").write_text(table, encoding="utf-8")
     before = (tmp_path / "rigs" / "bench.yaml").read_bytes()
     with pytest.raises(RigctlError, match=message):
@@ -127,7 +129,7 @@ def test_a_table_that_is_none_is_refused(rigctl: Rigctl, tmp_path: Path, table: 
     assert (tmp_path / "rigs" / "bench.yaml").read_bytes() == before
 
 
-def test_mistakes_on_the_command_line(rigctl: Rigctl) -> None:
+def test_mistakes_on_the_command_line_are_reported(rigctl: Rigctl) -> None:
     with pytest.raises(RigctlError, match="did you mean 'supply_pressure'"):
         rigctl("suply_pressure", "--points", "points.csv")
     with pytest.raises(RigctlError, match="--date: no date"):
@@ -149,7 +151,7 @@ def test_a_calibration_that_others_share_is_not_changed(rigctl: Rigctl, tmp_path
     assert path.read_text(encoding="utf-8") == text
 
 
-def test_a_file_that_was_changed_meanwhile_is_left_alone(rigctl: Rigctl, tmp_path: Path) -> None:
+def test_a_rig_file_changed_meanwhile_is_not_overwritten(rigctl: Rigctl, tmp_path: Path) -> None:
     from rigctl.rig.calibration_file import write_calibration
 
     path = tmp_path / "rigs" / "bench.yaml"
@@ -160,8 +162,10 @@ def test_a_file_that_was_changed_meanwhile_is_left_alone(rigctl: Rigctl, tmp_pat
     assert path.read_text(encoding="utf-8").endswith("faster\n")
 
 
-def test_a_run_that_asked_for_the_reference_gives_the_points(rigctl: Rigctl, tmp_path: Path) -> None:
-    """The gauge reads 2 % more than the transducer, as the operator says."""
+def test_calibration_points_can_come_from_a_run_that_prompted_for_the_reference(
+    rigctl: Rigctl, tmp_path: Path
+) -> None:
+    """The operator enters readings of a gauge that reads 2 % more than the transducer."""
     text = shipped("procedures", "calibrate-pressure.yaml").read_text(encoding="utf-8")
     text = text.replace("rigs/hl32-bench.yaml", "rigs/bench.yaml").replace(
         "simulated: $gauge", "simulated: 1.02 * $gauge"
@@ -183,13 +187,13 @@ def test_a_run_that_asked_for_the_reference_gives_the_points(rigctl: Rigctl, tmp
         rigctl("supply_pressure", "--run", "latest", "--points", "points.csv")
 
 
-def test_guided_on_the_simulated_bench_the_answers_on_stdin(rigctl: Rigctl) -> None:
+def test_guided_calibration_takes_its_answers_from_stdin(rigctl: Rigctl) -> None:
     with pytest.raises(RigctlError, match="too few points with different raw values, got '1'"):
         rigctl("position", "--backend", "simulated", "--speed", "max", "--readings", "5", "--dry",
                typed="0 mm\n5\nnonsense\n3 bar\nundo\n\n")  # fmt: skip
 
 
-def test_guided_on_a_board_that_is_read_while_the_reference_changes(tmp_path: Path) -> None:
+def test_guided_calibration_reads_the_board_at_each_reference_value(tmp_path: Path) -> None:
     """The two-heater board: its thermometer reads 1 % and 2 K too much, which the calibration finds."""
     shutil.copy(shipped("rigs", "tclab-board.yaml"), tmp_path / "board.yaml")
     (tmp_path / "rigctl.toml").write_text('rig = "board.yaml"\n', encoding="utf-8")

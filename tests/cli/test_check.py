@@ -31,7 +31,9 @@ def test_check_prints_the_plan(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     assert "6 more: oil=30 degC … oil=80 degC" in out
 
 
-def test_check_as_json(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_prints_the_plan_as_json(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     arguments = ("--arg", "repeats=1", "-a", "temperatures=20 degC, 60 degC", "--json")
     assert call(monkeypatch, "check", CAMPAIGN, *arguments) == 0
     document = json.loads(capsys.readouterr().out)
@@ -39,7 +41,9 @@ def test_check_as_json(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFi
     assert document["arguments"]["temperatures"] == "20 degC, 60 degC"
 
 
-def test_check_on_another_rig(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_uses_the_rig_given_with_the_option(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     rig = str(ROOT / "rigs" / "hl32-bench-instrumented.yaml")
     assert call(monkeypatch, "check", CAMPAIGN, "--rig", rig, "--json") == 0
     assert json.loads(capsys.readouterr().out)["rig_path"] == rig
@@ -74,7 +78,9 @@ def test_mistakes_are_one_message_and_exit_code_2(
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp437", "cp1252"])
-def test_a_terminal_with_few_characters(monkeypatch: pytest.MonkeyPatch, encoding: str) -> None:
+def test_check_prints_to_a_terminal_with_a_limited_character_set(
+    monkeypatch: pytest.MonkeyPatch, encoding: str
+) -> None:
     written = BytesIO()
     stream = TextIOWrapper(written, encoding=encoding)
     monkeypatch.setattr(sys, "stdout", stream)
@@ -84,7 +90,9 @@ def test_a_terminal_with_few_characters(monkeypatch: pytest.MonkeyPatch, encodin
 
 
 @pytest.mark.parametrize("kind", ["procedure", "rig", "model", "effect", "family"])
-def test_schemas(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kind: str) -> None:
+def test_every_kind_of_file_has_a_json_schema(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
     assert call(monkeypatch, "schema", kind) == 0
     schema = json.loads(capsys.readouterr().out)
     assert schema["title"] == f"rigctl {kind}"

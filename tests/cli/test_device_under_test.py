@@ -164,8 +164,10 @@ def test_no_pattern_takes_unbounded_time() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "   "])
-def test_a_scanner_that_read_nothing_does_not_mean_the_default(project: Path, text: str) -> None:
-    """The run was recorded under the default's name: another device than the one on the bench."""
+def test_an_empty_serial_number_is_refused_instead_of_replaced_by_the_default(
+    project: Path, text: str
+) -> None:
+    """It used to be recorded under the default serial number, that of another device."""
     path = project / "procedures" / "default.yaml"
     path.write_text(
         PROCEDURE.replace("{required: true, pattern", "{default: HB-0001, pattern"), encoding="utf-8"

@@ -58,7 +58,7 @@ def test_an_effect_is_shown_with_its_picture() -> None:
     assert len(re.findall(r"│[\u2800-\u28ff]{60}$", text, re.MULTILINE)) == 16
 
 
-def test_the_picture_is_data_too() -> None:
+def test_the_json_answer_has_the_signature_as_data() -> None:
     document = answer("show", "position_offset")
     seen = document["signature"]
     assert len(seen["time"]) == 376
@@ -69,13 +69,13 @@ def test_the_picture_is_data_too() -> None:
     assert "signature" not in answer("show", "position_offset", "--no-picture")
 
 
-def test_base_physics_is_shown_by_removing_it() -> None:
+def test_the_signature_of_base_physics_is_the_change_from_removing_it() -> None:
     text = said("effects", "show", "spool_lag")
     assert "taken away by spool_time = 0.001 (SI)" in text
     assert "position: largest +7." in text
 
 
-def test_an_effect_that_needs_another_is_shown_with_it() -> None:
+def test_an_effect_that_requires_another_is_shown_with_it() -> None:
     assert "Alone it has no influence on any reading" in said("effects", "show", "barus")
     assert "position: largest -" in said("effects", "show", "barus", "--with", "piston_leakage")
 
@@ -177,7 +177,7 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]
     registry.installed_effects.cache_clear()
 
 
-def test_the_how_to_page_can_be_followed_literally(workplace: Path) -> None:
+def test_the_commands_of_the_how_to_page_print_what_it_shows(workplace: Path) -> None:
     blocks = _BLOCK.findall(HOW_TO.read_text(encoding="utf-8"))
     assert [kind for kind, _ in blocks].count("console") == 8
     for kind, text in blocks:

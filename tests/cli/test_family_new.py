@@ -63,7 +63,7 @@ def follow(commands: list[str]) -> None:
         told(*words[1:])
 
 
-def test_two_tanks_from_a_file_to_a_comparison(empty: Path) -> None:
+def test_a_family_for_two_tanks_is_drafted_from_a_log_and_compared(empty: Path) -> None:
     tanks(empty / "log.csv")
     done = answer("family", "new", "tanks", "--csv", "log.csv", "--template", "tank")
     roles = {column["name"]: (column["role"], column["unit"]) for column in done["columns"]}
@@ -141,7 +141,7 @@ def test_without_a_template_every_output_is_a_first_order_lag(empty: Path) -> No
     assert done["fit"]["problem"] == "not asked for"
 
 
-def test_what_leads_all_others_is_the_input(empty: Path) -> None:
+def test_the_column_that_leads_the_others_becomes_the_input(empty: Path) -> None:
     rng = np.random.default_rng(0)
     drive = np.cumsum(rng.normal(0.0, 1.0, 400))
     late = np.concatenate([np.zeros(5), drive[:-5]]) + rng.normal(0.0, 0.05, 400)
@@ -154,8 +154,10 @@ def test_what_leads_all_others_is_the_input(empty: Path) -> None:
 
 
 @pytest.mark.parametrize(("unit", "full"), [("%", 100.0), ("1", 1.0), ("mV", 5000.0)])
-def test_a_heater_begins_near_the_truth_whatever_its_unit(empty: Path, unit: str, full: float) -> None:
-    """A body of 40 K full rise and 30 s: what is drafted, unfitted, follows the file."""
+def test_the_drafted_heater_model_follows_the_log_before_any_fit_in_every_unit(
+    empty: Path, unit: str, full: float
+) -> None:
+    """A body with a rise of 40 K at full power and a time constant of 30 s."""
     rng = np.random.default_rng(2)
     rows, body, duty = [], 22.0, 0.0
     for k in range(240):
@@ -181,7 +183,7 @@ def test_a_heater_begins_near_the_truth_whatever_its_unit(empty: Path, unit: str
         (["9", "--template", "heater"], "not a name for a family"),
     ],
 )
-def test_mistakes(empty: Path, arguments: list[str], said: str) -> None:
+def test_mistakes_are_reported_and_no_family_is_written(empty: Path, arguments: list[str], said: str) -> None:
     pump_curve(empty / "c.csv")
     assert said in refusal("family", "new", *arguments)
     assert not (empty / "families").exists()
@@ -192,7 +194,7 @@ def test_nothing_is_overwritten() -> None:
     assert "already there" in refusal("family", "new", "x", "--template", "motor")
 
 
-def test_a_logger_s_own_dates_signs_and_words(empty: Path) -> None:
+def test_dates_decimal_commas_and_german_headings_of_a_logger_are_read(empty: Path) -> None:
     def row(k: int) -> str:
         speed = f"{1000.0 * (1.0 - np.exp(-max(0, k - 10) / 8.0)):.2f}".replace(".", ",")
         return f"2026-03-01 10:00:{k / 2:04.1f};{'6,0' if k > 10 else '0,0'};{speed};Motor kalt"
@@ -208,7 +210,7 @@ def test_a_logger_s_own_dates_signs_and_words(empty: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["Clock", "Stamp 1"])
-def test_a_clock_of_any_name_that_passes_midnight_with_rows_written_twice(empty: Path, name: str) -> None:
+def test_a_time_column_of_any_name_may_pass_midnight_and_repeat_rows(empty: Path, name: str) -> None:
     def row(k: int) -> str:
         level = 300.0 * (1.0 - np.exp(-max(0, k - 10) / 30.0))
         seconds = (86340 + 2 * k) % 86400
@@ -230,8 +232,8 @@ def test_a_clock_of_any_name_that_passes_midnight_with_rows_written_twice(empty:
     assert open_run("latest").info["duration"] == 178.0
 
 
-def test_a_flywheel_s_turns_are_counted_in_rpm_and_the_room_is_no_output(empty: Path) -> None:
-    """``1/min`` counts anything per minute; of a Drehzahl it is turns, and friction may act on it."""
+def test_a_speed_in_1_per_min_is_read_as_rpm_and_the_room_temperature_is_no_output(empty: Path) -> None:
+    """``1/min`` is any count per minute; in a column named Drehzahl it means revolutions per minute."""
 
     def row(k: int) -> str:
         speed = 900.0 * (1.0 - np.exp(-max(0, k - 10) / 15.0)) + 0.3 * np.sin(7.0 * k)
@@ -251,7 +253,7 @@ def test_a_flywheel_s_turns_are_counted_in_rpm_and_the_room_is_no_output(empty: 
     assert "--columns 'Drehzahl=" in said or "--columns 'drehzahl=" in said
 
 
-def test_names_that_mean_something_else_are_changed_and_mapped(empty: Path) -> None:
+def test_columns_with_reserved_names_are_renamed_and_mapped(empty: Path) -> None:
     rows = [f"{k},{k // 10 % 2},{np.sin(k):.3f},{k % 3}" for k in range(40)]
     (empty / "n.csv").write_text(
         "\n".join(["time [s],rest [V],pi [V],Pi [V]", *rows]) + "\n", encoding="utf-8"
@@ -278,8 +280,8 @@ def test_records_of_a_file_are_kept_apart(empty: Path) -> None:
     assert float(model.partition("gain: {value: ")[2].partition(" ")[0]) == pytest.approx(5.0, rel=0.05)
 
 
-def test_what_was_added_is_not_said_to_suffice_where_a_comparison_rejects_it(empty: Path) -> None:
-    """A hole in the side of a tank: the overflow of the library is linear above its limit, the hole not."""
+def test_agreement_is_claimed_after_adding_an_effect_only_if_compare_confirms_it(empty: Path) -> None:
+    """A hole in the side of a tank: the library's overflow is linear above its limit, the hole is not."""
     rng = np.random.default_rng(7)
     root = 0.62 * np.sqrt(2.0 * 9.80665)
 

@@ -1,4 +1,4 @@
-"""The duration expected by `check` is that of `simulate`."""
+"""The duration forecast by `check` agrees with that of `simulate`."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def call(
         ("campaign", ["--arg", "temperatures=20 degC, 30 degC, 50 degC"], 0.01),
     ],
 )
-def test_durations_agree(
+def test_check_forecasts_the_records_and_the_duration_of_simulate(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,

@@ -28,7 +28,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_dry_run_previews_the_import_and_makes_nothing() -> None:
+def test_a_dry_run_previews_the_import_and_writes_nothing() -> None:
     rows = ["time [s],heater_1 [%],temperature_1 [degC]"]
     rows += [f"{t},{0 if t < 40 else 50},{20 + max(t - 40, 0) / 10 if t != 7 else ''}" for t in range(100)]
     Path("log.csv").write_text("\n".join([*rows, "100,50,warm"]), encoding="utf-8")
@@ -50,7 +50,7 @@ def test_a_dry_run_previews_the_import_and_makes_nothing() -> None:
     )
 
 
-def test_a_table_of_observations_is_shown_too() -> None:
+def test_a_dry_run_also_previews_a_table_of_observations() -> None:
     shown = told("import", "data/hl32-strokes.csv", "--rig", "rigs/hl32-bench.yaml", "--dry-run")
     assert "other stroke [mm]" in shown
 
@@ -104,7 +104,7 @@ def test_a_wrong_option_is_reported(arguments: list[str], said: str) -> None:
     assert said in refusal("import", "mon.csv", *BOARD, *columns, *arguments)
 
 
-def test_json_is_one_document() -> None:
+def test_the_dry_run_with_json_prints_one_document() -> None:
     Path("log.csv").write_text("time [s],temperature_1 [degC]\n0,20\n1,21\n", encoding="utf-8")
     shown = call("import", "log.csv", *BOARD, "--dry-run", "--json")
     assert json.loads(shown.stdout)["rows"] == 2

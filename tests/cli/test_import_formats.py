@@ -47,7 +47,9 @@ def test_samples_round_trip_unchanged(strokes: Run, ending: str) -> None:
     same_samples(strokes, open_run(again["path"]))
 
 
-def test_an_mdf_file_has_the_time_of_the_measurement(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_mdf_file_has_the_start_time_of_the_measurement(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from asammdf import MDF
 
     monkeypatch.setattr(formats, "isolated", False)
@@ -112,12 +114,12 @@ def test_observations_round_trip_unchanged(ending: str, monkeypatch: pytest.Monk
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "tdms", "mat", "xlsx"])
 @pytest.mark.parametrize(("table", "rows"), [("records", 3), ("events", None)])
-def test_the_other_tables_are_written_too(strokes: Run, ending: str, table: str, rows: int | None) -> None:
+def test_records_and_events_are_exported_too(strokes: Run, ending: str, table: str, rows: int | None) -> None:
     done = answer("export", strokes.id, "--table", table, "-o", f"out.{ending}")
     assert done["rows"] == (rows if rows is not None else len(strokes.events))
 
 
-def test_units_are_stored_as_usual_in_each_format(strokes: Run) -> None:
+def test_units_are_stored_where_each_format_keeps_them(strokes: Run) -> None:
     from asammdf import MDF
     from nptdms import TdmsFile
     from scipy.io import loadmat

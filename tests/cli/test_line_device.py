@@ -57,7 +57,7 @@ def ended(run: subprocess.Popen[str]) -> dict[str, Any]:
     return answer
 
 
-def test_a_step_test_from_the_port_to_the_records(board: Served, tmp_path: Path) -> None:
+def test_a_step_test_runs_on_the_board_and_records_its_steps(board: Served, tmp_path: Path) -> None:
     answer = ended(begin(tmp_path, board, *SHORT, "--arg", "heater=2", "--arg", "power=30 %"))
     assert (answer["status"], answer["records"], answer["exit_code"]) == ("finished", 2, 0)
     run = open_run(Path(answer["path"]))
@@ -108,7 +108,7 @@ def test_off_works_without_a_run(board: Served, tmp_path: Path) -> None:
     assert board.sketch.heaters == (0.0, 0.0)
 
 
-def test_a_record_that_is_too_fast_for_the_device_is_refused_before_it_is_reached(tmp_path: Path) -> None:
+def test_a_record_too_fast_for_the_device_is_refused_before_the_run_starts(tmp_path: Path) -> None:
     (tmp_path / "rigctl.toml").write_text("", encoding="utf-8")
     text = (
         "procedure: p\nrig: rigs/tclab-board.yaml\nsteps:\n  - record: {name: r, rate: 50 Hz}\n    do: []\n"

@@ -17,7 +17,7 @@ HEAVY = ("numpy", "pandas", "pyarrow", "duckdb", "pint", "numba", "scipy", "plot
          "ruamel", "jinja2", "typer", "rich", "click")  # fmt: skip
 
 
-def test_help_imports_nothing_heavy() -> None:
+def test_help_imports_no_heavy_library() -> None:
     code = (
         "import sys\n"
         "sys.argv = ['rigctl', '--help']\n"
@@ -31,7 +31,7 @@ def test_help_imports_nothing_heavy() -> None:
     assert "simulate" in done.stdout
 
 
-def test_the_overview_is_the_same_with_and_without_the_libraries() -> None:
+def test_the_fast_overview_equals_the_help_of_the_full_program() -> None:
     short = subprocess.run([sys.executable, "-m", "rigctl", "-h"], capture_output=True, text=True, check=True)
     assert CliRunner().invoke(app, ["--help"]).output == short.stdout
     assert all(len(line) <= 106 for line in short.stdout.splitlines())
@@ -115,8 +115,8 @@ def test_unused_modules_of_scipy_are_loaded_only_on_request() -> None:
 @pytest.mark.parametrize(
     "call", ["report latest --output {}", "init {}", "check {}", "compare latest --model {}"]
 )
-def test_an_address_of_storage_is_no_file(call: str, tmp_path: Path) -> None:
-    """`--output s3://lab/x.html` wrote a page to a new folder `s3:`."""
+def test_a_storage_address_is_refused_where_a_local_file_is_expected(call: str, tmp_path: Path) -> None:
+    """`--output s3://lab/x.html` used to write a page to a new folder `s3:`."""
     address = "s3://lab/x.yaml"
     done = subprocess.run(
         [sys.executable, "-m", "rigctl", *call.format(address).split()],

@@ -63,10 +63,10 @@ def test_a_fresh_model_is_its_first_version() -> None:
     assert values["bore"]["fixed"]
     (only,) = answer("history", MODEL)["versions"]
     assert (only["done"], only["kept"]) == ("first version", False)
-    assert not Path("models/.history").exists()  # to look changes nothing
+    assert not Path("models/.history").exists()  # showing a model changes nothing
 
 
-def test_show_tells_values_with_their_uncertainty_and_source() -> None:
+def test_show_prints_values_with_uncertainty_and_source() -> None:
     with_leakage()
     text = said("show", MODEL)
     (line,) = [line for line in text.splitlines() if "flow_area" in line]
@@ -84,7 +84,7 @@ def test_show_tells_values_with_their_uncertainty_and_source() -> None:
     assert answer("show", f"{MODEL}@1")["effects"] == []
 
 
-def test_history_draws_the_error_down_to_the_noise() -> None:
+def test_history_draws_the_error_of_each_version_down_to_the_noise() -> None:
     with_leakage()
     told = answer("history", MODEL)
     assert told["current"] == 2
@@ -98,12 +98,12 @@ def test_history_draws_the_error_down_to_the_noise() -> None:
     assert any("noise" in line and line.endswith("0.02") for line in lines)
 
 
-def test_history_says_first_what_became_of_the_error_on_the_same_records() -> None:
+def test_history_first_compares_the_errors_of_versions_on_the_same_records() -> None:
     with_leakage()
     lines = said("history", MODEL).splitlines()
     assert lines[0] == f"{MODEL}: version 2 of 2, add piston_leakage."
     assert "1 first version, 2 add piston_leakage" in lines[1]
-    # of 0.1 mm the noise of 0.02 mm is taken off: sqrt(0.1^2 - 0.02^2)
+    # 0.1 mm less the noise of 0.02 mm: sqrt(0.1^2 - 0.02^2)
     assert (
         "from version 1 to 2, reduced χ² 16 to 1; beyond the noise: position 1.6 mm to 0.098 mm" in lines[2]
     )
@@ -111,14 +111,14 @@ def test_history_says_first_what_became_of_the_error_on_the_same_records() -> No
     assert len(lines) <= 5
     done = Change("fit", runs=("20261121-064500-stroke",), before=error(0.1, 0.1), after=error(0.02, 0.02))
     save_version(load_model(Path(MODEL)), Path(MODEL), done)
-    # nothing was held out for the third: it is not compared with the first two, and that is said
+    # nothing was held out for the third: the output states that it is not compared with the first two
     text = said("history", MODEL)
     assert "of version 3: position none beyond the noise" in text
     assert "not all were found on the same runs" in text
     assert "position 1.6 mm" not in text
 
 
-def test_diff_tells_effects_and_values() -> None:
+def test_diff_lists_effects_and_changed_values() -> None:
     with_leakage()
     told = answer("diff", f"{MODEL}@1", MODEL)
     assert told["effects"] == {"added": ["piston_leakage"], "removed": []}
@@ -186,7 +186,7 @@ def test_values_are_set_by_hand_as_the_next_version() -> None:
         (("flow_area",), "name=value"),
     ],
 )
-def test_what_cannot_be_set_is_refused_and_no_version_is_made(words: tuple[str, ...], message: str) -> None:
+def test_an_invalid_setting_is_refused_and_makes_no_version(words: tuple[str, ...], message: str) -> None:
     with pytest.raises(RigctlError, match=message):
         said("set", MODEL, *words)
     assert len(answer("history", MODEL)["versions"]) == 1
@@ -204,7 +204,7 @@ def test_a_model_that_comes_with_rigctl_is_not_changed(
         said("remove", MODEL, "spool_lag")
 
 
-def test_a_version_is_taken_wherever_a_model_is(tmp_path: Path) -> None:
+def test_a_version_is_accepted_wherever_a_model_file_is(tmp_path: Path) -> None:
     import rigctl
     from rigctl.project import find_file, find_project
 

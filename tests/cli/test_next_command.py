@@ -6,13 +6,13 @@ from rigctl.cli.next_command import page_of
 from rigctl.command_line import DataOptions, analysis
 
 
-def test_a_choice_of_records_goes_on_to_the_next_command() -> None:
+def test_the_next_command_keeps_the_selection_of_records() -> None:
     told = analysis("diagnose", ["latest"], "my models/a.yaml", DataOptions("oil > 30 degC", "record > 3"))
     chosen = '--only "oil > 30 degC" --hold-out "record > 3"'
     assert told == f'rigctl diagnose latest --model "my models/a.yaml" {chosen}'
 
 
-def test_the_page_shows_the_records_that_the_answer_was_about() -> None:
+def test_the_suggested_page_covers_the_records_of_the_answer() -> None:
     assert page_of("compare", ["latest"], "a.yaml") == "rigctl report latest --model a.yaml"
     assert page_of("diagnose", ["latest"], "a.yaml") == "rigctl report latest --model a.yaml --diagnose"
     chosen = page_of("compare", ["latest"], "a.yaml", DataOptions(hold_out="record > 3"))

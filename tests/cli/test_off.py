@@ -92,7 +92,7 @@ def test_a_corrupt_lock_does_not_prevent_off(tmp_path: Path, content: str) -> No
         (False, False, False, "sent, not confirmed: heater_1, heater_2; see for yourself whether it is off"),
     ],
 )
-def test_the_host_s_memory_confirms_nothing(
+def test_only_an_answer_of_the_device_confirms_that_outputs_are_off(
     tmp_path: Path, reported: bool, answers: bool, confirmed: bool, known_by: str
 ) -> None:
     text = shipped("rigs", "tclab-board.yaml").read_text(encoding="utf-8")

@@ -13,7 +13,7 @@ from rigctl.errors import RigctlError
 answer = partial(commands.answer, "oil")
 
 
-def test_the_page_shows_the_published_table_and_where_it_fails() -> None:
+def test_the_output_shows_the_published_table_and_its_inconsistencies() -> None:
     told = commands.told("oil")
     assert "85.19009" in told
     assert "+3.11" in told
@@ -27,7 +27,7 @@ def test_json_holds_the_published_errors() -> None:
     assert document["largest_misfit"]["error_percent"] == pytest.approx(3.1126, abs=1e-4)
 
 
-def test_a_grid_of_temperatures_and_pressures() -> None:
+def test_a_table_is_printed_for_a_grid_of_temperatures_and_pressures() -> None:
     document = answer("--temperature", "20:80:30 degC", "--pressure", "0, 100 bar")
     assert [(r["temperature"], r["pressure"]) for r in document["rows"]] == [
         (t, p) for t in (20.0, 50.0, 80.0) for p in (0.0, 100.0)
@@ -38,7 +38,7 @@ def test_a_grid_of_temperatures_and_pressures() -> None:
     assert modulus["rows"][0]["dynamic_viscosity"] != document["rows"][1]["dynamic_viscosity"]
 
 
-def test_points_in_either_viscosity_give_the_same_constants() -> None:
+def test_dynamic_or_kinematic_viscosities_give_vogels_constants() -> None:
     dynamic = answer("--points", "20 degC=7.3856e-2 Pa*s, 40 degC=2.89e-2 Pa*s, 100 degC=4.697e-3 Pa*s")
     assert dynamic["constants"]["vogel_b"]["value"] == pytest.approx(1132.001, abs=1e-3)
     rows = answer("--temperature", "20, 40, 100 degC")["rows"]
@@ -66,7 +66,7 @@ def test_mistakes_have_clear_messages(arguments: list[str], message: str) -> Non
     assert message in commands.refusal("oil", *arguments)
 
 
-def test_ranges_keep_their_end_and_run_down_too() -> None:
+def test_ranges_include_their_end_and_may_descend() -> None:
     assert read_quantities("20:50:10 bar", "Pa") == [20e5, 30e5, 40e5, 50e5]
     assert read_quantities("50:20:-15 bar", "Pa") == [50e5, 35e5, 20e5]
     assert read_quantities("0.1:0.3:0.1 bar", "Pa") == pytest.approx([1e4, 2e4, 3e4])

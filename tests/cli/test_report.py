@@ -33,7 +33,7 @@ def test_the_newest_run_becomes_a_page_of_its_name(project: Path) -> None:
     assert "20261121-093000-stroke-campaign.html" in result.output
 
 
-def test_what_was_written_as_json(project: Path) -> None:
+def test_the_json_answer_lists_the_files_written(project: Path) -> None:
     result = rigctl(
         "report", "20261121", "-o", "out/page.html", "--figures", "figures", "--format", "svg", "--json"
     )
@@ -46,7 +46,7 @@ def test_what_was_written_as_json(project: Path) -> None:
     assert len(facts["figures"]) == 5
 
 
-def test_a_run_named_twice_is_told_once(project: Path) -> None:
+def test_a_run_named_twice_is_reported_once(project: Path) -> None:
     result = rigctl("report", "latest", "20261121-093000-stroke-campaign", "--json")
     assert json.loads(result.stdout)["runs"] == ["20261121-093000-stroke-campaign"]
 

@@ -31,7 +31,7 @@ def told(*arguments: str) -> dict[str, Any]:
     return answer
 
 
-def test_a_simulation_goes_on_on_the_bench_that_it_began_on(
+def test_a_resumed_simulation_keeps_its_bench_seed_and_speed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -50,5 +50,5 @@ def test_a_simulation_goes_on_on_the_bench_that_it_began_on(
 
 
 @pytest.mark.parametrize(("clock", "speed"), [("virtual", "max"), ("real", "1x"), ("10x", "10x")])
-def test_the_speed_is_read_off_the_clock(clock: str, speed: str) -> None:
+def test_the_speed_of_a_run_follows_from_its_recorded_clock(clock: str, speed: str) -> None:
     assert _speed_before(clock) == speed

@@ -42,7 +42,7 @@ def answer(*arguments: str, code: int = 0) -> dict[str, Any]:
     return document
 
 
-def test_list(project: Path) -> None:
+def test_list_shows_runs_in_order_with_status_records_and_rows(project: Path) -> None:
     shown = text("list")
     assert shown.index(FIRST) < shown.index(SECOND)
     runs = answer("list")["runs"]
@@ -61,7 +61,7 @@ def test_an_empty_project_says_how_to_make_a_run(tmp_path: Path, monkeypatch: py
     assert "no runs" in text("verify")
 
 
-def test_show_is_plain_text_whatever_a_user_wrote(project: Path) -> None:
+def test_show_prints_user_text_without_interpreting_markup(project: Path) -> None:
     shown = text("show", "latest")
     for part in (SECOND, "failed: too hot [bold]", "bench [red]", "oil [degC]", "stroke [mm]"):
         assert part in shown
@@ -70,7 +70,7 @@ def test_show_is_plain_text_whatever_a_user_wrote(project: Path) -> None:
     assert [record["oil"] for record in document["records"]] == [20.0, 30.0, 40.0]
 
 
-def test_verify(project: Path) -> None:
+def test_verify_reports_broken_runs_with_exit_code_1(project: Path) -> None:
     assert answer("verify")["broken"] == 0
     (project / "runs" / FIRST / "samples.parquet").unlink()
     document = answer("verify", code=1)
@@ -79,7 +79,7 @@ def test_verify(project: Path) -> None:
     assert answer("verify", SECOND)["runs"][0]["condition"] == "whole"
 
 
-def test_a_run_in_progress_is_shown_and_left_alone(project: Path) -> None:
+def test_a_run_in_progress_is_shown_as_such(project: Path) -> None:
     header = RunHeader("20261122-000000-x", Source("stroke"), Source("bench"), LAYOUT, STARTED)
     writer = RunWriter.create(project / "runs", header)
     assert answer("show", "latest")["status"] == "running"
@@ -87,7 +87,7 @@ def test_a_run_in_progress_is_shown_and_left_alone(project: Path) -> None:
     writer.close("finished")
 
 
-def test_exclude_and_take_back(project: Path) -> None:
+def test_an_excluded_record_can_be_included_again(project: Path) -> None:
     assert "excluded" in text("exclude", FIRST, "0", "2", "--reason", "air [red]")
     assert open_run(project / "runs" / FIRST).usable == (1,)
     assert "air [red]" in text("show", FIRST)
@@ -95,14 +95,14 @@ def test_exclude_and_take_back(project: Path) -> None:
     assert open_run(project / "runs" / FIRST).usable == (1, 2)
 
 
-def test_annotate(project: Path) -> None:
+def test_annotate_adds_notes_to_runs_and_records(project: Path) -> None:
     text("annotate", "latest", "new seals [bold]", "--record", "1")
     assert "(record 1): new seals [bold]" in text("show")
     assert answer("annotate", "latest", "hot day")["note"] == "hot day"
     assert answer("list")["runs"][1]["notes"] == 2
 
 
-def test_sql(project: Path) -> None:
+def test_sql_queries_records_and_runs(project: Path) -> None:
     document = answer(
         "sql", "SELECT run, sum(record) AS s, now() AS t, NULL AS n FROM records GROUP BY 1 ORDER BY 1"
     )
@@ -134,7 +134,9 @@ def test_a_query_leaves_nothing_else_on_stderr(project: Path, statement: str, co
         (["sql", "SELECT positon FROM samples"], "position"),
     ],
 )
-def test_a_mistyped_name_is_told_with_the_nearest(project: Path, arguments: list[str], nearest: str) -> None:
+def test_a_mistyped_name_is_reported_with_the_nearest(
+    project: Path, arguments: list[str], nearest: str
+) -> None:
     with pytest.raises(RigctlError) as caught:
         text(*arguments)
     assert caught.value.nearest == nearest

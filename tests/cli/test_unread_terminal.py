@@ -1,4 +1,4 @@
-"""A terminal that is not read blocks neither a run nor its end."""
+"""Output that nobody reads blocks neither a run nor its end."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_an_undeliverable_answer_is_a_failure(tmp_path: Path) -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="a closed pipe has another error there")
 @pytest.mark.parametrize("call", ["--help", "effects", "schema rig", "runs list", "check p.yaml"])
 def test_a_reader_that_closes_the_pipe_ends_a_command_without_a_message(tmp_path: Path, call: str) -> None:
-    """`rigctl effects | head` exited with 1, and `rigctl --help | true` with a traceback."""
+    """`rigctl effects | head` used to exit with 1, and `rigctl --help | true` with a traceback."""
     (tmp_path / "p.yaml").write_text(STEPS.replace("WAIT", "1"), encoding="utf-8")
     reader, writer = os.pipe()
     os.close(reader)
@@ -95,7 +95,7 @@ def test_a_mistake_keeps_its_exit_status_although_nobody_reads_it(tmp_path: Path
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
-def test_output_that_finds_no_room_is_a_failure_with_a_message(tmp_path: Path) -> None:
+def test_output_to_a_full_device_is_a_failure_with_a_message(tmp_path: Path) -> None:
     with Path("/dev/full").open("w", encoding="utf-8") as full:
         command = [sys.executable, "-m", "rigctl", "effects"]
         done = subprocess.run(
@@ -156,7 +156,7 @@ class Terminal:
 
 
 def test_the_last_picture_of_the_display_does_not_erase_the_results(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Drawn by another thread after them, it erased the line that says how the run ended."""
+    """Drawn later by another thread, it used to erase the line that states how the run ended."""
     shown: list[str] = []
     results = threading.Event()
     monkeypatch.setattr(sys, "stdout", Terminal(shown, results, slow=False))
@@ -173,7 +173,7 @@ def test_the_last_picture_of_the_display_does_not_erase_the_results(monkeypatch:
 
 
 def test_ctrl_c_at_the_very_end_leaves_no_traceback() -> None:
-    """The third of three ended `rigctl run` with one."""
+    """The third of three Ctrl-C used to end `rigctl run` with a traceback."""
     code = (
         "import sys\nfrom rigctl.cli import entry, main\n"
         "def stopped():\n    try:\n        sys.exit(130)\n"

@@ -49,7 +49,7 @@ def told(*arguments: str) -> str:
     return result.stdout
 
 
-def test_rates_stand_beside_their_targets_and_what_was_mistaken_is_named() -> None:
+def test_rates_are_printed_with_their_targets_and_the_mistaken_effects() -> None:
     printed = told()
     assert "accepted and wrong" in printed
     assert "at most 1.0 %: missed" in printed
@@ -60,7 +60,7 @@ def test_rates_stand_beside_their_targets_and_what_was_mistaken_is_named() -> No
     assert "| pressure_gain | 0 of 1 | pump_slip 1 |" in page
 
 
-def test_the_document_has_every_rate() -> None:
+def test_the_json_document_has_rates_confusion_and_the_results_file() -> None:
     found = json.loads(told("--json", "--out", "kept"))
     assert found["scenarios"] == 4
     assert found["confusion"]["valve_leakage"] == {"valve_leakage": 1}
@@ -69,7 +69,7 @@ def test_the_document_has_every_rate() -> None:
     assert Path(found["results"]).is_file()
 
 
-def test_it_goes_on_where_it_was_and_never_mixes_by_accident() -> None:
+def test_a_validation_continues_only_with_resume_and_runs_no_trial_twice() -> None:
     told("--first", "2")
     assert len(DONE) == 2
     with pytest.raises(RigctlError, match="there already"):
@@ -78,7 +78,7 @@ def test_it_goes_on_where_it_was_and_never_mixes_by_accident() -> None:
     assert sorted(DONE) == sorted(scenario.name for scenario in SCENARIOS)
 
 
-def test_ctrl_c_says_what_is_kept_and_how_to_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_prints_what_is_kept_and_how_to_continue(monkeypatch: pytest.MonkeyPatch) -> None:
     def stopped(scenario: Scenario) -> Outcome:
         if DONE:
             raise KeyboardInterrupt
@@ -91,7 +91,7 @@ def test_ctrl_c_says_what_is_kept_and_how_to_go_on(monkeypatch: pytest.MonkeyPat
     assert len(Path("validation/quick.jsonl").read_text("utf-8").splitlines()) == 1
 
 
-def test_the_tier_of_anyones_benches_goes_the_same_way(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_tier_of_other_benches_is_run_and_reported_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     def say_adequate(trial: BenchTrial) -> TrialOutcome[BenchTrial]:
         return TrialOutcome(trial, verdict="adequate")
 
