@@ -27,7 +27,7 @@ def main() -> None:
             began = monotonic()
             writer.append(sample(float(count), record))
             if count % 100 == 0:
-                # its wall time, before it was kept: then everything older than a second must be there
+                # the wall time before the row was appended: everything older than a second must be on disk
                 print(count, began, flush=True)  # noqa: T201
                 writer.event(float(count), "note", n=count)
             count += 1

@@ -49,14 +49,14 @@ def test_an_ambiguous_start_lists_what_it_could_be(three: list[Path], runs: Path
     assert "20261121-093000-stroke-2" in str(caught.value.expected)
 
 
-def test_an_unknown_run_is_told_with_the_nearest(three: list[Path], runs: Path) -> None:
+def test_an_unknown_run_is_reported_with_the_nearest(three: list[Path], runs: Path) -> None:
     with pytest.raises(RigctlError, match="no such run") as caught:
         find_run("20261120-080000-haet", runs)
     assert caught.value.nearest == "20261120-080000-heat"
 
 
 @pytest.mark.parametrize("ref", ["latest", "", "x"])
-def test_without_runs_it_says_how_to_make_one(runs: Path, ref: str) -> None:
+def test_without_runs_the_message_says_how_to_make_one(runs: Path, ref: str) -> None:
     with pytest.raises(RigctlError, match="there are no runs"):
         find_run(ref, runs)
     assert list_runs(runs) == []
@@ -71,7 +71,7 @@ def test_the_list_reads_only_the_small_files(three: list[Path], runs: Path) -> N
     assert rows == [("finished", "stroke", 1, 3)] * 3
 
 
-def test_what_is_in_progress_left_behind_or_damaged_is_said(
+def test_running_unclosed_and_damaged_runs_are_listed_as_such(
     writer: RunWriter, make_run: RunMaker, runs: Path
 ) -> None:
     assert [run.status for run in list_runs(runs)] == ["running"]
@@ -81,7 +81,7 @@ def test_what_is_in_progress_left_behind_or_damaged_is_said(
     assert [run.status for run in list_runs(runs)] == ["unclosed", "damaged"]
 
 
-def test_other_folders_are_no_runs(three: list[Path], runs: Path) -> None:
+def test_other_folders_are_not_listed_as_runs(three: list[Path], runs: Path) -> None:
     (runs / "notes").mkdir()
     (runs / "README.md").write_text("", encoding="utf-8")
     (runs / ".new-abc").mkdir()

@@ -42,7 +42,7 @@ except RigctlError as problem:
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="the limit on the size of files is POSIX's")
 @pytest.mark.parametrize("limit", [2000, 5000, 40_000, 1_000_000])
-def test_what_was_written_before_is_kept(tmp_path: Path, limit: int) -> None:
+def test_samples_written_before_the_disk_was_full_are_kept(tmp_path: Path, limit: int) -> None:
     answer = subprocess.run(
         [sys.executable, "-c", PROGRAM, str(tmp_path / "runs"), str(limit)],
         env={**os.environ, "PYTHONPATH": str(TESTS)},

@@ -117,7 +117,7 @@ def test_a_deleted_folder_is_reported_and_data_are_kept_elsewhere(
     kept = tmp_path / "rescued" / ID
     assert "the run's folder is gone" in str(gone.value)
     assert str(kept) in str(gone.value)
-    writer.append(sample(float(row + 1), 0))  # said once
+    writer.append(sample(float(row + 1), 0))  # reported once
     writer.close_record(float(row + 2), "lost")
     with pytest.raises(RigctlError, match="is gone"):
         writer.close("failed", "the run's folder is gone")
@@ -181,10 +181,10 @@ def test_a_full_disk_at_the_end_leaves_a_complete_run_elsewhere(
 
 
 @pytest.mark.parametrize("first", ["record", "row"])
-def test_a_disk_that_hangs_between_two_tasks_loses_none(
+def test_a_disk_that_hangs_between_two_tasks_loses_no_task(
     writer: BackgroundWriter, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, first: str
 ) -> None:
-    """The look whether the folder is there hangs as well, and then the next task has not begun."""
+    """The check that the folder exists hangs as well, before the next task has begun."""
     free, reached = threading.Event(), threading.Event()
 
     def hanging(self: RunWriter) -> bool:

@@ -22,7 +22,7 @@ def run(make_run: Callable[..., Path]) -> Run:
     return open_run(make_run(records=2, rows=3))
 
 
-def test_a_heading_names_the_units(run: Run, tmp_path: Path) -> None:
+def test_column_headings_include_the_units(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "out.csv"
     assert export_run(run, path).rows == 8
     lines = path.read_bytes().decode("utf-8").split("\n")
@@ -44,7 +44,7 @@ def test_exported_files_can_be_imported(run: Run, tmp_path: Path, name: str) -> 
     assert np.array_equal(again.record(1).time, run.record(1).time)
 
 
-def test_some_records_alone(run: Run, tmp_path: Path) -> None:
+def test_selected_records_are_exported_and_a_missing_one_is_refused(run: Run, tmp_path: Path) -> None:
     assert export_run(run, tmp_path / "out.csv", records=[1]).rows == 3
     with pytest.raises(RigctlError, match="no such record"):
         export_run(run, tmp_path / "none.csv", records=[7])
@@ -58,7 +58,7 @@ def test_missing_values_are_empty_cells(writer: RunWriter, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(("table", "rows"), [("records", 2), ("events", 10)])
-def test_the_other_tables(run: Run, tmp_path: Path, table: str, rows: int) -> None:
+def test_records_and_events_can_be_exported(run: Run, tmp_path: Path, table: str, rows: int) -> None:
     assert export_run(run, tmp_path / "out.csv", table=table).rows == rows
     heading = (tmp_path / "out.csv").read_text(encoding="utf-8").splitlines()[0]
     assert ("oil [degC]" in heading) == (table == "records")

@@ -35,7 +35,7 @@ def unclosed(writer: RunWriter) -> Path:
     return writer.folder
 
 
-def test_it_is_a_pure_function_up_to_the_bytes(unclosed: Path, tmp_path: Path) -> None:
+def test_finalising_identical_folders_gives_identical_bytes(unclosed: Path, tmp_path: Path) -> None:
     twin = tmp_path / "twin" / unclosed.name
     shutil.copytree(unclosed, twin)
     finalise(unclosed)
@@ -43,7 +43,7 @@ def test_it_is_a_pure_function_up_to_the_bytes(unclosed: Path, tmp_path: Path) -
     assert contents(unclosed) == contents(twin)
 
 
-def test_what_a_kill_left_becomes_a_run(unclosed: Path) -> None:
+def test_a_run_left_by_a_kill_is_finalised_as_interrupted(unclosed: Path) -> None:
     finalise(unclosed)
     run = open_run(unclosed)
     assert run.info["status"] == "interrupted"
@@ -60,7 +60,7 @@ STAGES = ("samples.parquet", "records.parquet", "events.parquet", "run.json", "j
 
 @pytest.mark.parametrize("stage", STAGES)
 @pytest.mark.parametrize("when", ["before", "after"])
-def test_interrupted_at_any_stage_it_ends_as_if_it_had_not_been(
+def test_finalising_can_be_interrupted_at_any_stage_and_repeated(
     unclosed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stage: str, when: str
 ) -> None:
     twin = tmp_path / "twin" / unclosed.name

@@ -33,7 +33,7 @@ def many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def four(make_run: RunMaker, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
-    """The first lies in the runs folder as it was; there are many then."""
+    """The first is stored directly in the runs folder; with the others there are many."""
     first = make_run(NAMES[0], records=1, rows=2)
     monkeypatch.setattr(day_folders, "SHARD_FROM", 1)
     return [first, *(make_run(name, records=1, rows=2 + number) for number, name in enumerate(NAMES[1:]))]
@@ -98,7 +98,7 @@ def test_runs_are_selected_by_metadata_and_channel_ranges(four: list[Path], runs
 
 
 @pytest.mark.parametrize("busy", [-1.0, 2.0])
-def test_one_reading_thread_or_several_make_the_same_index(
+def test_reading_with_one_or_several_threads_gives_the_same_index(
     four: list[Path], runs: Path, busy: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from rigctl.dataset.index import refresh as refreshing
@@ -163,7 +163,7 @@ def test_only_changed_runs_are_read_again(
     assert list_runs(runs)[0].status == "damaged"
 
 
-def test_a_run_that_ends_or_is_left_behind_while_others_list(
+def test_the_status_of_a_run_is_updated_in_the_list_when_it_ends(
     four: list[Path], runs: Path, writer: RunWriter
 ) -> None:
     def status() -> str:
@@ -234,7 +234,7 @@ def test_without_a_writable_index_the_folders_are_read(
 def test_an_index_that_is_not_a_file_is_bypassed(
     runs: Path, caplog: pytest.LogCaptureFixture, how: str
 ) -> None:
-    """A pipe in its place was waited for, and Ctrl-C did not help."""
+    """A pipe in its place used to block the command, and Ctrl-C did not help."""
     path = index_path(runs)
     path.unlink(missing_ok=True)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -269,7 +269,7 @@ for _ in range(20):
 """
 
 
-def test_two_programs_list_while_runs_end(four: list[Path], runs: Path, make_run: RunMaker) -> None:
+def test_two_processes_can_list_while_runs_end(four: list[Path], runs: Path, make_run: RunMaker) -> None:
     lister = [sys.executable, "-c", OTHER, str(runs)]
     with subprocess.Popen(lister, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as other:
         for number in range(20):

@@ -23,7 +23,7 @@ def content(found: Journal) -> np.ndarray:
 
 @given(parts=st.lists(rows, max_size=6), in_blocks=st.booleans())
 @settings(max_examples=60)
-def test_what_was_flushed_is_read_back_to_the_bit(
+def test_flushed_rows_are_read_back_bit_for_bit(
     tmp_path_factory: pytest.TempPathFactory, parts: list, in_blocks: bool
 ) -> None:
     path = tmp_path_factory.mktemp("journal") / "samples.journal"
@@ -111,7 +111,7 @@ def test_a_flipped_bit_loses_only_its_own_frame(tmp_path: Path) -> None:
 def test_random_damage_never_invents_nor_reorders_rows(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
-    """Bytes overwritten, removed, put in, a stretch of zeros: what is read is what was written, in order."""
+    """Bytes overwritten, removed, inserted or zeroed: the rows read are rows that were written, in order."""
     path = tmp_path_factory.mktemp("journal") / "samples.journal"
     writer = JournalWriter(path, COLUMNS, {"session": 0})
     for row in range(30):
@@ -247,7 +247,7 @@ def test_a_reader_follows_a_writer_row_by_row_and_skips_what_is_damaged(tmp_path
     whole = bytearray(path.read_bytes())
     frame = len(whole) - whole.rindex(b"\xa7RGJ")
     whole[-frame - 3] ^= 0xFF  # in the payload of the last frame but one
-    path.write_bytes(whole[:-5])  # and the last one is still being written
+    path.write_bytes(whole[:-5])  # and the last frame is still being written
     late = JournalReader(path, most=10 * frame)
     assert times(late.poll()) == [float(row) for row in range(40, 48)]
     path.write_bytes(whole)

@@ -19,7 +19,7 @@ TESTS = Path(__file__).parents[1]
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_at_most_a_second_is_lost(tmp_path: Path, seed: int) -> None:
+def test_a_kill_loses_at_most_the_last_second_of_samples(tmp_path: Path, seed: int) -> None:
     chance = random.Random(seed)
     program = [sys.executable, str(endless_writer.__file__), str(tmp_path / "runs"), str(seed)]
     environment = {**os.environ, "PYTHONPATH": str(TESTS)}
@@ -40,7 +40,7 @@ def test_at_most_a_second_is_lost(tmp_path: Path, seed: int) -> None:
     assert verify(folder).condition.value == "whole"
     run = open_run(folder)
     times = run.signals("time")
-    assert np.array_equal(times, np.arange(len(times)))  # none missing, none doubled
+    assert np.array_equal(times, np.arange(len(times)))  # none missing, none duplicated
     assert len(times) > due
     outcomes = run.records["outcome"].tolist()
     assert outcomes[:-1] == ["complete"] * (len(outcomes) - 1)

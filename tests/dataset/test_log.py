@@ -28,7 +28,7 @@ def test_every_line_is_one_line_of_json_without_nan(fields: dict[str, object]) -
     assert json.loads(line, parse_constant=refuse).keys() == fields.keys()
 
 
-def test_numbers_of_numpy_are_numbers() -> None:
+def test_numpy_values_are_written_as_plain_json() -> None:
     line = encode_line(
         {"a": np.float64(0.5), "b": np.int32(3), "c": np.array([1.0, math.nan]), "d": Path("x")}
     )

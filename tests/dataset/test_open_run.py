@@ -22,7 +22,7 @@ def run(make_run: RunMaker) -> Run:
     return open_run(make_run())
 
 
-def test_a_record_is_in_si(run: Run) -> None:
+def test_a_record_has_its_data_in_si_units(run: Run) -> None:
     record = run.record(1)
     assert (record.index, record.name, record.path, record.rate) == (1, "stroke", "1/record", 100.0)
     assert (record.start, record.end, record.outcome, record.usable) == (1.1, 1.5, "complete", True)
@@ -110,7 +110,7 @@ def test_a_damaged_file_is_named(run: Run) -> None:
     assert caught.value.where.file == run.folder / "samples.parquet"
 
 
-def test_a_million_samples(writer: RunWriter) -> None:
+def test_a_run_of_a_million_samples_is_read_back_and_stored_compressed(writer: RunWriter) -> None:
     count = 1_000_000
     block = np.tile(sample(0.0, 0), (count, 1))
     block[:, 0] = np.arange(count) / 1000
@@ -162,7 +162,7 @@ def test_numbers_agrees_with_pyarrow(column: pa.ChunkedArray) -> None:
 
 
 def test_records_are_read_without_pandas(make_run: RunMaker) -> None:
-    """It takes longer to load than the records of a campaign to read."""
+    """Loading pandas takes longer than reading the records of a campaign."""
     code = (
         "import sys\n"
         "from rigctl.dataset import open_run\n"

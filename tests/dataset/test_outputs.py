@@ -17,7 +17,7 @@ PAGE = b'<!DOCTYPE html>\n<meta charset="utf-8">\n<meta name="generator" content
 
 @pytest.mark.parametrize("force", [False, True])
 @pytest.mark.parametrize("name", ["samples.parquet", "run.json", "new.html", "deeper/new.html"])
-def test_nothing_is_written_into_a_run(make_run: RunMaker, name: str, force: bool) -> None:
+def test_pages_and_exports_are_never_written_into_a_run(make_run: RunMaker, name: str, force: bool) -> None:
     folder = make_run()
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     run = open_run(folder)
@@ -28,7 +28,7 @@ def test_nothing_is_written_into_a_run(make_run: RunMaker, name: str, force: boo
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
-def test_nor_through_a_link(make_run: RunMaker, tmp_path: Path) -> None:
+def test_an_output_path_through_a_link_into_a_run_is_refused(make_run: RunMaker, tmp_path: Path) -> None:
     folder = make_run()
     link = tmp_path / "elsewhere"
     try:
@@ -42,7 +42,7 @@ def test_nor_through_a_link(make_run: RunMaker, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "replaced"), [(PAGE, True), (b"rig: mine\n", False), (b"", False), (b"<html></html>", False)]
 )
-def test_a_page_replaces_a_page_alone(
+def test_a_page_overwrites_only_another_page_unless_forced(
     make_run: RunMaker, tmp_path: Path, content: bytes, replaced: bool
 ) -> None:
     run, target = open_run(make_run()), tmp_path / "page.html"
@@ -59,7 +59,7 @@ def test_a_page_replaces_a_page_alone(
     assert is_page(target.read_bytes()[:4096])
 
 
-def test_a_figure_replaces_a_figure_alone(make_run: RunMaker, tmp_path: Path) -> None:
+def test_a_figure_overwrites_only_another_figure(make_run: RunMaker, tmp_path: Path) -> None:
     run, figures = open_run(make_run()), tmp_path / "figures"
     first = write_report([run], tmp_path / "page.html", figures=figures)
     write_report([run], tmp_path / "page.html", figures=figures)

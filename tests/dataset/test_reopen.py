@@ -28,7 +28,7 @@ def killed(writer: RunWriter) -> Path:
     return writer.folder
 
 
-def test_a_resumed_run_keeps_what_it_has_and_goes_on_behind_it(killed: Path, make_header: object) -> None:
+def test_a_resumed_run_keeps_its_data_and_appends_new_records(killed: Path, make_header: object) -> None:
     later = make_header("other", started=STARTED + timedelta(hours=1), operator="Grace")  # type: ignore[operator]
     writer = RunWriter.reopen(killed, later)
     assert writer.id == killed.name
@@ -48,7 +48,7 @@ def test_a_resumed_run_keeps_what_it_has_and_goes_on_behind_it(killed: Path, mak
     assert verify(killed).condition.value == "whole"
 
 
-def test_time_goes_on_even_when_the_calendar_went_back(killed: Path, make_header: object) -> None:
+def test_time_continues_even_when_the_calendar_clock_went_back(killed: Path, make_header: object) -> None:
     earlier = make_header(started=STARTED - timedelta(days=1))  # type: ignore[operator]
     writer = RunWriter.reopen(killed, earlier)
     writer.append(sample(0.0))
@@ -56,7 +56,7 @@ def test_time_goes_on_even_when_the_calendar_went_back(killed: Path, make_header
     assert times.tolist()[-2:] == [1.0, 2.0]
 
 
-def test_killed_again_and_again_it_still_goes_on(killed: Path) -> None:
+def test_a_run_can_be_resumed_after_several_kills(killed: Path) -> None:
     for _ in range(3):
         writer = RunWriter.reopen(killed)
         writer.append(sample(0.0))
@@ -69,7 +69,7 @@ def test_killed_again_and_again_it_still_goes_on(killed: Path) -> None:
     assert len(run.info["sessions"]) == 4
 
 
-def test_a_kill_while_the_session_is_joined_to_the_run_doubles_nothing(
+def test_a_kill_while_a_session_is_joined_to_the_run_duplicates_nothing(
     killed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from rigctl.dataset import finalise as finalise_module
@@ -89,14 +89,14 @@ def test_a_kill_while_the_session_is_joined_to_the_run_doubles_nothing(
     assert open_run(killed).info["rows"] == 23
 
 
-def test_a_finished_run_is_not_gone_on_with(writer: RunWriter) -> None:
+def test_a_finished_run_cannot_be_resumed(writer: RunWriter) -> None:
     writer.close("finished")
     with pytest.raises(RigctlError, match="the run is finished"):
         RunWriter.reopen(writer.folder)
     assert verify(writer.folder).condition.value == "whole"
 
 
-def test_another_rig_is_refused(killed: Path, make_header: object) -> None:
+def test_resuming_on_another_rig_is_refused(killed: Path, make_header: object) -> None:
     other = Layout(LAYOUT.channels[:2], LAYOUT.commands, ("s", "1", "degC", "bar", "1", "1"))
     with pytest.raises(RigctlError, match="channels or units have changed") as caught:
         RunWriter.reopen(killed, make_header(layout=other))  # type: ignore[operator]

@@ -150,7 +150,7 @@ def _sealed(info: dict[str, Any]) -> str:
 def test_a_forged_run_is_refused_and_hides_no_other(
     runs: list[Path], field: str, value: object, says: str
 ) -> None:
-    """Its checksum is right; 'runs list' ended with it, and a crate could hold any file of the computer."""
+    """With a valid checksum, it used to end 'runs list', and a crate could include any file."""
     forged = runs[0].with_name("20260101-000000-forged")
     shutil.copytree(runs[0], forged)
     (runs[0].parent.parent / "outside.txt").write_text("SECRET", encoding="utf-8")
@@ -169,8 +169,10 @@ def test_a_forged_run_is_refused_and_hides_no_other(
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes in folders and /dev/zero are of POSIX")
 @pytest.mark.parametrize("how", ["pipe", "device", "folder"])
 @pytest.mark.parametrize("name", ["log.jsonl", "events.parquet", "run.json"])
-def test_what_never_ends_is_no_file_of_a_run(runs: list[Path], name: str, how: str) -> None:
-    """A pipe was waited for, and /dev/zero filled the memory."""
+def test_pipes_devices_and_folders_in_place_of_a_run_s_files_are_refused(
+    runs: list[Path], name: str, how: str
+) -> None:
+    """A pipe used to block the command, and /dev/zero to fill the memory."""
     path = runs[0] / name
     path.unlink()
     {"pipe": os.mkfifo, "device": lambda to: Path(to).symlink_to("/dev/zero"), "folder": os.mkdir}[how](path)

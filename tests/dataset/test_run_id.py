@@ -25,7 +25,7 @@ WHEN = datetime(2026, 11, 21, 9, 30, 5, tzinfo=UTC)
         ("x" * 90, "x" * 40),
     ],
 )
-def test_slug(name: str, expected: str) -> None:
+def test_a_name_is_shortened_to_a_slug(name: str, expected: str) -> None:
     assert slug(name) == expected
 
 
@@ -36,7 +36,7 @@ def test_a_slug_is_a_safe_folder_name_everywhere(name: str) -> None:
     assert not slug(name).startswith("-")
 
 
-def test_the_id_is_in_utc_and_never_one_that_is_taken(tmp_path: Path) -> None:
+def test_a_run_id_has_the_time_in_utc_and_is_unique(tmp_path: Path) -> None:
     local = WHEN.astimezone(timezone(timedelta(hours=3)))
     names = []
     for _ in range(3):

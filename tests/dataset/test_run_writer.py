@@ -32,7 +32,7 @@ def test_a_closed_run_is_five_files_and_verifies(writer: RunWriter) -> None:
     assert writer.close("finished") == folder  # idempotent
 
 
-def test_run_json_says_everything_about_the_run(writer: RunWriter) -> None:
+def test_run_json_has_the_metadata_measures_and_files_of_the_run(writer: RunWriter) -> None:
     measure_strokes(writer, records=2)
     writer.measure(MeasuredValue("viscosity", 3.2e-5, "cSt"))
     info = json.loads((writer.close("failed", "heat timed out") / "run.json").read_text(encoding="utf-8"))
@@ -67,7 +67,7 @@ def test_samples_are_in_display_units_with_unit_kind_and_calibration(writer: Run
     assert frame["record"].tolist() == [-1] + [0] * 20
 
 
-def test_rows_and_blocks_are_kept_in_their_order(writer: RunWriter) -> None:
+def test_rows_and_blocks_keep_their_order(writer: RunWriter) -> None:
     writer.append(sample(0.0))
     writer.append_block(np.array([sample(0.1), sample(0.2)]))
     writer.append(sample(0.3))
@@ -105,7 +105,7 @@ def test_a_record_that_is_closed_is_on_disk(writer: RunWriter, monkeypatch: pyte
     writer.close("finished")
 
 
-def test_the_disk_itself_is_waited_for_between_records_and_at_their_end(
+def test_the_journal_is_synced_to_disk_between_records_and_at_their_end(
     writer: RunWriter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = writer_module.monotonic()
@@ -187,7 +187,7 @@ def test_two_runs_of_one_second_have_folders_of_their_own(runs: Path, make_heade
     assert not list(runs.glob(".*"))
 
 
-def test_a_name_taken_in_the_last_moment_is_noticed(
+def test_a_run_id_taken_at_the_last_moment_is_replaced_by_the_next_free_one(
     runs: Path, make_header: object, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     header: RunHeader = make_header()  # type: ignore[operator]
@@ -202,7 +202,7 @@ def test_a_name_taken_in_the_last_moment_is_noticed(
     writer.close("finished")
 
 
-def test_a_folder_that_cannot_be_made_is_a_plain_error(tmp_path: Path, make_header: object) -> None:
+def test_a_folder_that_cannot_be_created_is_reported(tmp_path: Path, make_header: object) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("", encoding="utf-8")
     with pytest.raises(RigctlError, match="cannot make a folder for the run") as caught:
@@ -257,7 +257,7 @@ def test_a_full_disk_is_reported_once_and_written_data_are_kept(writer: RunWrite
     assert (run.info["status"], run.info["rows"], len(run.usable)) == ("interrupted", 42, 2)
 
 
-def test_when_there_is_room_again_nothing_is_lost(writer: RunWriter) -> None:
+def test_rows_kept_in_memory_are_written_when_the_disk_has_room_again(writer: RunWriter) -> None:
     disks = fill_disk(writer)
     writer.append(sample(0.0))
     with pytest.raises(RigctlError):
@@ -274,7 +274,7 @@ def test_when_there_is_room_again_nothing_is_lost(writer: RunWriter) -> None:
     assert run.info["reason"] == "disk full"
 
 
-def test_records_do_not_nest(writer: RunWriter) -> None:
+def test_opening_a_second_record_or_closing_none_is_an_error(writer: RunWriter) -> None:
     with pytest.raises(ValueError, match="no record is open"):
         writer.close_record(0.0, "complete")
     writer.open_record(0.0, "stroke", {}, "1", 100.0)

@@ -73,7 +73,9 @@ def test_without_runs_the_views_are_empty(runs: Path) -> None:
         assert query(f"SELECT * FROM {view}", runs).rows == ()
 
 
-def test_folders_with_wildcards_and_quotes_in_their_names(tmp_path: Path, make_header: object) -> None:
+def test_runs_are_queried_in_folders_with_wildcards_and_quotes_in_their_names(
+    tmp_path: Path, make_header: object
+) -> None:
     runs = tmp_path / "it's [a]"
     writer = RunWriter.create(runs, make_header())  # type: ignore[operator]
     measure_strokes(writer, records=1)
@@ -104,7 +106,7 @@ def test_a_misspelt_table_or_column_is_reported_with_the_nearest(two: Path) -> N
         "SELECT 1 FROM runs WHERE id = 'x",
     ],
 )
-def test_bad_sql_is_a_plain_error(two: Path, sql: str) -> None:
+def test_invalid_sql_is_reported_without_a_traceback(two: Path, sql: str) -> None:
     with pytest.raises(RigctlError) as caught:
         query(sql, two)
     assert "Traceback" not in str(caught.value)
@@ -149,7 +151,7 @@ def test_bad_sql_is_a_plain_error(two: Path, sql: str) -> None:
         "SELECT * FROM some_frame",
     ],
 )
-def test_a_query_reads_and_writes_nothing_else(two: Path, tmp_path: Path, sql: str) -> None:
+def test_a_query_can_neither_read_nor_write_other_files(two: Path, tmp_path: Path, sql: str) -> None:
     some_frame = __import__("pandas").DataFrame({"a": [1]})
     folder = tmp_path / "elsewhere"
     folder.mkdir()

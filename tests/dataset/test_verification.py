@@ -118,7 +118,7 @@ def test_a_flipped_bit_loses_one_frame_and_keeps_the_original(writer: RunWriter)
     assert open_run(folder).info["lost_rows"] == lost
 
 
-def test_records_with_missing_samples_are_measured_again(writer: RunWriter) -> None:
+def test_records_with_missing_samples_are_classified_as_damaged(writer: RunWriter) -> None:
     folder = left_by_a_kill(writer)
     path = folder / "samples.journal"
     damaged = bytearray(path.read_bytes())
@@ -185,7 +185,7 @@ def test_a_fresh_heartbeat_of_another_computer_counts_as_in_progress(writer: Run
 
 
 @pytest.mark.parametrize("content", ["", "[]", '{"pid": "x"}', '{"host": 3}'])
-def test_a_nonsense_heartbeat_is_no_obstacle(writer: RunWriter, content: str) -> None:
+def test_an_invalid_heartbeat_does_not_stop_verification(writer: RunWriter, content: str) -> None:
     writer._journal.close()
     writer._log.close()
     writer._lock.release()

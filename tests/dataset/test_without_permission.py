@@ -1,4 +1,4 @@
-"""Folders that may not be read, among the runs of a shared disk."""
+"""Unreadable folders among the runs on a shared disk."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ print(json.dumps([(run.id, run.status) for run in list_runs(Path(sys.argv[1]))])
 
 
 def _without_privileges() -> list[str]:
-    """What a command begins with so that permissions count for it; an administrator may read every folder."""
+    """The start of a command that drops privileges, since an administrator may read every folder."""
     return ["setpriv", "--inh-caps=-all", "--bounding-set=-all"] if os.geteuid() == 0 else []
 
 
@@ -34,7 +34,7 @@ def _without_privileges() -> list[str]:
 def test_a_folder_that_may_not_be_read_does_not_hide_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, index_from: int
 ) -> None:
-    """No run was listed: it was enough that the runs had a disk of their own, with its 'lost+found'."""
+    """A run folder at the root of a disk has an unreadable 'lost+found', and no run used to be listed."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     runs = tmp_path / "runs"
     names = ["20261121-093000-stroke", "20261122-093000-stroke"]

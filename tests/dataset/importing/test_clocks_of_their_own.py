@@ -40,7 +40,7 @@ def celsius(run: Run, name: str, record: int = 0) -> Any:
     return run.record(record).channels[name] - 273.15
 
 
-def test_a_file_with_one_value_in_each_row(tmp_path: Path, board: Rig) -> None:
+def test_long_format_with_one_value_per_row_is_imported(tmp_path: Path, board: Rig) -> None:
     path = tmp_path / "long.csv"
     rows = ["time [s],sensor,reading"]
     rows += [f"{k / 10},T1,{20 + k}" for k in range(11)] + [f"{k},T2,{30 + k}" for k in range(2)]
@@ -56,7 +56,7 @@ def test_a_file_with_one_value_in_each_row(tmp_path: Path, board: Rig) -> None:
     assert run.record(0).time.tolist() == [0.0, 1.0]
 
 
-def test_a_time_beside_each_channel(tmp_path: Path, board: Rig) -> None:
+def test_a_table_with_a_time_column_for_each_channel_is_imported(tmp_path: Path, board: Rig) -> None:
     path = tmp_path / "pairs.csv"
     path.write_text(
         "t1 [s];temperature_1 [degC];t2 [ms];temperature_2 [degC];t3 [s];heater_1 [%]\n"
@@ -75,7 +75,7 @@ def test_a_time_beside_each_channel(tmp_path: Path, board: Rig) -> None:
 
 
 @pytest.mark.parametrize("ending", ["mf4", "tdms"])
-def test_groups_that_are_parts_of_one_measurement(tmp_path: Path, board: Rig, ending: str) -> None:
+def test_groups_with_different_rates_become_one_record(tmp_path: Path, board: Rig, ending: str) -> None:
     path = tmp_path / f"rasters.{ending}"
     fast, slow = np.arange(0, 2.0, 0.01), np.arange(0, 2.0, 0.5)
     if ending == "mf4":

@@ -168,7 +168,7 @@ def test_a_truncated_file_is_reported(tmp_path: Path, rig: Rig) -> None:
     path.write_bytes(whole[:-80])
     assert "log.tdms: the file is damaged: Last segment" in refusal(path, rig)
     done = import_file(path, rig, tmp_path / "runs", keep_good=True)
-    assert (done.rows, len(done.faults)) == (10, 2)  # the library says two things of it
+    assert (done.rows, len(done.faults)) == (10, 2)  # the library reports it in two ways
 
 
 # --- MDF
@@ -200,7 +200,7 @@ def test_rasters_of_one_measurement_are_not_records(tmp_path: Path, rig: Rig) ->
 # --- MAT
 
 
-def test_vectors_with_units_beside_them(tmp_path: Path, rig: Rig) -> None:
+def test_vectors_are_imported_with_units_from_a_separate_structure(tmp_path: Path, rig: Rig) -> None:
     savemat(
         tmp_path / "log.mat",
         {"time": TIME, "position": POSITION, "units": {"time": "s", "position": "mm"}, "comment": "cold"},
@@ -230,7 +230,7 @@ def test_an_array_of_structures_is_one_record_each(tmp_path: Path, rig: Rig) -> 
     assert run.records["name"].tolist() == ["strokes(1)", "strokes(2)", "strokes(3)"]
 
 
-def test_simulink_structures_with_time(tmp_path: Path, rig: Rig) -> None:
+def test_simulink_structures_with_time_are_imported(tmp_path: Path, rig: Rig) -> None:
     signals = np.empty(2, dtype=[("values", object), ("label", object)])
     signals[0] = (POSITION.reshape(-1, 1), "position")
     signals[1] = (np.column_stack([POSITION, POSITION]), "p")

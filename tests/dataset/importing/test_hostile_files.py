@@ -55,13 +55,13 @@ def refusal(path: Path, rig: Rig, **how: Any) -> str:
         ("time [s],position [mm]\n0," + "1" * 200_000, ":2: wrong number of cells"),
     ],
 )
-def test_text_that_is_no_table(tmp_path: Path, rig: Rig, text: str, said: str) -> None:
+def test_text_that_is_not_a_table_is_refused(tmp_path: Path, rig: Rig, text: str, said: str) -> None:
     path = tmp_path / "log.csv"
     path.write_bytes(text.encode())
     assert said in refusal(path, rig)
 
 
-def test_a_bar_divides_cells_too(tmp_path: Path, rig: Rig) -> None:
+def test_a_bar_is_accepted_as_a_delimiter(tmp_path: Path, rig: Rig) -> None:
     path = tmp_path / "log.csv"
     path.write_text("time [s]|position [mm]\n0|1\n1|2\n", encoding="utf-8")
     assert import_file(path, rig, tmp_path / "runs").rows == 2
@@ -87,7 +87,7 @@ class Endless(io.RawIOBase):
         (b"", b"#" * (1 << 24), "the line is longer than 1 MiB"),
         (b"time [s],position [mm]\n0,1\n", b"\n" * (1 << 24), "more than 1000000 blank lines"),
         (b"\n", b"\n" * (1 << 24), "the file has no heading"),
-        # of 64 bytes: what is read at once holds more bad rows than are counted, and no millions of them
+        # of 64 bytes: one block holds more bad rows than are counted, but not millions of them
         (b"time [s],position [mm]\n0,1\n", (b"x" * 61 + b",x\n") * (1 << 18), "nothing was imported"),
     ],
 )
@@ -108,7 +108,7 @@ def test_a_file_of_bad_rows_only_is_not_read_to_its_end(
     assert "5000 bad rows, 4980 of them not listed" in refusal(path, rig)
 
 
-def test_half_a_gzip_file(tmp_path: Path, rig: Rig) -> None:
+def test_a_truncated_gzip_file_is_reported_as_damaged(tmp_path: Path, rig: Rig) -> None:
     path = tmp_path / "log.csv.gz"
     rows = "".join(f"{k},{k * 7919 % 1000}\n" for k in range(2000))
     whole = gzip.compress(f"time [s],position [mm]\n{rows}".encode())
@@ -124,7 +124,7 @@ TEXTS = st.one_of(
 
 @given(head=st.sampled_from(["", "time [s],position [mm]\n", "time;position [mm]\n"]), body=TEXTS)
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_any_bytes_are_a_run_or_one_message(rig: Rig, head: str, body: str | bytes) -> None:
+def test_any_bytes_are_imported_or_refused_with_one_message(rig: Rig, head: str, body: str | bytes) -> None:
     content = head.encode() + (body if isinstance(body, bytes) else body.encode("utf-8", "replace"))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "log.csv"
@@ -156,7 +156,7 @@ def hurried(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         ("leave", "the program that reads this format crashed over it, got 'exit status 3'"),
     ],
 )
-def test_a_reader_that_fails_takes_nothing_with_it(
+def test_a_reader_that_crashes_or_hangs_gives_an_error_message(
     tmp_path: Path, hurried: None, function: str, said: str
 ) -> None:
     path = tmp_path / "log.mf4"
@@ -175,7 +175,9 @@ def mdf() -> bytearray:
     return bytearray(stream.getvalue())
 
 
-def test_blocks_that_go_round_in_a_circle(tmp_path: Path, rig: Rig, hurried: None) -> None:
+def test_a_file_whose_blocks_form_a_cycle_is_refused_within_its_time_or_memory_limit(
+    tmp_path: Path, rig: Rig, hurried: None
+) -> None:
     content = mdf()
     block = content.find(b"##DG")
     content[block + 24 : block + 32] = struct.pack("<Q", block)  # its successor is itself
@@ -185,7 +187,7 @@ def test_blocks_that_go_round_in_a_circle(tmp_path: Path, rig: Rig, hurried: Non
     assert "did not end within 3 s" in said or "of memory" in said
 
 
-def test_a_file_that_was_cut_off(
+def test_a_truncated_file_is_refused_and_leaves_no_temporary_files(
     tmp_path: Path, rig: Rig, hurried: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     own = tmp_path / "temporary"  # other tests import at the same time
@@ -198,8 +200,8 @@ def test_a_file_that_was_cut_off(
     assert not list(own.glob("rigctl-import-*"))
 
 
-def test_a_mat_file_that_crashes_the_library(tmp_path: Path, rig: Rig) -> None:
-    """Found by changing bytes of a sound file: SciPy ends the interpreter over it, signal 7 or 11."""
+def test_a_mat_file_that_crashes_scipy_is_reported_as_an_error(tmp_path: Path, rig: Rig) -> None:
+    """Found by changing bytes of a valid file: SciPy crashes the interpreter with signal 7 or 11."""
     path = tmp_path / "log.mat"
     path.write_bytes((HERE / "crashes_scipy.mat").read_bytes())
     assert "log.mat: the file is" in refusal(path, rig)
@@ -207,7 +209,7 @@ def test_a_mat_file_that_crashes_the_library(tmp_path: Path, rig: Rig) -> None:
 
 @given(changes=st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), min_size=1, max_size=6))
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_a_parquet_file_with_changed_bytes_is_a_run_or_one_message(
+def test_a_parquet_file_with_changed_bytes_is_imported_or_refused_with_one_message(
     rig: Rig, changes: list[tuple[int, int]]
 ) -> None:
     stream = io.BytesIO()

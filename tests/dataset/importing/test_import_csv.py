@@ -123,13 +123,13 @@ def test_without_a_record_column_it_is_one_record(importer: Importer) -> None:
         "time [s],position [mm],supply_pressure [bar]\n0,1.5,NA\n.1,2.5,\n",
     ],
 )
-def test_notations_of_a_file(importer: Importer, text: str) -> None:
+def test_common_csv_notations_give_the_same_values(importer: Importer, text: str) -> None:
     run = importer.run(text)
     assert run.signals("time") == pytest.approx([0.0, 0.1])
     assert run.signals("position") == pytest.approx([0.0015, 0.0025])
 
 
-def test_other_names_are_mapped_with_their_units(importer: Importer) -> None:
+def test_foreign_column_names_are_mapped_with_their_units(importer: Importer) -> None:
     text = "t,Druck,Weg [cm],comment\n0,30,1,7\n1,31,2,8\n"
     run = importer.run(text, columns=["t=time [s], Druck=supply_pressure [bar]", "Weg=position", "comment=-"])
     assert run.signals("supply_pressure") == pytest.approx([30e5, 31e5])
@@ -200,7 +200,7 @@ time [s],record,valve [1],position [mm]
 """
 
 
-def test_bad_rows_are_named_by_line_and_nothing_is_imported(importer: Importer) -> None:
+def test_bad_rows_are_reported_by_line_and_nothing_is_imported(importer: Importer) -> None:
     problem = importer.refusal(BAD)
     assert isinstance(problem, SeveralErrors)
     told = {
@@ -296,8 +296,8 @@ import_file(Path(sys.argv[1]), load_rig(Path(sys.argv[2])), Path(sys.argv[3]))
 """
 
 
-def test_an_import_that_is_killed_leaves_no_run(importer: Importer, tmp_path: Path) -> None:
-    """What it leaves is hidden, and swept up when it is old."""
+def test_a_killed_import_leaves_no_run(importer: Importer, tmp_path: Path) -> None:
+    """Its partial files are hidden, and removed once they are old."""
     file = tmp_path / "killed.csv"
     file.write_text(STROKES, encoding="utf-8")
     command = [sys.executable, "-c", _KILLED, str(file), str(RIG), str(importer.runs)]
@@ -331,7 +331,7 @@ def test_a_file_being_written_is_refused(
     assert importer.refusal(STROKES).what == "the file changed while it was read"
 
 
-def test_two_imports_of_one_second_are_two_runs(importer: Importer) -> None:
+def test_two_imports_within_one_second_are_two_runs(importer: Importer) -> None:
     assert importer.bring_in(STROKES).run != importer.bring_in(STROKES).run
 
 

@@ -79,13 +79,13 @@ def test_absolute_times_give_the_start_of_the_run(desk: Desk, stamps: tuple[str,
     assert ended == datetime(2026, 4, 3, 12, 0, 0, 500000, tzinfo=UTC)
 
 
-def test_epochs_of_a_spreadsheet_of_labview_and_of_matlab(desk: Desk) -> None:
+def test_epochs_of_spreadsheets_labview_and_matlab_are_recognised(desk: Desk) -> None:
     for unit, count in (("day", "46115.5"), ("s", "3858062400"), ("day", "740075.5")):
         run = desk.run(f"time [{unit}],{T1}\n{count},20\n")
         assert run.header.started == datetime(2026, 4, 3, 12, tzinfo=UTC)
 
 
-def test_a_date_beside_a_time_of_day_and_a_clock_that_passes_midnight(desk: Desk) -> None:
+def test_dates_in_their_own_column_and_clocks_passing_midnight_are_read(desk: Desk) -> None:
     rows = "31.12.2025;23:59:59,5;20\n01.01.2026;00:00:00,5;21\n"
     run = desk.run(f"Date;Time;{T1}\n{rows}")
     assert run.signals("time").tolist() == [0.0, 1.0]
@@ -189,7 +189,7 @@ def test_any_date_in_any_format_is_read_correctly(
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252"])
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
-def test_encodings_and_line_ends(desk: Desk, encoding: str, end: str) -> None:
+def test_every_encoding_and_line_ending_is_read(desk: Desk, encoding: str, end: str) -> None:
     lines = ["Zeit [s];Temperatur (°C);Bemerkung", "0;20,5;über", "1;21,5;", ""]
     columns = {"Zeit": "time", "Temperatur": "temperature_1", "Bemerkung": "-"}
     run = desk.run(end.join(lines).encode(encoding), columns=columns)
@@ -205,20 +205,20 @@ def test_encodings_and_line_ends(desk: Desk, encoding: str, end: str) -> None:
         (("2,05E1", "-3,1e-1"), (20.5, -0.31)),
     ],
 )
-def test_decimal_signs_and_thousands(
+def test_decimal_signs_and_thousands_separators_are_recognised(
     desk: Desk, cells: tuple[str, str], expected: tuple[float, float]
 ) -> None:
     run = desk.run(f"time [s];{T1}\n0;{cells[0]}\n1;{cells[1]}\n")
     assert run.signals("temperature_1") - 273.15 == pytest.approx(expected)
 
 
-def test_the_other_decimal_sign_is_refused(desk: Desk) -> None:
+def test_numbers_with_the_other_decimal_sign_are_refused(desk: Desk) -> None:
     problem = desk.refusal(f"time [s];{T1}\n0;20,5\n1;21,5\n2;1.020\n")
     assert (problem.where.line, problem.where.column) == (4, 3)
     assert "expected a number with a decimal comma" in str(problem)
 
 
-def test_thousands_are_read_where_the_user_says_what_the_decimal_sign_is(desk: Desk) -> None:
+def test_thousands_separators_are_read_when_the_decimal_sign_is_given(desk: Desk) -> None:
     text = f"time [s];{T1}\n0;1,234\n1;2,500\n"
     assert desk.run(text).signals("temperature_1") - 273.15 == pytest.approx([1.234, 2.5])
     assert "numbers such as 1,234 are read with a decimal comma; --decimal . reads thousands" in desk.notes
@@ -237,14 +237,14 @@ def test_lines_that_are_not_rows_are_skipped(desk: Desk) -> None:
     assert run.signals("temperature_1") - 273.15 == pytest.approx([20.5, 21.5])
 
 
-def test_marks_of_missing_values(desk: Desk) -> None:
+def test_common_and_given_marks_of_missing_values_are_read_as_missing(desk: Desk) -> None:
     marks = ["", "NaN", "---", "OL", "OVLD", "#N/A", "9.9E+37", "-9999", "-9999.0", "dead"]
     rows = "".join(f"{time},{mark}\n" for time, mark in enumerate([*marks, "20"]))
     run = desk.run(f"time [s],{T1}\n{rows}", missing=("-9999", "dead"))
     assert np.isnan(run.signals("temperature_1")).tolist() == [True] * len(marks) + [False]
 
 
-def test_headings_of_other_programs(desk: Desk) -> None:
+def test_headings_in_the_layouts_of_other_programs_are_read(desk: Desk) -> None:
     # PicoScope: units in a row of their own
     run = desk.run("Time,Temperature 1\n(ms),(degC)\n\n0,20\n100,21\n")
     assert run.signals("time").tolist() == [0.0, 0.1]
@@ -276,7 +276,7 @@ def test_headings_of_other_programs(desk: Desk) -> None:
     assert run.signals("temperature_1") - 273.15 == pytest.approx([20.0, 21.0])
 
 
-def test_what_pandas_writes(desk: Desk) -> None:
+def test_csv_and_parquet_files_written_by_pandas_are_read(desk: Desk) -> None:
     stamps = pd.date_range("2026-04-03 12:00", periods=5, freq="250ms", tz="Europe/Berlin")
     frame = pd.DataFrame({"time": stamps, T1: [20.0, np.nan, 21.5, 22.0, 22.5]})
     frame.to_csv(desk.folder / "frame.csv", index=False)
@@ -312,7 +312,7 @@ def test_several_files_are_one_run_with_a_record_each(desk: Desk) -> None:
         import_files(paths, desk.rig, desk.folder / "runs", options)
 
 
-def test_what_is_assumed_is_kept_with_the_run(desk: Desk) -> None:
+def test_assumptions_are_kept_with_the_run(desk: Desk) -> None:
     text = f"time [s],{T1}\n0,20\n1,21\n"
     run = desk.run(text, assume={"heater_1": "0", "ambient_temperature": "21 degC", "heater_2": "30 %"})
     assert run.info["assumed"] == pytest.approx(
@@ -331,7 +331,7 @@ def test_what_is_assumed_is_kept_with_the_run(desk: Desk) -> None:
         assert said in str(desk.refusal(text, assume=assume))
 
 
-def test_suggestions_are_names_of_this_bench_that_fit(desk: Desk) -> None:
+def test_suggested_names_belong_to_this_bench_and_have_the_same_dimension(desk: Desk) -> None:
     problem = desk.refusal("time [s],supply_presure [bar]\n0,1\n")
     assert problem.nearest is None
     assert "supply_pressure" not in str(problem)
@@ -365,7 +365,7 @@ def rows_of(times: list[Any], start: int = 20) -> str:
     return f"time [s],{T1}\n" + "".join(f"{time},{start + k}\n" for k, time in enumerate(times))
 
 
-def test_policies_for_times_that_do_not_increase(desk: Desk) -> None:
+def test_times_that_do_not_increase_are_refused_dropped_spread_or_split_as_chosen(desk: Desk) -> None:
     text = rows_of([0, 1, 1, 2, 3, 1, 4])
     problem = desk.refusal(text)
     assert isinstance(problem, SeveralErrors)
@@ -381,7 +381,7 @@ def test_policies_for_times_that_do_not_increase(desk: Desk) -> None:
 
 @given(rate=st.integers(2, 20), seconds=st.integers(2, 8), cut=st.integers(0, 19))
 @settings(max_examples=20)
-def test_a_logger_that_writes_whole_seconds_gets_its_rate_back(
+def test_times_in_whole_seconds_are_spread_at_the_sampling_rate(
     tmp_path_factory: pytest.TempPathFactory, board: Rig, rate: int, seconds: int, cut: int
 ) -> None:
     times = [k // rate for k in range(rate * seconds + cut % rate)]
@@ -392,7 +392,7 @@ def test_a_logger_that_writes_whole_seconds_gets_its_rate_back(
     assert (np.diff(found) > 0).all()
 
 
-def test_records_at_commands_begin_before_them(desk: Desk) -> None:
+def test_records_split_at_commands_begin_before_the_command(desk: Desk) -> None:
     heater = [0] * 20 + [50] * 10 + [0] * 30 + [80] * 10 + [0] * 4 + [30] * 5
     lines = [f"time [s],heater_1 [%],{T1}", *(f"{t},{u},{20 + t}" for t, u in enumerate(heater))]
     run = desk.run("\n".join(lines), split="command")
@@ -405,7 +405,7 @@ def test_records_at_commands_begin_before_them(desk: Desk) -> None:
     assert "the file has no command" in str(desk.refusal(rows_of([0, 1]), split="command"))
 
 
-def test_records_at_gaps_and_by_columns(desk: Desk) -> None:
+def test_records_can_be_split_at_gaps_or_by_a_column(desk: Desk) -> None:
     run = desk.run(rows_of([0, 1, 2, 100, 101, 102, 103, 0, 1]), split="gap")
     assert run.records["start"].tolist() == [0.0, 100.0, 0.0]
     run = desk.run(rows_of([0, 1, 2, 5, 6, 100]), split="gap:2 s")
@@ -425,8 +425,8 @@ def test_records_at_gaps_and_by_columns(desk: Desk) -> None:
     assert "no such way" in str(desk.refusal(text, split="commands", columns={"Phase": "-"}))
 
 
-def test_a_command_switched_since_the_previous_sample(desk: Desk) -> None:
-    """(t_{k-1}, t_k]: from the first two samples on, and with a sample that lacks the command between."""
+def test_the_time_of_a_switch_lies_between_two_samples_with_different_commands(desk: Desk) -> None:
+    """In (t_{k-1}, t_k]: also for the first two samples, and across a sample without a command value."""
     cells = ["0", "50", "50", "", "0"]
     text = f"time [s],heater_1 [%],{T1}\n" + "".join(f"{t},{u},20\n" for t, u in enumerate(cells))
     found = [

@@ -53,12 +53,12 @@ def test_a_record_keeps_the_name_that_the_file_gives_it(tmp_path: Path, board: R
     assert [switch.record for switch in run.switches] == [1]
 
 
-def test_a_name_can_be_given_to_all(tmp_path: Path, board: Rig) -> None:
+def test_all_records_can_be_given_one_name(tmp_path: Path, board: Rig) -> None:
     run = open_run(import_file(write(tmp_path, STEPS), board, tmp_path / "runs", name="step").path)
     assert run.records["name"].tolist() == ["step", "step", "step"]
 
 
-def test_without_oil_the_condition_is_the_levels_and_the_temperatures_at_the_start(
+def test_without_oil_the_condition_is_the_levels_and_the_initial_temperatures(
     tmp_path: Path, board: Rig
 ) -> None:
     run = open_run(import_file(write(tmp_path, STEPS), board, tmp_path / "runs").path)
@@ -71,14 +71,14 @@ def test_without_oil_the_condition_is_the_levels_and_the_temperatures_at_the_sta
     assert second["temperature_2"] == third["temperature_2"]
 
 
-def test_a_number_is_the_same_record_however_it_is_written(tmp_path: Path, cylinder: Rig) -> None:
+def test_different_spellings_of_a_number_name_the_same_record(tmp_path: Path, cylinder: Rig) -> None:
     text = "time [s],record,position [mm]\n0,01,1\n1,1,2\n2,1.0,3\n3,-1,4\n4,NA,5\n5,,5\n6,two,6\n"
     run = open_run(import_file(write(tmp_path, text), cylinder, tmp_path / "runs").path)
     assert run.signals("record").tolist() == [0, 0, 0, -1, -1, -1, 1]
     assert run.records["name"].tolist() == ["steps", "two"]
 
 
-def test_a_named_record_does_not_come_back(tmp_path: Path, cylinder: Rig) -> None:
+def test_a_record_name_that_returns_after_another_record_is_refused(tmp_path: Path, cylinder: Rig) -> None:
     text = "time [s],record,position [mm]\n0,a,1\n0,b,2\n1,a,3\n1,b,3\n"
     with pytest.raises(RigctlError, match="record: it has ended before, got 'a'"):
         import_file(write(tmp_path, text), cylinder, tmp_path / "runs")
@@ -93,7 +93,7 @@ def test_a_text_column_that_is_left_out_does_not_matter(tmp_path: Path, cylinder
 
 
 @pytest.mark.parametrize(("piece", "short"), [(1, 0), (50, 1000), (200, 1 << 20), (1 << 23, 0)])
-def test_the_result_does_not_depend_on_how_the_file_is_divided(
+def test_the_import_does_not_depend_on_the_size_of_the_pieces_read(
     tmp_path: Path, cylinder: Rig, monkeypatch: pytest.MonkeyPatch, piece: int, short: int
 ) -> None:
     monkeypatch.setattr(text, "PIECE", piece)
@@ -125,7 +125,7 @@ def test_a_compressed_file_is_read_as_it_is(tmp_path: Path, board: Rig) -> None:
         import_file(path, board, tmp_path / "runs")
 
 
-def test_what_is_worth_knowing_is_said_and_kept(tmp_path: Path, board: Rig) -> None:
+def test_notes_on_suspicious_data_are_returned_and_kept_as_events(tmp_path: Path, board: Rig) -> None:
     rows = ["time [s],heater_1 [%],temperature_1 [degC],temperature_2 [degC]"]
     rows += [f"{t if t < 15 else t + 4},50,23,{'' if t == 3 else 20 + t}" for t in range(20)]
     done = import_file(write(tmp_path, "\n".join(rows)), board, tmp_path / "runs")
@@ -148,7 +148,7 @@ def test_a_channel_without_any_value_is_named(tmp_path: Path, cylinder: Rig) -> 
     assert np.isnan(open_run(done.path).signals("supply_pressure")).all()
 
 
-def test_observations_need_no_rig_and_samples_do(tmp_path: Path) -> None:
+def test_observations_can_be_imported_without_a_rig_and_samples_cannot(tmp_path: Path) -> None:
     text = "oil_temperature [degC],kinematic_viscosity [cSt],record\n20,85.19,first\n40,33.81,\n"
     run = open_run(import_file(write(tmp_path, text), None, tmp_path / "runs").path)
     assert run.records["name"].tolist() == ["first", "steps"]

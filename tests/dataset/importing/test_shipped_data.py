@@ -19,7 +19,7 @@ def bring_in(file: str, rig: str | None, folder: Path) -> tuple[Imported, Run]:
     return done, open_run(done.path)
 
 
-def test_the_heater_boards_steps(tmp_path: Path) -> None:
+def test_the_heater_board_steps_are_imported_with_their_records(tmp_path: Path) -> None:
     done, run = bring_in("heater-board-steps.csv", "heater-board.yaml", tmp_path)
     assert (done.records, done.rows, done.left_out) == (20, 24020, 0)
     levels = [*range(10, 110, 10)]
@@ -28,7 +28,7 @@ def test_the_heater_boards_steps(tmp_path: Path) -> None:
         *(f"H1_{level:03d}_000" for level in levels),
     ]
     assert run.records["heater_1"].tolist() == pytest.approx([*levels, *[0] * 10])
-    assert run.layout.channels == ("temperature_1", "temperature_2")  # nothing of the room
+    assert run.layout.channels == ("temperature_1", "temperature_2")  # no record has the room temperature
     for index in run.usable:
         record = run.record(index)
         assert record.time.tolist() == list(range(1201))
@@ -39,7 +39,7 @@ def test_the_heater_boards_steps(tmp_path: Path) -> None:
     assert len({tuple(run.record(index).sweep.values()) for index in run.usable}) == 20
 
 
-def test_the_published_viscosity(tmp_path: Path) -> None:
+def test_the_published_viscosities_are_imported_as_observations(tmp_path: Path) -> None:
     done, run = bring_in("hl32-viscosity.csv", None, tmp_path)
     assert (done.records, done.rows) == (13, 13)
     record = run.record(4)
@@ -50,7 +50,7 @@ def test_the_published_viscosity(tmp_path: Path) -> None:
     assert len(record.time) == 0
 
 
-def test_the_published_strokes(tmp_path: Path) -> None:
+def test_the_published_strokes_are_imported_with_their_losses(tmp_path: Path) -> None:
     _, run = bring_in("hl32-strokes.csv", "hl32-bench.yaml", tmp_path)
     cold, hot = [run.record(i) for i in range(4)], [run.record(i) for i in range(4, 8)]
     for before, after, pressure, share in zip(cold, hot, (20, 30, 40, 50), (4.8, 6.0, 6.5, 4.8), strict=True):
@@ -61,7 +61,7 @@ def test_the_published_strokes(tmp_path: Path) -> None:
         assert 100 * loss / before.measures["stroke"] == pytest.approx(share, abs=0.05)
 
 
-def test_the_unknown_bench(tmp_path: Path) -> None:
+def test_the_unknown_bench_is_imported_with_32_records_at_28_conditions(tmp_path: Path) -> None:
     done, run = bring_in("unknown-bench.csv", "hl32-bench.yaml", tmp_path)
     assert (done.records, done.rows, done.left_out) == (32, 32 * 376, 0)
     points = [tuple(run.record(index).sweep.values()) for index in run.usable]

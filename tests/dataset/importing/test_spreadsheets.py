@@ -53,7 +53,9 @@ def saved(path: Path, sheets: dict[str, list[list[Any]]]) -> Path:
     return path
 
 
-def test_what_pandas_writes(tmp_path: Path, board: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_spreadsheet_written_by_pandas_is_read(
+    tmp_path: Path, board: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(formats, "isolated", True)
     stamps = pd.date_range("2026-04-03 12:00", periods=4, freq="500ms")
     frame = pd.DataFrame({"time": stamps, T1: [20.0, np.nan, 21.5, 22.0], "note": list("abcd")})
@@ -65,7 +67,7 @@ def test_what_pandas_writes(tmp_path: Path, board: Rig, monkeypatch: pytest.Monk
     assert run.records["name"].tolist() == ["log"]
 
 
-def test_sheets_are_records_and_titles_are_passed_over(tmp_path: Path, board: Rig) -> None:
+def test_each_sheet_is_a_record_and_titles_are_skipped(tmp_path: Path, board: Rig) -> None:
     head = [["Heater board, spring", None], [], ["Time", "temperature_1", "Remark"], ["s", "°C", None]]
     path = saved(
         tmp_path / "log.xlsx",
@@ -82,7 +84,7 @@ def test_sheets_are_records_and_titles_are_passed_over(tmp_path: Path, board: Ri
     )
 
 
-def test_times_of_day_and_spans(tmp_path: Path, board: Rig) -> None:
+def test_times_of_day_and_time_spans_are_read_as_times(tmp_path: Path, board: Rig) -> None:
     spans = [[timedelta(seconds=half / 2), 20 + half] for half in range(3)]
     run = run_of(saved(tmp_path / "a.xlsx", {"Log": [["Time", T1], *spans]}), board)
     assert run.signals("time") == pytest.approx([0.0, 0.5, 1.0])
@@ -101,7 +103,9 @@ def test_a_cell_that_is_no_number_is_named_by_its_place(tmp_path: Path, board: R
     assert "log.xlsx:4: time: it does not increase" in refusal(path, board)
 
 
-def test_spreadsheets_that_are_none(tmp_path: Path, board: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_damaged_and_empty_spreadsheets_are_refused(
+    tmp_path: Path, board: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "log.xlsx"
     path.write_bytes(b"PK\x03\x04 no spreadsheet")
     assert "the file is no XLSX file, or it is damaged" in refusal(path, board)
