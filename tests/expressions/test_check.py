@@ -68,7 +68,9 @@ VALUES = {
         ("exp(1000 K / oil)", "1", False),
     ],
 )
-def test_types(text: str, unit: str, difference: bool) -> None:
+def test_the_check_gives_the_dimension_and_kind_of_an_expression(
+    text: str, unit: str, difference: bool
+) -> None:
     assert parse(text).check(TYPES) == type_of_unit(unit, difference=difference)
 
 
@@ -93,7 +95,7 @@ def test_types(text: str, unit: str, difference: bool) -> None:
         ("max(spread, 1 K) < 3 degC", True),
     ],
 )
-def test_degrees_celsius_depend_on_their_context(text: str, value: bool) -> None:
+def test_degrees_celsius_are_points_or_differences_depending_on_context(text: str, value: bool) -> None:
     expression = parse(text)
     assert expression.check(TYPES) == BOOLEAN
     assert expression.checked(TYPES).evaluate(VALUES) is value
@@ -149,13 +151,13 @@ def test_dimension_mismatches_are_refused(text: str, what: str, expected: str | 
         ("oil < $targt", "unknown variable, got '$targt'; did you mean '$target'?"),
     ],
 )
-def test_the_nearest_name(text: str, message: str) -> None:
+def test_an_unknown_name_is_reported_with_the_nearest(text: str, message: str) -> None:
     with pytest.raises(RigctlError) as caught:
         parse(text).check(TYPES)
     assert str(caught.value) == message
 
 
-def test_what_is_expected_decides_a_lone_temperature() -> None:
+def test_the_expected_type_decides_whether_a_lone_temperature_is_a_difference() -> None:
     lone = parse("0.5 degC")
     difference = type_of_unit("K", difference=True)
     assert lone.checked({}).evaluate({}) == pytest.approx(273.65)
@@ -185,7 +187,9 @@ def test_what_is_expected_decides_a_lone_temperature() -> None:
         ),
     ],
 )
-def test_another_type_than_expected(text: str, expected: ValueType, message: str) -> None:
+def test_an_expression_of_another_type_than_expected_is_refused(
+    text: str, expected: ValueType, message: str
+) -> None:
     with pytest.raises(RigctlError) as caught:
         parse(text).check(TYPES, expected=expected)
     assert str(caught.value).startswith(message)

@@ -48,7 +48,9 @@ TYPES = {
         ("abs(valve != 0 m / 1 m and valve)", (0, 0, 0, 0), None),
     ],
 )
-def test_by_row(text: str, row: tuple[float, ...], value: float | bool | None) -> None:
+def test_compiled_expressions_give_the_same_value_as_evaluation_by_name(
+    text: str, row: tuple[float, ...], value: float | bool | None
+) -> None:
     expression = parse(text)
     if value is None:
         with pytest.raises(RigctlError):
@@ -75,7 +77,7 @@ def test_by_row(text: str, row: tuple[float, ...], value: float | bool | None) -
         ("min(1/0, 1)", math.nan),
     ],
 )
-def test_what_has_no_value_is_not_an_exception(text: str, value: float) -> None:
+def test_undefined_arithmetic_gives_nan_or_infinity_instead_of_an_exception(text: str, value: float) -> None:
     assert parse(text).evaluate({}) == pytest.approx(value, nan_ok=True)
 
 
@@ -85,7 +87,7 @@ def test_a_missing_value_satisfies_no_comparison(order: str, text: str) -> None:
     assert parse(text.format(order)).compile(TYPES, ROW)((math.nan, 0.0, 0.0, 0.0)) is False
 
 
-def test_a_name_without_a_value() -> None:
+def test_a_name_without_a_value_is_reported() -> None:
     with pytest.raises(RigctlError, match=r"unknown name, got 'positon'; did you mean 'position'\?"):
         parse("positon < 1 mm").evaluate({"position": 1.0})
     with pytest.raises(RigctlError, match="unknown name, got 'oil'"):
@@ -97,7 +99,7 @@ def test_degrees_celsius_need_a_check_before_they_are_evaluated() -> None:
         parse("oil - room < 1 degC").evaluate({"oil": 300.0, "room": 299.5})
 
 
-def test_variables_are_given_with_their_dollar() -> None:
+def test_variables_are_passed_with_their_dollar_sign() -> None:
     assert parse("position < $far").evaluate({"position": 1.0, "$far": 2.0}) is True
 
 
@@ -126,7 +128,7 @@ def formulas(draw: st.DrawFn, depth: int = 4) -> tuple[str, Callable[[dict[str, 
 
 @settings(max_examples=200)
 @given(formulas(), st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
-def test_it_computes_what_python_computes(
+def test_formulas_evaluate_as_the_same_formulas_in_python(
     formula: tuple[str, Callable[[dict[str, float]], float]], a: float, b: float
 ) -> None:
     text, compute = formula

@@ -35,7 +35,7 @@ FRAGMENTS = [
 ]
 
 
-def test_names_and_variables_are_told_apart() -> None:
+def test_names_and_variables_are_distinguished() -> None:
     expression = parse("abs(oil_temperature - $oil) < 0.5 K and max(position, $far) > 1 mm")
     assert expression.names == {"oil_temperature", "position"}
     assert expression.variables == {"oil", "far"}
@@ -85,7 +85,7 @@ def test_expressions_are_equal_when_written_alike() -> None:
         ("-5 degC", 268.15),
     ],
 )
-def test_values(text: str, value: float | bool) -> None:
+def test_literals_and_operators_evaluate_to_the_expected_value(text: str, value: float | bool) -> None:
     assert parse(text).evaluate({}) == pytest.approx(value)
 
 
@@ -120,7 +120,9 @@ def test_a_unit_ends_where_a_channel_begins() -> None:
         ("$", "this has no place in an expression", "$", None),
     ],
 )
-def test_what_is_refused(text: str, what: str, value: str | None, expected: str | None) -> None:
+def test_invalid_expressions_are_refused_with_message_value_and_location(
+    text: str, what: str, value: str | None, expected: str | None
+) -> None:
     where = Location(Path("p.yaml"), 3, 7)
     with pytest.raises(RigctlError) as caught:
         parse(text, where)
@@ -167,7 +169,7 @@ def test_the_longest_expression_still_computes() -> None:
     assert parse(text).evaluate({}) == 125.0
 
 
-def test_variables_are_replaced_and_the_text_with_them() -> None:
+def test_substitution_replaces_variables_in_the_expression_and_its_text() -> None:
     expression = parse("abs(oil - $oil) < 2*$d and $d^2 > $area/min(1 s, $t)")
     values = {
         "oil": parse_quantity("40 degC"),

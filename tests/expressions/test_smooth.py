@@ -32,7 +32,7 @@ def value(text: str, **values: float) -> float:
         ("tanh(x/(3 mm))", math.tanh(1.0)),
     ],
 )
-def test_values(text: str, expected: float) -> None:
+def test_smooth_functions_have_their_defined_values(text: str, expected: float) -> None:
     assert value(text, x=3e-3) == pytest.approx(expected)
 
 
@@ -66,18 +66,18 @@ def test_smooth_functions_keep_the_type_and_switches_are_numbers() -> None:
         ("absolute(x < 1 mm, 1 mm)", "cannot take absolute of a condition"),
     ],
 )
-def test_mistakes(text: str, message: str) -> None:
+def test_invalid_arguments_of_smooth_functions_are_refused(text: str, message: str) -> None:
     with pytest.raises(RigctlError) as caught:
         parse(text, functions=ALL_FUNCTIONS).check(TYPES)
     assert message in str(caught.value)
 
 
-def test_conditions_have_no_smooth_functions() -> None:
+def test_smooth_functions_are_refused_in_conditions() -> None:
     with pytest.raises(RigctlError, match="unknown function"):
         parse("smooth_step(x, 1 mm) > 0.5")
 
 
-def test_a_checked_number_keeps_its_dimension() -> None:
+def test_constants_of_a_checked_expression_keep_their_dimension() -> None:
     tree = parse("x/(3 mm) + (t - 20 degC)/(2 K)").checked(TYPES).resolved
     assert tree is not None
     found = [(node.value, node.dimension) for node in walk(tree) if isinstance(node, Constant)]
