@@ -48,7 +48,7 @@ def breaks(do: Do, steps: str, fault: str, **options: object) -> Any:
 
 
 @pytest.mark.parametrize("fault", ["sensor_open:position@5 s", "sensor_out_of_range:position@5 s"])
-def test_a_broken_sensor_trips_within_the_time_a_silent_one_has(do: Do, fault: str) -> None:
+def test_a_broken_position_sensor_trips_within_1_5_s_and_keeps_earlier_records(do: Do, fault: str) -> None:
     done = breaks(do, STROKES, fault)
     assert "position is" in done.result.reason or "sensor or line broken" in done.result.reason
     assert 5.0 < done.result.duration < 6.5
@@ -80,7 +80,7 @@ def test_a_stuck_thermocouple_lets_the_heating_time_out(do: Do) -> None:
     assert "did not settle at 60 degC ± 0.5 K within 10800 s" in done.result.reason
 
 
-def test_a_heater_that_sticks_on_trips_over_temperature(do: Do) -> None:
+def test_a_heater_stuck_on_trips_the_over_temperature_interlock(do: Do) -> None:
     done = breaks(do, HEATING, "heater_stuck_on@30 min")
     assert "Oil over-temperature" in done.result.reason
     assert [e["name"] for e in done.events("alarm")] == ["oil_hot", "oil_too_hot"]
@@ -94,7 +94,7 @@ def test_a_stuck_valve_fails_the_move(do: Do) -> None:
 
 
 @pytest.mark.parametrize("steps", [STROKES, HEATING])
-def test_missing_samples_are_a_fault_in_every_state(do: Do, steps: str) -> None:
+def test_missing_samples_end_a_run_after_1_s_in_a_record_and_while_heating(do: Do, steps: str) -> None:
     done = breaks(do, steps, "samples_stop@5 s")
     assert "no sample for 1 s" in done.result.reason
     assert done.result.duration == pytest.approx(6.0, abs=0.3)
@@ -106,7 +106,7 @@ def test_an_unreached_set_point_reports_the_readings(do: Do) -> None:
     assert "it was 20" in done.result.reason
 
 
-def test_a_lost_bench_ends_the_run_and_skips_what_needs_it(do: Do) -> None:
+def test_a_lost_bench_ends_the_run_and_skips_the_cleanup_steps(do: Do) -> None:
     done = breaks(do, STROKES, "backend_lost@5 s")
     assert "does not answer" in done.result.reason
     assert done.records[-1][1] == "lost"
@@ -120,7 +120,7 @@ RETRIED = STROKES.replace("rate: 100 Hz}", "rate: 100 Hz, retries: 2}")
 @pytest.mark.parametrize(
     "fault", ["samples_stop@5 s..8 s", "backend_lost@5 s..8 s", "samples_stop@5 s..5.1 s"]
 )
-def test_a_record_in_which_the_bench_was_lost_is_measured_again(do: Do, fault: str) -> None:
+def test_a_record_interrupted_by_a_lost_bench_is_measured_again(do: Do, fault: str) -> None:
     done = do(RETRIED, options={"faults": [fault]})
     assert done.result.status == "finished", done.result.reason
     outcomes = [outcome for _, outcome in done.records]
@@ -143,7 +143,7 @@ def test_a_record_with_its_own_cleanup_is_measured_again_too(do: Do) -> None:
     assert [outcome for _, outcome in done.records].count("complete") == 20
 
 
-def test_without_retries_a_short_gap_is_noted_and_a_long_one_fails(do: Do) -> None:
+def test_without_retries_a_short_gap_is_noted_and_a_long_one_fails_the_run(do: Do) -> None:
     short = do(STROKES, options={"faults": ["samples_stop@5 s..5.1 s"]})
     assert short.result.status == "finished"
     assert len(short.events("gap")) == 1

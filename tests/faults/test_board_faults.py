@@ -1,4 +1,4 @@
-"""Faults of the board and its line end the run safely with their name; real firmware, virtual time."""
+"""Faults of the board and its line end the run safely and are named; real firmware, virtual time."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def kept_until(done: Done, fault: float) -> None:
 # --- the line ---
 
 
-def test_a_port_that_vanishes_in_a_record_and_returns(board: BoardWorkshop) -> None:
+def test_a_record_is_measured_again_after_the_port_vanishes_and_returns(board: BoardWorkshop) -> None:
     done = board.run(RETRIED, faults=[f"backend_lost@{IN_A_RECORD} s..6 s"])
     measured_again(done)
     assert any("contact with the board is lost" in text for text in done.messages("fault"))
@@ -90,7 +90,9 @@ def test_a_brief_loss_ends_a_record_whose_valve_it_has_closed(
 
 
 @pytest.mark.parametrize("steps", [STROKES, RETRIED])
-def test_a_port_that_never_returns(board: BoardWorkshop, steps: str) -> None:
+def test_a_port_that_never_returns_ends_the_run_with_outputs_unconfirmed(
+    board: BoardWorkshop, steps: str
+) -> None:
     done = board.failure(
         steps, "the emulated board cannot be reached", faults=[f"backend_lost@{IN_A_RECORD} s"]
     )
@@ -109,7 +111,7 @@ def test_garbage_and_incomplete_lines_lose_only_their_own_samples(
             return [line]
         number = next(hit)
         if number % 50 == 20:
-            return [line[: len(line) // 2]]  # the next one is glued to it
+            return [line[: len(line) // 2]]  # the next line is joined to it
         return [b"\x00\xff#@*\r" + bytes(range(128, 160)) + b"\n", line] if number % 50 == 40 else [line]
 
     script.arriving = noisy
@@ -121,7 +123,7 @@ def test_garbage_and_incomplete_lines_lose_only_their_own_samples(
     assert any("damaged line" in text for text in done.messages("note"))
 
 
-def test_a_damaged_line_is_a_gap_and_never_a_value(board: BoardWorkshop, script: Script) -> None:
+def test_a_damaged_line_becomes_a_gap_and_never_a_reading(board: BoardWorkshop, script: Script) -> None:
     damaged: list[bytes] = []
 
     def flipped(line: bytes, time: float) -> list[bytes]:
@@ -141,7 +143,7 @@ def test_a_damaged_line_is_a_gap_and_never_a_value(board: BoardWorkshop, script:
     assert samples["supply_pressure"].between(19.0, 21.0).all()
 
 
-def test_a_line_on_which_every_line_is_damaged_is_lost(board: BoardWorkshop, script: Script) -> None:
+def test_a_board_that_sends_only_damaged_lines_ends_the_run(board: BoardWorkshop, script: Script) -> None:
     script.arriving = lambda line, time: [line.replace(b",", b";") if time > IN_A_RECORD else line]
     done = board.failure(STROKES, "what arrives from the board are damaged lines only")
     kept_until(done, IN_A_RECORD)
@@ -157,9 +159,9 @@ def test_repeated_sequence_numbers_are_dropped(board: BoardWorkshop, script: Scr
     assert any("came twice or late, left out" in text for text in done.messages("note"))
 
 
-def test_numbers_that_are_missing_are_gaps(board: BoardWorkshop, script: Script) -> None:
+def test_missing_sequence_numbers_are_recorded_as_gaps(board: BoardWorkshop, script: Script) -> None:
     arrived: int | None = None  # the last number of the stream that arrived
-    between = 0  # numbers dropped between two that arrived: before the first one nobody misses any
+    between = 0  # numbers dropped between two that arrived: those before the first one are no gap
 
     def leaky(line: bytes, time: float) -> list[bytes]:
         nonlocal arrived, between
@@ -206,8 +208,8 @@ def test_out_of_order_sequence_numbers_never_reverse_time(board: BoardWorkshop, 
 # --- the board ---
 
 
-def test_a_board_that_stood_still_is_not_said_to_be_restarted(board: BoardWorkshop) -> None:
-    """In real time it loses the time for which its computer, and the host with it, stood still."""
+def test_a_board_whose_clock_stood_still_is_not_reported_as_restarted(board: BoardWorkshop) -> None:
+    """In real time its clock loses the time for which the computer, and so the host, was stalled."""
 
     def stand_still(_: object) -> None:
         board.script.ports[-1]._origin += 0.8
@@ -217,7 +219,7 @@ def test_a_board_that_stood_still_is_not_said_to_be_restarted(board: BoardWorksh
     assert not any("restarted" in text for text in done.messages("fault"))
 
 
-def test_a_board_that_is_reset_in_a_record(board: BoardWorkshop, script: Script) -> None:
+def test_a_reset_of_the_board_in_a_record_ends_the_run(board: BoardWorkshop, script: Script) -> None:
     script.at(IN_A_RECORD, lambda chip: chip.avr.reset())
     done = board.failure(STROKES, "the board was restarted")
     assert "went to the safe state" in done.result.reason
@@ -235,7 +237,9 @@ def test_a_record_in_which_the_board_was_reset_is_measured_again(
 
 
 @pytest.mark.parametrize("steps", [STROKES, RETRIED])
-def test_firmware_that_hangs(board: BoardWorkshop, script: Script, steps: str) -> None:
+def test_firmware_that_hangs_is_off_within_0_5_s_and_ends_the_run(
+    board: BoardWorkshop, script: Script, steps: str
+) -> None:
     off: list[float] = []
 
     def hang(chip: object) -> None:
@@ -251,7 +255,7 @@ def test_firmware_that_hangs(board: BoardWorkshop, script: Script, steps: str) -
 
 
 @pytest.mark.parametrize("fault", ["sensor_open:oil_temperature", "sensor_out_of_range:supply_pressure"])
-def test_a_sensor_that_is_open_or_shorted(board: BoardWorkshop, fault: str) -> None:
+def test_an_open_or_shorted_sensor_trips_the_board_and_ends_the_run(board: BoardWorkshop, fault: str) -> None:
     done = board.failure(
         STROKES, "the board has tripped: sensor open or shorted", faults=[f"{fault}@{IN_A_RECORD} s"]
     )
@@ -304,9 +308,7 @@ def test_wrong_firmware_is_named_before_anything_moves(
     assert board.script.board.outputs == (False, False, False)
 
 
-def test_another_board_after_a_loss_is_not_taken_for_the_old_one(
-    board: BoardWorkshop, script: Script
-) -> None:
+def test_a_board_with_another_identity_after_a_loss_is_refused(board: BoardWorkshop, script: Script) -> None:
     bench = board.bench(faults=[f"backend_lost@{IN_A_RECORD} s..4 s"])
     bench.open()
     bench.start(100.0)

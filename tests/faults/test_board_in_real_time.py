@@ -21,8 +21,8 @@ from rigctl.rig import load_rig
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="simavr is packaged for Linux only")
 
-#: what a run says that ends because the emulated board stood still with its computer, for longer than
-#: an interlock may be blind; and how often a test begins it again
+#: the messages of a run that ended because the computer, and the emulated board with it, stalled for longer
+#: than an interlock may be blind; and how often a test starts such a run again
 STOOD_STILL, ATTEMPTS = "clock stood still", 5
 
 HEATING = """\
@@ -71,7 +71,9 @@ def driven(project: Path) -> Iterator[Emulation]:
 
 def bench_file() -> str:
     text = shipped("rigs", "hl32-bench-uno.yaml").read_text(encoding="utf-8")
-    return text.replace("stale_after: 1 s", "stale_after: 5 s")  # the computer of a test may be busy
+    return text.replace(
+        "stale_after: 1 s", "stale_after: 5 s"
+    )  # the computer that runs the tests may be busy
 
 
 @pytest.fixture
@@ -95,7 +97,7 @@ def begin(project: Path, *arguments: str) -> subprocess.Popen[str]:
 
 
 def rigctl(project: Path, *arguments: str) -> tuple[int, str, str]:
-    """Exit code, stdout and stderr; again where the computer stood still, and the board with it."""
+    """Exit code, stdout and stderr; the command is repeated where the computer and its board stalled."""
     for _ in range(ATTEMPTS):
         with begin(project, *arguments) as process:
             out, err = process.communicate(timeout=600)
@@ -108,7 +110,7 @@ def rigctl(project: Path, *arguments: str) -> tuple[int, str, str]:
 def recording(project: Path, emulation: Emulation, procedure: str) -> Iterator[subprocess.Popen[str]]:
     """A run that heats and has two seconds of samples on disk; killed at the end.
 
-    Where the computer stands still, the board does too, and the run ends as it should: another one is begun.
+    Where the computer stalls, so does the board, and the run ends as it should: another one is started.
     """
     for _ in range(ATTEMPTS):
         with begin(project, "run", procedure, "--port", "ttyRIG") as process:
@@ -149,7 +151,7 @@ def test_a_host_that_is_killed_while_heating_leaves_outputs_off_and_its_data(
     samples = open_run(folder).samples()
     recorded = samples[samples["record"] == 0]["time"]
     assert recorded.iloc[-1] - recorded.iloc[0] > 1.0  # at most the last second is lost
-    gaps = open_run(folder).events["kind"].eq("gap").sum()  # a computer that stood still
+    gaps = open_run(folder).events["kind"].eq("gap").sum()  # the computer stalled
     assert recorded.diff().gt(0.05).sum() <= gaps
 
     code, _, err = rigctl(project, "run", "heating.yaml", "--port", "ttyRIG", "--dry", "--json")
@@ -163,7 +165,7 @@ def test_a_host_that_is_killed_while_heating_leaves_outputs_off_and_its_data(
 def test_a_host_that_is_killed_in_a_loop_leaves_outputs_off_and_its_data(
     project: Path, driven: Emulation, where: str
 ) -> None:
-    """A loop on the board goes on by itself; it must not outlive the host that watches its limits."""
+    """A loop on the board runs by itself; it must not outlive the host that watches its limits."""
     (project / "loop.yaml").write_text(LOOP.replace("WHERE", where), encoding="utf-8")
     with recording(project, driven, "loop.yaml") as process:
         process.kill()
@@ -174,7 +176,9 @@ def test_a_host_that_is_killed_in_a_loop_leaves_outputs_off_and_its_data(
     assert verify(max((project / "runs").glob("2*"))).good
 
 
-def test_two_hosts_on_one_port(project: Path, emulation: Emulation) -> None:
+def test_a_second_host_on_the_port_is_refused_and_switches_nothing(
+    project: Path, emulation: Emulation
+) -> None:
     import serial
 
     with serial.Serial(str(emulation.name), 115200, timeout=30, exclusive=True) as first:
@@ -195,7 +199,7 @@ def test_a_wrong_baud_rate_is_named_and_moves_nothing(project: Path, emulation: 
     assert emulation.board.outputs == (False, False, False)
 
 
-def test_a_trip_is_cleared_on_purpose_only(project: Path, emulation: Emulation) -> None:
+def test_a_trip_is_cleared_only_by_an_explicit_command(project: Path, emulation: Emulation) -> None:
     emulation.board.avr.send(b"DIAG:HANG\n")
     while not emulation.board.avr.resets:
         time.sleep(0.01)

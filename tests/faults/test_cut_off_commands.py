@@ -1,4 +1,4 @@
-"""Commands without an answer: outputs that may still be on are named for every kind of step.
+"""Commands without an answer: outputs that may still be on are reported for every kind of step.
 
 The two-heater board in memory, on a virtual clock; its heaters are the witness.
 """
@@ -81,14 +81,14 @@ def require_named(done: Done, doubt: str) -> None:
     assert [text for text in done.messages("note") if "heater_1 could not be commanded" in text]
 
 
-def test_a_line_that_fails_at_the_first_switch_of_a_thermostat(tmp_path: Path) -> None:
+def test_an_unanswered_first_command_of_heat_is_reported_as_possibly_on(tmp_path: Path) -> None:
     done, sketch = carry_out(tmp_path, HEATING, last="Q1 100.00")
     assert sketch.heaters == (100.0, 0.0), "the witness: it is on"
     assert done.commands("heater_1") == [], "what was never confirmed is not logged as given"
     require_named(done, "heater_1 100 %")
 
 
-def test_a_line_that_fails_at_the_end_of_a_pause(tmp_path: Path) -> None:
+def test_an_unanswered_command_after_a_pause_is_reported_as_possibly_on(tmp_path: Path) -> None:
     steps = "steps:\n  - set: {heater_1: 60 %}\n  - wait: 100 s\n"
     person = Person([(10.0, Request.PAUSE)])
     done, sketch = carry_out(tmp_path, steps, last="Q1 60.00", times=2, control=person)
@@ -96,8 +96,8 @@ def test_a_line_that_fails_at_the_end_of_a_pause(tmp_path: Path) -> None:
     require_named(done, "heater_1 60 %")
 
 
-def test_a_command_with_a_wrong_answer_is_in_doubt(tmp_path: Path) -> None:
-    """It may have set something else; when it then cannot be made safe, nobody knows what."""
+def test_an_output_is_reported_as_possibly_on_after_a_wrong_answer(tmp_path: Path) -> None:
+    """The device may have set another value; if it then cannot be made safe, the value is unknown."""
     rig = heated_rig()
     assert rig.backend.lines is not None
     clock = VirtualClock()
@@ -112,7 +112,7 @@ def test_a_command_with_a_wrong_answer_is_in_doubt(tmp_path: Path) -> None:
     assert done.result.unconfirmed == "heater_1 60 %"
 
 
-def test_a_reconnected_line_leaves_no_doubt(tmp_path: Path) -> None:
+def test_an_output_made_safe_after_reconnecting_is_not_reported(tmp_path: Path) -> None:
     done, sketch = carry_out(tmp_path, HEATING, last="Q1 100.00", outage=3.0)
     assert sketch.heaters == (0.0, 0.0)
     assert done.result.unconfirmed is None

@@ -103,7 +103,7 @@ def test_a_disk_that_stays_full_loses_nothing_that_was_written(project: Path) ->
     assert len(open_run(folder).samples()) > 300
 
 
-def test_a_runs_folder_that_cannot_be_made_is_named_before_anything_moves(project: Path) -> None:
+def test_a_runs_folder_that_cannot_be_created_is_reported_before_anything_moves(project: Path) -> None:
     (project / "runs").write_text("", encoding="utf-8")
     done = rigctl(project, "simulate", "strokes.yaml")
     assert done.returncode == ExitCode.USAGE
@@ -114,13 +114,13 @@ def test_a_runs_folder_that_cannot_be_made_is_named_before_anything_moves(projec
 # --- clock ---
 
 
-def test_steps_of_the_calendar_clock_move_nothing(
+def test_steps_of_the_calendar_clock_do_not_affect_a_run(
     do: Do, workshop: Workshop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     jumps = iter([*range(0, 10**7, 3600)])
     real = time.time
     monkeypatch.setattr(time, "time", lambda: real() + (next(jumps) % 7200) - 3600)
-    wall = [0.0]  # what the monotonic clock reads: a busy machine moves nothing either
+    wall = [0.0]  # the monotonic clock, so that a busy machine does not affect the run either
 
     def sleep(seconds: float) -> None:
         wall[0] += seconds
@@ -224,7 +224,7 @@ def begin(project: Path) -> Iterator[Callable[..., Background]]:
             run.process.communicate()
 
 
-def test_two_runs_on_one_rig_and_control_from_another_terminal(
+def test_a_second_run_on_a_rig_is_refused_and_the_first_can_be_aborted_elsewhere(
     project: Path, begin: Callable[..., Background]
 ) -> None:
     first = begin("run", "long.yaml", "--json")
@@ -239,7 +239,7 @@ def test_two_runs_on_one_rig_and_control_from_another_terminal(
     assert "ending" in rigctl(project, "off", "--rig", "bench.yaml").stdout
     again = rigctl(project, "abort", "--json")
     assert "ending already" in json.loads(again.stdout)["answer"]
-    for _ in range(2):  # two at once would be one to the system
+    for _ in range(2):  # two signals at once would be merged into one by the system
         first.process.send_signal(signal.SIGINT)
         time.sleep(0.5)
     code, out, _ = first.end()
@@ -278,7 +278,7 @@ def test_a_signal_ends_a_real_time_run_within_a_fraction_of_a_second(
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_run_that_is_killed_at_any_moment_is_recovered_and_goes_on(
+def test_a_run_killed_at_any_moment_is_recovered_and_can_be_resumed(
     begin: Callable[..., Background], seed: int
 ) -> None:
     run = begin("simulate", "strokes.yaml", "--speed", "1x")  # it lasts for half a minute

@@ -70,7 +70,7 @@ def test_a_loop_on_the_board_is_recorded_with_its_output(board: BoardWorkshop) -
     assert "the loop runs on the board: supply_pressure to 30 bar, once in 5 ms" in done.messages("note")
 
 
-def test_then_stay_keeps_the_output_until_the_end_of_the_run(
+def test_the_option_then_stay_keeps_the_output_until_the_end_of_the_run(
     board: BoardWorkshop,
 ) -> None:
     fields = "rate: 100 Hz, where: board, within: 0.5 bar, settle: 0.2 s, timeout: 3 s, then: stay"
@@ -84,7 +84,7 @@ def test_then_stay_keeps_the_output_until_the_end_of_the_run(
     assert {one["name"] for one in run.info["measures"]} >= {"control_jitter_max", "control_saturated"}
 
 
-def test_feed_forward_reaches_the_board(board: BoardWorkshop) -> None:
+def test_feed_forward_is_applied_by_the_loop_on_the_board(board: BoardWorkshop) -> None:
     fields = LOOP.replace("gain: 0.5, integral: 8 1/s", "gain: 0")
     more = "feed_forward: setpoint + 1 bar, ramp: 30 bar/s, rate: 50 Hz, where: board, for: 1.5 s"
     done = board.run(f"steps:\n  - control: {{{fields}, {more}}}\n", noise="off")
@@ -124,7 +124,7 @@ def test_every_ending_stops_the_loop_with_its_output_safe(
     done = board.workshop.run(text, rig=board.rig(), backend=bench, control=control)
     chip = script.board
     if how == "lost":
-        chip.run_to(chip.time + 2.0)  # nobody could tell it
+        chip.run_to(chip.time + 2.0)  # the host could not reach it
         assert "relief_valve" in str(done.result.unconfirmed)
     assert done.result.status == ("aborted" if how == "abort" else "failed")
     assert reason in str(done.result.reason)
@@ -138,7 +138,7 @@ def test_every_ending_stops_the_loop_with_its_output_safe(
 def test_a_sensor_that_fails_in_a_loop_ends_it_with_its_output_safe(
     board: BoardWorkshop, fault: str, where: str
 ) -> None:
-    """A reading that was stuck below the set-point kept the output at its bound until the end of the step."""
+    """A reading stuck below the set-point used to keep the output at its bound until the end of the step."""
     stuck = Limit.model_validate(
         {"channel": "supply_pressure", "unchanged": "0.6 s", "while_on": "relief_valve"}
     )
@@ -177,10 +177,10 @@ def test_between_records_a_loop_on_the_host_goes_on_after_a_loss_of_contact(boar
     [("host", "30 bar"), ("board", "30 bar"), ("board", "5 bar")],
     ids=["host-above", "board-above", "board-at the safe value"],
 )
-def test_in_a_record_no_loss_of_contact_may_interrupt_a_loop(
+def test_in_a_record_a_loss_of_contact_during_a_loop_fails_the_run(
     board: BoardWorkshop, where: str, to: str
 ) -> None:
-    """It was begun again, and the record kept as if nothing had happened.
+    """The loop used to be restarted, and the record to be kept as complete.
 
     A loop on the host whose output is at its safe value is not interrupted: the output is what it commanded.
     """
@@ -190,7 +190,7 @@ def test_in_a_record_no_loss_of_contact_may_interrupt_a_loop(
     assert "went to the safe state" in str(done.result.reason)
 
 
-def test_a_loop_that_nobody_can_stop_is_named_though_its_output_was_safe(board: BoardWorkshop) -> None:
+def test_a_loop_that_cannot_be_stopped_is_reported_even_with_its_output_safe(board: BoardWorkshop) -> None:
     """It may command another value a moment later."""
     text = recorded("rate: 100 Hz, where: board, for: 3 s").replace("to: 30 bar", "to: 5 bar")
     done = board.run(text, noise="off", faults=["backend_lost@1 s..60 s"])
@@ -198,7 +198,7 @@ def test_a_loop_that_nobody_can_stop_is_named_though_its_output_was_safe(board: 
     assert "relief_valve" in str(done.result.unconfirmed)
 
 
-def test_after_the_loop_the_output_is_safe_before_the_next_step(board: BoardWorkshop) -> None:
+def test_the_output_of_a_loop_is_safe_before_the_next_step(board: BoardWorkshop) -> None:
     done = board.run(f"{alone('rate: 100 Hz, where: board, for: 1 s')}  - wait: 1 s\n", noise="off")
     assert done.result.status == "finished", done.result.reason
     (*_, (last, safe)) = done.commands("relief_valve")
@@ -223,7 +223,7 @@ def test_lost_and_damaged_lines_do_not_disturb_a_loop(board: BoardWorkshop) -> N
     assert {one["name"] for one in open_run(done.result.folder).info["measures"]} >= {"control_jitter_max"}
 
 
-def test_a_loop_that_never_starts_is_a_failed_step(board: BoardWorkshop) -> None:
+def test_a_loop_that_cannot_be_started_fails_the_run(board: BoardWorkshop) -> None:
     def no_answers(line: bytes, time: float) -> list[bytes]:
         return [] if 0.35 < time < 9.0 and line.startswith(b"#") else [line]
 
@@ -261,7 +261,7 @@ def test_a_pause_restarts_the_loop(board: BoardWorkshop) -> None:
 
 
 def old_firmware(line: bytes, _: float) -> list[bytes]:
-    """The line of a board that was flashed before it had a loop."""
+    """The line of a board with firmware that has no control loop yet."""
     if b"RIG-UNO,0,1.1" not in line:
         return [line]
     body = line.rpartition(b"*")[0].replace(b",1.1.0", b",1.0.1")

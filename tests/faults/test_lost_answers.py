@@ -89,7 +89,7 @@ def test_an_interlock_trips_while_a_command_has_no_answer(
 
 
 @needs_emulation
-def test_a_switch_with_a_lost_report_is_still_known(
+def test_a_switch_is_logged_even_when_its_report_is_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, leaky: type[LeakyPort]
 ) -> None:
     stand = Stand("emulated", Workshop(tmp_path), monkeypatch)
@@ -110,10 +110,10 @@ def test_a_switch_with_a_lost_report_is_still_known(
 
 
 @needs_emulation
-def test_a_board_that_stops_answering_is_lost_with_outputs_off(
+def test_a_board_that_stops_answering_is_lost_with_its_outputs_off(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, leaky: type[LeakyPort]
 ) -> None:
-    """Its samples still come, so that only the answers say whether it can be told anything."""
+    """Its samples still arrive, so only the missing answers show that commands no longer reach it."""
     stand = Stand("emulated", Workshop(tmp_path), monkeypatch)
     monkeypatch.setattr(leaky, "_spoil", lambda port, line: b"" if lost(port, line) else line + b"\n")
 
@@ -136,7 +136,7 @@ HEATING = "steps:\n  - set: {heater_1: 60 %}\n  - wait: 3 s\n  - set: {heater_2:
 def test_a_signal_ends_a_wait_for_a_line_device(
     silent: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    clock = ScriptedClock(speed=1.0)  # with slices in which to look
+    clock = ScriptedClock(speed=1.0)  # sleeps in slices, between which signals are checked
     stand = Stand("lines", Workshop(tmp_path), monkeypatch, clock=clock)
     pressed: list[float] = []
 

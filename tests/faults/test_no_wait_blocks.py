@@ -1,4 +1,4 @@
-"""No kind of wait blocks interlocks, samples or endings; on every kind of bench."""
+"""No wait blocks interlocks, samples or endings; on every kind of bench."""
 
 from __future__ import annotations
 
@@ -63,8 +63,8 @@ def test_a_signal_ends_a_wait_for_an_actuator_to_rest(stand: Stand) -> None:
 def test_a_signal_acts_between_two_samples(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Between records the bench is read ten times a second: a signal does not wait for the next sample."""
-    clock = ScriptedClock(speed=1.0)  # virtual, with slices in which to look
+    """Between records the bench is read ten times a second; a signal must act before the next sample."""
+    clock = ScriptedClock(speed=1.0)  # virtual, but sleeps in slices, between which signals are checked
     stand = Stand(kind, Workshop(tmp_path), monkeypatch, clock=clock)
     stand.signal_at(2.0213)
     done = stand.run("steps:\n  - set: {heater: on}\n  - wait: 60 s\n")
@@ -131,10 +131,10 @@ def test_a_wait_for_the_operator_does_not_hide_a_silent_bench(
 
 
 @pytest.mark.parametrize("moment", [0.52, 0.55, 0.59])
-def test_a_computer_that_stood_still_does_not_take_the_bench_for_silent(
+def test_a_stall_of_the_computer_is_not_taken_for_a_silent_bench(
     moment: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The bench sampled meanwhile; it was the look for a sample that came late."""
+    """The bench kept sampling; only the host's check for a sample was late."""
     stand = Stand("simulated", Workshop(tmp_path), monkeypatch)
     wall, stood = [0.0], []
 
@@ -207,7 +207,7 @@ def test_a_signal_ends_the_wait_for_a_lost_bench_whose_record_would_be_repeated(
     assert stand.on_after(3.0) == []
 
 
-def test_a_set_up_that_switches_the_heater_can_be_repeated(stand: Stand) -> None:
+def test_a_record_whose_set_up_switches_the_heater_can_be_repeated(stand: Stand) -> None:
     done = stand.run(retried(stand), **lose(stand, 4.0, 8.0))
     assert done.result.status == "finished", done.result.reason
     assert [outcome for _, outcome in done.records] == ["interrupted", "complete"]
@@ -220,7 +220,7 @@ def test_a_set_up_that_switches_the_heater_can_be_repeated(stand: Stand) -> None
 
 
 @pytest.mark.parametrize("inside", [True, False])
-def test_outputs_that_went_off_in_a_short_loss_are_handled(stand: Stand, inside: bool) -> None:
+def test_outputs_switched_off_in_a_short_loss_fail_the_run_and_stay_off(stand: Stand, inside: bool) -> None:
     steps = retried(stand).replace(", retries: 2", "")
     if not inside:
         steps = steps.replace("  - record", "  - wait: 10 s\n  - record")
@@ -255,7 +255,9 @@ def test_a_command_cut_off_by_a_loss_is_never_repeated(
     assert stand.is_off()
     switches = [(time, value) for time, name, value in stand.seen if name == "valve" and time > 1.0]
     pulses = [(on, off - on) for (on, value), (off, _) in pairwise(switches) if value != 0.0]
-    if done.result.status == "finished":  # nothing was cut off, and what waited began after the judgement
+    if (
+        done.result.status == "finished"
+    ):  # nothing was interrupted: the waiting steps began after the loss had been assessed
         assert len(pulses) == 60
         assert [length for _, length in pulses] == pytest.approx([0.06] * 60, abs=0.002)
     else:

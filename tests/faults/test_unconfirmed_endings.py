@@ -69,7 +69,7 @@ def test_a_dead_line_at_the_end_is_reported_and_the_guard_continues(
     board: Served, project: Path, how: str
 ) -> None:
     run = begin(project, "run", "heating.yaml", "--port", board.url, "--json")
-    wait_for(lambda: "R1" in after(board.sketch.received, "Q1 60.00"))  # it knows that the heater is on
+    wait_for(lambda: "R1" in after(board.sketch.received, "Q1 60.00"))  # it reads back that the heater is on
     setattr(board, how, True)
     out, err = run.communicate(timeout=600)
     answer = json.loads(out)
@@ -99,7 +99,7 @@ def test_a_dead_line_at_the_end_is_reported_and_the_guard_continues(
     wait_for(lambda: guards(project) == [])
 
 
-def test_a_host_killed_with_a_dead_line_leaves_its_guard_running(board: Served, project: Path) -> None:
+def test_the_guard_of_a_killed_host_switches_off_when_the_line_returns(board: Served, project: Path) -> None:
     with begin(project, "run", "heating.yaml", "--port", board.url) as run:
         wait_for(lambda: board.sketch.heaters == (60.0, 0.0))
         board.unplugged = True
@@ -121,7 +121,7 @@ def test_off_takes_over_from_a_trying_guard(board: Served, project: Path) -> Non
     code, _, err = rigctl(project, "off", "--rig", "board.yaml", "--port", board.url)
     assert code == 1
     assert "cannot be reached" in err or "nobody answers" in err
-    wait_for(lambda: guards(project))  # who could not help leaves the duty with a guard
+    wait_for(lambda: guards(project))  # a command that could not make it safe leaves this to a guard
     board.mute = False
     wait_for(lambda: board.sketch.heaters == (0.0, 0.0))
     wait_for(lambda: guards(project) == [])
