@@ -26,7 +26,7 @@ def edited(text: str) -> str:
     return after
 
 
-def test_a_block_with_comments() -> None:
+def test_editing_a_block_keeps_comments_and_alignment() -> None:
     text = """\
 # the bench
 channels:
@@ -57,7 +57,7 @@ def test_a_new_field_is_added_at_the_end_of_its_block() -> None:
     assert "      # end\n    noise: 1\n" in after
 
 
-def test_a_flow_mapping() -> None:
+def test_a_flow_mapping_is_edited_in_place() -> None:
     text = (
         "channels:\n  p: {unit: bar, calibration: {coefficients: [0, 1], valid_for: 1 day}, noise: 1}  # c\n"
     )
@@ -84,7 +84,7 @@ def test_a_flow_mapping() -> None:
         "channels:\n p:\n  calibration:\n   coefficients: [0,\n             1]\n  unit: bar\n",
     ],
 )
-def test_any_layout_is_edited(text: str) -> None:
+def test_any_yaml_layout_can_be_edited(text: str) -> None:
     after = edited(text)
     for line in text.splitlines():
         if "#" in line:

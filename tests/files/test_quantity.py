@@ -39,7 +39,7 @@ FILLED = {
 }
 
 
-def test_values_are_si() -> None:
+def test_fields_hold_si_values() -> None:
     fields = Fields.model_validate(FILLED)
     assert fields.pressure == 3e6
     assert fields.tolerance == 0.5
@@ -49,7 +49,7 @@ def test_values_are_si() -> None:
     assert fields.noise == 0.1
 
 
-def test_quantities_can_be_written_as_json() -> None:
+def test_fields_with_quantities_can_be_written_as_json() -> None:
     written = json.loads(Fields.model_validate(FILLED).model_dump_json())
     assert written["pressure"] == 3e6
     assert written["anything"] == "3 mm"
@@ -79,7 +79,9 @@ def test_a_plain_number_needs_no_unit() -> None:
         (Q("N*s/m"), "3 s", "wrong dimension", "a quantity in N*s/m"),
     ],
 )
-def test_refusals_say_what_was_expected(field: Q, written: str, what: str, expected: str | None) -> None:
+def test_a_refused_quantity_is_reported_with_what_was_expected(
+    field: Q, written: str, what: str, expected: str | None
+) -> None:
     with pytest.raises(RigctlError) as caught:
         field.read(written)
     assert caught.value.what == what
@@ -128,7 +130,7 @@ def test_an_amount_can_be_copied(copy: object) -> None:
     assert (twin, twin.text, twin.unit) == (amount, amount.text, amount.unit)
 
 
-def test_a_quantity_of_a_dimension_known_later() -> None:
+def test_a_quantity_can_be_converted_once_its_dimension_is_known() -> None:
     quantity = read_quantity("0.5 degC")
     assert in_dimension(quantity, "K", difference=True) == 0.5
     assert read_quantity(quantity) is quantity

@@ -56,7 +56,7 @@ def complaint(text: str) -> RigctlError:
     return caught.value
 
 
-def test_a_document_that_fits() -> None:
+def test_a_valid_document_becomes_a_model() -> None:
     document = parse_document(
         "name: x\nheat: {to: 40 degC, within: 0.5 degC}\nfor: y\nconstants: {a: 3 mm}\n"
     )
@@ -68,7 +68,7 @@ def test_a_document_that_fits() -> None:
     assert plan.aliased == "y"
 
 
-def test_a_part_of_a_document() -> None:
+def test_errors_in_a_part_of_a_document_have_their_place_in_the_file() -> None:
     document = parse_document("plan:\n  name: 1\n", Path("p.yaml"))
     with pytest.raises(RigctlError) as caught:
         validate(document, Plan, keys=("plan",))
@@ -150,7 +150,7 @@ def test_a_part_of_a_document() -> None:
         ("name: x\nfro: 1", "p.yaml:2:1: unknown field, got 'fro'; did you mean 'for'?"),
     ],
 )
-def test_one_complaint(text: str, expected: str) -> None:
+def test_each_mistake_gives_one_message_with_its_place(text: str, expected: str) -> None:
     assert str(complaint(text)) == expected
 
 
@@ -170,8 +170,8 @@ def test_an_empty_document_lacks_every_field() -> None:
 
 
 @pytest.mark.parametrize("text", ["root:$6$SECRET:19000\n", "SECRET: 1\nSECRET2: 2\n"])
-def test_a_file_of_another_kind_is_not_cited(tmp_path: Path, text: str) -> None:
-    """A procedure names its rig and its parts, and may name any file; messages go to logs."""
+def test_the_content_of_a_file_of_another_kind_is_not_quoted(tmp_path: Path, text: str) -> None:
+    """A procedure may name any file as its rig, and messages go to logs."""
     path = tmp_path / "other.yaml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(RigctlError, match="another kind of file") as caught:

@@ -12,7 +12,7 @@ from rigctl.files.version_suffix import is_there, split_version, with_version
 @pytest.mark.parametrize(
     "name", ["m.yaml", "m@.yaml", "m.yaml@", "m.yaml@x", "@3", "m.yaml@-1", "m.yaml@1234567"]
 )
-def test_names_without_a_version(name: str) -> None:
+def test_invalid_suffixes_are_part_of_the_file_name(name: str) -> None:
     assert split_version(Path("models") / name) == (Path("models") / name, None)
 
 
@@ -22,7 +22,7 @@ def test_a_number_after_the_name_is_a_version(tmp_path: Path) -> None:
     assert not is_there(with_version(head, 3))
     head.touch()
     assert is_there(with_version(head, 3))
-    with_version(head, 3).touch()  # a file that is really called so
+    with_version(head, 3).touch()  # a file whose real name ends like this
     assert split_version(with_version(head, 3)) == (with_version(head, 3), None)
 
 

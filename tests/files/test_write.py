@@ -47,7 +47,7 @@ def test_a_failure_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.Monkey
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.txt"]
 
 
-def test_a_folder_that_cannot_be(tmp_path: Path) -> None:
+def test_an_impossible_folder_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x", encoding="utf-8")
     with pytest.raises(RigctlError, match="cannot write the file"):
         write_text(tmp_path / "file" / "a.txt", "x")
@@ -69,7 +69,7 @@ class Colour(Enum):
     RED = "red"
 
 
-def test_json_of_what_the_program_holds(tmp_path: Path) -> None:
+def test_numpy_values_dates_and_sets_are_written_as_json(tmp_path: Path) -> None:
     value = {
         "nan": math.nan,
         "infinite": np.float64("inf"),
@@ -97,17 +97,17 @@ def test_json_of_what_the_program_holds(tmp_path: Path) -> None:
     }
 
 
-def test_what_cannot_be_json_is_a_mistake_of_the_program() -> None:
+def test_a_value_without_a_json_form_is_a_type_error() -> None:
     with pytest.raises(TypeError, match="object"):
         to_json({"a": object()})
 
 
-def test_json_on_one_line() -> None:
+def test_json_can_be_written_on_one_line() -> None:
     assert to_json({"a": [1]}, indent=None) == '{"a": [1]}'
 
 
 @pytest.mark.parametrize("links", [True, False], ids=["links", "no links"])
-def test_a_new_file_is_whole_and_never_over_another(
+def test_a_new_file_is_written_whole_and_never_replaces_another(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool
 ) -> None:
     def refuse(self: Path, target: Path) -> None:
@@ -155,7 +155,7 @@ def held_open(monkeypatch: pytest.MonkeyPatch, times: int, winerror: int = 5) ->
 
 
 @pytest.mark.parametrize("winerror", [5, 32])
-def test_a_file_that_a_reader_holds_on_windows_is_replaced_afterwards(
+def test_a_file_held_open_by_a_reader_on_windows_is_replaced_afterwards(
     winerror: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "a.txt"
@@ -166,7 +166,9 @@ def test_a_file_that_a_reader_holds_on_windows_is_replaced_afterwards(
     assert path.read_text(encoding="utf-8") == "new"
 
 
-def test_a_file_that_is_held_for_good_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_replacing_a_file_held_open_for_good_fails_after_several_attempts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "a.txt"
     write_text(path, "old")
     monkeypatch.setattr("rigctl.files.write._PAUSE", 0.1)

@@ -22,7 +22,7 @@ def refused(text: str) -> RigctlError:
     return caught.value
 
 
-def test_a_text_in_two_files_has_the_places_of_each() -> None:
+def test_equal_texts_in_two_files_have_the_locations_of_their_own_file() -> None:
     for path in (Path("one.yaml"), Path("two.yaml")):
         document = parse_document("a: [1, 2]\n", path)
         assert document.locate(("a", 1)) == Location(path, 1, 8)
@@ -69,7 +69,7 @@ def test_scalars_follow_the_core_schema_of_yaml_1_2(text: str, value: object) ->
     assert type(read) is type(value)
 
 
-def test_data_is_new_at_each_call() -> None:
+def test_each_access_to_the_data_gives_a_new_copy() -> None:
     document = parse_document("a: &x [1]\nb: *x\n")
     data = document.data
     data["a"].append(2)
@@ -140,7 +140,7 @@ def test_nesting_by_aliases_counts_as_depth() -> None:
     assert "nested too deep" in refused(text).what
 
 
-def test_a_million_nested_anchors() -> None:
+def test_deeply_nested_anchors_are_refused() -> None:
     assert "too" in refused("&a [" * 200_000).what
 
 
@@ -152,7 +152,7 @@ def test_a_large_file_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="POSIX has this device, Windows has not")
-def test_a_device_that_never_ends_is_refused() -> None:
+def test_an_endless_device_file_is_refused() -> None:
     with pytest.raises(RigctlError, match="at most 1 MiB"):
         read_document(Path("/dev/zero"))
 
@@ -173,7 +173,7 @@ def test_a_byte_order_mark_and_windows_line_ends_are_read(tmp_path: Path) -> Non
     assert document.locate(("b",)) == Location(path, 2, 4)
 
 
-def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(RigctlError, match="no such file"):
         read_document(tmp_path / "none.yaml")
 
@@ -188,7 +188,7 @@ def test_an_invalid_path_is_refused() -> None:
         read_document(Path("a\0b"))
 
 
-def test_an_empty_file_is_none() -> None:
+def test_the_data_of_an_empty_file_is_none() -> None:
     document = parse_document("# only a comment\n")
     assert document.data is None
     assert document.locate(("a",)) == Location(None, 1, 1)
