@@ -28,7 +28,7 @@ def test_a_header_is_written_short_or_long_in_any_case(chip: Chip, short: str, l
     assert chip.ask(short) == chip.ask(long)
 
 
-def test_identity_and_configuration_say_what_was_compiled_in(chip: Chip) -> None:
+def test_identity_and_configuration_report_the_compiled_in_settings(chip: Chip) -> None:
     assert chip.ask("*IDN?") == "RIGCTL,RIG-UNO,0,1.1.0"
     settings = dict(part.split("=") for part in chip.ask("SYST:CONF?").split(","))
     assert (settings["baud"], settings["host_ms"], settings["pressure_trip"]) == ("115200", "1500", "675")
@@ -40,7 +40,7 @@ def test_measurements_are_the_counts_at_the_pins(chip: Chip) -> None:
     assert rest == ["17", "512", "638", "0", "0", "0"]
 
 
-def test_every_code_of_the_converter_is_read_as_it_is_put(chip: Chip) -> None:
+def test_the_converter_codes_are_read_as_applied_over_the_whole_range(chip: Chip) -> None:
     for code in (*range(20, 1000, 61), 1006):
         chip.put(200, code, 300)
         assert chip.ask("MEAS:ALL?").split(",")[2] == str(code)
@@ -127,8 +127,8 @@ def test_the_stream_is_regular_and_reports_switches(chip: Chip) -> None:
         assert int(checksum, 16) == crc_hqx(body.encode(), 0)
 
 
-def test_of_a_command_that_lost_characters_nothing_is_carried_out(chip: Chip) -> None:
-    """Long answers keep the board so busy that what arrives meanwhile finds no room."""
+def test_a_command_that_lost_characters_is_not_carried_out(chip: Chip) -> None:
+    """Long answers keep the board so busy that its input buffer overflows."""
     chip.send("STRM 1")
     commanded = set()
     for blanks in range(20):
@@ -141,7 +141,7 @@ def test_of_a_command_that_lost_characters_nothing_is_carried_out(chip: Chip) ->
     assert chip.ask("SYST:ERR?") == '-363,"Input buffer overrun"'
 
 
-def test_garbage_does_not_stop_it(chip: Chip) -> None:
+def test_garbage_does_not_stop_the_board(chip: Chip) -> None:
     chip.avr.send(bytes(range(128, 256)) * 2 + b"\x00\xff*#@!:" + b"#" * 70 + b"\n#\n# \n*\n:\n?\n,\n")
     chip.run(0.1)
     chip.send("*CLS")

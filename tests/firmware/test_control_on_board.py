@@ -17,7 +17,7 @@ from rigctl.steps.control.pid import AntiWindup, Bounds, Gains, Pid
 if TYPE_CHECKING:
     from board_chip import Chip
 
-#: what `CONT:PAR` is told where a test says nothing else: counts in, counts out
+#: the defaults of `CONT:PAR` in these tests: counts in, counts out
 PLAIN: dict[str, float] = {
     "C0": 0.0,
     "C1": 1.0,
@@ -165,7 +165,7 @@ def test_board_and_host_compute_what_one_independent_simulation_does(chip: Chip,
     assert figures(chip)[0] >= case.count
 
 
-def test_a_slow_integral_is_not_lost_in_24_bits(chip: Chip) -> None:
+def test_a_slow_integral_is_not_lost_to_24_bit_rounding(chip: Chip) -> None:
     begin(chip, period_ms=1, KP=0.0, KI=1e-4, C0=399.0, C1=0.0, FF=800.0, HIGH=1000.0)
     for _ in range(4):
         chip.send("SYST:PING", 1.0)
@@ -180,7 +180,7 @@ def test_a_slow_integral_is_not_lost_in_24_bits(chip: Chip) -> None:
 
 
 @pytest.mark.parametrize("wind_up", ["", ",CLAM"])
-def test_numbers_that_overflow_command_nothing_but_a_limit(chip: Chip, wind_up: str) -> None:
+def test_overflowing_values_command_only_values_at_the_limits(chip: Chip, wind_up: str) -> None:
     chip.put(399, 500, 300)
     begin(chip, f"BUMP{wind_up}", period_ms=1, KP=3e38, KI=3e38, KD=3e38, TF=0.01, LOW=100.0)
     for counts in (300, 500, 350, 450):
@@ -190,7 +190,7 @@ def test_numbers_that_overflow_command_nothing_but_a_limit(chip: Chip, wind_up: 
     assert "NAN" not in chip.ask("CONT?")
 
 
-# --- how it ends --------------------------------------------------------------------------------------------
+# --- ends of a loop -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -204,7 +204,9 @@ def test_numbers_that_overflow_command_nothing_but_a_limit(chip: Chip, wind_up: 
         ("DIAG:HANG", 0),
     ],
 )
-def test_a_loop_ends_at_once_and_nothing_moves_afterwards(chip: Chip, end: str, pwm: int | None) -> None:
+def test_every_way_of_ending_a_loop_leaves_the_output_unchanged_afterwards(
+    chip: Chip, end: str, pwm: int | None
+) -> None:
     begin(chip, KI=1.0)
     chip.run(0.1)
     assert chip.ask("CONT?").startswith("1,")
@@ -251,8 +253,8 @@ def test_a_trip_at_any_time_of_an_update_leaves_the_output_off(chip: Chip) -> No
         assert chip.ask("#1 SYST:TRIP:CLE") == "#1 OK"
 
 
-def test_a_trip_while_a_loop_starts_leaves_none_running(chip: Chip) -> None:
-    """A loop that ran with its trip latched would drive the output as soon as the trip is cleared."""
+def test_a_trip_while_a_loop_starts_leaves_no_loop_running(chip: Chip) -> None:
+    """A loop running with a latched trip would drive the output as soon as the trip is cleared."""
     tell(chip)
     for phase in range(0, 600, 20):
         chip.put(1000, 500, 300)
@@ -287,7 +289,7 @@ def test_an_impossible_reading_holds_the_output(chip: Chip) -> None:
     assert figures(chip)[2] == pytest.approx(22, abs=2)
 
 
-def test_what_is_no_sound_loop_does_not_begin(chip: Chip) -> None:
+def test_a_loop_with_missing_or_invalid_settings_is_refused(chip: Chip) -> None:
     for line in ("CONT:CLE", "CONT:INP 0", "CONT:PER 10"):
         assert chip.send(f"#1 {line}", 0.008) == ["#1 OK"]
     assert "-221" in chip.ask("#1 CONT:STAR BUMP"), "settings are missing"
@@ -323,11 +325,11 @@ def test_while_it_runs_the_setpoint_can_be_moved_and_the_gains_cannot(chip: Chip
     assert (running, pwm, float(setpoint), float(output)) == ("1", "250", 300.0, 250.0)
 
 
-# --- how evenly it runs -------------------------------------------------------------------------------------
+# --- timing -------------------------------------------------------------------------------------------------
 
 
-def test_the_loop_is_even_and_says_so_itself_while_the_line_is_full(chip: Chip) -> None:
-    """Against the cycles at which the PWM's register was really written."""
+def test_the_loop_jitter_is_below_0_03_ms_and_reported_on_a_busy_line(chip: Chip) -> None:
+    """Compared with the cycles at which the PWM register was actually written."""
     written: list[int] = []
     chip.avr.on_pwm(written.append)
     chip.put(310, 500, 300)
@@ -348,7 +350,7 @@ def test_the_loop_is_even_and_says_so_itself_while_the_line_is_full(chip: Chip) 
     assert most * 1e-6 == pytest.approx(outside, abs=20e-6)
 
 
-def test_a_busy_board_leaves_no_update_out_at_a_kilohertz(make_chip: Callable[[Path], Chip]) -> None:
+def test_a_busy_board_skips_no_update_at_1_khz(make_chip: Callable[[Path], Chip]) -> None:
     from rigctl.backends.emulated.image import shipped_image
 
     chip = make_chip(shipped_image(500000))

@@ -52,7 +52,7 @@ def kinds(notices: list[Notice]) -> list[str]:
     return [notice.kind for notice in notices]
 
 
-def test_it_says_what_it_is(make_bench: Make) -> None:
+def test_the_identity_has_kind_firmware_and_configuration(make_bench: Make) -> None:
     identity = make_bench().identity
     assert identity["kind"] == "emulated"
     assert identity["firmware"] == "RIG-UNO 1.1.0"
@@ -69,7 +69,7 @@ def test_the_same_seed_gives_the_same_samples(make_bench: Make) -> None:
     assert record() == record()
 
 
-def test_samples_are_regular_and_values_are_what_the_bench_has(make_bench: Make) -> None:
+def test_samples_are_regular_and_agree_with_the_state_of_the_bench(make_bench: Make) -> None:
     bench = make_bench(noise="off")
     bench.start(100.0)
     samples = read_until(bench, 3.0)
@@ -135,7 +135,7 @@ def test_a_trip_ends_the_run_by_its_cause(make_bench: Make) -> None:
         bench.command("heater", 1.0).wait()
 
 
-def test_what_another_program_has_left_on_is_off_before_anything_else(uno_rig: Rig) -> None:
+def test_outputs_left_on_by_another_program_are_off_at_the_first_sample(uno_rig: Rig) -> None:
     bench = create(uno_rig, VirtualClock(), {"plant": "roles", "seed": 1})
     meet = bench._meet
 
@@ -155,7 +155,7 @@ def test_what_another_program_has_left_on_is_off_before_anything_else(uno_rig: R
     bench.close()
 
 
-def test_a_silent_host_beside_another_trip_is_not_cleared(uno_rig: Rig) -> None:
+def test_a_host_silent_trip_beside_another_trip_is_not_cleared(uno_rig: Rig) -> None:
     bench = create(uno_rig, VirtualClock(), {"plant": "roles", "seed": 1})
     meet = bench._meet
 
@@ -172,7 +172,7 @@ def test_a_silent_host_beside_another_trip_is_not_cleared(uno_rig: Rig) -> None:
         bench.open()
 
 
-def test_a_lost_line_comes_back_with_outputs_off_and_a_gap(make_bench: Make) -> None:
+def test_a_reconnected_line_has_outputs_off_and_a_gap(make_bench: Make) -> None:
     bench = make_bench(faults=["backend_lost@1 s..4 s"])
     bench.start(100.0)
     bench.command("heater", 1.0).wait()
@@ -186,7 +186,7 @@ def test_a_lost_line_comes_back_with_outputs_off_and_a_gap(make_bench: Make) -> 
     assert samples[-1].commands[0] == 0.0
 
 
-def test_a_line_that_stays_away_is_given_up(make_bench: Make) -> None:
+def test_a_line_that_does_not_return_within_30_s_is_lost(make_bench: Make) -> None:
     bench = make_bench(faults=["backend_lost@1 s"])
     bench.start(10.0)
     with pytest.raises(BackendLost, match="did not come back within 30 s"):
@@ -195,7 +195,7 @@ def test_a_line_that_stays_away_is_given_up(make_bench: Make) -> None:
         bench.safe()
 
 
-def test_a_board_that_restarts_mid_record_is_noticed_and_taken_up_again(make_bench: Make) -> None:
+def test_a_board_restart_is_detected_and_sampling_resumes(make_bench: Make) -> None:
     bench = make_bench()
     bench.start(100.0)
     read_until(bench, 2.0)
@@ -222,7 +222,7 @@ class RunningBoard(EmulatedBoard):
         self.milliseconds += self.before
 
     def _places(self) -> set[int]:
-        """Where in the memory its time stands: from reset to now, less what passes until it counts."""
+        """Addresses of its clock in memory: time since reset, less the time before it starts to count."""
         milliseconds = round(self.time * 1000)
         return {k for k in range(0x100, 0x8FD) if -25 <= self._word(k) - milliseconds <= 0}
 
@@ -247,7 +247,7 @@ class RunningBoard(EmulatedBoard):
 def test_no_sample_is_lost_or_torn_while_microseconds_change_their_number_of_digits(
     make_bench: Make, instant: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """At 100 Hz, when they get their eighth and ninth, and begin anew; the benchmark does ten minutes."""
+    """At 100 Hz, at the eighth and ninth digit and the roll-over; the benchmark runs for ten minutes."""
     boards: list[RunningBoard] = []
 
     class Board(RunningBoard):

@@ -1,4 +1,4 @@
-"""The ready-built images: whole, and what the source gives."""
+"""The shipped firmware images: intact, and equal to what the source compiles to."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rigctl.errors import RigctlError
 IMAGES = FIRMWARE / "images"
 
 
-def test_checksums_are_those_of_the_images() -> None:
+def test_the_listed_checksums_are_those_of_the_images() -> None:
     sums = dict(reversed(line.split()) for line in (IMAGES / "SHA256SUMS").read_text("utf-8").splitlines())
     assert sums.keys() == {path.name for path in IMAGES.glob("*.hex")}
     for name, expected in sums.items():
@@ -23,7 +23,7 @@ def test_checksums_are_those_of_the_images() -> None:
 
 
 @needs_compiler
-def test_the_source_gives_the_images_and_says_what_they_need(tmp_path: Path) -> None:
+def test_the_source_compiles_to_the_shipped_images_and_reports_flash_and_ram(tmp_path: Path) -> None:
     built = subprocess.run(
         ["make", "-C", str(FIRMWARE), f"BUILD={tmp_path}"], check=True, capture_output=True, text=True
     )

@@ -73,7 +73,7 @@ def test_a_silent_host_is_noticed_within_two_seconds(chip: Chip) -> None:
     assert chip.ask("SYST:TRIP?") == '4,"host silent"'
 
 
-def test_a_silent_host_with_everything_off_is_none_of_its_business(chip: Chip) -> None:
+def test_a_silent_host_does_not_trip_the_board_with_all_outputs_off(chip: Chip) -> None:
     chip.run(3.0)
     assert chip.ask("SYST:TRIP?") == '0,""'
 
@@ -83,7 +83,7 @@ def test_a_silent_host_with_everything_off_is_none_of_its_business(chip: Chip) -
     [b"VALV EXT*0000\n" + bytes(range(128, 180)), b"noise\n~ 7\n#1\n", b"#1 VALVES EXT\n"],
     ids=["damaged", "lines", "no command"],
 )
-def test_garbage_is_no_sign_of_life(chip: Chip, garbage: bytes) -> None:
+def test_garbage_does_not_count_as_a_sign_of_the_host(chip: Chip, garbage: bytes) -> None:
     chip.send("VALV EXT")
     for _ in range(20):
         chip.avr.send(garbage)
@@ -111,7 +111,7 @@ def test_a_trip_outlasts_the_reset_button(chip: Chip) -> None:
     assert chip.ask("SYST:TRIP?") == '2,"over-pressure"'
 
 
-def test_a_storm_of_commands_neither_wears_nor_shorts_the_solenoids(chip: Chip) -> None:
+def test_rapid_commands_respect_the_rest_time_and_never_energise_both_solenoids(chip: Chip) -> None:
     both = False
     for turn in range(150):
         chip.avr.send(b"VALV EXT\n" if turn % 2 else b"VALV RET\n")
@@ -125,7 +125,7 @@ def test_a_storm_of_commands_neither_wears_nor_shorts_the_solenoids(chip: Chip) 
     assert all(on - max(off for off in released if off < on) >= 0.049 for on in switched_on[1:])
 
 
-def test_the_latest_of_the_waiting_commands_counts(chip: Chip) -> None:
+def test_only_the_latest_of_several_waiting_commands_is_carried_out(chip: Chip) -> None:
     chip.send("VALV EXT\nVALV RET\nVALV EXT,200", 0.1)
     assert chip.pins == {"heater": False, "extend": True, "retract": False}
     chip.run(0.3)
@@ -145,7 +145,7 @@ def test_a_command_that_waits_is_forgotten_when_outputs_go_off(chip: Chip, end: 
     assert chip.ask("VALV?") == "OFF"
 
 
-def test_while_a_trip_is_latched_nothing_comes_on(chip: Chip) -> None:
+def test_no_output_can_be_switched_on_while_a_trip_is_latched(chip: Chip) -> None:
     chip.put(680, 500, 300)
     chip.run(0.02)
     assert "-221" in chip.ask("#1 SYST:TRIP:CLE"), "its cause lasts"
@@ -159,7 +159,7 @@ def test_while_a_trip_is_latched_nothing_comes_on(chip: Chip) -> None:
     assert chip.ask("#1 OUTP:HEAT ON") == "#1 OK"
 
 
-def test_the_heater_rests_between_two_times_on(chip: Chip) -> None:
+def test_the_heater_cannot_be_switched_on_again_before_its_rest_time(chip: Chip) -> None:
     chip.send("OUTP:HEAT ON\nOUTP:HEAT OFF")
     assert chip.ask("#1 OUTP:HEAT ON") == '#1 !-221,"Settings conflict"'
     chip.run(2.1)
@@ -167,7 +167,9 @@ def test_the_heater_rests_between_two_times_on(chip: Chip) -> None:
 
 
 @needs_compiler
-def test_the_heater_has_a_limited_credit(make_chip: Callable[[Path], Chip], tmp_path: Path) -> None:
+def test_the_board_trips_when_the_heater_is_on_for_too_long(
+    make_chip: Callable[[Path], Chip], tmp_path: Path
+) -> None:
     subprocess.run(
         ["make", "-C", str(FIRMWARE), f"BUILD={tmp_path}", "BAUDS=115200", "EXTRA=-DHEATER_CREDIT_S=3"],
         check=True,

@@ -12,7 +12,7 @@ from rigctl.clock import VirtualClock
 from rigctl.rig import Rig
 
 
-def test_the_board_says_its_firmware_and_answers_within_milliseconds(uno_rig: Rig) -> None:
+def test_the_board_is_identified_with_its_firmware_and_response_time(uno_rig: Rig) -> None:
     clock = VirtualClock()
     board = make_board(uno_rig, {"noise": "off"})
     try:

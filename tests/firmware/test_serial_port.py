@@ -36,7 +36,7 @@ def opened(rig: Rig, port: Path, **options: object) -> Iterator[ArduinoBench]:
 
 
 def wait_for(condition: Callable[[], bool], bench: ArduinoBench) -> None:
-    """Read samples until it is so; the timeout of the tests is the limit."""
+    """Read samples until the condition holds; the timeout of the tests is the limit."""
     while not condition():
         bench.next_sample(0.05)
 
@@ -51,14 +51,16 @@ def test_samples_and_exact_pulses_in_real_time(uno_rig: Rig, emulation: Emulatio
         (end,) = bench.take_receipts()
         (on, _), (off, _) = [entry for entry in emulation.switched if entry[0] > 0.0][-2:]
         assert off - on == pytest.approx(0.3, abs=0.001)
-        if not end.time - receipt.time > 0.31:  # a computer that stands still for seconds stops the board
+        if not end.time - receipt.time > 0.31:  # a computer that stalls for seconds stops the board
             assert end.time - receipt.time == pytest.approx(0.3, rel=0.01)
             seen = [s.time for s in samples if s is not None and s.commands[1] == 1.0]
             assert receipt.time - 0.02 <= seen[0]
             assert seen[-1] <= end.time + 0.02
 
 
-def test_a_reconnected_plug_restores_contact(uno_rig: Rig, emulation: Emulation) -> None:
+def test_contact_is_restored_with_outputs_off_when_the_plug_is_back(
+    uno_rig: Rig, emulation: Emulation
+) -> None:
     with opened(uno_rig, emulation.name) as bench:
         bench.start(50.0)
         bench.command("heater", 1.0).wait()
@@ -83,7 +85,7 @@ def test_a_reconnected_plug_restores_contact(uno_rig: Rig, emulation: Emulation)
         assert sample.commands[0] == 0.0
 
 
-def test_two_hosts_on_one_port(uno_rig: Rig, emulation: Emulation) -> None:
+def test_a_second_host_on_the_port_is_refused(uno_rig: Rig, emulation: Emulation) -> None:
     with (
         opened(uno_rig, emulation.name),
         pytest.raises((RigctlError, BackendLost), match="somebody else has this port open"),
