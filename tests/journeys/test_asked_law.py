@@ -19,7 +19,7 @@ from flywheel import drag, write_bench
 
 
 def stalling(speed: float) -> float:
-    """The square, until a part of the blades stalls."""
+    """Quadratic drag, until a part of the blades stalls."""
     return drag(speed, 2.0) * (1.0 - 0.15 * float(np.exp(-(((abs(speed) - 120.0) / 40.0) ** 2))))
 
 
@@ -92,7 +92,7 @@ def test_a_wrong_exponent_is_corrected_by_the_suggested_commands(folder: Path) -
     assert sorted(path.name for path in Path("effects").iterdir()) == ["fan_power.yaml"]
 
 
-def test_the_law_of_an_effect_that_was_added_before_is_corrected_too(folder: Path) -> None:
+def test_the_law_of_an_effect_added_earlier_is_corrected_too(folder: Path) -> None:
     write_bench(folder, partial(drag, exponent=1.6), seed=4)
     run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
     told("diagnose", run, "--model", "model.yaml", "--apply")

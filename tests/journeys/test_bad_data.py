@@ -69,7 +69,7 @@ def position_only(bench: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         return answer("compare", *asked, "--no-fit"), answer("diagnose", *asked)
 
 
-def test_a_channel_that_was_not_recorded_is_not_judged_and_said_to_be_what_is_needed(
+def test_unrecorded_channels_are_not_judged_and_listed_as_needed_by_untestable_effects(
     position_only: tuple[dict[str, Any], dict[str, Any]],
 ) -> None:
     compared, found = position_only
@@ -114,7 +114,7 @@ def documented(page: str, head: str) -> dict[str, list[str]]:
     return found
 
 
-def test_a_run_without_any_channel_of_the_model() -> None:
+def test_a_run_without_any_channel_of_the_model_is_refused() -> None:
     run = imported((TIME, RECORD, VALVE, RELIEF, HEATER))
     said = refusal("compare", run, "--model", MODEL)
     assert "has no channel that the model 'hl32-textbook' predicts, got 'none'" in said
@@ -132,14 +132,14 @@ def test_a_run_without_any_channel_of_the_model() -> None:
         ((TIME, RECORD, POSITION), "'valve [1]' and 'relief_valve [bar]'"),
     ],
 )
-def test_a_run_that_does_not_say_what_was_commanded(columns: tuple[int, ...], absent: str) -> None:
+def test_a_run_without_the_columns_of_commands_is_refused(columns: tuple[int, ...], absent: str) -> None:
     run = imported(columns)
     assert f"expected {absent} too" in refusal("compare", run, "--model", MODEL)
     assert f"expected {absent} too" in refusal("model", "fit", MODEL, run)
 
 
 def test_records_with_gaps_and_irregular_sampling_are_compared_as_they_are() -> None:
-    """Samples lost, a hole of 150 ms, readings lost, every time a little off: the model still agrees."""
+    """Lost samples, a gap of 150 ms, lost readings and jittered times: the model still agrees."""
     chance = random.Random(1)
 
     def lost(row: Row, number: int) -> Row | None:
@@ -161,7 +161,7 @@ def test_records_with_gaps_and_irregular_sampling_are_compared_as_they_are() -> 
     assert re.search(r"oil_temperature is missing in 6\d of 717 samples: they are left out", notes)
 
 
-def test_time_that_goes_back_inside_a_record() -> None:
+def test_time_that_goes_back_within_a_record_is_a_bad_row() -> None:
     file = write(EVERY, lambda row, k: ["0.5", *row[1:]] if k == 100 else row)
     said = refusal("import", file, *RIG)
     assert "data.csv:102: time: it does not increase within a record, got '0.5 s'; expected more than" in said
@@ -169,7 +169,7 @@ def test_time_that_goes_back_inside_a_record() -> None:
     assert answer("import", file, *RIG, "--keep-good")["left_out"] == 1
 
 
-def test_a_channel_that_never_moves_has_no_noise_that_could_be_told() -> None:
+def test_a_channel_that_never_changes_gets_its_noise_from_the_rig_file() -> None:
     run = imported(EVERY, lambda row, _: [*row[:OIL], "20", *row[SUPPLY:]])
     document = answer("compare", run, "--model", MODEL, "--no-fit")
     assert any("oil_temperature never changes" in note for note in document["notes"])
@@ -186,7 +186,7 @@ def test_a_channel_that_never_moves_has_no_noise_that_could_be_told() -> None:
         ("", "data.csv:1:62: position: the unit is missing"),
     ],
 )
-def test_a_unit_that_is_not_the_channels(unit: str, says: str) -> None:
+def test_a_missing_or_unsuitable_unit_of_a_column_is_refused(unit: str, says: str) -> None:
     assert says in refusal("import", write(rename=(" [mm]", f" {unit}")), *RIG)
 
 
@@ -206,7 +206,7 @@ def first(count: int) -> Callable[[Row, int], Row | None]:
     return lambda row, k: None if row[RECORD] == "0" and k >= count else row
 
 
-def test_records_with_too_few_samples() -> None:
+def test_records_with_too_few_samples_are_left_out() -> None:
     run = imported(EVERY, first(4))
     assert (
         f"1 record of {run} left out: fewer than 5 samples"
@@ -230,7 +230,7 @@ def test_more_samples_than_are_needed_are_thinned_and_said_to_be(monkeypatch: py
 
 
 @pytest.mark.parametrize("command", ["compare", "diagnose"])
-def test_choices_of_records_that_contradict_one_another(command: str) -> None:
+def test_contradictory_selections_of_records_are_refused(command: str) -> None:
     run = imported()
     asked = (command, run, "--model", MODEL)
     low, high = "supply < 25 bar", "supply > 25 bar"
@@ -265,7 +265,7 @@ def test_a_misspelt_model_names_the_nearest() -> None:
         (["model", "fit", MODEL], "nothing was saved"),
     ],
 )
-def test_stopped_by_the_keyboard(
+def test_ctrl_c_prints_what_was_not_done_and_exits_as_interrupted(
     command: list[str], says: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def interrupted(*_: object, **__: object) -> None:

@@ -33,7 +33,7 @@ def effect_file(slot: str, term: str, parameters: str = PUSH) -> str:
     return "mine.yaml"
 
 
-def test_parameters_outside_their_bounds() -> None:
+def test_parameters_outside_their_bounds_are_refused() -> None:
     simulate = ("simulate", "procedures/quick-check.yaml", "--with")
     said = refusal(*simulate, "piston_leakage:clearance=9 mm")
     assert "piston_leakage: clearance: out of bounds, got '9 mm'; expected" in said
@@ -43,7 +43,7 @@ def test_parameters_outside_their_bounds() -> None:
     )
 
 
-def test_effects_that_contradict_one_another() -> None:
+def test_contradictory_effects_are_refused() -> None:
     both = ("--with", "barus", "--with", "modulus_viscosity")
     said = refusal("simulate", "procedures/quick-check.yaml", *both)
     assert "barus and modulus_viscosity contradict one another" in said
@@ -52,14 +52,14 @@ def test_effects_that_contradict_one_another() -> None:
     assert re.search(r"both\.yaml:\d+:1: barus and modulus_viscosity contradict", said)
 
 
-def test_a_slot_that_does_not_exist() -> None:
+def test_an_unknown_slot_of_an_effect_is_reported_with_its_place() -> None:
     said = refusal("effects", "check", effect_file("frction", "push*velocity/(1 m/s)"))
     assert "mine.yaml:3:7: unknown slot of hydraulic_cylinder, got 'frction'" in said
     assert "friction" in said
 
 
 def test_a_parameter_without_influence_is_named_and_keeps_its_value() -> None:
-    """The heaters are off in these records: their lag acts on nothing, which spoils no other parameter."""
+    """The heaters are off in these records: their lag has no influence; other parameters are not affected."""
     lag = "effects: {heater_lag: {lag: {value: 30 s, fit: true}}}"
     model = textbook_copy("lagged", ("effects: {}", lag))
     done = call("compare", strokes(), "--model", model)

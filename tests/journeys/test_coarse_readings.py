@@ -1,4 +1,4 @@
-"""A sensor with coarse resolution is reported, and nothing within a step is called an effect."""
+"""A sensor with coarse resolution is reported, and deviations within one step are not named as an effect."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ parameters:
 
 
 @pytest.mark.parametrize("step", [1.0, 0.05])
-def test_a_coarse_converter_is_said_and_is_no_effect(
+def test_a_coarse_converter_is_noted_and_not_taken_for_an_effect(
     step: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told("init", str(tmp_path / "mine"), "--minimal")

@@ -40,7 +40,7 @@ def test_a_model_agrees_once_it_is_fitted() -> None:
         assert words in told
 
 
-def test_one_model_is_reported_with_noise_and_places() -> None:
+def test_a_comparison_reports_noise_held_out_records_and_places_of_misfit() -> None:
     told = call("compare", "latest", "--model", MODEL, "--no-fit", "--hold-out", "oil == 60 degC", "-v")
     assert told.exit_code == 0
     for words in (

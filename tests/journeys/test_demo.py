@@ -14,8 +14,8 @@ from rigctl.cli.commands.init import create_project
 #: mm at 20 degC and 20, 30, 40, 50 bar, from an independent calculation; longer by so much when warm
 PUBLISHED = {20.0: 77.4, 30.0: 94.9, 40.0: 109.6, 50.0: 122.6}
 GROWTH = {20.0: 1.0, 60.0: 1.014, 80.0: 1.022}
-#: enough of the campaign for a class of several effects, in nine records instead of 28; test_learn.py asks
-#: the same of the same bench, and finds these fits
+#: enough of the campaign for a class of several effects, in nine records instead of 28; test_learn.py uses
+#: the same bench and data, and reuses these fits
 SHORT = {"temperatures": "20 degC, 60 degC, 80 degC", "pressures": "20 bar, 35 bar, 50 bar"}
 
 
@@ -42,7 +42,7 @@ def test_the_plain_demo_ends_with_a_page_of_the_published_campaign(
 def test_the_demo_identifies_the_hidden_effect_and_adds_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The campaign leaves a class; the records that it asks for tell what is hidden from the others."""
+    """The campaign leaves a class of effects; the designed records single out the hidden one."""
     monkeypatch.chdir(tmp_path)
     create_project(Path("whole"))
     shorten(Path("whole/procedures/campaign.yaml"))

@@ -55,7 +55,7 @@ def test_the_hidden_effect_is_found_and_reduces_the_error() -> None:
     for words in ("Stroke, measured and of every version", "version 1: position: ", "version 2: position: "):
         assert words in page
     told("report", "latest", "--model", f"{model}@1", "-o", "first.html")
-    assert "of every version" not in Path("first.html").read_text("utf-8")  # one was asked for by its number
+    assert "of every version" not in Path("first.html").read_text("utf-8")  # one was selected by its number
 
 
 def test_the_ranking_shows_evidence_against_each_effect() -> None:
@@ -72,7 +72,7 @@ def test_the_ranking_shows_evidence_against_each_effect() -> None:
     assert not Path("models/.history/hl32-textbook").exists()  # without --apply nothing is written
 
 
-def test_the_answer_comes_in_a_few_lines() -> None:
+def test_the_answer_takes_at_most_seven_lines() -> None:
     shown = told("diagnose", "latest", "--model", MODEL, "--max-effects", "1")
     lines = shown.partition("\n\nNext:")[0].splitlines()
     assert "valve_leakage" in lines[0]

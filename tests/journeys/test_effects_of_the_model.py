@@ -52,7 +52,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_law_s_shape_tolerance_is_not_named_as_another_effect(folder: Path) -> None:
+def test_a_deviation_within_the_shape_tolerance_of_a_law_is_not_named_as_an_effect(folder: Path) -> None:
     write_log(folder / "log.csv", bend=0.1, ripple=0.5)
     told("import", "log.csv", "--rig", "rig.yaml")
     found = answer("diagnose", "latest", "--model", "model.yaml")
@@ -61,8 +61,8 @@ def test_a_law_s_shape_tolerance_is_not_named_as_another_effect(folder: Path) ->
     assert "is more than such deviations explain" in found["statement"]
 
 
-def test_a_drift_in_time_has_no_formula(folder: Path) -> None:
-    """Pairs of temperatures follow it a little; none is handed over as the term that is missing."""
+def test_no_formula_is_accepted_for_a_drift_in_time(folder: Path) -> None:
+    """Pairs of temperatures correlate with it weakly; none is exported as the missing term."""
     write_log(folder / "log.csv", bend=0.0, ripple=1.0)
     told("import", "log.csv", "--rig", "rig.yaml")
     found = answer("discover", "latest", "--model", "model.yaml", "-o", "effects")

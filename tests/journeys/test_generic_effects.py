@@ -223,7 +223,7 @@ def test_the_hidden_effect_or_its_class_is_named(
 
 
 @pytest.mark.parametrize("bench", [MOTOR, TANK, PENDULUM], ids=["motor", "tank", "pendulum"])
-def test_a_bench_that_hides_nothing_is_adequate(
+def test_the_model_of_a_bench_without_a_hidden_effect_is_adequate(
     bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -232,7 +232,9 @@ def test_a_bench_that_hides_nothing_is_adequate(
     assert answer("diagnose", run, "--model", "model.yaml")["verdict"] == "adequate"
 
 
-def test_the_list_says_what_applies_where(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_list_of_generic_effects_has_those_that_apply_to_each_slot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     write(MOTOR, tmp_path, nothing, seed=6)
     slots = {one["slot"]: one for one in answer("effects", "list", "--family", "family.yaml")["generic"]}

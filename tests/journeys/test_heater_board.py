@@ -1,4 +1,4 @@
-"""Measured heating of a real board: the missing effects are found, added, and tested on other records."""
+"""Measured heating of a real board: missing effects are found, added, and tested on other records."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         return done | {"history": answer("model", "history", MODEL), "page": page}
 
 
-def test_coupling_a_lag_and_radiation_are_found_one_after_the_other(found: dict[str, Any]) -> None:
+def test_coupling_a_lag_and_radiation_or_convection_are_added_step_by_step(found: dict[str, Any]) -> None:
     added = {name for step in found["steps"] for name in step["effects"]}
     assert "heater_coupling" in added
     assert added & {"heater_lag", "sensor_lag"}, "which of the two cannot be told while it only warms up"
@@ -38,18 +38,18 @@ def test_coupling_a_lag_and_radiation_are_found_one_after_the_other(found: dict[
     )
 
 
-def test_the_error_on_levels_that_were_not_fitted_falls_below_what_was_asked(found: dict[str, Any]) -> None:
+def test_the_error_on_held_out_levels_falls_below_0_8_k_and_by_half(found: dict[str, Any]) -> None:
     before, after = found["steps"][0]["before"], found["steps"][-1]["after"]
     assert before["heldout_rmse"]["temperature_1"] > 1.0
     assert after["heldout_rmse"]["temperature_1"] < 0.8
     assert after["heldout_rmse"]["temperature_2"] < 0.5 * before["heldout_rmse"]["temperature_2"]
 
 
-def test_spikes_are_counted_and_said(found: dict[str, Any]) -> None:
+def test_masked_spikes_are_noted(found: dict[str, Any]) -> None:
     assert any("spikes of temperature_1 were masked" in note for note in found["notes"])
 
 
-def test_what_was_found_while_heating_holds_while_cooling(found: dict[str, Any]) -> None:
+def test_the_model_fitted_to_heating_predicts_held_out_and_cooling_records(found: dict[str, Any]) -> None:
     held_out, cooling = found["unseen"]
     assert (held_out["why"], len(held_out["records"])) == ("hold_out", 5)
     names = {"why", "condition", "where", "records", "as_good", "channels", "remedies", "slot", "statement"}
@@ -63,7 +63,7 @@ def test_what_was_found_while_heating_holds_while_cooling(found: dict[str, Any])
     assert "10 records with heater_1 0 %" in cooling["statement"]
 
 
-def test_what_is_left_is_a_part_of_the_last_answer(found: dict[str, Any]) -> None:
+def test_the_last_answer_includes_the_remaining_misfit(found: dict[str, Any]) -> None:
     last = found["after"]
     assert last["verdict"] == "outside_library"
     left = last["remainder"]

@@ -29,8 +29,8 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_from_an_ambiguous_campaign_to_what_is_hidden() -> None:
-    """The campaign leaves a leak and a drift of the sensor; the records that it asks for tell them apart."""
+def test_an_ambiguous_campaign_is_resolved_after_confirmation_of_its_next_records() -> None:
+    """The campaign leaves a leak and a sensor drift; the designed records distinguish them."""
     declined = answer("learn", *CAMPAIGN, "--model", "models/own.yaml", "--with", LEAK)
     first, proposal = declined["rounds"]
     assert declined["ended"] == "declined"  # nobody sits at the terminal, and nobody said --yes
@@ -55,7 +55,7 @@ def test_from_an_ambiguous_campaign_to_what_is_hidden() -> None:
     assert "this learning has ended: adequate" in refusal("learn", "--resume")
 
 
-def test_mistakes_make_no_folder() -> None:
+def test_a_refused_command_leaves_no_files() -> None:
     before = set(Path().rglob("*"))
     assert "a procedure is missing" in refusal("learn", "--model", "models/own.yaml")
     assert "--model is missing" in refusal("learn", "procedures/campaign.yaml")

@@ -90,7 +90,7 @@ def rows_of(steps: bool, pressure_noise: float = 0.0, seed: int = 1) -> list[str
 
 
 @pytest.mark.parametrize("steps", [False, True])
-def test_measured_inputs_act_as_they_were_measured(
+def test_measured_inputs_drive_the_model_as_measured(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: bool
 ) -> None:
     project(tmp_path, "bench", rows_of(steps), ", hold: previous" if steps else "")
@@ -106,7 +106,7 @@ def test_measured_inputs_act_as_they_were_measured(
     assert steps or any("44 readings of room are missing" in note for note in found["notes"])
 
 
-def test_the_noise_of_an_input_counts_where_it_matters(
+def test_the_noise_of_a_measured_input_adds_to_the_noise_of_the_outputs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     project(tmp_path, "bench", rows_of(False, pressure_noise=0.5))
@@ -114,7 +114,7 @@ def test_the_noise_of_an_input_counts_where_it_matters(
     told("import", "log.csv", "--rig", "rigs/bench.yaml")
     found = answer("compare", "latest", "--model", "models/bench.yaml")
     assert found["adequate"], found["statement"]
-    # smoothed, the input brings no bias (errors in variables); what is slow of its noise still counts
+    # smoothing the input avoids bias (errors in variables); the slow part of its noise still counts
     assert 0.3 < found["channels"]["flow"]["nrmse"] < 1.0
     assert found["parameters"]["opening"]["value"] == pytest.approx(0.1 / 60e3 / 1e5, rel=2e-3)
     assert any("smoothed over" in note for note in found["notes"])
@@ -159,7 +159,7 @@ def test_unrecorded_inputs_are_unknown_and_not_zero(tmp_path: Path, monkeypatch:
 def test_a_heater_off_in_all_records_is_estimated_as_off(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each short record hardly tells its heater from off; all of them together do."""
+    """Each short record hardly determines its heater power; all of them together do."""
     board(tmp_path, np.zeros(40), recorded=False, duration=70.0)
     monkeypatch.chdir(tmp_path)
     told("import", "log.csv", "--rig", "rigs/heater-board.yaml")
@@ -171,7 +171,9 @@ def test_a_heater_off_in_all_records_is_estimated_as_off(
     assert 0.2 < float(np.std([one["value"] for one in rows])) / rows[0]["std"] < 2.0
 
 
-def test_an_assumption_is_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_assumed_inputs_are_used_and_refused_without_a_unit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     board(tmp_path, np.array([0.0, 0.0, 0.0, 0.0]), recorded=False)
     monkeypatch.chdir(tmp_path)
     told("import", "log.csv", "--rig", "rigs/heater-board.yaml")
@@ -190,7 +192,7 @@ def test_an_assumption_is_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 
 def test_a_missing_channel_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without a range on the rig the family's value stands for it; who reads the result must know."""
+    """Without a range in the rig file the family's value is used; the report must state this."""
     project(tmp_path, "bench", rows_of(False))
     monkeypatch.chdir(tmp_path)
     told("import", "log.csv", "--rig", "rigs/bench.yaml", "--columns", "room=-")
@@ -227,7 +229,9 @@ monitor_rate: 1 Hz
 """
 
 
-def test_a_heater_without_a_range_must_be_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unrecorded_heater_without_a_range_must_be_assumed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     create_project(tmp_path)
     model = (
         "model: families/heated.yaml\nrig: rigs/heated.yaml\nparameters: {loss: {value: 2 W/K, fit: true}}\n"
@@ -259,8 +263,10 @@ def test_a_heater_without_a_range_must_be_known(tmp_path: Path, monkeypatch: pyt
     assert "no model was named" in refusal("report", "latest", *said)
 
 
-def test_conditions_are_the_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same command in every record: their first readings differ by noise, and make no condition."""
+def test_conditions_are_the_commands_and_not_the_initial_readings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The command is the same in every record; initial readings that differ by noise are no condition."""
     board(tmp_path, np.zeros(4), recorded=True)
     text = (tmp_path / "log.csv").read_text(encoding="utf-8")
     for level in (20, 60, 80):

@@ -61,7 +61,7 @@ def write_flywheel(path: Path, torque: float, seed: int) -> None:
     flywheel.write_log(path, drag, seed=seed, noise=0.05, volts=flywheel.FAST, step=0.05)
 
 
-def test_an_own_effect_of_an_own_family_is_found_and_added() -> None:
+def test_a_user_s_effect_of_a_user_s_family_is_found_and_added() -> None:
     run = answer("import", "flywheel.csv", "--rig", "flywheel-rig.yaml")["run"]
     compared = answer("compare", run, "--model", "flywheel-model.yaml")
     assert not compared["models"][0]["adequate"]
@@ -73,7 +73,7 @@ def test_an_own_effect_of_an_own_family_is_found_and_added() -> None:
     assert values["brake.torque"]["value"] == pytest.approx(0.04, rel=0.02)
     told("report", run, "--model", "flywheel-model.yaml", "-o", "flywheel.html")
 
-    # what was made by another program within 1 rad/s is found from 3 rad/s, without a hand on the file
+    # data generated with a width of 1 rad/s: the fit starts from 3 rad/s, with the file unchanged
     Path("models/by-hand.yaml").write_text(
         MODEL.replace("model: flywheel", "model: ../flywheel")
         .replace("rig: flywheel", "rig: ../flywheel")
@@ -92,7 +92,7 @@ def test_an_own_effect_of_an_own_family_is_found_and_added() -> None:
     assert values["brake.width"]["value"] == pytest.approx(1.0, rel=0.1)
 
 
-def test_a_model_that_leaves_the_range_of_its_effect_says_where() -> None:
+def test_records_outside_the_valid_range_of_an_effect_are_reported() -> None:
     learned = (
         BRAKE.replace("effect: brake", "effect: slow_brake").replace("confused_with: [fan]", "")
         + "valid: {speed: [0 rad/s, 60 rad/s], drive: [-1 V, 20 V]}\n"
@@ -121,7 +121,7 @@ def test_a_model_that_leaves_the_range_of_its_effect_says_where() -> None:
     assert [one["record"] for one in diagnosed["outside_validity"]] == [left["record"]]
 
 
-def test_an_own_effect_of_the_cylinder_is_a_candidate() -> None:
+def test_a_user_s_effect_of_the_cylinder_is_a_candidate() -> None:
     lines = Path("data/unknown-bench.csv").read_text("utf-8").splitlines(keepends=True)
     kept = [line for line in lines[1:] if line.split(",")[1] in RECORDS]
     Path("few.csv").write_text("".join([lines[0], *kept]), "utf-8")

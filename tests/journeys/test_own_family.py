@@ -32,7 +32,7 @@ FILES = dict(
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A project with the files of the page; that its commands do what it shows is tested with all pages."""
+    """A project with the files of the page; its commands are tested together with those of all pages."""
     folder = tmp_path_factory.mktemp("page") / "tank-bench"
     create_project(folder)
     for name, text in FILES.items():
@@ -47,7 +47,7 @@ def here(bench: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return bench
 
 
-def test_the_page_shows_the_family_that_is_shipped() -> None:
+def test_the_page_shows_the_shipped_family_file() -> None:
     family = shipped("models", "families", "water-tank.yaml").read_text(encoding="utf-8")
     assert FILES["families/water-tank.yaml"] == family
 
@@ -77,7 +77,7 @@ def at_the_end(start: Vector, rest: float, flow: float, area: float, evaporation
         (["--plant", "models/water-tank.yaml"], 30e-6, 8.0),
     ],
 )
-def test_the_tank_obeys_its_equations(
+def test_the_simulated_tank_agrees_with_its_equations_solved_by_scipy(
     here: Path, options: list[str], area: float, evaporation: float
 ) -> None:
     done = answer("simulate", "procedures/fill-and-drain.yaml", "--no-noise", *options)
@@ -91,7 +91,7 @@ def test_the_tank_obeys_its_equations(
         assert kelvin[-1] - 273.15 == pytest.approx(expected[1], abs=0.04)
 
 
-def test_python_that_a_file_names_does_not_run(here: Path) -> None:
+def test_python_files_named_in_other_files_are_not_executed(here: Path) -> None:
     trap = here / "families" / "trap.py"
     trap.write_text("from pathlib import Path\nPath('sprung').write_text('')\n", encoding="utf-8")
     rig = (here / "rigs" / "leaky-tank.yaml").read_text(encoding="utf-8")
@@ -116,16 +116,16 @@ def test_python_that_a_file_names_does_not_run(here: Path) -> None:
     assert not (here / "sprung").exists()
 
 
-def test_a_file_given_on_purpose_is_known_by_its_path_too(here: Path) -> None:
+def test_a_family_file_given_on_the_command_line_is_accepted_for_that_command_only(here: Path) -> None:
     rig = (here / "rigs" / "leaky-tank.yaml").read_text(encoding="utf-8")
     rig = rig.replace("model: leaky_tank", "model: ../families/leaky_tank.py")
     (here / "rigs" / "by-path.yaml").write_text(rig, encoding="utf-8")
     arguments = ("check", "procedures/fill.yaml", "--rig", "rigs/by-path.yaml")
     told(*arguments, "--family", "families/leaky_tank.py")
-    assert "leaky_tank.py" in refusal(*arguments)  # what is given ends with its command
+    assert "leaky_tank.py" in refusal(*arguments)  # the permission ends with its command
 
 
-def test_a_rig_is_held_to_its_family(here: Path) -> None:
+def test_the_constants_of_a_rig_are_checked_against_its_family(here: Path) -> None:
     rig = (here / "rigs" / "water-tank.yaml").read_text(encoding="utf-8")
     broken = rig.replace("orifice_area: 20 mm^2", "orifice_aera: 20 mm^2").replace("0.05 m^2", "0.05 m")
     (here / "rigs" / "broken.yaml").write_text(broken, encoding="utf-8")
@@ -135,19 +135,21 @@ def test_a_rig_is_held_to_its_family(here: Path) -> None:
     assert "did you mean 'orifice_area'?" in said
 
 
-def test_from_python_a_family_has_its_name_inside_its_context(here: Path) -> None:
+def test_a_family_is_known_by_its_name_within_using_families(here: Path) -> None:
     family = run_family_file(here / "families" / "leaky_tank.py")
     with using_families(family):
         run = rigctl.simulate("procedures/fill.yaml", noise=False).run
     time, level = run.signals("time", 0), run.signals("level", 0)
-    assert level[0] == pytest.approx(0.1, abs=1e-3)  # the family says so, where the rig does not
+    assert level[0] == pytest.approx(
+        0.1, abs=1e-3
+    )  # the family's initial value, since the rig file gives none
     rising = 5e-5 / 0.02 * 300.0  # m, where it ends
     elapsed = time - time[0]
     expected = rising + (level[0] - rising) * np.exp(-elapsed / 300.0)
     assert level == pytest.approx(expected, abs=0.16e-3)
 
 
-def test_a_page_compares_a_model_of_a_family_that_is_given(here: Path) -> None:
+def test_a_report_compares_a_model_of_a_given_family(here: Path) -> None:
     family = ("--family", "families/leaky_tank.py")
     (here / "models" / "leaky.yaml").write_text(
         "model: leaky_tank\nrig: rigs/leaky-tank.yaml\nparameters:\n"

@@ -83,7 +83,7 @@ def test_commands_after_a_diagnosis_fit_nothing_again(project: Path) -> None:
     assert made == 1, "its error before the fit, which no command has asked for yet"
 
 
-def test_another_model_and_other_data_are_another_fit(project: Path) -> None:
+def test_a_changed_model_or_changed_data_are_fitted_again(project: Path) -> None:
     told("compare", *DATA)
     text = Path(TANK).read_text("utf-8")
     assert ", fit: true" in text

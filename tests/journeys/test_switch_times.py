@@ -177,7 +177,7 @@ def motor_project(folder: Path, records: list[tuple[Floats, Floats]], step: floa
     (folder / "log.csv").write_text("\n".join(lines), encoding="utf-8")
 
 
-def test_a_motor_with_its_true_values_has_the_error_of_its_noise(
+def test_a_motor_with_its_true_parameters_has_an_error_equal_to_the_noise(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     generator = np.random.default_rng(7)
@@ -194,7 +194,7 @@ def test_a_motor_with_its_true_values_has_the_error_of_its_noise(
         assert found["channels"]["current"]["rmse"] == pytest.approx(CURRENT_NOISE, rel=0.1)
 
 
-def test_a_hundred_steps_in_a_record_are_no_hundred_unknowns(
+def test_a_record_with_a_hundred_steps_is_fitted_with_accurate_parameters(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     generator = np.random.default_rng(9)
@@ -212,7 +212,7 @@ def test_a_hundred_steps_in_a_record_are_no_hundred_unknowns(
     assert found["parameters"]["inertia"]["value"] == pytest.approx(5e-4, rel=0.03)
 
 
-def test_what_is_switched_on_and_off_may_have_habits_of_its_own(
+def test_switching_on_and_off_may_have_different_time_offsets(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A host switches on just after a sample; the board's clock switches off just before one."""
@@ -259,7 +259,7 @@ def rubbed_motor_file(path: Path, friction: float, seed: int) -> None:
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def test_a_winding_faster_than_its_sampling_is_taken_for_nothing_but_itself(
+def test_a_winding_faster_than_its_sampling_is_not_taken_for_another_effect(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     create_project(tmp_path)

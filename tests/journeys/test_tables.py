@@ -36,7 +36,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(autouse=True)
 def wide(inside: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A table with a column for everything that is said of a value fits the terminal."""
+    """A terminal wide enough for a table with all its columns."""
     monkeypatch.setenv("COLUMNS", "200")
 
 
@@ -75,10 +75,10 @@ def vogel(temperature: float) -> float:
     return float(1e6 * dynamic / (870.0 * (1.0 - 7e-4 * (temperature - 15.0))))
 
 
-def test_the_published_viscosities_beside_vogels_law(viscosity: str) -> None:
+def test_the_published_viscosities_agree_with_vogels_law_once_fitted(viscosity: str) -> None:
     found = answer("compare", viscosity, "--model", OIL)
     assert found["adequate"]
-    assert list(found["channels"]) == ["kinematic_viscosity"]  # the other was worked out from it
+    assert list(found["channels"]) == ["kinematic_viscosity"]  # the other was computed from it
     channel = found["channels"]["kinematic_viscosity"]
     assert channel["unit"] == "cSt"
     assert channel["noise_share"] == pytest.approx(0.0072, abs=1e-4)
@@ -91,14 +91,14 @@ def test_the_published_viscosities_beside_vogels_law(viscosity: str) -> None:
     assert hot["unfitted"] == pytest.approx(hot["beside"]["kinematic_viscosity_vogel"], rel=1e-4)
     before = (hot["unfitted"] - hot["measured"]) / hot["noise"]
     assert before == pytest.approx(-4.2, abs=0.2)  # 3.1 % at the hot end by the printed constants
-    assert abs(hot["z"]) < 1.5  # which fitting them again takes away
+    assert abs(hot["z"]) < 1.5  # which a refit of the constants removes
     assert {place["by"] for place in found["where"]} == {"channel", "condition"}
     said = " ".join(found["findings"])
     for words in ("13 values for 3 fitted constants", "one of the constants", "Fitted without the 3 values"):
         assert words in said
 
 
-def test_a_table_is_told_by_its_conditions_in_its_own_units(viscosity: str) -> None:
+def test_a_table_is_printed_by_condition_in_the_units_of_its_file(viscosity: str) -> None:
     shown = told("compare", viscosity, "--model", OIL, "-v")
     for words in ("agrees with the 13 values", "80 degC", "[cSt]", "as in its file", "vogel", "0.72 %"):
         assert words in shown
@@ -106,7 +106,7 @@ def test_a_table_is_told_by_its_conditions_in_its_own_units(viscosity: str) -> N
     assert "m^2/s" not in shown
 
 
-def test_the_law_does_not_lead_to_values_that_were_held_out(viscosity: str) -> None:
+def test_vogels_law_fails_on_held_out_values_at_high_temperature(viscosity: str) -> None:
     found = answer("compare", viscosity, "--model", OIL, "--hold-out", "oil_temperature > 65 degC")
     out = [row for row in found["rows"] if row["held_out"]]
     assert [row["condition"] for row in out] == ["70 degC", "75 degC", "80 degC"]
@@ -114,7 +114,7 @@ def test_the_law_does_not_lead_to_values_that_were_held_out(viscosity: str) -> N
     assert "Of the 3 values held out, at 80 degC" in " ".join(found["findings"])
 
 
-def test_what_the_viscosities_cannot_tell_is_said_and_what_would(viscosity: str) -> None:
+def test_the_undecidable_effect_and_the_measurements_that_would_decide_are_listed(viscosity: str) -> None:
     found = answer("diagnose", viscosity, "--model", OIL)
     assert found["verdict"] == "adequate"
     assert "capillary_end_correction" in " ".join(found["findings"])
@@ -123,17 +123,17 @@ def test_what_the_viscosities_cannot_tell_is_said_and_what_would(viscosity: str)
     assert re.search(r"read each condition \d times", steps)
 
 
-def test_the_page_of_a_table_has_no_axis_of_time(viscosity: str) -> None:
+def test_the_page_of_a_table_has_no_time_axis(viscosity: str) -> None:
     told("report", viscosity, "--model", OIL, "--diagnose", "-o", "viscosity.html")
     page = Path("viscosity.html").read_text(encoding="utf-8")
     for words in ("What these data can and cannot tell", "What to measure next", "over oil temperature [°C]"):
         assert words in page
     assert "time in the record" not in page
     assert "</b> samples" not in page
-    assert "Probability that an effect is among what is missing" not in page  # nothing is
+    assert "Probability that an effect is among what is missing" not in page  # no effect is missing
 
 
-def test_the_textbook_model_turns_the_published_strokes_the_wrong_way(strokes: str) -> None:
+def test_the_textbook_model_has_the_wrong_trend_for_the_published_strokes(strokes: str) -> None:
     found = answer("compare", strokes, "--model", MODEL)
     assert not found["adequate"]
     assert "the wrong direction" in found["statement"]
@@ -144,8 +144,8 @@ def test_the_textbook_model_turns_the_published_strokes_the_wrong_way(strokes: s
     assert "share an offset" in " ".join(found["findings"])
 
 
-def test_strokes_imported_without_their_rig_are_judged_alike(bench: Path, strokes: str) -> None:
-    """The pressure of each row was ignored, and a load of 9.5 kN named in place of it, at 88 sigma."""
+def test_strokes_imported_without_their_rig_get_the_same_comparison(bench: Path, strokes: str) -> None:
+    """The pressure of each row used to be ignored, and a load of 9.5 kN to be named instead, at 88 sigma."""
     bare = imported(bench, "data/hl32-strokes.csv")
     found, same = (answer("compare", run, "--model", MODEL) for run in (bare, strokes))
     assert found["rows"] == same["rows"]
@@ -153,7 +153,7 @@ def test_strokes_imported_without_their_rig_are_judged_alike(bench: Path, stroke
     assert found["findings"] == same["findings"]
 
 
-def test_no_model_is_suggested_that_predicts_no_column_of_the_table(bench: Path) -> None:
+def test_only_models_that_predict_a_column_of_the_table_are_suggested(bench: Path) -> None:
     for file, suggested in (
         ("hl32-strokes.csv", "rigctl report latest"),
         ("hl32-viscosity.csv", "rigctl compare latest --model models/hl32-oil.yaml"),
@@ -162,7 +162,7 @@ def test_no_model_is_suggested_that_predicts_no_column_of_the_table(bench: Path)
         assert f"Next: {suggested}\n" in said
 
 
-def test_the_published_strokes_are_ambiguous_with_the_class_that_turns_the_sign(
+def test_the_published_strokes_leave_the_class_that_corrects_the_trend(
     diagnosed: dict[str, Any],
 ) -> None:
     assert diagnosed["verdict"] == "ambiguous"
@@ -176,7 +176,7 @@ def test_the_published_strokes_are_ambiguous_with_the_class_that_turns_the_sign(
     assert not CLASS & set(excluded)
 
 
-def test_what_to_measure_after_the_strokes_is_said_in_words(diagnosed: dict[str, Any]) -> None:
+def test_the_next_measurements_after_the_strokes_are_listed_in_words(diagnosed: dict[str, Any]) -> None:
     steps = " ".join(diagnosed["next_steps"])
     assert "record supply_pressure over time: it distinguishes relief_thermal_drift from the others" in steps
     assert "record position over time instead of one number: it distinguishes valve_delay_thermal" in steps
@@ -189,8 +189,8 @@ def test_what_to_measure_after_the_strokes_is_said_in_words(diagnosed: dict[str,
     assert "time in the record" not in page
 
 
-def test_the_next_row_after_the_strokes_is_designed(diagnosed: dict[str, Any]) -> None:
-    """A drift of the sensor and one of the throttle move every stroke alike: no row names what is right."""
+def test_the_next_rows_after_the_strokes_are_designed_for_separation(diagnosed: dict[str, Any]) -> None:
+    """A drift of the sensor and one of the throttle change every stroke alike: no row can tell them apart."""
     designed = diagnosed["next_experiment"]
     assert designed["procedure"] is None
     assert {frozenset(pair) for pair in designed["separates"]} >= {
@@ -206,7 +206,9 @@ def test_the_next_row_after_the_strokes_is_designed(diagnosed: dict[str, Any]) -
     assert first["expected_separation"] > first["separation_of_repeat"]
 
 
-def test_fewer_free_parameters_end_in_the_same_class(strokes: str, diagnosed: dict[str, Any]) -> None:
+def test_a_model_with_one_free_parameter_leaves_the_same_class(
+    strokes: str, diagnosed: dict[str, Any]
+) -> None:
     text = "model: hydraulic_cylinder\nrig: ../rigs/hl32-bench.yaml\noil: HL32\n"
     text += "parameters:\n  flow_area: {value: 4 mm^2, fit: true}\n"
     Path("models/short.yaml").write_text(text, encoding="utf-8", newline="\n")
@@ -220,7 +222,7 @@ def test_fewer_free_parameters_end_in_the_same_class(strokes: str, diagnosed: di
     assert sizes["relief_thermal_drift"]["coefficient"]["value"] == pytest.approx(0.0033, abs=2e-4)
 
 
-def test_repeats_that_bend_away_from_the_law_show_the_capillary() -> None:
+def test_a_capillary_end_correction_is_found_in_repeated_readings() -> None:
     rng = np.random.default_rng(5)
     rows = []
     for temperature in np.repeat(np.arange(0.0, 101.0, 10.0), 3).tolist():
@@ -234,7 +236,7 @@ def test_repeats_that_bend_away_from_the_law_show_the_capillary() -> None:
     assert abs(size["value"] - 15.0) < 4.0 * size["std"]
 
 
-def test_cells_that_are_empty_are_left_out() -> None:
+def test_empty_cells_are_left_out() -> None:
     rng = np.random.default_rng(6)
     rows = [
         (t, None if t in (35.0, 70.0) else vogel(t) * np.exp(0.007 * rng.standard_normal()))
@@ -245,7 +247,7 @@ def test_cells_that_are_empty_are_left_out() -> None:
     assert (found["adequate"], len(found["rows"])) == (True, 11)
 
 
-def test_single_values_of_one_condition_are_told_by_their_rows() -> None:
+def test_values_at_one_condition_are_identified_by_their_record() -> None:
     rng = np.random.default_rng(7)
     rows = [(40.0, vogel(40.0) * (1.0 + 0.01 * rng.standard_normal())) for _ in range(8)]
     run = made("same.csv", "oil_temperature [degC],kinematic_viscosity [cSt]", rows)
@@ -254,8 +256,8 @@ def test_single_values_of_one_condition_are_told_by_their_rows() -> None:
     assert found["channels"]["kinematic_viscosity"]["noise_source"] == "replicates"
 
 
-def test_a_record_has_one_number_everywhere_so_that_the_worst_is_the_one_excluded() -> None:
-    """What compare calls record N is what 'runs exclude N' leaves out."""
+def test_the_record_number_of_compare_is_the_number_that_runs_exclude_takes() -> None:
+    """The worst record of compare is the one that 'runs exclude' leaves out."""
     rng = np.random.default_rng(11)
     rows = [(40.0, vogel(40.0) * (1.0 + 0.01 * rng.standard_normal())) for _ in range(8)]
     rows[5] = (40.0, 2.0 * vogel(40.0))

@@ -1,4 +1,4 @@
-"""A discharge of a battery cell whose resistance falls as it warms: no effect of the library is that.
+"""A discharge of a battery cell whose resistance falls as it warms: an effect that the library lacks.
 
 A flexible effect, a hysteresis with four parameters none of which these data determine, explains most of it.
 """
@@ -108,7 +108,7 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_an_effect_that_the_data_do_not_determine_is_not_named_as_the_missing_one(project: Path) -> None:
+def test_an_effect_with_undetermined_parameters_is_not_named_as_missing(project: Path) -> None:
     (project / "log.csv").write_text(discharge(0.03), encoding="utf-8")
     answer("import", "log.csv", "--rig", "rig.yaml")
     found = answer("diagnose", "latest", "--model", "model.yaml")
