@@ -59,7 +59,7 @@ def test_cleanup_steps_have_a_place(looping: Plan) -> None:
     assert outline(PlanPlaces(looping), cleanup.path, most=10)[-1].label == cleanup.label
 
 
-def test_an_unknown_place_shows_nothing(plan: Plan) -> None:
+def test_an_unknown_step_path_shows_nothing(plan: Plan) -> None:
     places = PlanPlaces(plan)
     assert outline(places, "", most=10) == []
     assert outline(places, "9/nowhere", most=10) == []

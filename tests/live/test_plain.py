@@ -35,7 +35,7 @@ def test_each_state_change_and_alarm_is_printed_once(plan: Plan) -> None:
     assert lines == ["0:00:00  arming", "0:00:00  running", "0:01:01  alarm: The oil is hot"]
 
 
-def test_two_equal_alarms_are_two(plan: Plan) -> None:
+def test_two_equal_alarms_are_both_printed(plan: Plan) -> None:
     first, second = Happening(1.0, "alarm", "hot"), Happening(1.0, "alarm", "hot")
     lines = told(
         plan,

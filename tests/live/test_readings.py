@@ -57,7 +57,7 @@ def test_negative_zero_is_shown_as_zero(rig: Rig) -> None:
     assert shown(-1e-6, rig.channels["position"]) == "0.0 mm"
 
 
-def test_warnings_are_no_limits_that_stop(rig: Rig) -> None:
+def test_only_limits_that_stop_a_run_are_shown(rig: Rig) -> None:
     assert limits_of("oil_temperature", rig.channels["oil_temperature"], rig) == "below 90 degC"
     none = rig.model_copy(update={"limits": {}})
     assert limits_of("oil_temperature", rig.channels["oil_temperature"], none) == ""
@@ -79,7 +79,7 @@ def test_a_sparkline_rises_with_its_values() -> None:
     assert sparkline([0.0, 7.0], 0.0, unicode=False) == "_@"
 
 
-def test_noise_does_not_look_like_a_storm(rig: Rig) -> None:
+def test_noise_is_drawn_as_a_nearly_flat_sparkline(rig: Rig) -> None:
     channel = rig.channels["supply_pressure"]
     noise = [30e5, 30.1e5, 29.9e5, 30e5]
     assert len(set(sparkline(noise, least_span(channel, rig)))) <= 2

@@ -96,7 +96,7 @@ def test_a_frame_shows_state_progress_steps_values_and_events(plan: Plan) -> Non
 
 
 def test_the_progress_fits_a_narrow_terminal(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
-    """At 60 columns the word `left` had a line of its own."""
+    """At 60 columns the word `left` used to be wrapped onto its own line."""
     monkeypatch.setenv("COLUMNS", "60")
     display = TerminalDisplay(plan, Terminal())
     display(replace(VIEW, record=-1, records_done=0, records_total=10))
@@ -109,7 +109,7 @@ def test_the_open_question_stands_near_the_top(plan: Plan) -> None:
     assert "Turn the relief valve" in "".join(frame(display).splitlines(keepends=True)[:5])
 
 
-def test_texts_cannot_steer_the_terminal(plan: Plan) -> None:
+def test_texts_cannot_send_control_sequences_to_the_terminal(plan: Plan) -> None:
     display = TerminalDisplay(plan, Terminal())
     evil = "\x1b]0;title\x07[red]x"
     display(
@@ -186,7 +186,9 @@ def test_the_last_view_stays_on_the_screen(plan: Plan) -> None:
     assert terminal.getvalue().rstrip().endswith("\x1b[?25h")  # the cursor is back
 
 
-def test_what_cannot_be_redrawn_gets_lines(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_output_that_cannot_be_redrawn_is_printed_as_lines(
+    plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert isinstance(view(plan, Terminal()), TerminalDisplay)
     assert isinstance(view(plan, io.StringIO()), PlainDisplay)
     monkeypatch.setenv("TERM", "dumb")
@@ -196,7 +198,7 @@ def test_what_cannot_be_redrawn_gets_lines(plan: Plan, monkeypatch: pytest.Monke
     assert not redrawable(closed)
 
 
-def test_a_bench_is_watched_in_a_table(plan: Plan) -> None:
+def test_the_monitor_shows_readings_and_alarms_in_a_table(plan: Plan) -> None:
     terminal = Terminal()
     alarm = Alarm(0.0, "oil_hot", "oil_temperature", "warn", "The oil is hot", 360.0)
     sample = Sample(61.0, (360.0, 30e5, 0.05), (0.0, 0.0, 30e5))
@@ -204,7 +206,7 @@ def test_a_bench_is_watched_in_a_table(plan: Plan) -> None:
         display(sample, [alarm])
         raised = frame(display)
         display(sample, [])
-        assert "The oil is hot" in frame(display)  # it stays until its cause is gone
+        assert "The oil is hot" in frame(display)  # an alarm stays until its cause is gone
         display(sample, [replace(alarm, active=False)])
         cleared = frame(display)
     assert "HL32 bench  0:01:01" in raised
