@@ -47,7 +47,7 @@ def test_long_sweeps_show_their_first_point(previewed: See) -> None:
     assert text.endswith("warning: a calibration ran out\n")
 
 
-def test_everything_can_be_shown(previewed: See) -> None:
+def test_all_points_of_a_sweep_can_be_shown(previewed: See) -> None:
     text = printed(previewed(SWEEP), everything=True)
     assert text.count("record 'r' at 10 Hz") == 4
     assert "more:" not in text
@@ -58,7 +58,7 @@ def test_many_points_are_named_by_the_first_and_the_last(previewed: See) -> None
     assert "98 more: a=2 s … a=99 s  1 h 22 min" in text
 
 
-def test_the_heading_says_what_the_duration_rests_on(previewed: See, serial_rig: Rig) -> None:
+def test_the_heading_states_the_basis_of_the_duration(previewed: See, serial_rig: Rig) -> None:
     assert "(every step is timed)" in printed(previewed("steps: [wait: 1 s]"))
     assert "people are assumed" in printed(previewed("steps: [prompt: Ready?]", on=serial_rig))
     text = printed(previewed("steps: [{while: valve == 0, do: [wait: 1 s]}]"))
@@ -66,7 +66,7 @@ def test_the_heading_says_what_the_duration_rests_on(previewed: See, serial_rig:
     assert "one round shown" in text
 
 
-def test_nothing_of_a_user_reaches_the_terminal_as_a_command(previewed: See) -> None:
+def test_user_text_cannot_send_control_sequences_to_the_terminal(previewed: See) -> None:
     seen = previewed('steps:\n  - prompt: "clear \\e[2J and [red]mark[/red] \\u009b2J"')
     text = printed(seen)
     assert "\x1b" not in text
@@ -91,11 +91,11 @@ def test_nothing_of_a_user_reaches_the_terminal_as_a_command(previewed: See) -> 
         (360000.0, "100 h"),
     ],
 )
-def test_times_as_one_says_them(seconds: float, text: str) -> None:
+def test_durations_are_printed_in_suitable_units(seconds: float, text: str) -> None:
     assert clock_time(seconds) == text
 
 
-def test_the_document(previewed: See) -> None:
+def test_the_json_document_has_records_start_sweeps_limits_and_steps(previewed: See) -> None:
     document = json.loads(json.dumps(as_document(previewed(SWEEP), ["old"]), allow_nan=False))
     assert (document["procedure"], document["records"], document["samples"]) == ("test", 4, 80)
     assert document["start"] == {"oil_temperature": 20.0, "supply_pressure": 20.0, "position": 0.0}

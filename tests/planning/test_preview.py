@@ -21,7 +21,7 @@ def shipped(name: str, **arguments: str) -> Preview:
     return preview(expand(procedure, load_rig(procedure.rig_path), arguments))
 
 
-def test_the_campaign() -> None:
+def test_the_preview_of_the_campaign_has_its_records_duration_and_sweeps() -> None:
     seen = shipped("campaign")
     assert (seen.records, seen.samples) == (28, 28 * 375)
     assert seen.basis is Basis.ESTIMATED
@@ -87,7 +87,7 @@ def test_nested_loops_are_previewed_quickly(previewed: See) -> None:
     assert previewed("\n".join(lines)).seconds == 2.0**18
 
 
-def test_conditions_leave_the_end_open(previewed: See) -> None:
+def test_steps_that_wait_for_conditions_leave_the_duration_open(previewed: See) -> None:
     seen = previewed("""
         steps:
           - while: oil_temperature < 40 degC
@@ -118,7 +118,7 @@ def test_operator_times_count_on_a_real_bench(previewed: See, serial_rig: Rig) -
     assert (seen.seconds, seen.basis) == (32.0, Basis.GUESSED)
 
 
-def test_moves_from_the_flow_through_the_throttle(previewed: See) -> None:
+def test_moves_are_predicted_from_the_flow_through_the_throttle(previewed: See) -> None:
     """At 30 bar the rod moves about 95 mm in 1.05 s; back at the same flow it takes 3/4 of the time."""
     seen = previewed("""
         steps:
@@ -135,7 +135,7 @@ def test_moves_from_the_flow_through_the_throttle(previewed: See) -> None:
     assert travel.state == "clear"
 
 
-def test_a_bench_without_dimensions_counts_with_timeouts(previewed: See, rig: Rig) -> None:
+def test_without_dimensions_the_preview_uses_the_timeouts_as_durations(previewed: See, rig: Rig) -> None:
     text = (ROOT / "rigs" / "hl32-bench.yaml").read_text(encoding="utf-8")
     bare = parse_rig(text.replace("  bore: 50 mm\n", "").replace("  tank_fill: 80 l", "  # tank_fill"))
     seen = previewed(
@@ -149,7 +149,7 @@ def test_a_bench_without_dimensions_counts_with_timeouts(previewed: See, rig: Ri
     assert (seen.seconds, seen.basis) == (3607.0, Basis.AT_MOST)
 
 
-def test_limits_touched_and_approached(previewed: See) -> None:
+def test_limits_are_classified_as_touched_approached_clear_or_unknown(previewed: See) -> None:
     seen = previewed("steps:\n  - heat: {to: 84 degC, within: 2 K}\n  - set_pressure: 55 bar")
     states = {use.name: use.state for use in seen.limits}
     assert states["oil_hot"] == "touched"
@@ -177,7 +177,7 @@ def test_probable_failures_are_predicted(previewed: See, text: str, piece: str) 
     assert where.line is not None
 
 
-def test_a_heater_that_is_too_weak(previewed: See) -> None:
+def test_a_heater_too_weak_for_the_set_point_is_warned_of(previewed: See) -> None:
     text = (ROOT / "rigs" / "hl32-bench.yaml").read_text(encoding="utf-8")
     weak = parse_rig(text.replace("power: 2000 W", "power: 20 W"))
     ((_, message),) = previewed("steps:\n  - heat: 80 degC\n", on=weak).warnings
@@ -214,10 +214,8 @@ steps:
         ("hl32-bench-uno", ""),
     ],
 )
-def test_a_loop_that_only_a_board_runs_is_a_warning_where_there_is_none(
-    previewed: See, name: str, said: str
-) -> None:
-    """It was refused at arming only, after everybody had come to the bench."""
+def test_a_loop_for_a_board_is_warned_of_on_a_bench_without_one(previewed: See, name: str, said: str) -> None:
+    """It used to be refused only at arming, with everyone already at the bench."""
     path = ROOT / "rigs" / f"{name}.yaml"
     driven = path.read_text(encoding="utf-8").replace("    by: operator\n", "")
     driven = driven.replace("    prompt: Turn the relief valve until the supply pressure reads\n", "")

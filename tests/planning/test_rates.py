@@ -1,4 +1,4 @@
-"""A record faster than its bench can be read is refused wherever it is in a procedure."""
+"""A record faster than the bench can be sampled is refused anywhere in a procedure."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from rigctl.rig import load_rig
 
 @pytest.mark.parametrize("block", ["on_failure", "on_abort", "finally"])
 @pytest.mark.parametrize("nested", [False, True])
-def test_a_record_in_a_cleanup_block_counts(block: str, *, nested: bool) -> None:
-    """It was refused only when the cleanup had begun, or recorded at another rate."""
+def test_a_record_that_is_too_fast_in_a_cleanup_block_is_refused(block: str, *, nested: bool) -> None:
+    """It used to be refused only when the cleanup had begun, or recorded at another rate."""
     rig = load_rig(shipped("rigs", "tclab-board.yaml"))
     record = "- record: {name: fast, rate: 50 Hz}"
     if nested:
