@@ -48,7 +48,7 @@ def check(text: str) -> None:
 
 @settings(max_examples=150)
 @given(st.sampled_from(TEXTS), st.integers(0, 2**32), st.integers(1, 4))
-def test_random_fragments_anywhere(text: str, seed: int, count: int) -> None:
+def test_fragments_inserted_anywhere_give_a_plan_or_one_error(text: str, seed: int, count: int) -> None:
     chance = random.Random(seed)
     for _ in range(count):
         start = chance.randrange(len(text) + 1)
@@ -59,7 +59,7 @@ def test_random_fragments_anywhere(text: str, seed: int, count: int) -> None:
 
 @settings(max_examples=60)
 @given(st.sampled_from(TEXTS), st.integers(0, 2**32))
-def test_lines_lost_doubled_or_moved(text: str, seed: int) -> None:
+def test_lost_duplicated_or_moved_lines_give_a_plan_or_one_error(text: str, seed: int) -> None:
     chance = random.Random(seed)
     lines = text.splitlines(keepends=True)
     for _ in range(chance.randrange(1, 4)):
@@ -81,7 +81,7 @@ def test_lines_lost_doubled_or_moved(text: str, seed: int) -> None:
 @example("procedure: x\nsteps: &a\n  - do: *a\n")
 @example("procedure: x\nsteps: [" + "{do: [" * 200)
 @example("procedure: [x]\nsteps: {a: b}\n")
-def test_any_text(text: str) -> None:
+def test_any_text_gives_a_plan_or_one_error(text: str) -> None:
     check(text)
 
 
@@ -103,7 +103,7 @@ VERBS = st.sampled_from(
 
 @settings(max_examples=150)
 @given(VERBS, VALUES, VALUES)
-def test_any_value_of_any_step(verb: str, value: object, inside: object) -> None:
+def test_any_value_in_any_step_gives_a_plan_or_one_error(verb: str, value: object, inside: object) -> None:
     import json
 
     step = {verb: value, **({"do": inside} if verb != "do" else {})}

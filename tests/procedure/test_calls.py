@@ -37,7 +37,7 @@ CALLED = """
     """
 
 
-def test_a_call_sees_its_arguments_and_defaults(tmp_path: Path, rig: Rig) -> None:
+def test_a_called_procedure_sees_its_arguments_and_defaults(tmp_path: Path, rig: Rig) -> None:
     write(tmp_path, "inner.yaml", CALLED)
     outer = write(tmp_path, "outer.yaml", """
         procedure: outer
@@ -56,7 +56,7 @@ def test_a_call_sees_its_arguments_and_defaults(tmp_path: Path, rig: Rig) -> Non
     assert [set(record.sweep) for record in records] == [{"oil"}, {"oil"}]
 
 
-def test_a_called_procedure_does_not_see_the_variables_around(tmp_path: Path, rig: Rig) -> None:
+def test_a_called_procedure_does_not_see_the_variables_of_its_caller(tmp_path: Path, rig: Rig) -> None:
     write(tmp_path, "inner.yaml", "procedure: inner\nsteps: [{wait: $pause}]\n")
     outer = write(tmp_path, "outer.yaml", """
         procedure: outer
@@ -80,7 +80,7 @@ def test_recursion_is_refused_with_the_chain(tmp_path: Path, rig: Rig) -> None:
     assert str(caught.value).startswith(f"{tmp_path / 'c.yaml'}:2:16: call: a procedure calls itself")
 
 
-def test_a_missing_file_names_where_it_was_looked_for(tmp_path: Path, rig: Rig) -> None:
+def test_a_missing_file_is_reported_with_the_folders_searched(tmp_path: Path, rig: Rig) -> None:
     outer = write(tmp_path, "outer.yaml", "procedure: o\nsteps: [{call: inner.yaml}]\n")
     with pytest.raises(RigctlError, match=r"outer\.yaml:2:16: call: there is no such file") as caught:
         plan_of(outer, rig)
@@ -98,7 +98,7 @@ def test_a_missing_file_names_where_it_was_looked_for(tmp_path: Path, rig: Rig) 
         ("{to: [30 degC, 40 degC]}", ["argument to: is a list", "a single quantity"]),
     ],
 )
-def test_arguments_are_checked(tmp_path: Path, rig: Rig, given: str, pieces: list[str]) -> None:
+def test_arguments_of_a_call_are_checked(tmp_path: Path, rig: Rig, given: str, pieces: list[str]) -> None:
     write(tmp_path, "inner.yaml", CALLED)
     outer = write(
         tmp_path,
@@ -124,7 +124,7 @@ LISTED = """
     """
 
 
-def test_arguments_as_typed(tmp_path: Path, rig: Rig) -> None:
+def test_arguments_on_the_command_line_may_be_lists(tmp_path: Path, rig: Rig) -> None:
     path = write(tmp_path, "listed.yaml", LISTED)
     plan = plan_of(path, rig, points="40 degC, 50 degC,60 degC", times="1")
     assert [n.label for n in plan.root.children[0].children] == [  # type: ignore[union-attr]
@@ -145,14 +145,16 @@ def test_arguments_as_typed(tmp_path: Path, rig: Rig) -> None:
         ({"tims": "1"}, "unknown argument of 'listed', got 'tims'; did you mean 'times'?"),
     ],
 )
-def test_typed_arguments_are_checked(tmp_path: Path, rig: Rig, given: dict[str, str], piece: str) -> None:
+def test_arguments_on_the_command_line_are_checked(
+    tmp_path: Path, rig: Rig, given: dict[str, str], piece: str
+) -> None:
     path = write(tmp_path, "listed.yaml", LISTED)
     with pytest.raises(RigctlError) as caught:
         plan_of(path, rig, **given)
     assert piece in str(caught.value)
 
 
-def test_a_list_is_passed_on(tmp_path: Path, rig: Rig) -> None:
+def test_a_list_can_be_passed_to_a_called_procedure(tmp_path: Path, rig: Rig) -> None:
     write(tmp_path, "listed.yaml", LISTED)
     outer = write(tmp_path, "outer.yaml", """
         procedure: outer
@@ -176,7 +178,7 @@ def test_a_list_is_passed_on(tmp_path: Path, rig: Rig) -> None:
         ("{unit: sek}", "unknown unit"),
     ],
 )
-def test_declarations_are_checked(tmp_path: Path, declared: str, piece: str) -> None:
+def test_declarations_of_arguments_are_checked(tmp_path: Path, declared: str, piece: str) -> None:
     path = write(tmp_path, "p.yaml", f"procedure: p\narguments: {{a: {declared}}}\nsteps: [wait: 1 s]\n")
     with pytest.raises(RigctlError) as caught:
         load_procedure(path)
@@ -184,7 +186,7 @@ def test_declarations_are_checked(tmp_path: Path, declared: str, piece: str) -> 
     assert piece in str(caught.value)
 
 
-def test_a_procedure_without_a_rig_says_so(tmp_path: Path) -> None:
+def test_a_procedure_without_a_rig_is_reported(tmp_path: Path) -> None:
     path = write(tmp_path, "p.yaml", "procedure: p\nsteps: [wait: 1 s]\n")
     with pytest.raises(RigctlError, match="names no rig"):
         _ = load_procedure(path).rig_path

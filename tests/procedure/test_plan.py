@@ -37,7 +37,7 @@ def test_paths_are_unique_and_follow_the_file(steps: Callable[..., Plan]) -> Non
     assert "2/repeat/1/wait" in paths
 
 
-def test_nodes_know_their_line(planned: Callable[..., Plan]) -> None:
+def test_nodes_have_the_line_of_their_step(planned: Callable[..., Plan]) -> None:
     plan = planned("""
         steps:
           - wait: 1 s
@@ -49,7 +49,7 @@ def test_nodes_know_their_line(planned: Callable[..., Plan]) -> None:
     assert (lines["1/wait"], lines["2/record"], lines["2/record/1/wait"]) == (4, 5, 7)
 
 
-def test_a_round_of_a_loop_has_a_path_of_its_own(steps: Callable[..., Plan]) -> None:
+def test_each_round_of_a_loop_has_its_own_path(steps: Callable[..., Plan]) -> None:
     plan = steps("- repeat: 3\n  do:\n    - record: {name: r}\n      do: [wait: 1 s]")
     (loop,) = plan.root.children
     assert isinstance(loop, Loop)
@@ -123,7 +123,7 @@ def test_equal_digests_mean_equal_plans(planned: Callable[..., Plan], old: str, 
     assert (planned(dedent(CAMPAIGN)).digest == planned(changed).digest) is same
 
 
-def test_cleanup_counts_in_the_digest(planned: Callable[..., Plan]) -> None:
+def test_cleanup_blocks_change_the_digest(planned: Callable[..., Plan]) -> None:
     plain = planned("steps: [wait: 1 s]")
     cleaned = planned("steps: [wait: 1 s]\nfinally: [wait: 1 s]")
     assert plain.digest != cleaned.digest

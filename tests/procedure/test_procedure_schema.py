@@ -24,7 +24,7 @@ def validator() -> Draft202012Validator:
 
 
 @pytest.mark.parametrize("path", PROCEDURES, ids=lambda path: path.stem)
-def test_shipped_procedures_fit(validator: Draft202012Validator, path: Path) -> None:
+def test_shipped_procedures_are_valid_under_the_schema(validator: Draft202012Validator, path: Path) -> None:
     assert [error.message for error in validator.iter_errors(read_document(path).data)] == []
 
 
@@ -41,7 +41,7 @@ def test_shipped_procedures_fit(validator: Draft202012Validator, path: Path) -> 
         "{}",
     ],
 )
-def test_mistakes_do_not_fit(validator: Draft202012Validator, steps: str) -> None:
+def test_mistakes_are_invalid_under_the_schema(validator: Draft202012Validator, steps: str) -> None:
     data: Any = parse_document(f"procedure: x\nsteps: {steps}\n").data
     assert not validator.is_valid(data)
 

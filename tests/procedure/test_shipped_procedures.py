@@ -37,19 +37,19 @@ def conditions(plan: Plan) -> list[tuple[float, float]]:
 
 
 @pytest.mark.parametrize("path", PROCEDURES, ids=lambda path: path.stem)
-def test_each_expands_on_the_shipped_rig(path: Path) -> None:
+def test_each_procedure_expands_on_its_rig_and_has_records(path: Path) -> None:
     assert records(plan_of(path.stem))
 
 
 @pytest.mark.parametrize("path", OF_HL32, ids=lambda path: path.stem)
-def test_each_expands_on_the_instrumented_rig(path: Path) -> None:
+def test_each_procedure_expands_on_the_instrumented_rig(path: Path) -> None:
     rig = load_rig(ROOT / "rigs" / "hl32-bench-instrumented.yaml")
     assert "pressure_a" in records(expand(load_procedure(path), rig))[0].channels or path.stem.startswith(
         ("calibrate", "viscometer")
     )
 
 
-def test_the_campaign_is_the_published_one() -> None:
+def test_the_campaign_has_the_published_conditions_and_times() -> None:
     plan = plan_of("campaign")
     assert conditions(plan) == [(t, p) for t in range(20, 90, 10) for p in (20, 30, 40, 50)]
     for record in records(plan):
@@ -108,7 +108,7 @@ def test_the_viscometer_finds_the_viscosity_from_the_time() -> None:
 
 
 @pytest.mark.parametrize("name", ["calibrate-pressure", "calibrate-thermocouple"])
-def test_calibrations_compare_with_a_reference(name: str) -> None:
+def test_calibration_procedures_limit_the_deviation_from_a_reference(name: str) -> None:
     for record in records(plan_of(name)):
         measures = {
             n.action.name: n.action
