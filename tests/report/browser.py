@@ -1,4 +1,4 @@
-"""Chromium without a window, driven over a pair of pipes by its DevTools protocol."""
+"""Headless Chromium, driven over a pair of pipes by its DevTools protocol."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class Browser:
         try:
             os.write(self._out, json.dumps({"id": 0, "method": "Browser.close"}).encode() + b"\0")
             self._process.wait(10)
-        except (OSError, subprocess.TimeoutExpired):  # it has ended already, or does not
+        except (OSError, subprocess.TimeoutExpired):  # it has already ended, or does not end
             self._process.kill()
             self._process.wait()
         finally:

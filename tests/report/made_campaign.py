@@ -1,4 +1,4 @@
-"""Synthetic runs of the published bench: similar to real ones, and made quickly."""
+"""Synthetic runs of the published bench: similar to real ones, and quick to make."""
 
 from __future__ import annotations
 

@@ -13,7 +13,9 @@ VALUES = st.lists(st.floats(-1e6, 1e6) | st.just(float("nan")), max_size=400).ma
 
 
 @given(VALUES, st.integers(4, 100))
-def test_extremes_and_ends_stay_and_the_number_is_bounded(values: np.ndarray, points: int) -> None:
+def test_decimation_keeps_extremes_and_ends_and_bounds_the_number_of_points(
+    values: np.ndarray, points: int
+) -> None:
     values = values.astype(float)
     kept = thin(values, points)
     assert np.all(np.diff(kept) > 0)
@@ -39,7 +41,7 @@ def test_a_spike_of_one_sample_in_a_million_is_seen() -> None:
     assert len(kept) < 1100
 
 
-def test_a_gap_stays_a_gap() -> None:
+def test_a_gap_remains_a_gap() -> None:
     values = np.sin(np.linspace(0.0, 20.0, 10_000))
     values[5_000:5_003] = np.nan
     assert np.isnan(values[thin(values, 200)]).any()
@@ -57,5 +59,5 @@ def test_a_step_line_is_drawn_exactly(values: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
-def test_hardly_any_samples(count: int) -> None:
+def test_up_to_two_samples_are_all_kept(count: int) -> None:
     assert len(thin(np.zeros(count), 4)) == count

@@ -1,4 +1,4 @@
-"""Error maps: what is marked in them is more than the noise makes."""
+"""Error maps: only deviations larger than the noise explains are marked."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_autocorrelated_noise_is_not_marked() -> None:
         assert marked(made_fit(made_noise(0.9), seed)) == [0, 0, 0, 0]
 
 
-def test_what_is_missing_is_marked_on_its_channel() -> None:
+def test_a_missing_effect_is_marked_on_its_channel_only() -> None:
     assert marked(made_fit(made_noise(0.9), 1, lambda place, times: 0.1 * (times % 7.0))) == [
         RECORDS,
         RECORDS,

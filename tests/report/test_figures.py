@@ -54,7 +54,7 @@ def test_svg_keeps_its_text(tmp_path: Path) -> None:
     assert {"a $dollar$ and <b>", "y [$]", "x [s]", "off"} <= texts
 
 
-def test_a_report_s_figures_are_all_its_plots(make_run: RunMaker, tmp_path: Path) -> None:
+def test_every_plot_of_a_report_is_written_as_a_figure(make_run: RunMaker, tmp_path: Path) -> None:
     run = make_run(temperatures=(20.0, 30.0), pressures=(30.0,), idle_rows=5, measure=False)
     written = write_report([run], tmp_path / "page.html", figures=tmp_path / "figures", form="svg")
     names = [path.name for path in written.figures]

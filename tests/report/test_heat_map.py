@@ -1,4 +1,4 @@
-"""Numbers in colours: a table that escapes, and a picture."""
+"""Heat maps: an HTML table with escaped text, and an image."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def test_a_map_is_a_table_whose_texts_are_escaped() -> None:
     assert "−4.0 *" in html
 
 
-def test_a_map_is_drawn_the_same_twice(tmp_path: Path) -> None:
+def test_equal_maps_give_identical_images(tmp_path: Path) -> None:
     first = write_heat_map(MAP, tmp_path, "png").read_bytes()
     assert first.startswith(b"\x89PNG")
     assert write_heat_map(MAP, tmp_path, "png").read_bytes() == first
 
 
-def test_a_bar_never_leaves_its_track_and_its_label_is_text() -> None:
+def test_a_bar_is_limited_to_its_track_and_its_label_is_escaped() -> None:
     html = str(bars("t", [Bar("<i>", 1.7, "170 %"), Bar("b", -1.0, "")]))
     assert "&lt;i&gt;" in html
     assert "width: 100.0%" in html

@@ -43,7 +43,7 @@ def campaign_page(published: Run, tmp_path_factory: pytest.TempPathFactory) -> P
 
 @pytest.fixture
 def quiet(browser: Browser) -> Iterator[Browser]:
-    """The browser, which must have nothing to complain of, and have asked for nothing but the page."""
+    """The browser; the page must cause no console message and request nothing but itself."""
     yield browser
     assert browser.complaints == []
     assert [url for url in browser.requests if not url.startswith(("file:", "blob:", "data:"))] == []
@@ -79,7 +79,7 @@ def test_plots_below_the_window_wait_until_they_are_reached(quiet: Browser, camp
     show_records(quiet)
 
 
-def test_a_record_is_chosen_by_list_row_key_and_link(quiet: Browser, campaign_page: Path) -> None:
+def test_a_record_can_be_chosen_by_list_row_key_and_link(quiet: Browser, campaign_page: Path) -> None:
     quiet.open(campaign_page)
     show_records(quiet)
     title = "document.getElementById('record-title').textContent"
@@ -96,7 +96,7 @@ def test_a_record_is_chosen_by_list_row_key_and_link(quiet: Browser, campaign_pa
     quiet.evaluate("location.hash = '#records/r0-27'")
     assert quiet.wait(f"{title}.startsWith('27 · stroke')")
     assert quiet.evaluate("document.querySelector('tr.chosen').dataset.choose") == "r0-27"
-    quiet.evaluate("document.getElementById('record-next').click()")  # there is none after the last
+    quiet.evaluate("document.getElementById('record-next').click()")  # there is no record after the last
     assert quiet.evaluate(title).startswith("27 · stroke")
 
 
@@ -109,7 +109,7 @@ def test_a_second_record_is_laid_over_the_first(quiet: Browser, campaign_page: P
     assert "dashed: 16 · stroke" in quiet.evaluate("document.getElementById('record-title').textContent")
 
 
-def test_records_of_benches_with_other_channels_meet_on_the_axes_they_share(
+def test_records_of_different_benches_share_the_axes_of_common_channels(
     quiet: Browser, make_run: RunMaker, tmp_path: Path
 ) -> None:
     first = read_run(make_run(temperatures=(20.0,), pressures=(30.0,), idle_rows=2))
@@ -128,7 +128,7 @@ def test_records_of_benches_with_other_channels_meet_on_the_axes_they_share(
         assert axes[f"{name} (compared)"] == axes[name]
 
 
-def test_scales_are_shared_until_the_reader_says_otherwise(quiet: Browser, campaign_page: Path) -> None:
+def test_records_share_their_scales_until_the_reader_changes_it(quiet: Browser, campaign_page: Path) -> None:
     quiet.open(campaign_page)
     show_records(quiet)
     top = "document.getElementById('record-plot')._fullLayout.yaxis.range[1]"
@@ -137,7 +137,7 @@ def test_scales_are_shared_until_the_reader_says_otherwise(quiet: Browser, campa
     assert quiet.wait(f"{top} < 90")
 
 
-def test_it_follows_the_reader_s_dark_mode(quiet: Browser, campaign_page: Path) -> None:
+def test_the_page_follows_the_reader_s_dark_mode(quiet: Browser, campaign_page: Path) -> None:
     colour = "document.getElementById('response-0')._fullLayout.font.color"
     seen = []
     for dark in (False, True):
@@ -155,7 +155,7 @@ def test_every_plot_is_printed(quiet: Browser, campaign_page: Path, tmp_path: Pa
     assert (tmp_path / "page.pdf").stat().st_size > 100_000
 
 
-def test_a_link_opens_what_is_folded(quiet: Browser, campaign_page: Path) -> None:
+def test_a_link_opens_its_folded_section(quiet: Browser, campaign_page: Path) -> None:
     quiet.open(campaign_page)
     opened = "document.querySelector('#overview > details').open"
     assert not quiet.evaluate(opened)
@@ -234,7 +234,7 @@ def test_hostile_texts_are_shown_and_do_nothing(quiet: Browser, make_run: RunMak
 
 
 def test_unescaped_markup_could_not_run(browser: Browser, campaign_page: Path, tmp_path: Path) -> None:
-    """The policy is the second wall: a page that someone forgot to escape in."""
+    """The content security policy protects even a page in which escaping was forgotten."""
     broken = tmp_path / "broken.html"
     text = campaign_page.read_text(encoding="utf-8")
     broken.write_text(text.replace("<main>", f"<main>{HOSTILE}"), encoding="utf-8", newline="\n")

@@ -20,7 +20,7 @@ from rigctl.report import numbers
         ("m^3/s", "m³/s"),
     ],
 )
-def test_units_are_printed_as_in_a_book(unit: str, printed: str) -> None:
+def test_units_are_printed_with_typographic_symbols(unit: str, printed: str) -> None:
     assert numbers.symbol(unit) == printed
 
 
@@ -37,7 +37,7 @@ def test_units_are_printed_as_in_a_book(unit: str, printed: str) -> None:
         (123456.0, "1.235·10⁵"),
     ],
 )
-def test_a_number(value: float | None, printed: str) -> None:
+def test_numbers_are_printed_with_few_digits_and_powers_of_ten(value: float | None, printed: str) -> None:
     assert numbers.number(value) == printed
 
 
@@ -51,7 +51,7 @@ def test_an_amount_does_not_break_before_its_unit() -> None:
     ("seconds", "printed"),
     [(0.25, "0.25 s"), (59.0, "59 s"), (61.4, "1 min 01 s"), (3599.9, "1 h 00 min"), (11520.0, "3 h 12 min")],
 )
-def test_durations(seconds: float, printed: str) -> None:
+def test_durations_are_printed_in_suitable_units(seconds: float, printed: str) -> None:
     assert numbers.duration(seconds).replace("\N{NO-BREAK SPACE}", " ") == printed
 
 
@@ -63,7 +63,7 @@ def test_columns_are_aligned() -> None:
     assert numbers.decimals([]) == 0
 
 
-def test_a_mean_error_far_below_the_rmse_has_no_sign() -> None:
+def test_a_mean_error_far_below_the_rmse_is_printed_as_zero() -> None:
     assert f"{numbers.resolved(-2.3e-5, 0.14):+.2g}" == f"{numbers.resolved(2.3e-5, 0.14):+.2g}" == "+0"
     assert numbers.resolved(-0.0471, 0.14) == pytest.approx(-0.0476)
     assert numbers.resolved(2.3e-5, 0.0) == 2.3e-5

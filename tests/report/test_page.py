@@ -84,8 +84,8 @@ def test_the_page_fetches_nothing(published_data: RunData) -> None:
     assert "unsafe-eval" not in stated.group(1)
 
 
-def test_the_policy_allows_these_scripts_alone() -> None:
-    # the digest of the empty script, as browsers compute it
+def test_the_content_security_policy_has_the_digest_of_each_script() -> None:
+    # the digest of an empty script, as browsers compute it
     assert "script-src 'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='" in policy([""])
 
 
@@ -185,7 +185,7 @@ def test_a_run_without_a_sample_has_a_page(
         ("", ""),
     ],
 )
-def test_a_reason_is_read_before_its_place(reason: str, said: str) -> None:
+def test_the_reason_of_a_failure_is_printed_before_its_place(reason: str, said: str) -> None:
     assert readable(reason) == said
 
 
@@ -324,6 +324,6 @@ def test_an_old_page_is_replaced_without_leftovers(make_run: RunMaker, tmp_path:
     assert [entry.name for entry in target.parent.iterdir()] == ["page.html"]
 
 
-def test_no_run_is_an_error(tmp_path: Path) -> None:
+def test_a_report_without_runs_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(RigctlError, match="at least one run"):
         write_report([], tmp_path / "page.html")

@@ -1,4 +1,4 @@
-"""Results over what was swept."""
+"""Results as functions of the swept variables."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_excluded_and_incomplete_records_are_left_out(make_run: RunMaker) -> Non
     assert responses([failed]) == []  # one operating point is no sweep
 
 
-def test_runs_are_distinguished(make_run: RunMaker) -> None:
+def test_several_runs_are_distinguished_in_the_labels(make_run: RunMaker) -> None:
     first = make_run(temperatures=(20.0, 40.0), pressures=(30.0,), idle_rows=2)
     second = make_run(temperatures=(20.0, 40.0), pressures=(30.0,), idle_rows=2, seed=2)
     labels = [one.label for one in responses([read_run(first), read_run(second)])[0].series]
@@ -73,5 +73,5 @@ def test_another_unit_of_the_same_sweep_is_converted(make_run: RunMaker) -> None
     assert responses([kelvin])[0].xs == pytest.approx((20.0, 40.0))
 
 
-def test_nothing_swept_is_no_response(make_run: RunMaker, tmp_path: Path) -> None:
+def test_runs_without_a_sweep_have_no_response(make_run: RunMaker, tmp_path: Path) -> None:
     assert responses([read_run(make_run(temperatures=(20.0,), pressures=(30.0,), idle_rows=2))]) == []

@@ -30,7 +30,7 @@ def test_every_published_stroke_is_found(published_data: RunData) -> None:
         assert stroke(published_data, record, motion) == pytest.approx(expected, abs=0.1)
 
 
-def test_without_a_rig_file_the_only_position_and_valve_are_taken(published_data: RunData) -> None:
+def test_without_a_rig_file_the_only_position_and_valve_are_used(published_data: RunData) -> None:
     motion = find_motion(replace(published_data, rig=None))
     assert motion is not None
     assert (motion.position.name, motion.command.name) == ("position", "valve")
@@ -53,13 +53,13 @@ def test_an_immediate_retract_ends_the_stroke() -> None:
 
 
 @pytest.mark.parametrize("valve", [0.0, 1.0, -1.0])
-def test_no_whole_extension_is_no_stroke(valve: float) -> None:
+def test_without_a_complete_extension_there_is_no_stroke(valve: float) -> None:
     time = np.arange(0.0, 1.0, 0.01)
     run, record, motion = excitation(time, np.full_like(time, valve), np.zeros_like(time))
     assert stroke(run, record, motion) is None
 
 
-def test_a_lost_position_is_no_stroke() -> None:
+def test_without_position_readings_there_is_no_stroke() -> None:
     time = np.arange(0.0, 3.0, 0.01)
     valve = np.where((time >= 1.0) & (time < 2.0), 1.0, 0.0)
     run, record, motion = excitation(time, valve, np.full_like(time, np.nan))

@@ -32,10 +32,10 @@ def before_and_after(correlation: float = 0.0) -> tuple[FitResult, FitResult]:
     return before, replace(before, outputs=after)
 
 
-def test_a_reduction_below_the_noise_is_shown() -> None:
+def test_a_reduction_of_the_error_below_the_noise_is_shown() -> None:
     before, after = before_and_after()
     rmse = [fit.errors["position"].rmse for fit in (before, after)]
-    assert 1.0 < rmse[0] / rmse[1] < 1.1  # which looks like nothing
+    assert 1.0 < rmse[0] / rmse[1] < 1.1  # which looks insignificant
     position, pressure = falls([before, after], {})
     readings = RECORDS * before.outputs[0].shape[0]
     assert position.sizes == (pytest.approx(OFF / 0.1 * readings**0.5, rel=0.15), 0.0)
@@ -53,7 +53,7 @@ def test_slow_noise_is_not_a_systematic_error() -> None:
         assert not any(one.changed for one in falls([fit, hair], {}))
 
 
-def test_the_reported_remainder_is_in_both_curves() -> None:
+def test_a_given_remainder_is_included_in_the_errors_before_and_after() -> None:
     before, after = before_and_after()
     position = next(one for one in falls([before, after], {"position": 20.0}) if one.channel == "position")
     assert position.sizes[1] == 20.0
@@ -61,7 +61,7 @@ def test_the_reported_remainder_is_in_both_curves() -> None:
     assert position.amounts[1] > 0.0
 
 
-def test_a_residual_below_the_noise_is_drawn_as_means_in_which_it_is_seen() -> None:
+def test_a_residual_below_the_noise_is_drawn_as_means_that_make_it_visible() -> None:
     before, after = before_and_after()
     plot = fall_plot([("before", before), ("after", after)], 0, "o", "a record", ["position"])
     assert "as means of 3 readings" in plot.caption
@@ -76,7 +76,7 @@ def test_a_residual_below_the_noise_is_drawn_as_means_in_which_it_is_seen() -> N
     assert np.array_equal(alone.panels[1].traces[0].y, coarse.normalised_error(0)[:, 0])
 
 
-def test_a_running_mean_stays_in_its_phase_and_leaves_out_what_is_missing() -> None:
+def test_a_running_mean_stays_within_its_phase_and_skips_missing_values() -> None:
     values = np.array([1.0, np.nan, 4.0, 10.0, 20.0])
     found = running_mean(values, np.array([0, 0, 0, 1, 1]), 3)
     assert found.tolist() == [1.0, 2.5, 4.0, 15.0, 15.0]

@@ -15,13 +15,13 @@ def eighths(bar: str) -> int:
 
 
 @given(st.floats(1e-9, 1e9), st.floats(1e-3, 1.0))
-def test_a_bar_is_as_long_as_its_share(largest: float, share: float) -> None:
+def test_the_length_of_a_bar_is_proportional_to_its_value(largest: float, share: float) -> None:
     bar = draw_bar(share * largest, largest, width=40)
     assert abs(eighths(bar) - max(320 * share, 1)) <= 1
     assert len(bar) <= 40
 
 
-def test_what_has_no_length_is_not_drawn() -> None:
+def test_a_bar_of_zero_or_undefined_length_is_empty() -> None:
     assert draw_bar(0.0, 1.0) == draw_bar(math.nan, 1.0) == draw_bar(1.0, 0.0) == ""
     assert draw_bar(2.0, 1.0, width=3) == "███"
     assert draw_bar(1e-9, 1.0) == "▏"
