@@ -25,7 +25,9 @@ RELIEF = Actuator.model_validate({"kind": "level", "unit": "bar", "low": "10 bar
         (RELIEF, "1 MPa", 1e6, "10 bar"),
     ],
 )
-def test_values(actuator: Actuator, written: object, value: float, shown: str) -> None:
+def test_commands_are_read_into_si_and_shown_in_display_units(
+    actuator: Actuator, written: object, value: float, shown: str
+) -> None:
     assert actuator.read(written) == value
     assert actuator.show(value) == shown
 
@@ -48,7 +50,7 @@ def test_values(actuator: Actuator, written: object, value: float, shown: str) -
         (RELIEF, "on", "not a quantity, got 'on'; expected a number with its unit, e.g. '30 bar'"),
     ],
 )
-def test_refusals(actuator: Actuator, written: object, message: str) -> None:
+def test_invalid_commands_are_refused(actuator: Actuator, written: object, message: str) -> None:
     with pytest.raises(RigctlError) as caught:
         actuator.read(written)
     assert str(caught.value) == message

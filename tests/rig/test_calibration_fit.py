@@ -30,14 +30,14 @@ def fitted(points: list[Point], degree: int = 1, **more: float) -> CalibrationFi
     return fit_calibration(PRESSURE, points, degree, **more)
 
 
-def test_exact_points_give_the_line_back() -> None:
+def test_exact_points_give_the_line_and_the_uncertainty_of_the_converter() -> None:
     fit = fitted(points_on(LINE, [7000.0, 20000.0, 40000.0, 60000.0]))
     assert fit.coefficients == pytest.approx(LINE, rel=1e-9)
     assert fit.residual_std == pytest.approx(0.0, abs=1e-9)
     step = PRESSURE.raw.step * LINE[1]
     assert fit.uncertainty == pytest.approx(
         2.0 * step / math.sqrt(12.0), rel=1e-6
-    )  # nothing but the converter
+    )  # that of the converter alone
 
 
 @settings(max_examples=30)
@@ -47,7 +47,9 @@ def test_exact_points_give_the_line_back() -> None:
     st.floats(-1e-9, 1e-9),
     st.lists(st.integers(0, 65535), min_size=5, max_size=9, unique=True),
 )
-def test_a_parabola_is_found(offset: float, slope: float, bend: float, raws: list[int]) -> None:
+def test_a_quadratic_fit_reproduces_points_on_a_parabola(
+    offset: float, slope: float, bend: float, raws: list[int]
+) -> None:
     if max(raws) - min(raws) < 5000 or min(np.diff(sorted(raws))) < 200:
         return
     wanted = (offset, slope, bend)

@@ -32,13 +32,13 @@ FALLING = channel(raw={"bits": 10}, calibration={"coefficients": [300.0, -0.3, -
 CHANNELS = [TEN_BITS, THERMOCOUPLE, CURVED, FALLING]
 
 
-def test_ten_bits_over_300_mm() -> None:
+def test_a_10_bit_converter_over_300_mm_resolves_0_29_mm() -> None:
     assert TEN_BITS.resolution == pytest.approx(0.29e-3, rel=0.02)
     assert TEN_BITS.value_from_raw(0) == pytest.approx(-0.010)
     assert TEN_BITS.value_from_raw(1023) == pytest.approx(0.290)
 
 
-def test_a_thermocouple_in_quarters_of_a_degree() -> None:
+def test_a_thermocouple_resolves_quarters_of_a_degree() -> None:
     assert THERMOCOUPLE.value_from_raw(160) == pytest.approx(313.15)
     assert THERMOCOUPLE.resolution == pytest.approx(0.25)
 
@@ -65,7 +65,7 @@ def test_quantising_stays_in_range_and_on_the_grid(each: Channel, value: float) 
 
 
 @given(share=st.floats(0.0, 1.0))
-def test_quantising_is_half_a_step_off_at_most(share: float) -> None:
+def test_quantising_is_at_most_half_a_step_off(share: float) -> None:
     raw = share * 1023
     assert abs(TEN_BITS.converter.quantise(raw) - raw) <= 0.5 * TEN_BITS.converter.step + 1e-9
 
@@ -85,7 +85,7 @@ def test_a_channel_without_a_converter_is_neither_rounded_nor_clipped() -> None:
         speed.converter  # noqa: B018
 
 
-def test_what_is_possible() -> None:
+def test_only_finite_values_within_the_range_are_possible() -> None:
     ranged = channel(range=["-5 mm", "300 mm"])
     assert ranged.possible(0.3)
     assert not ranged.possible(0.301)
@@ -95,7 +95,7 @@ def test_what_is_possible() -> None:
 
 
 @given(st.lists(st.floats(-10, 10), min_size=1, max_size=5), st.floats(-10, 10))
-def test_horner_is_the_sum_of_powers(coefficients: list[float], x: float) -> None:
+def test_horners_scheme_equals_the_sum_of_powers(coefficients: list[float], x: float) -> None:
     expected = sum(c * x**k for k, c in enumerate(coefficients))
     assert polynomial(coefficients, x) == pytest.approx(expected, rel=1e-9, abs=1e-6)
 
@@ -143,7 +143,7 @@ def test_a_non_monotonic_curve_cannot_be_inverted() -> None:
         ("raw: {bist: 1}", "unknown field, got 'bist'; did you mean 'bits'?"),
     ],
 )
-def test_mistakes(field: str, message: str) -> None:
+def test_mistakes_in_a_channel_are_reported_with_their_line(field: str, message: str) -> None:
     with pytest.raises(RigctlError) as caught:
         parse_rig(f"name: x\nchannels:\n  a: {{unit: mm, quantity: position, {field}}}\n")
     assert message in str(caught.value)

@@ -26,7 +26,7 @@ def test_columns_and_units_are_in_the_order_of_the_file(small: str) -> None:
     assert len(layout.units) == len(layout.columns)
 
 
-def test_conditions_are_checked_against_it(small: str) -> None:
+def test_conditions_are_checked_and_compiled_for_the_columns(small: str) -> None:
     layout = parse_rig(small).layout
     condition = parse("position < 1 mm and temperature > 40 degC and valve == 1 and relief < 30 bar")
     assert condition.check(layout.types(), expected=BOOLEAN) == BOOLEAN
@@ -34,7 +34,7 @@ def test_conditions_are_checked_against_it(small: str) -> None:
     assert compiled((320.0, 0.0, 0.0, 0.0, 1.0, 2e6)) is True
 
 
-def test_a_temperature_difference_is_one(small: str) -> None:
+def test_a_channel_of_temperature_differences_has_that_type(small: str) -> None:
     text = small.replace("temperature: {unit: degC,", "temperature: {unit: degC, difference: true,")
     text = text.replace("above: 90 degC", "above: 90 K")
     layout = parse_rig(text).layout
@@ -42,6 +42,6 @@ def test_a_temperature_difference_is_one(small: str) -> None:
     assert layout.types()["position"] == type_of_unit("mm")
 
 
-def test_an_unknown_column(small: str) -> None:
+def test_an_unknown_column_is_an_error(small: str) -> None:
     with pytest.raises(ValueError, match="not in tuple"):
         parse_rig(small).layout.unit("nothing")

@@ -1,4 +1,4 @@
-"""Texts with places: what is sent, and what is read out of an answer."""
+"""Text templates with fields: commands sent, and values read from answers."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_matching_time_is_linear_in_the_line() -> None:
         ("", None),
     ],
 )
-def test_numbers_as_devices_write_them(text: str, value: float | None) -> None:
+def test_numbers_in_the_formats_of_devices_are_read(text: str, value: float | None) -> None:
     assert read_number(text) == value
 
 
@@ -80,7 +80,7 @@ def test_a_device_may_report_a_missing_number() -> None:
 
 
 @pytest.mark.parametrize(("text", "worth"), [("35", 1.0), ("35.0", 0.1), ("-1.250", 1e-3), ("1.5e2", 10.0)])
-def test_the_resolution_of_the_last_digit(text: str, worth: float) -> None:
+def test_the_resolution_is_that_of_the_last_digit(text: str, worth: float) -> None:
     assert resolution(text) == pytest.approx(worth)
 
 
@@ -95,12 +95,12 @@ def test_the_resolution_of_the_last_digit(text: str, worth: float) -> None:
         ("X", 1.0, "X"),
     ],
 )
-def test_what_is_sent(template: str, value: float | str, sent: str) -> None:
+def test_a_value_is_written_into_the_command_template(template: str, value: float | str, sent: str) -> None:
     assert send_template(template).fill(value) == sent
 
 
 @pytest.mark.parametrize("text", ["{a}{b}", "{a},{a}", "{a", "a}", "{1}", "{a b}", "{}", "{a.__class__}"])
-def test_no_pattern(text: str) -> None:
+def test_an_invalid_reply_pattern_is_refused(text: str) -> None:
     with pytest.raises(RigctlError):
         reply_pattern(text)
 
@@ -109,6 +109,6 @@ def test_no_pattern(text: str) -> None:
     "text",
     ["", " ", "a\nb", "{v}", "{value} {value}", "{value:>10}", "{value!r}", "{value:.2f}{", "{value.real}"],
 )
-def test_no_command(text: str) -> None:
+def test_an_invalid_command_template_is_refused(text: str) -> None:
     with pytest.raises(RigctlError):
         send_template(text)

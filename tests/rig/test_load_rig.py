@@ -14,7 +14,7 @@ from rigctl.files.schema import json_schema
 from rigctl.rig import Rig, load_rig, parse_rig
 
 
-def test_everything_is_si(small: str) -> None:
+def test_the_values_of_a_rig_are_in_si_units(small: str) -> None:
     rig = parse_rig(small)
     assert rig.channels["temperature"].noise == pytest.approx(0.1)
     assert rig.channels["pressure"].range == (-1e5, 1e7)
@@ -36,14 +36,14 @@ def test_everything_is_si(small: str) -> None:
     assert (rig.monitor_rate, rig.stale_after, rig.backend.kind) == (10.0, 1.0, "simulated")
 
 
-def test_the_words_of_a_move_are_its_values(small: str) -> None:
+def test_the_words_of_a_move_are_read_as_valve_values(small: str) -> None:
     roles = parse_rig(small).roles
     assert roles.extend is not None
     assert roles.retract is not None
     assert (roles.extend.value, roles.retract.value) == (1.0, -1.0)
 
 
-def test_it_knows_its_file(small: str, tmp_path: Path) -> None:
+def test_a_loaded_rig_has_its_path_text_and_hash(small: str, tmp_path: Path) -> None:
     path = tmp_path / "rig.yaml"
     path.write_text(small, encoding="utf-8", newline="\n")
     rig = load_rig(path)
@@ -52,7 +52,7 @@ def test_it_knows_its_file(small: str, tmp_path: Path) -> None:
     assert rig.sha256 == sha256(small.encode()).hexdigest()
 
 
-def test_it_survives_a_copy(small: str) -> None:
+def test_a_rig_can_be_pickled_and_copied(small: str) -> None:
     rig = parse_rig(small)
     twin = pickle.loads(pickle.dumps(rig))
     assert twin == rig
@@ -67,10 +67,10 @@ def test_a_copy_has_a_layout_of_its_own(small: str) -> None:
     copy = rig.model_copy(update={"channels": channels})
     assert copy.layout.channels == tuple(channels)
     assert rig.layout is before
-    assert copy.sha256 == rig.sha256  # still the hash of the text it was read from
+    assert copy.sha256 == rig.sha256  # still the hash of the text that it was read from
 
 
-def test_it_cannot_be_changed(small: str) -> None:
+def test_a_rig_is_immutable(small: str) -> None:
     with pytest.raises(ValueError, match="frozen"):
         parse_rig(small).name = "other"  # type: ignore[misc]
 
@@ -212,7 +212,7 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(("before", "after", "message"), MISTAKES)
-def test_every_mistake_is_named_with_its_place(small: str, before: str, after: str, message: str) -> None:
+def test_every_mistake_is_reported_with_its_place(small: str, before: str, after: str, message: str) -> None:
     assert before in small
     with pytest.raises(RigctlError) as caught:
         parse_rig(small.replace(before, after, 1), Path("rig.yaml"))
@@ -221,7 +221,7 @@ def test_every_mistake_is_named_with_its_place(small: str, before: str, after: s
     assert message in first
 
 
-def test_several_mistakes_are_said_in_the_order_of_the_file(small: str) -> None:
+def test_several_mistakes_are_reported_in_file_order(small: str) -> None:
     text = small.replace("above: 90 degC", "above: 90 bar").replace("value: extend", "value: on")
     with pytest.raises(SeveralErrors) as caught:
         parse_rig(text)
@@ -229,7 +229,7 @@ def test_several_mistakes_are_said_in_the_order_of_the_file(small: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["time", "record", "min", "and", "duration"])
-def test_names_with_a_meaning_are_refused(small: str, name: str) -> None:
+def test_reserved_names_of_channels_are_refused(small: str, name: str) -> None:
     with pytest.raises(RigctlError, match=f"a meaning of its own, got '{name}'"):
         parse_rig(small.replace("  pressure: {", f"  {name}: {{", 1))
 
@@ -258,7 +258,7 @@ def test_constants_of_a_known_model_are_checked(small: str, line: str, message: 
     assert message in str(caught.value)
 
 
-def test_constants_of_a_rig_without_a_model_are_free(small: str) -> None:
+def test_a_rig_without_a_model_may_have_any_constants(small: str) -> None:
     rig = parse_rig(f"{small}geometry: {{beam: 2 m}}\nconstants: {{stiffness: 3 N/m}}\n")
     assert (rig.geometry["beam"], rig.constants["stiffness"]) == (2.0, 3.0)
 
@@ -274,13 +274,13 @@ CALIBRATED = "{unit: mm, quantity: position, calibration: {date: 2026-03-01, val
         (date(2026, 2, 1), "still to come"),
     ],
 )
-def test_a_calibration_out_of_date_is_a_warning(small: str, today: date, words: str | None) -> None:
+def test_an_expired_or_future_calibration_gives_a_warning(small: str, today: date, words: str | None) -> None:
     rig = parse_rig(small.replace("{unit: mm, quantity: position}", CALIBRATED))
     about = [warning for warning in rig.warnings(today) if "'position'" in warning]
     assert (about == []) if words is None else (words in about[0])
 
 
-def test_missing_dates_and_interlocks_are_warnings(small: str) -> None:
+def test_missing_dates_and_interlocks_give_warnings(small: str) -> None:
     warnings = parse_rig(small).warnings(date(2026, 3, 1))
     assert "channel 'pressure' has no calibration date" in warnings
     no_stop = small.replace("for: 0.5 s", "action: warn")

@@ -26,7 +26,7 @@ def test_shipped_rigs_warn_only_of_what_their_devices_lack(path: Path) -> None:
     assert rig.description
 
 
-def test_the_published_dimensions() -> None:
+def test_the_bench_has_the_published_dimensions() -> None:
     geometry, constants = BENCH.geometry, BENCH.constants
     assert (geometry["bore"], geometry["rod"], geometry["stroke"]) == pytest.approx((0.05, 0.025, 0.25))
     assert geometry["throttle_area"] == pytest.approx(3.3e-6)
@@ -38,7 +38,7 @@ def test_the_published_dimensions() -> None:
     assert BENCH.options == {"throttle": "meter_in"}
 
 
-def test_ten_bits_over_300_mm_and_quarters_of_a_kelvin() -> None:
+def test_position_and_temperature_have_the_published_resolution() -> None:
     assert BENCH.channels["position"].resolution == pytest.approx(0.29e-3, rel=0.02)
     assert BENCH.channels["oil_temperature"].resolution == pytest.approx(0.25)
 
@@ -51,19 +51,19 @@ def test_the_relief_valve_is_turned_by_hand() -> None:
     assert BENCH.roles.set_pressure.channel == "supply_pressure"
 
 
-def test_safe_is_heater_off_and_valve_neutral() -> None:
+def test_the_safe_state_is_heater_off_and_valve_neutral() -> None:
     assert BENCH.safe_state == {"heater": 0.0, "valve": 0.0}
     assert BENCH.monitor_rate == 10.0
     assert BENCH.backend.kind == "simulated"
 
 
-#: what the published campaign reaches, with the strokes of its model
+#: ranges of the published campaign, with the strokes of its model
 CAMPAIGN = {
     "oil_temperature": (293.15, 353.15),
     "supply_pressure": (0.0, 50.5e5),
     "position": (0.0, 0.130),
 }
-#: the fastest it changes: heaters and pump, the pump's flow into the smaller chamber
+#: the fastest changes: heaters and pump, the pump's flow into the smaller chamber
 FASTEST = {"oil_temperature": 0.03, "position": 0.16}
 
 
@@ -107,7 +107,7 @@ def test_the_instrumented_bench_is_the_same_with_two_channels_more() -> None:
     assert BENCH.limits.items() <= INSTRUMENTED.limits.items()
 
 
-def test_the_bench_names_only_what_its_model_knows() -> None:
+def test_geometry_and_constants_of_the_bench_are_known_to_its_model() -> None:
     assert set(BENCH.geometry) == set(GEOMETRY["hydraulic_cylinder"])
     assert set(BENCH.constants) <= set(CONSTANTS["hydraulic_cylinder"])
 
