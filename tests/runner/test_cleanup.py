@@ -47,20 +47,20 @@ def asked(done: Any) -> list[str]:
     return [e["message"] for e in done.events("operator") if e.get("by") == "rigctl"]
 
 
-def test_a_good_end_runs_every_finally_and_nothing_else(do: Do) -> None:
+def test_a_successful_run_executes_only_the_finally_blocks(do: Do) -> None:
     done = do(NESTED.format(step="wait: 1 s"))
     assert done.result.status == "finished"
     assert asked(done) == ["inner finally", "outer finally", "last finally"]
     assert done.states == ["arming", "running", "finishing", "finished"]
 
 
-def test_what_a_step_leaves_on_is_off_at_a_good_end(do: Do) -> None:
+def test_an_output_left_on_by_a_step_is_off_after_a_successful_run(do: Do) -> None:
     done = do("steps:\n  - set: {heater: on}\n  - wait: 1 s\n")
     assert done.result.status == "finished"
     assert [value for _, value in done.commands("heater")] == [1.0, 0.0]
 
 
-def test_a_failure_unwinds_the_whole_stack_with_outputs_safe_before_it(do: Do) -> None:
+def test_a_failure_makes_outputs_safe_and_then_runs_all_cleanup_blocks(do: Do) -> None:
     done = do(NESTED.format(step=FAILS))
     assert done.result.status == "failed"
     assert done.result.exit_code is ExitCode.FAILED
@@ -81,7 +81,7 @@ def test_a_failure_unwinds_the_whole_stack_with_outputs_safe_before_it(do: Do) -
     ("name", "code"),
     [("SIGINT", ExitCode.INTERRUPTED), ("SIGTERM", ExitCode.TERMINATED), ("SIGHUP", ExitCode.TERMINATED)],
 )
-def test_a_signal_makes_safe_and_runs_on_abort(do: Do, name: str, code: ExitCode) -> None:
+def test_a_signal_makes_outputs_safe_and_runs_the_on_abort_blocks(do: Do, name: str, code: ExitCode) -> None:
     number = getattr(signal, name)
     fired: list[float] = []
 
@@ -148,7 +148,7 @@ def test_a_cleanup_step_is_bounded_in_time(do: Do) -> None:
     assert done.result.duration < 70.0
 
 
-def test_another_trip_ends_the_cleanup(do: Do) -> None:
+def test_a_trip_during_the_cleanup_ends_it(do: Do) -> None:
     done = do(f"steps:\n  - {FAILS}\nfinally:\n  - extend: {{for: 5 s}}\n  - prompt: never\n")
     assert asked(done) == []
     assert "did not come true" in done.result.reason
@@ -202,7 +202,7 @@ class Faulty:
         return sample
 
 
-def test_an_error_in_the_program_ends_as_safely_as_any_other(do: Do, workshop: Any) -> None:
+def test_an_internal_error_ends_a_run_safely_with_its_cleanup(do: Do, workshop: Any) -> None:
     backend = Faulty(workshop.backend(workshop.rig()), 0.5, ZeroDivisionError("a bug"))
     done = do(NESTED.format(step="wait: 5 s"), backend=backend)
     assert done.result.status == "failed"

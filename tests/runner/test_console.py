@@ -36,7 +36,7 @@ class Typed:
         self.closed = True
 
 
-def test_keys_are_requests_while_nothing_is_asked() -> None:
+def test_keys_are_requests_while_no_question_is_open() -> None:
     console = Console("me", write=None, keys=Typed("px", "C", "a"))
     assert [[order.request for order in console.poll()] for _ in range(4)] == [
         [Request.PAUSE],
@@ -46,7 +46,7 @@ def test_keys_are_requests_while_nothing_is_asked() -> None:
     ]
 
 
-def test_what_is_typed_while_a_question_is_open_is_the_answer() -> None:
+def test_text_typed_while_a_question_is_open_is_its_answer() -> None:
     shown: list[str] = []
     console = Console("me", write=shown.append, keys=Typed("", "4", "2x\x7f.", "5 s", "\n", "p"))
     assert [console.ask(TIME) for _ in range(3)] == [None] * 3
@@ -59,7 +59,7 @@ def test_what_is_typed_while_a_question_is_open_is_the_answer() -> None:
     assert [order.request for order in console.poll()] == [Request.PAUSE]
 
 
-def test_an_answer_that_does_not_fit_is_asked_for_again() -> None:
+def test_an_invalid_answer_is_asked_for_again() -> None:
     shown: list[str] = []
     console = Console("me", write=shown.append, keys=Typed("5 bar\n", "9999\n", "50\n"))
     assert console.ask(TIME) is None
@@ -82,7 +82,7 @@ def test_a_notice_is_shown_once_and_keys_stay_requests() -> None:
     console.withdraw(notice)
 
 
-def test_a_file_of_answers_is_read_ahead_and_keeps_its_order() -> None:
+def test_answers_from_a_file_keep_their_order() -> None:
     keys = open_keys(io.StringIO("12\n13 s\n"))
     console = Console("me", write=None, keys=keys)
     give_up = time.monotonic() + 60.0
@@ -99,7 +99,7 @@ def test_a_file_of_answers_is_read_ahead_and_keeps_its_order() -> None:
     assert values == [12.0, 13.0]
 
 
-def test_a_question_that_nobody_can_answer_is_not_waited_for() -> None:
+def test_a_question_without_a_possible_answer_is_an_error() -> None:
     with Console("me", write=None, keys=open_keys(io.StringIO(""))) as console:
         give_up = time.monotonic() + 60.0
         with pytest.raises(RigctlError, match=r"nobody can answer 'Flow time\?'"):
@@ -107,7 +107,7 @@ def test_a_question_that_nobody_can_answer_is_not_waited_for() -> None:
                 assert console.ask(TIME) is None
 
 
-def test_bare_numbers_are_in_the_questions_unit() -> None:
+def test_bare_numbers_are_read_in_the_unit_of_the_question() -> None:
     question = Question("Oil?", name="oil", unit="degC", low=273.15, high=373.15)
     assert read_answer(question, "40").value == pytest.approx(313.15)
     assert read_answer(question, "313.15 K").value == pytest.approx(313.15)
@@ -116,14 +116,14 @@ def test_bare_numbers_are_in_the_questions_unit() -> None:
 
 
 @pytest.mark.parametrize("typed", ["nan", "NaN", "inf", "-inf", "1e400", "1e400 s"])
-def test_an_answer_is_a_finite_number(typed: str) -> None:
+def test_an_answer_must_be_a_finite_number(typed: str) -> None:
     """NaN is neither below nor above any bound."""
     for low, high in ((1.0, 600.0), (None, None)):
         with pytest.raises(RigctlError):
             read_answer(Question("Time?", name="time", unit="s", low=low, high=high), typed)
 
 
-def test_a_simulated_operator_needs_to_know_what_to_answer() -> None:
+def test_a_simulated_operator_answers_only_questions_with_a_default() -> None:
     operator = AutomaticOperator()
     answer = operator.ask(TIME)
     assert answer is not None
@@ -132,7 +132,7 @@ def test_a_simulated_operator_needs_to_know_what_to_answer() -> None:
         operator.ask(Question("Name?", name="n", unit="s"))
 
 
-def test_answers_given_beforehand() -> None:
+def test_a_scripted_operator_gives_its_prepared_answers_only() -> None:
     operator = ScriptedOperator({"flow_time": "40 s"})
     answer = operator.ask(TIME)
     assert answer is not None
@@ -143,14 +143,16 @@ def test_answers_given_beforehand() -> None:
 
 if sys.platform != "win32":
 
-    def test_a_terminal_is_left_as_it_was() -> None:
+    def test_the_settings_of_a_terminal_are_restored() -> None:
         import pty
         import termios
 
         leader, follower = pty.openpty()
         with os.fdopen(follower, "r") as terminal:
             before = termios.tcgetattr(terminal.fileno())
-            assert not open_keys(terminal).interactive  # not ours: reading it would stop the program
+            assert not open_keys(
+                terminal
+            ).interactive  # not the controlling terminal: reading it would stop the program
             keys = _PosixKeys(terminal.fileno())
             assert termios.tcgetattr(terminal.fileno()) != before
             os.write(leader, "pä".encode())

@@ -45,24 +45,24 @@ def test_a_limit_trips_once_after_its_persistence(rig: Rig) -> None:
     assert "Supply over-pressure: supply_pressure is 61 bar, above the limit of 60 bar" in alarms[0].message
 
 
-def test_a_single_bad_sample_is_forgiven(rig: Rig) -> None:
+def test_single_samples_outside_a_limit_do_not_trip_it(rig: Rig) -> None:
     locks = Interlocks(rig)
     rows = [row(0.1 * i, pressure=61e5 if i % 2 else 30e5) for i in range(50)]
     assert [alarm for alarm in feed(locks, rows) if alarm.action == "stop"] == []
 
 
-def test_the_end_of_the_persistence_counts_whatever_the_rounding_of_times(rig: Rig) -> None:
+def test_rounding_of_times_does_not_delay_the_end_of_the_persistence(rig: Rig) -> None:
     assert 0.95 - 0.9 < 0.05
     alarms = feed(Interlocks(rig), [row(0.9, pressure=61e5), row(0.95, pressure=61e5)])
     assert [alarm.time for alarm in alarms] == [0.95]
 
 
-def test_missing_values_do_not_forgive_what_is_outside(rig: Rig) -> None:
+def test_missing_values_do_not_reset_the_persistence_of_a_limit(rig: Rig) -> None:
     rows = [row(0.01 * i, pressure=math.nan if i % 2 else 61e5) for i in range(20)]
     assert [alarm.name for alarm in feed(Interlocks(rig), rows)] == ["over_pressure"]
 
 
-def test_an_alarm_that_comes_again_is_not_cleared_meanwhile(rig: Rig) -> None:
+def test_an_alarm_that_recurs_is_cleared_only_after_its_last_cause(rig: Rig) -> None:
     locks = Interlocks(rig)
     warm = 273.15 + 86.0
     raised = feed(locks, [row(0.5 * i, oil=warm if i < 10 or i == 20 else WARM) for i in range(60)])
@@ -81,7 +81,7 @@ def test_a_warning_is_cleared_when_its_cause_has_been_gone_long_enough(rig: Rig)
 
 
 @pytest.mark.parametrize("value", [math.nan, 1296.9])
-def test_a_broken_sensor_trips_after_the_time_a_silent_bench_has(rig: Rig, value: float) -> None:
+def test_a_broken_sensor_trips_after_the_time_limit_for_silence(rig: Rig, value: float) -> None:
     alarms = feed(Interlocks(rig), [row(0.1 * i, oil=value if i > 3 else WARM) for i in range(30)])
     impossible = [a for a in alarms if a.name == "oil_temperature sensor"]
     assert len(impossible) == 1
@@ -99,8 +99,8 @@ def test_a_rate_is_taken_over_its_window(rig: Rig) -> None:
     assert "0.9 m/s" in alarms[0].message or "900 mm/s" in alarms[0].message
 
 
-def test_no_rate_is_known_before_half_of_its_window(rig: Rig) -> None:
-    """2 m/s for 20 ms: over half a window and more it is above the limit for 16 ms only."""
+def test_no_rate_is_computed_before_half_of_its_window(rig: Rig) -> None:
+    """2 m/s for 20 ms: the rate over at least half a window exceeds the limit for only 16 ms."""
     rows = [row(0.001 * i, position=0.05 + 0.002 * min(i, 20)) for i in range(300)]
     assert feed(Interlocks(rig), rows) == []
 
@@ -180,13 +180,13 @@ def test_a_reading_that_stays_exactly_the_same_is_a_stuck_sensor() -> None:
     assert [alarm.name for alarm in feed(standstill(), gaps)] == []
 
 
-def test_a_stuck_sensor_is_clear_with_its_first_change_and_trips_again() -> None:
+def test_a_stuck_sensor_is_cleared_by_its_first_change_and_can_trip_again() -> None:
     rows = [row(float(i), oil=WARM if i < 15 else WARM + 1.0) for i in range(30)]
     found = [(a.time, a.active) for a in feed(standstill(action="warn"), rows)]
     assert found == [(10.0, True), (15.0, False), (25.0, True)]
 
 
-def test_few_readings_are_no_standstill() -> None:
+def test_fewer_than_five_equal_readings_are_no_standstill() -> None:
     alarms = feed(standstill(), [row(20.0 * i) for i in range(6)])
     assert [alarm.time for alarm in alarms] == [80.0]  # the fifth
 

@@ -1,4 +1,4 @@
-"""A paused run is safe; what it was doing begins again when it goes on."""
+"""A paused run has safe outputs; its current step restarts when the run continues."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ class Person(ScriptedControl):
         return super().poll()
 
 
-def test_outputs_are_safe_while_paused_and_the_step_begins_again(do: Do) -> None:
+def test_outputs_are_safe_while_paused_and_the_step_then_restarts(do: Do) -> None:
     person = Person([(2.0, Request.PAUSE)])
     done = do("steps:\n  - set: {heater: on}\n  - wait: 5 s\n", control=person)
     assert done.result.status == "finished"
     assert [value for _, value in done.commands("heater")] == [1.0, 0.0, 1.0, 0.0]
     assert person.answers[:2] == ["paused, outputs are safe", "the run goes on"]
-    assert done.result.duration == pytest.approx(9.0, abs=0.2)  # 2 s that the heater has to rest, and 5 s
+    assert done.result.duration == pytest.approx(9.0, abs=0.2)  # 2 s of rest for the heater, and 5 s
     assert done.states == ["arming", "running", "paused", "running", "finishing", "finished"]
 
 
-def test_a_record_is_carried_through_before_the_pause(do: Do) -> None:
+def test_a_pause_waits_for_the_end_of_the_record(do: Do) -> None:
     person = Person([(1.0, Request.PAUSE)])
     steps = "steps:\n  - record: {name: stroke}\n    do:\n      - wait: 3 s\n  - wait: 1 s\n"
     done = do(steps, control=person)
@@ -44,7 +44,7 @@ def test_a_record_is_carried_through_before_the_pause(do: Do) -> None:
     assert paused == pytest.approx(3.2, abs=0.02)
 
 
-def test_a_timed_move_is_carried_through_before_the_pause(do: Do) -> None:
+def test_a_timed_move_keeps_its_full_duration_when_a_pause_is_requested(do: Do) -> None:
     person = Person([(0.5, Request.PAUSE)])
     done = do("steps:\n  - extend: {for: 1 s}\n  - wait: 1 s\n", control=person)
     assert [value for _, value in done.commands("valve")] == [1.0, 0.0]
@@ -52,13 +52,13 @@ def test_a_timed_move_is_carried_through_before_the_pause(do: Do) -> None:
     assert off - on == pytest.approx(1.0, abs=1e-9)
 
 
-def test_a_run_that_is_not_paused_says_so_and_twice_is_once(do: Do) -> None:
+def test_continuing_a_run_that_is_not_paused_is_answered_with_a_message(do: Do) -> None:
     control = ScriptedControl([(0.5, Request.CONTINUE)])
     do("steps:\n  - wait: 1 s\n", control=control)
     assert control.answers == ["the run is not paused"]
 
 
-def test_abort_while_paused(do: Do) -> None:
+def test_a_paused_run_can_be_aborted(do: Do) -> None:
     class Impatient(ScriptedControl):
         def poll(self) -> list[Any]:
             if self.views and self.views[-1].state == "paused":

@@ -1,4 +1,4 @@
-"""Which steps are left, which are done again, and a run that is cut off and goes on."""
+"""Which steps remain, which are repeated, and resuming an interrupted run."""
 
 from __future__ import annotations
 
@@ -50,18 +50,18 @@ def labels(nodes: list[Node]) -> list[str]:
     return [node.label for node in nodes]
 
 
-def test_every_record_has_a_path_of_its_own(workshop: Any) -> None:
+def test_every_record_has_a_unique_path(workshop: Any) -> None:
     plan = workshop.plan(CAMPAIGN.split("\n", 1)[1])
     paths = record_paths(plan.root)
     assert len(paths) == len(set(paths)) == 9
 
 
-def test_nothing_is_left_out_of_a_group_that_has_not_begun(workshop: Any) -> None:
+def test_a_plan_without_completed_records_remains_whole(workshop: Any) -> None:
     plan = workshop.plan(CAMPAIGN.split("\n", 1)[1])
     assert remaining(plan.root.children, lambda _: False) == list(plan.root.children)
 
 
-def test_a_group_goes_on_at_its_first_incomplete_record(workshop: Any) -> None:
+def test_a_group_continues_at_its_first_incomplete_record(workshop: Any) -> None:
     plan = workshop.plan(CAMPAIGN.split("\n", 1)[1])
     done = set(record_paths(plan.root)[:4])
     left = remaining(plan.root.children, done.__contains__)
@@ -72,7 +72,7 @@ def test_a_group_goes_on_at_its_first_incomplete_record(workshop: Any) -> None:
     assert "22 degC" in second.label
 
 
-def test_set_up_is_the_last_of_each_kind_and_all_since_the_last_record(workshop: Any) -> None:
+def test_the_set_up_is_the_last_step_of_each_kind_before_a_record(workshop: Any) -> None:
     steps = """\
 steps:
   - heat: {to: 21 degC, within: 0.5 K, settle: 5 s, timeout: 1 h}
@@ -119,7 +119,7 @@ def how(tmp_path: Path, **more: Any) -> Launch:
     )
 
 
-def test_a_run_that_is_cut_off_goes_on_where_it_was(plan_file: Path, tmp_path: Path) -> None:
+def test_an_interrupted_run_resumes_where_it_stopped(plan_file: Path, tmp_path: Path) -> None:
     first = launch_until(plan_file, tmp_path, 1e9)
     assert first.status == "finished", first.reason
     whole = open_run(first.folder)
@@ -139,19 +139,19 @@ def test_a_run_that_is_cut_off_goes_on_where_it_was(plan_file: Path, tmp_path: P
         p for p, o in zip(run.records["path"], run.records["outcome"], strict=True) if o == "complete"
     ] == list(whole.records["path"])
     heats = [e for e in run.events["message"] if isinstance(e, str) and e.startswith("heat to")]
-    assert len(heats) == 3  # 21, 22, and 22 again because the next record rests on it
+    assert len(heats) == 3  # 21, 22, and 22 again because the next record needs it
     with pytest.raises(RigctlError, match="finished"):
         open_interrupted(cut.folder)
 
 
-def test_a_changed_procedure_is_refused(plan_file: Path, tmp_path: Path) -> None:
+def test_resuming_with_a_changed_procedure_is_refused(plan_file: Path, tmp_path: Path) -> None:
     cut = launch_until(plan_file, tmp_path, 60.0)
     plan_file.write_text(plan_file.read_text(encoding="utf-8") + "# a note\n", encoding="utf-8")
     with pytest.raises(RigctlError, match="procedure has changed"):
         open_interrupted(cut.folder)
 
 
-def test_a_bench_that_obeys_other_equations_is_refused(plan_file: Path, tmp_path: Path) -> None:
+def test_resuming_on_a_bench_with_other_options_is_refused(plan_file: Path, tmp_path: Path) -> None:
     cut = launch_until(plan_file, tmp_path, 60.0)
     before = open_interrupted(cut.folder)
     other = how(tmp_path)

@@ -47,7 +47,7 @@ def test_a_request_waits_for_its_own_acknowledgement(tmp_path: Path) -> None:
     assert send(tmp_path, Request.CONTINUE, timeout=60.0) == "continue: done"
 
 
-def test_a_run_that_does_not_answer_is_named(control: ControlFile, tmp_path: Path) -> None:
+def test_a_run_that_does_not_answer_is_reported_by_name(control: ControlFile, tmp_path: Path) -> None:
     with pytest.raises(RigctlError, match="has not answered"):
         send(tmp_path, Request.ABORT, timeout=0.2)
 
@@ -80,7 +80,7 @@ def test_invalid_lines_are_skipped(tmp_path: Path) -> None:
     ["[" * 4000 + "\n", "x" * 10_000 + "\n", "x" * 300_000 + "\n", "x" * 262_144 + "\n"],
     ids=["nested", "long", "very long", "as long as is read at once"],
 )
-def test_no_line_hides_the_request_after_it(tmp_path: Path, before: str) -> None:
+def test_an_invalid_line_does_not_hide_the_request_after_it(tmp_path: Path, before: str) -> None:
     control = ControlFile(tmp_path)
     for part in (before[:-1], "\n" + '{"request": "abort"}\n'):
         with (tmp_path / CONTROL_NAME).open("a", encoding="utf-8", newline="\n") as file:
@@ -92,7 +92,7 @@ def test_no_line_hides_the_request_after_it(tmp_path: Path, before: str) -> None
     assert [order.request for order in orders] == [Request.ABORT]
 
 
-def test_a_line_that_no_run_would_read_is_not_written(control: ControlFile, tmp_path: Path) -> None:
+def test_a_line_too_long_to_be_read_is_not_written(control: ControlFile, tmp_path: Path) -> None:
     write_line(tmp_path, {"text": "ä" * 2000}, "answer")
     with pytest.raises(RigctlError, match="the answer is too long"):
         write_line(tmp_path, {"text": "ä" * 2100}, "answer")
@@ -113,10 +113,10 @@ def test_a_deleted_folder_does_not_disturb_the_run(tmp_path: Path) -> None:
     control.close()
 
 
-def test_a_reader_of_the_heartbeat_on_windows_delays_it_only(
+def test_a_reader_of_the_heartbeat_on_windows_only_delays_its_update(
     control: ControlFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Windows does not replace a file that is open: an acknowledgement was lost until the next heartbeat."""
+    """Windows cannot replace an open file: an acknowledgement used to be lost until the next heartbeat."""
     rename, refusals = Path.replace, iter([True, True])
 
     def refused(draft: Path, path: Path) -> Path:

@@ -1,4 +1,4 @@
-"""One program at a time commands a bench; a dead one's lock is taken over."""
+"""One program at a time commands a bench; the lock of a dead program is taken over."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def pretend(folder: Path, **changes: object) -> None:
     path.write_text(json.dumps({**fields, **changes}), encoding="utf-8")
 
 
-def test_a_second_one_is_refused_and_told_who_has_the_bench(tmp_path: Path) -> None:
+def test_a_second_program_is_refused_and_told_which_one_has_the_bench(tmp_path: Path) -> None:
     with RigLock(NAME, "a run of 'campaign'", tmp_path):
         with pytest.raises(RigctlError, match="'HL32 bench' is in use by a run of 'campaign'") as refused:
             RigLock(NAME, "another", tmp_path).__enter__()
@@ -52,7 +52,7 @@ def test_a_second_one_is_refused_and_told_who_has_the_bench(tmp_path: Path) -> N
     assert not owner_file(tmp_path).exists()
 
 
-def test_a_killed_owner_is_taken_over_at_once(tmp_path: Path) -> None:
+def test_the_lock_of_a_killed_owner_is_taken_over_at_once(tmp_path: Path) -> None:
     code = (
         "import os, signal, sys\n"
         "from pathlib import Path\n"
@@ -79,7 +79,7 @@ def test_a_killed_owner_is_taken_over_at_once(tmp_path: Path) -> None:
         assert owner.pid == os.getpid()
 
 
-def test_an_owner_without_heartbeat_is_taken_over_and_finds_out(tmp_path: Path) -> None:
+def test_an_owner_without_heartbeat_loses_its_lock_and_is_ordered_to_abort(tmp_path: Path) -> None:
     with RigLock(NAME, "asleep", tmp_path) as sleeper:
         sleeper.publish(View("", "running", 0.0))
         pretend(tmp_path, beat=time.monotonic() - locks.OLD - 1.0)
@@ -95,7 +95,7 @@ def test_an_owner_without_heartbeat_is_taken_over_and_finds_out(tmp_path: Path) 
     assert not owner_file(tmp_path).exists()
 
 
-def test_the_calendar_clock_does_not_decide_on_this_computer(
+def test_the_calendar_clock_does_not_affect_locks_of_this_computer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with RigLock(NAME, "a run", tmp_path):
@@ -104,7 +104,7 @@ def test_the_calendar_clock_does_not_decide_on_this_computer(
             RigLock(NAME, "me", tmp_path).__enter__()
 
 
-def test_an_owner_on_another_computer_counts_by_its_heartbeat(tmp_path: Path) -> None:
+def test_an_owner_on_another_computer_is_judged_by_its_heartbeat(tmp_path: Path) -> None:
     with RigLock(NAME, "elsewhere", tmp_path):
         pretend(tmp_path, host="another", pid=1)
         with pytest.raises(RigctlError, match="on another"):
@@ -128,7 +128,7 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         RigLock(NAME, "me", blocked / "locks").__enter__()
 
 
-def test_making_safe_takes_the_bench_from_whoever_has_it(tmp_path: Path) -> None:
+def test_making_safe_takes_the_bench_from_its_owner(tmp_path: Path) -> None:
     with RigLock(NAME, "a jog", tmp_path) as other:
         other.beat()
         with RigLock(NAME, "off", tmp_path, at_any_cost=True):
@@ -139,7 +139,7 @@ def test_making_safe_takes_the_bench_from_whoever_has_it(tmp_path: Path) -> None
         assert other.poll() == ()
 
 
-def test_making_safe_needs_no_folder(tmp_path: Path) -> None:
+def test_making_safe_works_without_a_lock_folder(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("", encoding="utf-8")
     with RigLock(NAME, "off", blocked / "locks", at_any_cost=True):

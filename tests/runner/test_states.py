@@ -1,4 +1,4 @@
-"""The declared table: what can follow what, and the page that is written from it."""
+"""The table of run states and transitions, and the page generated from it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def follow(*events: str) -> list[RunState]:
     return seen
 
 
-def test_a_run_that_goes_well() -> None:
+def test_a_successful_run_passes_through_the_expected_states() -> None:
     states = follow("arm", "start", "pause", "go_on", "finish", "succeed")
     assert [s.value for s in states] == ["arming", "running", "paused", "running", "finishing", "finished"]
 
@@ -31,12 +31,12 @@ def test_safe_can_be_reached_from_every_state_that_is_not_an_end() -> None:
     assert sources == {state for state in RunState if not state.ended}
 
 
-def test_an_end_is_left_by_nothing_and_comes_only_after_finishing() -> None:
+def test_end_states_have_no_transition_out_and_are_entered_only_from_finishing() -> None:
     assert not [source for source, _, _ in transitions() if source.ended]
     assert {source for source, _, target in transitions() if target.ended} == {RunState.FINISHING}
 
 
-def test_what_the_table_does_not_have_is_an_error() -> None:
+def test_a_transition_that_is_not_in_the_table_is_an_error() -> None:
     life = Lifecycle(lambda *_: None)
     with pytest.raises(Exception, match="Can't"):
         life.send("go_on")

@@ -13,7 +13,7 @@ from rigctl.errors import ExitCode
 Do = Callable[..., Any]
 
 
-def test_wait_lasts_exactly_as_long_as_it_says(do: Do) -> None:
+def test_wait_lasts_exactly_as_long_as_specified(do: Do) -> None:
     done = do("steps:\n  - wait: 12.3 s\n")
     begin, end = (event["time"] for event in done.events("step"))
     assert done.result.status == "finished"
@@ -28,7 +28,7 @@ def test_wait_until_ends_at_the_first_sample_that_satisfies_it(do: Do) -> None:
     assert done.result.duration == pytest.approx(0.2 + 100.0 / 116.0, abs=0.11)
 
 
-def test_wait_until_gives_up_and_says_what_it_saw(do: Do) -> None:
+def test_wait_until_fails_at_its_timeout_with_the_last_reading(do: Do) -> None:
     done = do("steps:\n  - wait: {until: position > 100 mm, timeout: 3 s}\n")
     assert done.result.status == "failed"
     assert done.result.exit_code is ExitCode.FAILED
@@ -36,7 +36,7 @@ def test_wait_until_gives_up_and_says_what_it_saw(do: Do) -> None:
     assert done.outcome("wait") == "timed_out"
 
 
-def test_a_timed_move_is_exact_and_between_samples(do: Do) -> None:
+def test_a_timed_move_has_its_exact_duration_between_samples(do: Do) -> None:
     done = do("steps:\n  - extend: {for: 1.0537 s}\n")
     (on, extend), (off, neutral) = done.commands("valve")
     assert (extend, neutral) == (1.0, 0.0)
@@ -80,7 +80,7 @@ def test_a_move_to_a_position_rests_within_tolerance(do: Do, target: float, nois
     assert done.result.duration < 10.0
 
 
-def test_a_move_to_a_position_goes_back_when_it_is_beyond(do: Do) -> None:
+def test_a_move_to_a_position_reverses_when_it_is_beyond(do: Do) -> None:
     done = do(
         "steps:\n  - extend: {for: 2 s}\n  - extend: {to: 50 mm, within: 1 mm, timeout: 20 s}\n"
         "  - measure: {name: end, value: last(position), last: 0.2 s, unit: mm}\n"
@@ -120,7 +120,7 @@ def test_heat_waits_for_oil_that_is_too_hot(do: Do, workshop: Any) -> None:
     assert 0.0 not in [value for _, value in done.commands("heater")[:1]] or not done.commands("heater")
 
 
-def test_heat_that_never_arrives_says_what_it_saw(do: Do) -> None:
+def test_heat_fails_at_its_timeout_with_the_last_reading(do: Do) -> None:
     done = do(
         "steps:\n  - heat: {to: 40 degC, within: 0.5 K, settle: 60 s, timeout: 10 min}\n",
         options={"faults": ["setpoint_never_reached:oil_temperature@0 s"]},
@@ -138,7 +138,7 @@ def test_set_pressure_asks_the_operator_and_watches_the_channel(do: Do) -> None:
     assert 2.0 < done.result.duration < 6.0
 
 
-def test_set_pressure_gives_up(do: Do) -> None:
+def test_set_pressure_fails_at_its_timeout_with_the_last_reading(do: Do) -> None:
     done = do(
         "steps:\n  - set_pressure: {to: 30 bar, within: 0.5 bar, settle: 2 s, timeout: 20 s}\n",
         options={"faults": ["setpoint_never_reached:supply_pressure@0 s"]},
@@ -148,7 +148,7 @@ def test_set_pressure_gives_up(do: Do) -> None:
     )
 
 
-def test_a_broken_sensor_is_named_as_such_while_its_channel_is_held(do: Do) -> None:
+def test_hold_reports_a_broken_sensor_by_its_interlock_message(do: Do) -> None:
     steps = "steps:\n  - hold: {for: 5 s, channel: position, at: 0 mm, within: 2 mm}\n"
     done = do(steps, options={"faults": ["sensor_open:position@1 s"]})
     assert done.result.status == "failed"
@@ -200,7 +200,7 @@ def test_a_measure_outside_its_limits_fails_the_run_or_is_noted(do: Do) -> None:
     assert went_on.result.duration > 2.0
 
 
-def test_loops_and_branches_look_at_the_bench(do: Do) -> None:
+def test_a_while_loop_ends_when_its_condition_no_longer_holds(do: Do) -> None:
     done = do(
         "steps:\n  - while: position < 100 mm\n    do:\n      - extend: {for: 0.3 s}\n      - wait: 0.2 s\n"
         "  - repeat: 3\n    do:\n      - wait: 1 s\n"
@@ -218,7 +218,7 @@ def test_a_loop_that_does_not_end_fails(do: Do) -> None:
     assert "5 rounds" in done.result.reason
 
 
-def test_an_actuator_is_given_the_rest_it_needs_but_may_always_go_safe(do: Do) -> None:
+def test_an_actuator_rests_before_it_is_switched_on_but_goes_safe_at_once(do: Do) -> None:
     done = do("steps:\n  - set: {heater: on}\n  - set: {heater: off}\n  - set: {heater: on}\n  - wait: 5 s\n")
     (on, _), (off, zero), (again, one) = done.commands("heater")[:3]
     assert (zero, one) == (0.0, 1.0)
