@@ -57,7 +57,7 @@ def first_order(
     return np.array(found)
 
 
-def test_the_integral_does_not_wind_up_while_the_output_is_bounded(press: Callable[..., RunLog]) -> None:
+def test_the_integral_does_not_wind_up_while_the_output_is_limited(press: Callable[..., RunLog]) -> None:
     done = press("to: 40 bar, gain: 3, integral: 15 1/s, high: 50 bar, start: zero, for: 3 s")
     assert done.result.folder is not None
     record = open_run(done.result.folder).record(0)
@@ -108,7 +108,7 @@ def test_noise_and_decaying_ringing_are_not_oscillation() -> None:
 def test_the_output_stays_within_limits_and_recovers_for_any_numbers(
     anti_windup: AntiWindup, gain: float, integral: float, ahead: float
 ) -> None:
-    """Infinite minus infinite is no number, and one that has entered the integral would stay there."""
+    """Infinity minus infinity is NaN, which would stay in the integral once it got there."""
     gains = Gains(gain, integral, 0.0, 0.1, 1.0, anti_windup)
     loop = Pid(gains, Bounds(0.0, 100.0, math.inf), 0.0, bumpless=True)
     for k in range(20):
@@ -124,7 +124,7 @@ def controller(
     return Pid(Gains(gain, integral, 0.0, 0.1, 0.1, anti_windup), bounds, 0.5, bumpless=True)
 
 
-def test_the_rate_bounds_a_falling_output_as_a_rising_one() -> None:
+def test_the_rate_limit_applies_to_rising_and_falling_outputs() -> None:
     loop = controller(Bounds(0.0, 10.0, 2.0), gain=1.0, integral=0.0)
     outputs = [loop.update(0.1 * k, 0.0, 5.0 if k < 10 else -5.0, 0.0) for k in range(20)]
     assert np.diff(outputs) == pytest.approx([0.2] * 9 + [-0.2] * 10)
@@ -132,7 +132,7 @@ def test_the_rate_bounds_a_falling_output_as_a_rising_one() -> None:
 
 @pytest.mark.parametrize("high", [True, False])
 def test_a_clamped_integral_returns_from_the_limit(*, high: bool) -> None:
-    """It is held only while it would drive the output further out."""
+    """It is held only while it would drive the output further beyond the limit."""
     sign = 1.0 if high else -1.0
     loop = controller(Bounds(0.0, 1.0, math.inf))
     outputs = [loop.update(float(k), 0.0, sign * (0.3 if k < 5 else -0.3), 0.0) for k in range(9)]
@@ -142,7 +142,7 @@ def test_a_clamped_integral_returns_from_the_limit(*, high: bool) -> None:
     assert below[0] == below[-1], "with no error nothing moves"
 
 
-def test_an_integral_that_would_be_infinite_stays_what_it_was() -> None:
+def test_an_integral_that_would_overflow_keeps_its_value() -> None:
     for anti_windup in AntiWindup:
         loop = controller(Bounds(0.0, 1.0, math.inf), anti_windup, integral=1e300)
         setpoints = [1e20, 1e20, 0.0, 1e-301, 0.0]
@@ -150,15 +150,15 @@ def test_an_integral_that_would_be_infinite_stays_what_it_was() -> None:
         assert outputs[2:] == pytest.approx([0.5, 0.5, 0.6])
 
 
-def test_a_late_update_leads_the_integral_back_to_the_limit_and_no_further() -> None:
-    """100 tracking times at once: to the first order it would be led back a hundred times as far."""
+def test_back_calculation_in_a_late_update_does_not_overshoot_the_limit() -> None:
+    """100 tracking times in one update: a first-order correction would be a hundred times too large."""
     loop = controller(Bounds(0.0, 1.0, math.inf), AntiWindup.BACK_CALCULATION)
     moved = ((0.0, 3.0), (1.0, 3.0), (2.0, 0.0), (12.0, 0.0), (12.1, 0.0))
     outputs = [loop.update(time, 0.0, setpoint, 0.0) for time, setpoint in moved]
     assert outputs == pytest.approx([0.5, 0.5, 1.0, 1.0, 1.0])
 
 
-def test_it_starts_without_a_bump_and_respects_the_rate(press: Callable[..., RunLog]) -> None:
+def test_the_loop_starts_without_a_bump_and_respects_the_rate_limit(press: Callable[..., RunLog]) -> None:
     before = "  - set: {relief_valve: 20 bar}\n  - wait: 3 s\n"
     done = press(
         "to: 30 bar, ramp: 10 bar/s, gain: 1, integral: 5 1/s, derivative: 0.01 s, max_rate: 15 bar/s, "
@@ -193,8 +193,8 @@ def test_feed_forward_from_a_model_removes_the_remaining_error(tmp_path: Path) -
     assert abs(left[1]) < 0.2
 
 
-def test_a_feed_forward_without_a_value_is_not_zero(press: Callable[..., RunLog]) -> None:
-    """It counted as 0; one that is undefined for a while keeps its newest value."""
+def test_an_undefined_feed_forward_keeps_its_last_value(press: Callable[..., RunLog]) -> None:
+    """It used to count as 0 while undefined."""
     formula = "setpoint*sqrt(-1 - setpoint/(1 bar))"
     never = press(f"to: 20 bar, gain: 0, feed_forward: {formula}, for: 20 s", rate=10)
     assert never.result.status == "failed"
@@ -213,7 +213,7 @@ def test_a_feed_forward_without_a_value_is_not_zero(press: Callable[..., RunLog]
     assert len(notes) == 1
 
 
-def test_it_settles_or_reports_its_readings(tmp_path: Path) -> None:
+def test_the_loop_settles_or_reports_its_readings(tmp_path: Path) -> None:
     pi = "gain: 10 %/K, integral: 0.1 %/(K*s)"
     done = heat(tmp_path, f"to: 35 degC, {pi}, within: 0.5 K, settle: 30 s, timeout: 15 min")
     assert done.result.status == "finished"
@@ -254,7 +254,9 @@ def test_after_the_loop_the_output_is_safe_and_the_bench_is_read_as_before(tmp_p
 
 
 @pytest.mark.parametrize("fault", ["sensor_open", "sensor_out_of_range"])
-def test_an_impossible_reading_moves_nothing_and_is_counted(press: Callable[..., RunLog], fault: str) -> None:
+def test_an_impossible_reading_holds_the_output_and_is_counted(
+    press: Callable[..., RunLog], fault: str
+) -> None:
     done = press(
         "to: 30 bar, gain: 0.5, integral: 2 1/s, for: 2 s",
         options={"faults": (f"{fault}:supply_pressure@1 s..1.035 s",)},
@@ -267,7 +269,7 @@ def test_an_impossible_reading_moves_nothing_and_is_counted(press: Callable[...,
     assert not [value for time, value in done.commands("relief_valve") if 1.0 < time < 1.035]
 
 
-def test_one_seed_gives_one_run_to_the_byte(tmp_path: Path) -> None:
+def test_equal_seeds_give_byte_identical_samples(tmp_path: Path) -> None:
     found = []
     for name in ("a", "b"):
         done = heat(tmp_path / name, "to: 40 degC, gain: 5 %/K, for: 1 min", noise="on", seed=7)
@@ -299,7 +301,7 @@ def test_a_loop_that_does_not_fit_the_rig_is_refused(tmp_path: Path, fields: str
     assert caught.value.where.line == 3
 
 
-def test_a_loop_is_limited_to_its_record_rate_and_forecast(tmp_path: Path) -> None:
+def test_a_loop_faster_than_its_record_is_refused_and_its_duration_is_forecast(tmp_path: Path) -> None:
     loop = "control: {actuator: heater_1, channel: temperature_1, to: 40 degC, gain: 1 %/K, for: 90 s}"
     bench = VirtualBench(tmp_path, HEATERS)
     with pytest.raises(RigctlError, match="faster than the record's samples"):

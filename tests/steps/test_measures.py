@@ -34,20 +34,20 @@ def test_statistics_are_found_and_named_once() -> None:
     assert found == (Statistic("max", "position"), Statistic("min", "position"))
 
 
-def test_functions_of_two_values_stay_functions() -> None:
+def test_max_of_two_values_is_a_function_and_not_a_statistic() -> None:
     text, found = find_statistics("max(mean(position), last(position))")
     assert text == "max(mean_of_position, last_of_position)"
     assert [statistic.kind for statistic in found] == ["mean", "last"]
 
 
-def test_the_stroke() -> None:
+def test_the_stroke_is_measured_as_maximum_minus_minimum_position() -> None:
     measure = read("max(position) - min(position)", "mm")
     values = [0.001, 0.0, 0.08, 0.079]
     known = {statistic.key: statistic.compute(values) for statistic in measure.statistics}
     assert measure.expression.evaluate(known) == pytest.approx(0.08)
 
 
-def test_a_temperature_of_the_text_is_a_point_beside_a_reading() -> None:
+def test_a_temperature_subtracted_from_a_reading_is_a_point_on_the_scale() -> None:
     measure = read("mean(oil) - 45 degC", "K")
     assert float(measure.expression.evaluate({"mean_of_oil": 319.15})) == pytest.approx(1.0)
 
@@ -69,7 +69,7 @@ def test_duration_and_answers_and_variables_can_be_named() -> None:
         ("mean(position)", "mm", False),
     ],
 )
-def test_a_difference_of_temperatures_is_known_as_one(text: str, unit: str, difference: bool) -> None:
+def test_a_difference_of_temperatures_has_that_type(text: str, unit: str, difference: bool) -> None:
     assert read(text, unit).difference is difference
 
 
@@ -87,7 +87,7 @@ def test_a_difference_of_temperatures_is_known_as_one(text: str, unit: str, diff
         ("$q * run_time", "s", "unknown variable"),
     ],
 )
-def test_mistakes(text: str, unit: str, piece: str) -> None:
+def test_mistakes_in_a_measure_are_reported(text: str, unit: str, piece: str) -> None:
     with pytest.raises(RigctlError) as caught:
         read(text, unit)
     assert piece in str(caught.value)

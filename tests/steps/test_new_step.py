@@ -1,4 +1,4 @@
-"""A kind of step is one file: found, read, previewed and carried out without a change anywhere else."""
+"""A new kind of step needs one file: it is found, read, previewed and carried out without other changes."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ except RigctlError as error:
 """
 
 
-def test_a_new_step_is_one_file(tmp_path: Path) -> None:
+def test_a_new_step_in_one_file_is_previewed_carried_out_and_suggested(tmp_path: Path) -> None:
     (tmp_path / "note.py").write_text(dedent(NEW_STEP), encoding="utf-8")
     rig = Path(__file__).parents[2] / "rigs" / "hl32-bench.yaml"
     done = subprocess.run(

@@ -28,7 +28,7 @@ def test_the_page_is_current() -> None:
     assert written == steps_page(), "run 'make docs'"
 
 
-def test_the_procedure_of_the_how_to_expands(rig: Rig) -> None:
+def test_the_procedure_of_the_how_to_page_expands(rig: Rig) -> None:
     page = (ROOT / "docs" / "how-to" / "write-a-procedure.md").read_text(encoding="utf-8")
     text = page.split("```yaml\n", 1)[1].split("```", 1)[0]
     plan = expand(parse_procedure(text, ROOT / "procedures" / "mine.yaml"), rig)

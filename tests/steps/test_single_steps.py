@@ -1,4 +1,4 @@
-"""Each step: its short form, its long form, its defaults, and what the rig makes of it."""
+"""Each step: its short form, long form, defaults, and the action that results on the rig."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from rigctl.steps.wait import Wait
 Only = Callable[[str], Action]
 
 
-def test_heat_in_full(only: Only) -> None:
+def test_the_long_form_of_heat_is_read(only: Only) -> None:
     written = "- heat: {to: 40 degC, within: 0.3 degC, settle: 10 s, timeout: 1 h}"
     assert only(written) == Heat("heater", "oil_temperature", 313.15, pytest.approx(0.3), 10.0, 3600.0)
 
 
-def test_heat_in_short_has_the_documented_defaults(only: Only) -> None:
+def test_the_short_form_of_heat_has_the_documented_defaults(only: Only) -> None:
     assert only("- heat: 40 degC") == Heat("heater", "oil_temperature", 313.15, 0.5, 60.0, 7200.0)
 
 
-def test_set_pressure(only: Only) -> None:
+def test_set_pressure_has_the_same_meaning_in_short_and_long_form(only: Only) -> None:
     expected = SetLevel("relief_valve", "supply_pressure", 30e5, 0.5e5, 2.0, 60.0)
     assert only("- set_pressure: 30 bar") == expected
     assert only("- set_pressure: {to: 3 MPa, within: 50 kPa, settle: 2 s, timeout: 1 min}") == expected
 
 
-def test_moves_by_time(only: Only) -> None:
+def test_moves_by_time_are_read(only: Only) -> None:
     assert only("- extend: 1.05 s") == Move(1, "valve", 1.0, "position", duration=1.05)
     assert only("- retract: {for: 1500 ms}") == Move(-1, "valve", -1.0, "position", duration=1.5)
 
@@ -63,7 +63,7 @@ def test_hold_takes_its_dimension_from_the_channel(only: Only) -> None:
     assert only(written) == Hold(5.0, "position", None, pytest.approx(2e-3))
 
 
-def test_wait(only: Only) -> None:
+def test_wait_takes_a_duration_or_a_condition_with_a_timeout(only: Only) -> None:
     assert only("- wait: 0.2 s") == Wait(duration=0.2)
     action = only("- wait: {until: oil_temperature < 40 degC, timeout: 2 h}")
     assert isinstance(action, Wait)
@@ -79,31 +79,31 @@ def test_wait(only: Only) -> None:
         ("{relief_valve: 30 bar}", {"relief_valve": 30e5}),
     ],
 )
-def test_set_knows_the_words_of_each_actuator(only: Only, written: str, values: dict[str, float]) -> None:
+def test_set_accepts_the_words_of_each_actuator(only: Only, written: str, values: dict[str, float]) -> None:
     action = only(f"- set: {written}")
     assert isinstance(action, Set)
     assert dict(action.values) == values
     assert action.duration is None
 
 
-def test_set_for_a_time(only: Only) -> None:
+def test_set_takes_a_duration(only: Only) -> None:
     action = only("- set: {values: {valve: extend}, for: 1 s}")
     assert isinstance(action, Set)
     assert action.duration == 1.0
 
 
-def test_prompt_for_a_confirmation(only: Only) -> None:
+def test_a_prompt_can_ask_for_a_confirmation(only: Only) -> None:
     assert only("- prompt: Close the door.") == Prompt("Close the door.")
 
 
-def test_prompt_for_a_value(only: Only) -> None:
+def test_a_prompt_can_ask_for_a_value_with_unit_and_bounds(only: Only) -> None:
     written = (
         "- prompt: {question: How long?, name: run_time, unit: s, low: 1 s, high: 1 h, simulated: 5 min}"
     )
     assert only(written) == Prompt("How long?", "run_time", "s", 1.0, 3600.0, 300.0)
 
 
-def test_measure_over_a_window(only: Only) -> None:
+def test_measure_over_a_window_has_limits_that_nan_fails(only: Only) -> None:
     written = "- measure: {name: zero, value: mean(position), unit: mm, last: 2 s, low: -1 mm, high: 1 mm}"
     action = only(written)
     assert isinstance(action, Measure)
@@ -112,7 +112,7 @@ def test_measure_over_a_window(only: Only) -> None:
     assert [action.passes(value) for value in (0.0, 2e-3, float("nan"))] == [True, False, False]
 
 
-def test_measure_in_a_record_is_over_the_record_unless_it_says_otherwise(steps: Callable[..., Plan]) -> None:
+def test_measure_in_a_record_is_over_the_record_by_default(steps: Callable[..., Plan]) -> None:
     plan = steps("""
         - record: {name: r}
           do:
@@ -143,7 +143,7 @@ def test_records_take_all_channels_by_default(steps: Callable[..., Plan]) -> Non
     assert (record.rate, record.retries) == (100.0, 0)
 
 
-def test_if_else(steps: Callable[..., Plan]) -> None:
+def test_if_and_else_become_a_branch_of_the_plan(steps: Callable[..., Plan]) -> None:
     plan = steps("""
         - if: oil_temperature > 40 degC and valve == 0
           do: [wait: 1 s]
@@ -158,7 +158,7 @@ def test_if_else(steps: Callable[..., Plan]) -> None:
     ]  # fmt: skip
 
 
-def test_conditions_can_name_earlier_measures_and_answers(steps: Callable[..., Plan]) -> None:
+def test_conditions_can_use_earlier_measures_and_answers(steps: Callable[..., Plan]) -> None:
     plan = steps("""
         - prompt: {question: How warm?, name: felt, unit: degC}
         - measure: {name: zero, value: mean(position), unit: mm, last: 1 s}
@@ -170,7 +170,7 @@ def test_conditions_can_name_earlier_measures_and_answers(steps: Callable[..., P
     assert branch.condition.evaluate({"felt": 310.0, "zero": 0.0}) is True
 
 
-def test_loops(steps: Callable[..., Plan]) -> None:
+def test_while_and_repeat_become_loops_of_the_plan(steps: Callable[..., Plan]) -> None:
     plan = steps("""
         - while: oil_temperature < 40 degC
           at_most: 5
@@ -185,7 +185,7 @@ def test_loops(steps: Callable[..., Plan]) -> None:
     assert (second.count, second.max_iterations, second.condition) == (3, 3, None)
 
 
-def test_cleanup_stands_around_the_step_it_belongs_to(steps: Callable[..., Plan]) -> None:
+def test_cleanup_blocks_belong_to_their_step(steps: Callable[..., Plan]) -> None:
     plan = steps("""
         - record: {name: r}
           do: [wait: 1 s]
@@ -204,7 +204,7 @@ def test_cleanup_stands_around_the_step_it_belongs_to(steps: Callable[..., Plan]
     assert (block.path, block.on_abort.kind) == ("2/do", GroupKind.CLEANUP)
 
 
-def test_cleanup_of_the_whole_procedure(planned: Callable[..., Plan]) -> None:
+def test_cleanup_blocks_of_the_whole_procedure_are_at_its_root(planned: Callable[..., Plan]) -> None:
     plan = planned("""
         steps: [wait: 1 s]
         on_failure: [wait: 2 s]

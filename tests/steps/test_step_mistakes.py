@@ -13,7 +13,7 @@ from rigctl.rig import parse_rig
 
 RIG = (Path(__file__).parents[2] / "rigs" / "hl32-bench.yaml").read_text(encoding="utf-8")
 
-# the step, as it stands from line 3, column 3; line:column of the message; pieces of the message
+# the step, starting at line 3, column 3; line:column of the message; pieces of the message
 MISTAKES: list[tuple[str, str, list[str]]] = [
     ("- heet: 40 degC", "3:11", ["unknown step", "'heet'", "did you mean 'heat'?"]),
     ("- wait", "3:5", ["this is not a step", "'wait: 2 s'"]),
@@ -118,7 +118,7 @@ MISTAKES: list[tuple[str, str, list[str]]] = [
 
 
 @pytest.mark.parametrize(("step", "place", "pieces"), MISTAKES, ids=[m[0].split("\n")[0] for m in MISTAKES])
-def test_a_mistake_is_named_with_its_place(
+def test_a_mistake_is_reported_with_its_place(
     planned: Callable[..., Plan], step: str, place: str, pieces: list[str]
 ) -> None:
     with pytest.raises(RigctlError) as caught:
@@ -129,7 +129,7 @@ def test_a_mistake_is_named_with_its_place(
         assert piece in message
 
 
-def test_every_mistake_of_a_file_is_told_at_once(planned: Callable[..., Plan]) -> None:
+def test_all_mistakes_of_a_file_are_reported_together(planned: Callable[..., Plan]) -> None:
     with pytest.raises(RigctlError) as caught:
         planned("steps:\n  - heet: 1\n  - wait: 3\n  - heat: {to: 3 bar}\n")
     assert [line.split(":")[1] for line in str(caught.value).splitlines()] == ["3", "4", "5"]
@@ -144,7 +144,9 @@ def test_every_mistake_of_a_file_is_told_at_once(planned: Callable[..., Plan]) -
         ("retract: 1 s", "retract"),
     ],
 )
-def test_a_step_that_the_rig_cannot_do(planned: Callable[..., Plan], step: str, role: str) -> None:
+def test_a_step_without_its_role_in_the_rig_is_refused(
+    planned: Callable[..., Plan], step: str, role: str
+) -> None:
     lines = RIG.splitlines()
     without = parse_rig("\n".join(line for line in lines if not line.startswith(f"  {role}: {{")))
     with pytest.raises(RigctlError) as caught:
@@ -154,7 +156,7 @@ def test_a_step_that_the_rig_cannot_do(planned: Callable[..., Plan], step: str, 
     assert "'roles'" in str(caught.value)
 
 
-def test_a_target_needs_a_channel_that_reads_the_position(planned: Callable[..., Plan]) -> None:
+def test_a_move_to_a_position_needs_a_position_channel(planned: Callable[..., Plan]) -> None:
     without = parse_rig(RIG.replace("extend: {actuator: valve, value: extend, position: position}",
                                     "extend: {actuator: valve, value: extend}"))  # fmt: skip
     assert planned("steps: [{extend: 1 s}]", on=without)
@@ -162,7 +164,7 @@ def test_a_target_needs_a_channel_that_reads_the_position(planned: Callable[...,
         planned("steps: [{extend: {to: 10 mm}}]", on=without)
 
 
-def test_a_name_keeps_its_dimension(planned: Callable[..., Plan]) -> None:
+def test_a_name_with_values_of_two_dimensions_is_refused(planned: Callable[..., Plan]) -> None:
     with pytest.raises(RigctlError, match="used for values of two dimensions"):
         planned("""
             steps:
@@ -171,7 +173,7 @@ def test_a_name_keeps_its_dimension(planned: Callable[..., Plan]) -> None:
             """)
 
 
-def test_waiting_for_an_answer_that_cannot_change(planned: Callable[..., Plan]) -> None:
+def test_a_wait_condition_on_an_answer_is_refused(planned: Callable[..., Plan]) -> None:
     with pytest.raises(RigctlError, match="does not change while a step waits"):
         planned("""
             steps:

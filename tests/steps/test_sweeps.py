@@ -49,12 +49,12 @@ def test_a_range_includes_both_ends(steps: Callable[..., Plan]) -> None:
     assert [point["oil"] for point in points(plan)] == [f"{t} degC" for t in range(20, 90, 10)]
 
 
-def test_a_range_stops_before_what_it_misses_and_goes_down(steps: Callable[..., Plan]) -> None:
+def test_a_range_may_descend_and_never_passes_its_end(steps: Callable[..., Plan]) -> None:
     plan = steps(sweep("{p: {from: 50 bar, to: 1.5 MPa, step: -10 bar}}"))
     assert [point["p"] for point in points(plan)] == ["50 bar", "40 bar", "30 bar", "20 bar"]
 
 
-def test_even_spacing(steps: Callable[..., Plan]) -> None:
+def test_a_range_can_be_given_by_its_number_of_points(steps: Callable[..., Plan]) -> None:
     plan = steps(sweep("{x: {from: 0 mm, to: 0.1 m, count: 5}}"))
     assert [point["x"] for point in points(plan)] == ["0 mm", "25 mm", "50 mm", "75 mm", "100 mm"]
 
@@ -66,7 +66,7 @@ def test_several_variables_are_nested_in_the_order_given(steps: Callable[..., Pl
     ]  # fmt: skip
 
 
-def test_zip_pairs_them(steps: Callable[..., Plan]) -> None:
+def test_zip_pairs_the_values_of_several_variables(steps: Callable[..., Plan]) -> None:
     plan = steps("- for: {a: [1 s, 2 s], b: [3 s, 4 s]}\n  zip: true\n  do: [wait: $a + $b]")
     assert [(p["a"], p["b"]) for p in points(plan)] == [("1 s", "3 s"), ("2 s", "4 s")]
 
@@ -79,7 +79,7 @@ def test_repeat_visits_all_points_again(steps: Callable[..., Plan]) -> None:
     assert "1/for[a=1 s (2)]" in paths
 
 
-def test_repeat_zero_leaves_the_sweep_out(steps: Callable[..., Plan]) -> None:
+def test_repeat_zero_omits_the_sweep(steps: Callable[..., Plan]) -> None:
     assert points(steps("- for: {a: [1 s, 2 s]}\n  repeat: 0\n  do: [wait: $a]")) == []
 
 
@@ -107,7 +107,7 @@ def test_an_inner_sweep_has_another_order_at_each_outer_point(steps: Callable[..
     assert len({tuple(inner[start : start + 8]) for start in (0, 8, 16)}) == 3
 
 
-def test_records_carry_the_values_of_every_sweep_around(steps: Callable[..., Plan]) -> None:
+def test_records_have_the_values_of_all_enclosing_sweeps(steps: Callable[..., Plan]) -> None:
     plan = steps("""
         - for: {oil: [20 degC, 30 degC]}
           do:
@@ -121,7 +121,7 @@ def test_records_carry_the_values_of_every_sweep_around(steps: Callable[..., Pla
     assert records[1].path == "1/for[oil=20 degC]/1/for[supply=30 bar]/1/record"
 
 
-def test_expressions_of_variables(steps: Callable[..., Plan]) -> None:
+def test_sweep_values_may_be_expressions_of_outer_variables(steps: Callable[..., Plan]) -> None:
     plan = steps("""
         - for: {oil: [20 degC, 30 degC], more: [1 K]}
           do:
@@ -162,7 +162,9 @@ def test_expressions_of_variables(steps: Callable[..., Plan]) -> None:
         ("{a: $b}", "3:14", ["unknown variable", "'b'"]),
     ],
 )
-def test_mistakes_in_a_sweep(planned: Callable[..., Plan], text: str, place: str, pieces: list[str]) -> None:
+def test_mistakes_in_a_sweep_are_reported_with_their_place(
+    planned: Callable[..., Plan], text: str, place: str, pieces: list[str]
+) -> None:
     with pytest.raises(RigctlError) as caught:
         planned(f"steps:\n  - for: {text}\n    do: [wait: 1 s]\n")
     message = str(caught.value)
@@ -171,7 +173,7 @@ def test_mistakes_in_a_sweep(planned: Callable[..., Plan], text: str, place: str
         assert piece in message
 
 
-def test_a_variable_keeps_one_meaning(steps: Callable[..., Plan]) -> None:
+def test_redefining_a_variable_in_an_inner_sweep_is_refused(steps: Callable[..., Plan]) -> None:
     with pytest.raises(RigctlError, match="this variable exists already"):
         steps("- for: {a: [1 s]}\n  do:\n    - for: {a: [2 s]}\n      do: [wait: $a]")
 
@@ -187,7 +189,7 @@ def test_a_set_point_inside_a_sweep_is_checked_beforehand(steps: Callable[..., P
 
 
 @given(st.lists(st.integers(1, 5), min_size=1, max_size=4))
-def test_nesting_gives_the_product_of_the_sizes(sizes: list[int]) -> None:
+def test_nested_sweeps_have_the_product_of_their_sizes(sizes: list[int]) -> None:
     axes = {f"v{i}": in_seconds(list(range(size))) for i, size in enumerate(sizes)}
     found = combine(axes, allow)
     assert len(found) == prod(sizes)
@@ -202,13 +204,13 @@ def test_shuffling_is_a_permutation_that_the_seed_decides(values: list[int], see
     assert sorted(p["a"].value for p in after) == sorted(p["a"].value for p in before)
 
 
-def test_the_order_of_a_seed_stays_what_it_is() -> None:
+def test_the_shuffled_order_of_a_seed_does_not_change_between_versions() -> None:
     before = [{"a": value} for value in in_seconds(list(range(6)))]
     assert [int(p["a"].value) for p in shuffled(before, 1, "1/for")] == [1, 0, 3, 2, 4, 5]
 
 
 @given(st.lists(st.integers(), min_size=1, max_size=5), st.integers(0, 4))
-def test_repetition(values: list[int], times: int) -> None:
+def test_repetition_repeats_the_points_in_order(values: list[int], times: int) -> None:
     before = [{"a": value} for value in in_seconds(values)]
     assert repeated(before, times) == before * times
 
@@ -224,7 +226,7 @@ def test_pairing_needs_equal_lengths(first: int, second: int) -> None:
 
 
 @given(st.integers(-1000, 1000), st.integers(1, 200), st.integers(1, 400))
-def test_stepping_meets_the_end_and_spacing_gives_the_same(first: int, count: int, step: int) -> None:
+def test_a_stepped_range_reaches_its_end_and_equals_even_spacing(first: int, count: int, step: int) -> None:
     begin, size = Quantity(first / 10.0, SECONDS), step / 10.0
     end = begin.value + (count - 1) * size
     values = stepped(begin, end, size, allow)
@@ -233,7 +235,7 @@ def test_stepping_meets_the_end_and_spacing_gives_the_same(first: int, count: in
     assert [v.value for v in spaced(begin, end, count)] == pytest.approx([v.value for v in values])
 
 
-def test_stepping_has_no_noise_in_its_digits() -> None:
+def test_stepped_values_have_no_rounding_noise() -> None:
     values = stepped(parse_quantity("0 s"), 1.0, 0.1, allow)
     assert [str(value) for value in values[:4]] == ["0 s", "0.1 s", "0.2 s", "0.3 s"]
     assert values[3].value == 0.3

@@ -1,4 +1,4 @@
-"""Outputs along a course: what is commanded when, what is refused beforehand, and how it is broken off."""
+"""Waveforms: which commands are given when, which waveforms are refused, and how they are interrupted."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_the_commands_follow_the_waveform(
     time = np.array([switch.time - given[0].time for switch in given if switch.time < taken.end])
     value = np.array([switch.value for switch in given if switch.time < taken.end])
     assert value == pytest.approx(expected(time + 1e-9), abs=1e-6)
-    # the command is a channel of the samples: at each the newest one that was given before it
+    # the command is a column of the samples: at each sample, the last command given before it
     seen = taken.commands["heater_1"]
     newest = np.searchsorted([switch.time for switch in given], taken.time, side="left") - 1
     later = newest >= 0
@@ -126,7 +126,7 @@ def test_a_table_is_read_from_a_file_with_units(tmp_path: Path) -> None:
         ("ramp: {from: 0 bar, to: 10 bar, over: 1 s}", "", "wrong dimension"),
     ],
 )
-def test_a_course_that_the_rig_cannot_follow_is_refused_before_anything_moves(
+def test_a_waveform_that_the_rig_cannot_follow_is_refused_before_anything_moves(
     tmp_path: Path, text: str, extra: str, said: str
 ) -> None:
     with pytest.raises(RigctlError, match=said) as caught:
@@ -135,7 +135,7 @@ def test_a_course_that_the_rig_cannot_follow_is_refused_before_anything_moves(
 
 
 def test_the_last_row_of_a_held_table_is_the_first_of_the_next_round(tmp_path: Path) -> None:
-    """It was commanded for no time, and the log said that the host was late."""
+    """It used to be commanded for zero time, and the log to state that the host was late."""
     points = "points: [[0 s, 10 %], [2 s, 30 %], [4 s, 20 %]], between: hold"
     done = VirtualBench(tmp_path, HEATERS).run(waveform(f"table: {{{points}}}, repeat: 2"), rig=heaters())
     given = [(time, round(100 * value)) for time, value in done.commands("heater_1") if value]
@@ -158,8 +158,8 @@ def test_the_last_row_of_a_held_table_is_the_first_of_the_next_round(tmp_path: P
         (f"time [s],{'SECRET' * 30_000}\n", "cannot read the table: field larger than field limit"),
     ],
 )
-def test_a_file_that_is_no_table_is_not_cited(tmp_path: Path, content: str, said: str) -> None:
-    """A procedure of somebody else's could name any file, and its first line was in the message."""
+def test_the_content_of_an_invalid_table_file_is_not_quoted(tmp_path: Path, content: str, said: str) -> None:
+    """A procedure from someone else may name any file; its first line used to be in the message."""
     (tmp_path / "drive.csv").write_text(content, encoding="utf-8")
     table = f"table: {{file: {(tmp_path / 'drive.csv').as_posix()}}}"
     with pytest.raises(RigctlError, match=said) as caught:
@@ -167,8 +167,8 @@ def test_a_file_that_is_no_table_is_not_cited(tmp_path: Path, content: str, said
     assert "SECRET" not in str(caught.value)
 
 
-def test_a_table_that_never_ends_is_not_read(tmp_path: Path) -> None:
-    """``/dev/zero`` filled the memory; what is no file, or far too long for a table, is refused unread."""
+def test_an_overlong_or_irregular_table_file_is_refused_unread(tmp_path: Path) -> None:
+    """``/dev/zero`` used to fill the memory."""
     with (tmp_path / "long.csv").open("wb") as file:
         file.truncate(10**9)
     for name, said in (("long.csv", "too long"), (".", "it is no file")):
@@ -210,7 +210,7 @@ def test_the_approach_to_the_first_value_respects_the_rate(tmp_path: Path) -> No
     assert v.max() == pytest.approx(0.4)
 
 
-def test_a_ramp_from_now_that_would_be_too_fast_moves_nothing(tmp_path: Path) -> None:
+def test_a_ramp_from_the_current_value_that_is_too_fast_fails_the_run(tmp_path: Path) -> None:
     steps = (
         "steps:\n  - set: {heater_1: 90 %}\n  - waveform: {actuator: heater_1, ramp: {to: 0 %, over: 1 s}}\n"
     )
@@ -221,7 +221,7 @@ def test_a_ramp_from_now_that_would_be_too_fast_moves_nothing(tmp_path: Path) ->
     assert values == [0.9, 0.0]
 
 
-def test_an_interlock_ends_it_with_outputs_safe(tmp_path: Path) -> None:
+def test_an_interlock_ends_a_waveform_with_outputs_safe(tmp_path: Path) -> None:
     text = waveform("sine: {mean: 50 %, amplitude: 10 %, frequency: 0.1 Hz, for: 60 s}")
     done = VirtualBench(tmp_path, HEATERS).run(
         text, rig=heaters(), options={"faults": ("sensor_out_of_range:temperature_1@20 s",)}
@@ -241,7 +241,7 @@ class Person(ScriptedControl):
         return super().poll()
 
 
-def test_it_restarts_after_a_pause(tmp_path: Path) -> None:
+def test_a_waveform_restarts_after_a_pause(tmp_path: Path) -> None:
     text = waveform("ramp: {from: 10 %, to: 60 %, over: 20 s}")
     done = VirtualBench(tmp_path, HEATERS).run(text, control=Person([(10.0, Request.PAUSE)]))
     assert done.result.status == "finished"
