@@ -1,4 +1,4 @@
-"""Runs in storage: sent whole, read where they lie, nothing lost to what refuses, stalls or cuts short."""
+"""Runs in storage: uploaded whole, read in place, and not lost when storage refuses, stalls or truncates."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def test_an_uploaded_run_is_read_in_place(kind: str, bucket: Any, tmp_path: Path
     assert caught.value.nearest == NAME
 
 
-def test_an_interrupted_upload_is_invisible_and_continued(
+def test_an_interrupted_upload_is_not_listed_and_can_be_continued(
     bucket: Any, make_run: MakeRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store, folder, sending = Store(f"s3://{bucket.name}/runs"), make_run(), StoredFile.send
@@ -168,10 +168,10 @@ def test_later_notes_are_uploaded_and_other_runs_never_overwritten(bucket: Any, 
 
 
 @pytest.mark.parametrize("kind", ["s3", "memory", "file"])
-def test_of_two_runs_of_one_name_sent_at_once_one_is_refused(
+def test_one_of_two_runs_with_the_same_name_sent_at_once_is_refused(
     kind: str, bucket: Any, make_run: MakeRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Neither saw the other's run.json, both were reported as sent, and one of them was overwritten."""
+    """Neither saw the other's run.json: both used to be reported as sent, and one was overwritten."""
     store = Store(address_of(kind, bucket, tmp_path))
     first = make_run()
     other = make_run(runs="other", started=datetime(2026, 11, 22, tzinfo=UTC))
@@ -194,10 +194,10 @@ def test_of_two_runs_of_one_name_sent_at_once_one_is_refused(
 
 
 @pytest.mark.parametrize("kind", ["s3", "memory", "file"])
-def test_the_latest_run_is_none_of_the_foreign_objects(
+def test_foreign_objects_in_storage_are_not_taken_for_the_latest_run(
     kind: str, bucket: Any, make_run: MakeRun, tmp_path: Path
 ) -> None:
-    """A folder marker, a note, or an upload in progress was taken for the newest run."""
+    """A folder marker, a note, or an upload in progress used to be taken for the newest run."""
     store = Store(address_of(kind, bucket, tmp_path))
     upload(make_run(), store)
     root = store.path("", "")[:-2]
@@ -213,7 +213,7 @@ def test_the_latest_run_is_none_of_the_foreign_objects(
 
 @pytest.mark.parametrize("name", ["a[1]", "what*", "ü +%2F#?"])
 def test_a_prefix_may_have_any_characters(name: str, bucket: Any, make_run: MakeRun) -> None:
-    """`[` and `*` were taken for patterns, and the upload ended with a traceback."""
+    """`[` and `*` used to be taken for patterns, and the upload ended with a traceback."""
     address = f"s3://{bucket.name}/{name}"
     upload(make_run(), Store(address))
     assert [run.id for run in list_runs(address)] == [NAME]
@@ -221,7 +221,7 @@ def test_a_prefix_may_have_any_characters(name: str, bucket: Any, make_run: Make
     assert verify_stored(Store(address).find(NAME)).good
 
 
-def test_an_object_that_arrives_short_is_sent_again(
+def test_an_object_truncated_in_transit_is_sent_again(
     bucket: Any, make_run: MakeRun, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     store, folder, sending = Store(f"s3://{bucket.name}/runs"), make_run(), StoredFile.send
@@ -278,7 +278,7 @@ def stalling() -> socket.socket:
 
 
 @pytest.mark.parametrize("broken", [refusing, stalling])
-def test_storage_that_refuses_or_stalls_loses_nothing(
+def test_no_run_is_lost_when_storage_refuses_or_stalls(
     broken: Callable[[], socket.socket],
     make_run: MakeRun,
     tmp_path: Path,
@@ -304,7 +304,7 @@ def test_storage_that_refuses_or_stalls_loses_nothing(
         assert (listed.exit_code, NAME in listed.stdout) == (0, True)
         assert "Only the runs of this computer are listed" in listed.stderr
         with pytest.raises(RigctlError, match="cannot list the runs"):
-            query("SELECT count(*) FROM records")  # half of the runs would be no answer
+            query("SELECT count(*) FROM records")  # a result from half of the runs would be wrong
         assert open_run(NAME).id == NAME
     assert verify(folder).condition is Condition.WHOLE
 
@@ -420,7 +420,7 @@ def test_an_unusable_storage_index_is_rebuilt_with_a_warning(
 
 
 @pytest.mark.parametrize("broken", [refusing, stalling])
-def test_old_index_contents_do_not_replace_a_silent_storage(
+def test_an_old_index_is_not_used_in_place_of_unreachable_storage(
     broken: Callable[[], socket.socket], bucket: Any, make_run: MakeRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     address = f"s3://{bucket.name}/runs"
@@ -437,10 +437,10 @@ def test_old_index_contents_do_not_replace_a_silent_storage(
 
 
 class Cutting(BaseHTTPRequestHandler):
-    """Between a client and a storage without checksums: what it answers for ``run.json`` lacks its end."""
+    """A proxy to a storage without checksums that truncates its answer for ``run.json``."""
 
     behind = ""  #: the storage
-    claims_all = False  #: the header still has the whole length
+    claims_all = False  #: the header still states the full length
     cuts = True
 
     def do_GET(self) -> None:
@@ -515,10 +515,10 @@ class Elsewhen(BaseHTTPRequestHandler):
 @pytest.mark.parametrize(
     "command", [["upload", "--to", "s3://lab/runs"], ["show", f"s3://lab/runs/{NAME}"]], ids=["HEAD", "GET"]
 )
-def test_a_clock_that_is_wrong_is_named(
+def test_a_wrong_clock_of_this_computer_is_reported(
     command: list[str], make_run: MakeRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """`Forbidden` and `Is it there?` were all that an upload said: HEAD has no text."""
+    """An upload used to report only `Forbidden` and `Is it there?`: an answer to HEAD has no text."""
     folder = make_run()
     monkeypatch.chdir(tmp_path)
     with ThreadingHTTPServer(("127.0.0.1", 0), Elsewhen) as server:
@@ -540,7 +540,7 @@ def test_a_clock_that_is_wrong_is_named(
 def test_storage_that_does_not_answer_is_not_tried_for_every_run(
     make_run: MakeRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A minute for each of hundreds of runs."""
+    """Each of hundreds of runs used to take a minute."""
     monkeypatch.setattr(store_module, "_ATTEMPTS", 1)
     for day in range(21, 25):
         make_run(f"202611{day}-000000-x")
@@ -553,10 +553,10 @@ def test_storage_that_does_not_answer_is_not_tried_for_every_run(
     assert tried == [True, True, False, False]
 
 
-def test_an_object_that_changes_under_way_is_reported_in_one_sentence(
+def test_an_object_that_changes_while_it_is_read_is_reported_in_one_sentence(
     bucket: Any, make_run: MakeRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The checksum that failed while a table was read ended `rigctl report` with a traceback."""
+    """A checksum failure while reading a table used to end `rigctl report` with a traceback."""
     store = Store(f"s3://{bucket.name}/runs")
     upload(make_run(), store)
     reading = type(store.files.open(store.path(NAME, "samples.parquet"), "rb"))._fetch_range
@@ -573,7 +573,7 @@ def test_an_object_that_changes_under_way_is_reported_in_one_sentence(
 
 
 class LoginPage(BaseHTTPRequestHandler):
-    """What a network of guests answers to everything."""
+    """The answer of a guest network to every request."""
 
     protocol_version = "HTTP/1.1"  # a client that asks whether it may go on is answered
 
@@ -591,10 +591,10 @@ class LoginPage(BaseHTTPRequestHandler):
     do_GET = do_HEAD = do_PUT = do_POST = _show  # noqa: N815 - names of http.server
 
 
-def test_the_login_page_of_a_network_is_no_storage(
+def test_the_login_page_of_a_network_is_recognised_and_reported(
     make_run: MakeRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """`storage has another run of this name` was the answer."""
+    """It used to be reported as `storage has another run of this name`."""
     folder = make_run()
     with ThreadingHTTPServer(("127.0.0.1", 0), LoginPage) as server:
         thread = threading.Thread(target=server.serve_forever)
@@ -610,8 +610,8 @@ def test_the_login_page_of_a_network_is_no_storage(
     assert verify(folder).condition is Condition.WHOLE
 
 
-def test_a_damaged_run_is_named_by_its_address(bucket: Any, make_run: MakeRun) -> None:
-    """It was shown as `s3:/bucket`, with one slash, as a path."""
+def test_a_damaged_run_is_reported_by_its_address(bucket: Any, make_run: MakeRun) -> None:
+    """It used to be shown as `s3:/bucket`, with one slash, as a path."""
     store = Store(f"s3://{bucket.name}/runs")
     upload(make_run(), store)
     bucket.Object(f"runs/{NAME}/run.json").put(Body=b"{")
@@ -621,7 +621,7 @@ def test_a_damaged_run_is_named_by_its_address(bucket: Any, make_run: MakeRun) -
     assert verify_stored(store.find(NAME)).problems[0].startswith(f"{store.address}/{NAME}/run.json: ")
 
 
-def test_an_answer_that_the_library_cannot_take_apart_is_called_incomplete() -> None:
-    """S3's library ends with this where the body of an answer is cut short."""
+def test_an_answer_that_the_library_cannot_parse_is_reported_as_incomplete() -> None:
+    """The S3 library raises this error when the body of an answer is cut short."""
     why, _ = describe(IndexError("tuple index out of range"))
     assert why == "its answer is incomplete, or not a storage's (IndexError: tuple index out of range)"
