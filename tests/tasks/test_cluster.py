@@ -1,4 +1,4 @@
-"""Work on a cluster of Dask's: a worker that dies costs its own piece, a scheduler that dies no result."""
+"""Work on a Dask cluster: a dead worker costs only its current piece, a dead scheduler no finished result."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def _address(path: Path) -> str:
     raise TimeoutError
 
 
-def test_one_of_two_workers_is_killed_and_nothing_is_lost(tmp_path: Path) -> None:
+def test_killing_one_of_two_workers_loses_no_result(tmp_path: Path) -> None:
     found, killed = {}, None
     for index, result in map_tasks(partial(slow, str(tmp_path)), range(40), Workers(cluster="local:2")):
         found[index] = result
@@ -74,11 +74,11 @@ def test_one_of_two_workers_is_killed_and_nothing_is_lost(tmp_path: Path) -> Non
     again = len(begun) - 40
     assert 0 <= again <= 2  # its own piece alone, and one that had just been finished there
     assert len({process for _, process in begun}) >= 2
-    # of the first that are handed out, two for each, neither worker waits for the other
+    # the first four pieces go to both workers, so neither waits for the other
     assert len({process for piece, process in begun if int(piece) < 4}) == 2
 
 
-def test_a_scheduler_that_dies_is_told_and_the_results_before_it_are_there(
+def test_a_dead_scheduler_is_reported_and_earlier_results_are_kept(
     tmp_path: Path, scheduler: tuple[str, subprocess.Popen[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cluster, "_PATIENCE", 60.0)

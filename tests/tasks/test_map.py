@@ -1,4 +1,4 @@
-"""Independent pieces of work: the same results wherever they are carried out, and none lost with a worker."""
+"""Independent pieces of work: equal results wherever they run, and none lost with a worker."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_a_failing_task_ends_the_map_and_earlier_results_are_kept(workers: Worke
     assert len(found) < 100
 
 
-def test_the_consumer_can_stop_early() -> None:
+def test_no_further_work_is_started_after_the_consumer_stops() -> None:
     done: list[int] = []
     lock = threading.Lock()
 
@@ -54,7 +54,7 @@ def test_the_consumer_can_stop_early() -> None:
     assert len(done) < 20
 
 
-def test_a_process_that_dies_loses_nothing(tmp_path: Path) -> None:
+def test_a_worker_process_that_dies_loses_no_result(tmp_path: Path) -> None:
     found = dict(map_tasks(partial(deadly, str(tmp_path), 2), range(12), Workers(2)))
     assert found == {piece: piece * piece for piece in range(12)}
 
