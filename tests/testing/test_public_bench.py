@@ -1,4 +1,4 @@
-"""`rigctl.testing`: what a user's own tests stand on passes where it should, and fails where it should."""
+"""`rigctl.testing`: the bench and assertions for users' own tests pass and fail where they should."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def pulse(bench: VirtualBench) -> RunLog:
     return bench.run(PULSE)
 
 
-def test_a_run_in_virtual_time_is_asserted_on(pulse: RunLog) -> None:
+def test_assertions_pass_for_a_run_in_virtual_time(pulse: RunLog) -> None:
     assert_finished(pulse)
     assert_safe(pulse)
     (on, off) = pulse.commands("heater")
@@ -71,7 +71,7 @@ def test_a_run_in_virtual_time_is_asserted_on(pulse: RunLog) -> None:
     assert repr(pulse) == "<RunLog 20000101-000000-test finished, 0 records>"
 
 
-def test_each_assertion_fails_with_what_was_found(pulse: RunLog, bench: VirtualBench) -> None:
+def test_each_failed_assertion_reports_what_was_found(pulse: RunLog, bench: VirtualBench) -> None:
     with pytest.raises(AssertionError, match=r"heater was commanded to \[\("):
         assert_commanded(pulse, "heater", (0.0, 1.0))
     with pytest.raises(AssertionError, match="'wait' ended complete, expected failed"):
@@ -88,14 +88,14 @@ def test_each_assertion_fails_with_what_was_found(pulse: RunLog, bench: VirtualB
         assert_safe(left_on)
 
 
-def test_a_limit_that_trips_is_asserted_on(bench: VirtualBench) -> None:
+def test_a_trip_of_a_limit_can_be_asserted(bench: VirtualBench) -> None:
     rig = bench.rig("oil_temperature: 20 degC", "oil_temperature: 89.9 degC")
     run = bench.run("steps:\n  - set: {heater: on}\n  - wait: 1 min\n", rig=rig)
     assert_tripped(run, "oil_too_hot")
     assert_safe(run)
 
 
-def test_two_runs_of_one_folder_have_two_names(bench: VirtualBench) -> None:
+def test_two_runs_in_one_folder_have_different_names(bench: VirtualBench) -> None:
     names = {bench.run(PULSE).result.summary().split()[0] for _ in range(2)}
     assert len(names) == 2
 
@@ -115,7 +115,7 @@ def heater_rig() -> Rig:
     return parse_rig(HEATER)
 
 
-def test_a_device_of_lines_is_tried_without_a_device(bench: VirtualBench, heater_rig: Rig) -> None:
+def test_a_line_based_device_can_be_tested_with_a_fake_one(bench: VirtualBench, heater_rig: Rig) -> None:
     heater = {"level": 0.0}
     device = one_heater(heater)
     backend = line_bench(heater_rig, device)
@@ -128,7 +128,7 @@ def test_a_device_of_lines_is_tried_without_a_device(bench: VirtualBench, heater
     assert "Q 40" in device.sent
 
 
-def test_a_plug_is_pulled_at_its_time(bench: VirtualBench, heater_rig: Rig) -> None:
+def test_a_connection_lost_at_a_given_time_fails_the_run(bench: VirtualBench, heater_rig: Rig) -> None:
     clock = ScriptedClock()
     port = FakeSerial(one_heater({"level": 0.0}), clock)
     backend = line_bench(heater_rig, port)
@@ -144,13 +144,13 @@ def test_a_plug_is_pulled_at_its_time(bench: VirtualBench, heater_rig: Rig) -> N
         assert_safe(run)
 
 
-def test_virtual_time_does_not_wait() -> None:
+def test_a_virtual_clock_reaches_any_time_without_waiting() -> None:
     clock = VirtualClock()
     clock.sleep_until(7200.0)
     assert clock.now() == 7200.0
 
 
-def test_it_needs_no_pytest() -> None:
+def test_rigctl_testing_does_not_import_pytest() -> None:
     program = "import rigctl.testing, sys; print('pytest' in sys.modules)"
     answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert answer.stdout.strip() == "False"
