@@ -1,1 +1,1 @@
-"""Random damage, kills and broken files: a minute of it in CI, hours by ``make torture``."""
+"""Random damage, kills and broken files: one minute in CI, hours with ``make torture``."""

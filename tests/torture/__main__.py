@@ -1,4 +1,4 @@
-"""``make torture``: as many trials as are asked for, with a seed; prints what was found as JSON."""
+"""``make torture``: the requested number of trials from a seed; prints the results as JSON."""
 
 from __future__ import annotations
 

@@ -6,14 +6,14 @@ from rigctl.dataset import verify
 from torture.corruptions import make_unclosed, rows_by_byte, torture
 
 
-def test_random_damage_costs_its_own_frames_alone_and_is_never_silent(tmp_path: Path) -> None:
+def test_random_damage_loses_only_the_damaged_frames_and_is_always_reported(tmp_path: Path) -> None:
     tally = torture(tmp_path, 60, seed=1)
     assert tally.lost_outside == 0
     assert tally.lost_rows > 0
     assert tally.conditions["recovered"] > 30
 
 
-def test_a_journal_that_ends_between_two_frames_is_kept_since_the_log_knows_of_more(tmp_path: Path) -> None:
+def test_a_journal_truncated_between_frames_is_detected_by_the_log_and_kept(tmp_path: Path) -> None:
     run = make_unclosed(tmp_path)
     path = run / "samples.journal"
     begin, _, rows = rows_by_byte(path.read_bytes())[-1]

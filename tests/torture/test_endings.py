@@ -10,7 +10,7 @@ from torture.endings import Tally, available, one, torture
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="a trial is a process of its own, by fork")
 
 
-def test_a_run_that_ends_at_a_random_moment_is_safe_keeps_its_samples_and_says_so(tmp_path: Path) -> None:
+def test_runs_ending_at_random_moments_are_safe_keep_samples_and_report_the_end(tmp_path: Path) -> None:
     tally = torture(tmp_path, 24, seed=1, kinds=available())
     assert tally.failures == []
     assert tally.judged_in_time >= 5

@@ -11,7 +11,7 @@ if sys.platform == "win32":
 from torture.foreign_files import torture
 
 
-def test_damaged_files_of_another_program_are_a_run_or_one_message(tmp_path: Path) -> None:
+def test_damaged_files_of_other_programs_are_imported_or_refused_with_one_message(tmp_path: Path) -> None:
     found = torture(tmp_path, 32, seed=1, kinds=("mf4",))["mf4"]
     assert found["failures"] == []
     assert found["read"] + found["refused"] == 32
