@@ -1,4 +1,4 @@
-"""Who is let in: attacks as pages elsewhere, other programs and strangers would make them."""
+"""Access control: attacks as other sites, other programs and strangers would attempt them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ HOSTILE_ORIGINS = [
     "http://127.0.0.1",
     "http://127.0.0.1:1",
     "https://127.0.0.1:{port}",
-    "http://localhost:{port}",  # ours too, but not the one that is asked
+    "http://localhost:{port}",  # a name of this computer, but not the one in use
     "http://127.0.0.1:{port}.evil.example",
     "null",
     "",
@@ -35,8 +35,10 @@ HOSTILE_ORIGINS = [
 
 
 @pytest.mark.parametrize("host", HOSTILE_HOSTS)
-def test_another_name_is_not_answered_even_with_the_cookie(served: Served, cookie: str, host: str) -> None:
-    """DNS rebinding: a page of evil.example has its own name lead here, and asks as if it were at home."""
+def test_requests_with_another_host_name_are_refused_even_with_the_cookie(
+    served: Served, cookie: str, host: str
+) -> None:
+    """DNS rebinding: a page of evil.example lets its own name resolve to this server."""
     name = host.format(port=served.port)
     for method, path in (("GET", "/runs"), ("GET", "/api/status"), ("POST", "/api/session")):
         headers = {"Host": name, "Origin": f"http://{name}"}
@@ -53,7 +55,7 @@ def test_another_origin_is_refused(served: Served, cookie: str, origin: str) -> 
 
 
 def test_silent_connections_are_closed(served: Served) -> None:
-    """So many connections are served at once, and these keep everybody else out: from stopping a run, too."""
+    """The number of connections is limited: silent ones would keep others out, even from stopping a run."""
     parts = (b"", b"GET / HTTP/1.1\r\nHost: 127", b"GET / HTTP/1.1\r\nHost: x\r\n\r\nGET / HT")
     with ExitStack() as lines:
         silent = []
@@ -72,7 +74,7 @@ def test_requests_with_effects_need_an_origin(served: Served, cookie: str) -> No
     assert served.ask("GET", "/api/status", cookie=cookie)[0] == 200
 
 
-def test_a_picture_or_script_of_another_site_gets_nothing(served: Served, cookie: str) -> None:
+def test_requests_for_images_or_scripts_of_another_site_are_refused(served: Served, cookie: str) -> None:
     """Such requests have no Origin, and the cookie where the other site is another port of this computer."""
     for site in ("cross-site", "same-site"):
         headers = {"Sec-Fetch-Site": site}
@@ -94,7 +96,7 @@ def test_without_the_cookie_only_the_empty_page_is_served(served: Served, given:
 
 
 @pytest.mark.parametrize("others", ['set={"a": 1}', "a[b]=1", "no value", "é=ü", "=", 'open="', "rigctl_1=x"])
-def test_cookies_of_other_servers_of_this_computer_do_not_matter(
+def test_cookies_of_other_servers_on_this_computer_are_ignored(
     served: Served, cookie: str, others: str
 ) -> None:
     """A browser sends a host's cookies to all of its ports, and they may have any form."""
@@ -103,7 +105,7 @@ def test_cookies_of_other_servers_of_this_computer_do_not_matter(
 
 
 async def answered(headers: dict[str, str | list[str]], path: str = "/api/status", kind: str = "http") -> int:
-    """The gate alone, without what the server's own protocol refuses before it; 200 where it lets in."""
+    """Status of the access check alone, without the server's protocol checks; 200 if it admits a request."""
     keys = Keys()
     session = keys.exchange(keys.token)
     found: list[int] = []
@@ -152,12 +154,14 @@ async def answered(headers: dict[str, str | list[str]], path: str = "/api/status
         ({"sec-fetch-site": ["same-origin", "cross-site"]}, "/api/status", "http", 403),
     ],
 )
-def test_the_gate_by_itself(headers: dict[str, str | list[str]], path: str, kind: str, expected: int) -> None:
-    with ThreadPoolExecutor() as aside:  # the browser's tests have a loop in this thread
+def test_the_access_check_alone_gives_the_expected_status(
+    headers: dict[str, str | list[str]], path: str, kind: str, expected: int
+) -> None:
+    with ThreadPoolExecutor() as aside:  # the browser tests run an event loop in this thread
         assert aside.submit(lambda: asyncio.run(answered(headers, path, kind))).result() == expected
 
 
-def test_the_oldest_sessions_are_forgotten_and_no_others() -> None:
+def test_only_the_oldest_sessions_are_forgotten() -> None:
     keys = Keys()
     sessions = [keys.exchange(keys.token) for _ in range(101)]
     assert [keys.know(str(session)) for session in sessions] == [False, *[True] * 100]
@@ -184,7 +188,7 @@ def test_the_token_has_256_bits_and_the_cookie_is_kept_from_scripts_and_other_si
     assert served.token not in said
 
 
-def test_every_answer_forbids_what_a_browser_must_not_do_with_it(served: Served, cookie: str) -> None:
+def test_every_answer_has_the_security_headers(served: Served, cookie: str) -> None:
     for path in ("/runs", "/assets/app.js", "/assets/page.css", "/api/status", "/api/none"):
         _, got, _ = served.ask("GET", path, cookie=cookie)
         assert got["cache-control"] == "no-store"
@@ -215,7 +219,7 @@ def test_an_invalid_request_only_ends_its_connection(served: Served, cookie: str
     assert served.get("/api/status", cookie)["there"] is True
 
 
-def test_a_body_that_is_no_json_object_is_one_clear_message(served: Served, cookie: str) -> None:
+def test_a_body_that_is_not_a_json_object_is_refused_with_one_message(served: Served, cookie: str) -> None:
     status, answer = served.post("/api/session", ["x"], cookie)
     assert status == 401
     assert "changes with every start" in answer["error"]["message"]
@@ -223,7 +227,7 @@ def test_a_body_that_is_no_json_object_is_one_clear_message(served: Served, cook
 
 def test_a_browser_is_authenticated_once(window: Window) -> None:
     page = window.open("/runs")
-    assert "#" not in page.url  # the token is out of the address, and of the history
+    assert "#" not in page.url  # the token is gone from the address and from the history
     assert page.locator("#project").inner_text() == window.served.project.name
     page.reload()
     page.wait_for_selector("#part[data-ready=yes]")
@@ -239,7 +243,7 @@ def test_a_browser_without_the_token_gets_instructions(window: Window) -> None:
     assert page.locator("#project").inner_text() == ""
 
 
-def test_a_page_of_another_site_reaches_nothing(window: Window, served: Served) -> None:
+def test_a_page_of_another_site_cannot_use_the_server(window: Window, served: Served) -> None:
     """Another port of this computer is the same site to a browser, which sends the cookie along."""
     window.open("/runs")
     other = window.context.new_page()
@@ -264,7 +268,7 @@ def test_a_page_of_another_site_reaches_nothing(window: Window, served: Served) 
     assert json.loads(served.ask("GET", "/api/status", cookie=served.enter())[2])["working"] == []
 
 
-def test_off_does_not_need_the_controls(window: Window) -> None:
+def test_everything_off_works_without_holding_the_controls(window: Window) -> None:
     page = window.open("/live")
     page.get_by_text("No run is in progress").first.wait_for()
     page.get_by_role("button", name="Everything off").click()

@@ -1,4 +1,4 @@
-"""Samples made as few as a plot is wide: no peak is lost, and pieces add up to the whole."""
+"""Decimation of samples to the width of a plot: no peak is lost, and pieces add up to the whole."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def rows_of(seed: int, count: int) -> np.ndarray:
 
 
 @given(st.integers(0, 10_000), st.integers(0, 300), st.floats(0.01, 2.0))
-def test_every_stretch_keeps_its_lowest_and_highest(seed: int, count: int, stretch: float) -> None:
+def test_every_interval_keeps_its_lowest_and_highest_value(seed: int, count: int, stretch: float) -> None:
     rows = rows_of(seed, count)
     thinned = envelope(rows, stretch)
     assert (np.diff(thinned[:, 0]) >= 0).all()
@@ -36,7 +36,9 @@ def test_every_stretch_keeps_its_lowest_and_highest(seed: int, count: int, stret
 
 
 @given(st.integers(0, 10_000), st.lists(st.integers(1, 40), min_size=1, max_size=20), st.floats(0.0, 1.0))
-def test_decimated_pieces_equal_the_whole(seed: int, sizes: list[int], stretch: float) -> None:
+def test_decimated_pieces_together_equal_the_decimated_whole(
+    seed: int, sizes: list[int], stretch: float
+) -> None:
     rows = rows_of(seed, max(sum(sizes), 3))
     thinning, shown, begin = Thinning(stretch), np.empty((0, 3)), 0
     provisional = 0

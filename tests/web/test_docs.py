@@ -1,4 +1,4 @@
-"""The site of the documentation, served: read, searched, and nothing beside it."""
+"""The documentation site on the server: it can be read and searched, and no other file is served."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.usefixtures("built_site")
 
 
-def test_a_page_is_found_by_its_words_and_read(window: Window) -> None:
+def test_a_page_is_found_by_full_text_search_and_opened(window: Window) -> None:
     page = window.open("/docs")
     site = page.frame_locator("iframe.docs")
     site.locator("h1", has_text="Documentation").wait_for()
@@ -38,5 +38,5 @@ def test_only_the_site_is_served(path: str, served: Served, cookie: str) -> None
     assert status in ((200,) if path == "" else (400, 404))
 
 
-def test_it_is_not_read_without_being_let_in(served: Served) -> None:
+def test_the_documentation_requires_authentication(served: Served) -> None:
     assert served.ask("GET", "/docs/index.html")[0] == 401

@@ -1,4 +1,4 @@
-"""Work in processes of its own: its result, its mistakes, its end by others, and its death."""
+"""Jobs in separate processes: their results, errors, cancellation and crashes."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_command_job_succeeds_fails_or_crashes(jobs: Jobs) -> None:
     (jobs._folder / "p.yaml").write_text(steps, encoding="utf-8")
     killed = jobs.start_command(
         "Simulate", ["simulate", "p.yaml", "--speed", "1x"]
-    )  # it does not end by itself
+    )  # this job does not end by itself
     jobs._processes[killed.id].kill()
     assert ended(listed).document()["result"] == {"runs": []}
     assert listed.command == "rigctl runs list"

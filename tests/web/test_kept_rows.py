@@ -1,4 +1,4 @@
-"""What a window is shown that opens late: as much of the past as is promised, and no more than is allowed."""
+"""The history kept for windows that open late: as long as promised, within the memory limit."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_the_history_of_a_fast_run_is_limited_by_memory() -> None:
     assert kept.last(10.0)[0, 0] == pytest.approx(kept.newest - 10.0, abs=1e-3)
 
 
-def test_the_first_value_after_a_time_is_found_and_nan_is_none() -> None:
+def test_the_first_value_after_a_time_is_found_and_nan_is_skipped() -> None:
     kept = KeptRows(2, 900.0, 1000)
     assert math.isnan(kept.newest)
     assert math.isnan(kept.oldest)

@@ -1,4 +1,4 @@
-"""Who may command a run: one window, until it gives the right back, loses it, or is gone."""
+"""Who may command a run: one window, until it gives up the controls, loses them, or is closed."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def test_one_window_commands_until_another_takes_over(lease: Lease) -> None:
     assert (lease.told("a")["mine"], lease.told("b")["mine"], lease.told("b")["holder"]) == (True, False, 1)
     lease.take("b", over=True)
     assert (lease.told("a")["mine"], lease.told("b")["mine"]) == (False, True)
-    lease.give("a")  # it has nothing to give
+    lease.give("a")  # it does not hold the controls
     assert lease.told("b")["mine"] is True
     lease.give("b")
     lease.take("a", over=False)
 
 
-def test_a_window_keeps_the_controls_through_a_reload_and_not_for_longer(lease: Lease) -> None:
+def test_a_window_keeps_the_controls_only_for_the_time_of_a_reload(lease: Lease) -> None:
     lease.disconnected("a")
     with pytest.raises(RigctlError, match="has the controls"):
         lease.take("b", over=False)
@@ -40,7 +40,7 @@ def test_a_window_keeps_the_controls_through_a_reload_and_not_for_longer(lease: 
     assert lease.told("b") == {"holder": 2, "mine": True, "window": 2, "viewers": 1}
 
 
-def test_a_window_with_two_connections_is_gone_with_the_second(lease: Lease) -> None:
+def test_a_window_with_two_connections_is_closed_with_the_second(lease: Lease) -> None:
     lease.connected("a")
     lease.disconnected("a")
     lease._windows["a"].seen -= 10.0
@@ -48,6 +48,6 @@ def test_a_window_with_two_connections_is_gone_with_the_second(lease: Lease) -> 
         lease.take("b", over=False)
 
 
-def test_nobody_without_a_name_commands(lease: Lease) -> None:
+def test_taking_the_controls_requires_a_name(lease: Lease) -> None:
     with pytest.raises(RigctlError, match="needs a name"):
         lease.take("", over=True)

@@ -1,4 +1,4 @@
-"""A run that is watched by several windows and commanded by one, and that none of them can disturb."""
+"""A run that is watched by several windows and commanded by one; none of them can disturb it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def running(served: Served) -> Iterator[InProgress]:
         ("http://evil.example", True, "evil.example"),
     ],
 )
-def test_a_socket_is_opened_to_a_page_of_this_server_alone(
+def test_a_socket_is_opened_only_for_a_page_of_this_server(
     served: Served, cookie: str, origin: str | None, host: str | None, *, with_cookie: bool
 ) -> None:
     headers = {"Cookie": cookie} if with_cookie else {}
@@ -47,7 +47,7 @@ def test_a_socket_is_opened_to_a_page_of_this_server_alone(
     assert refused.value.response.status_code == 403
 
 
-def test_a_window_is_told_what_it_needs_to_draw(served: Served, cookie: str, running: InProgress) -> None:
+def test_a_window_receives_samples_and_set_points(served: Served, cookie: str, running: InProgress) -> None:
     with listening(served, cookie, "first") as listener:
         listener.want(running.id, window=20.0, width=4000)
         listener.hear_until(lambda: listener.rows.shape[1] > 150 and listener.told.get("set_points"))
@@ -67,7 +67,7 @@ def test_a_window_is_told_what_it_needs_to_draw(served: Served, cookie: str, run
     assert pressure["set_point"] == "relief_valve"
     assert (held["channel"], held["within"]) == ("supply_pressure", pytest.approx(40.0))
     near = np.abs(seen[0] - held["begin"]) < 0.3
-    assert np.abs(seen[2, near] - held["to"]).min() < 1e-4  # a reading of its begin
+    assert np.abs(seen[2, near] - held["to"]).min() < 1e-4  # a reading at its start
 
 
 def test_two_windows_see_the_same_and_one_commands(window: Window, cookie: str, running: InProgress) -> None:
@@ -77,21 +77,21 @@ def test_two_windows_see_the_same_and_one_commands(window: Window, cookie: str, 
     for page in (one, two):
         page.locator(".channel canvas").first.wait_for()
         assert page.locator(".run-title").inner_text() == running.id
-    one.get_by_role("button", name="Take").click()  # a window of an earlier test may have them still
+    one.get_by_role("button", name="Take").click()  # a window of an earlier test may still hold them
     one.get_by_text("This window has the controls").wait_for()
     one.get_by_role("button", name="Pause").click()
     two.locator(".run-state", has_text="paused").wait_for()
     wait_for(lambda: running.state() == "paused")
     two.get_by_text("has the controls").wait_for()
     two.locator("button", has_text="Continue").and_(two.locator(":disabled")).wait_for()
-    # a window that lies about its button is refused by the server too
+    # a window that enables its button by force is refused by the server, too
     status, refused = served.post(f"/api/live/{running.id}/request", {"request": "abort"}, cookie, "liar")
     assert status == 409
     assert "has the controls" in refused["error"]["what"]
     assert running.state() == "paused"
     two.get_by_role("button", name="Take over").click()
     one.get_by_role("button", name="Take over").wait_for()
-    two.reload()  # in the middle: the window is the same one afterwards
+    two.reload()  # a reload in between: the window remains the same one
     two.get_by_text("This window has the controls").wait_for()
     two.get_by_role("button", name="Continue").click()
     one.locator(".run-state", has_text="running").wait_for()
@@ -107,7 +107,7 @@ def test_a_procedure_s_name_with_markup_is_text(window: Window, running: InProgr
     page.locator("aside dd", has_text="<b onclick=alert(1)>watch me</b>").wait_for()
 
 
-def test_a_browser_without_sockets_is_told_and_asks(window: Window, running: InProgress) -> None:
+def test_a_browser_without_sockets_shows_a_notice_and_polls(window: Window, running: InProgress) -> None:
     window.context.add_init_script("delete globalThis.WebSocket")
     page = window.open("/live")
     page.get_by_text("no live connection").wait_for()
@@ -116,8 +116,10 @@ def test_a_browser_without_sockets_is_told_and_asks(window: Window, running: InP
     assert page.locator("[data-channel=position] .value").inner_text().endswith("mm")
 
 
-def test_a_window_that_does_not_read_costs_nothing(served: Served, cookie: str, running: InProgress) -> None:
-    """Its socket fills up; the run and the other windows go on."""
+def test_a_window_that_does_not_read_delays_neither_the_run_nor_other_windows(
+    served: Served, cookie: str, running: InProgress
+) -> None:
+    """Its socket fills up; the run and the other windows continue."""
     line = socket.create_connection(("127.0.0.1", served.port), timeout=120)
     line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
     address = f"ws://{served.host}/api/live/stream?viewer=asleep"
@@ -151,7 +153,7 @@ def test_a_window_that_does_not_read_costs_nothing(served: Served, cookie: str, 
     ],
     ids=range(10),
 )
-def test_what_a_window_must_not_ask_is_left_alone(
+def test_invalid_messages_do_not_end_the_connection(
     served: Served, cookie: str, running: InProgress, sent: str | bytes
 ) -> None:
     with listening(served, cookie, "odd") as odd:
@@ -160,7 +162,9 @@ def test_what_a_window_must_not_ask_is_left_alone(
         odd.hear_until(lambda: "state" in odd.told)
 
 
-def test_the_run_is_aborted_and_whole_and_holds_what_was_seen(window: Window, running: InProgress) -> None:
+def test_an_aborted_run_is_complete_and_has_the_samples_that_were_shown(
+    window: Window, running: InProgress
+) -> None:
     with listening(window.served, window.served.enter(), "last") as listener:
         listener.want(running.id, window=20.0, width=4000)
         listener.hear_until(lambda: listener.rows.shape[1] > 100)
@@ -184,7 +188,7 @@ def test_the_run_is_aborted_and_whole_and_holds_what_was_seen(window: Window, ru
         assert np.allclose(kept, seen[row], rtol=1e-6, atol=1e-6)
 
 
-def test_what_a_slow_window_leaves_out_is_the_oldest_and_is_counted() -> None:
+def test_a_slow_window_drops_the_oldest_samples_and_counts_them() -> None:
     watcher = Watcher(lambda: None)
     rows = np.zeros((5, 3))
     watcher.begin(rows, 10.0, 10_000)

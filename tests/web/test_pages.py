@@ -1,4 +1,4 @@
-"""Every part as people reach it: wide screens and phones, light and dark, keyboard and screen reader."""
+"""Every page on wide screens and phones, light and dark, with keyboard and screen reader."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from web.serving import Served, Window
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-#: what each part is judged in, beside its empty page
+#: the states in which each page is checked, beside its empty one
 SETTLED = {
     "runs": "table.runs tbody tr td",
     "live": ".idle .finding",
@@ -24,7 +24,7 @@ SETTLED = {
 
 
 def serious(page: Page) -> list[str]:
-    """What axe-core finds that keeps somebody out; the frame of a report is judged by its own tests."""
+    """Serious findings of axe-core; the frame of a report has its own tests."""
     found = Axe().run(page, context={"exclude": [["iframe"]]}).response["violations"]
     return [
         f"{one['id']}: {node['html'][:120]} {json.dumps(node['any'][:1])[:200]}"
@@ -35,7 +35,9 @@ def serious(page: Page) -> list[str]:
 
 
 @pytest.mark.parametrize(("width", "dark"), [(1400, False), (420, True)], ids=["wide", "phone"])
-def test_everybody_can_use_every_page(browser: Browser, served: Served, width: int, *, dark: bool) -> None:
+def test_every_page_is_accessible_and_fits_its_screen(
+    browser: Browser, served: Served, width: int, *, dark: bool
+) -> None:
     run = page_of_runs(served.project / "runs").runs[-1].id
     scheme = "dark" if dark else "light"
     context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)

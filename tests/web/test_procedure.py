@@ -48,7 +48,7 @@ OFFERED = [
 ]
 
 
-def test_the_schema_completes(window: Window, cookie: str) -> None:
+def test_completions_come_from_the_schema(window: Window, cookie: str) -> None:
     page = window.context.new_page()
     page.goto(f"{window.served.base}/assets/procedure.js")
     known = window.served.get("/api/procedure/completion", cookie)
@@ -64,7 +64,7 @@ def test_the_schema_completes(window: Window, cookie: str) -> None:
         assert bool(names) is bool(offered), text
 
 
-def test_a_name_is_completed_by_the_keyboard(window: Window) -> None:
+def test_a_step_name_is_completed_with_the_keyboard(window: Window) -> None:
     page = window.open("/procedure?file=procedures/quick-check.yaml")
     area = page.get_by_label("The procedure's text")
     area.fill("procedure: x\nrig: rigs/hl32-bench.yaml\nsteps:\n  - ")
@@ -102,8 +102,8 @@ def test_a_file_changed_meanwhile_is_not_overwritten(served: Served, cookie: str
 
 
 @pytest.mark.parametrize("path", ["../elsewhere.yaml", "/etc/x.yaml", "procedures/a\0b.yaml", ""])
-def test_a_text_is_checked_as_a_file_of_the_project_only(served: Served, cookie: str, path: str) -> None:
-    """Its rig is read from beside it."""
+def test_a_text_is_checked_only_as_a_file_of_the_project(served: Served, cookie: str, path: str) -> None:
+    """The rig is looked up beside the file."""
     status, told = served.post("/api/procedure/check", {"path": path, "text": "procedure: x"}, cookie)
     (error,) = told["errors"]
     assert (status, error["what"]) == (200, "the project has no such place")
@@ -117,7 +117,7 @@ def test_a_simulation_is_started_and_its_run_shown(window: Window) -> None:
     page.locator("aside .tag", has_text="finished").wait_for()
 
 
-def test_the_real_bench_needs_its_name_and_questions_are_answered_here(window: Window) -> None:
+def test_a_real_run_needs_confirmation_by_name_and_prompts_are_answered_on_the_page(window: Window) -> None:
     served = window.served
     path = Path(served.project, "procedures", "ask-me.yaml")
     path.write_text(ASKING, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The report inside the served page: the same page, without any right of the server's."""
+"""The report inside the served page: the same page, without access to the server."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def test_a_report_is_shown_and_cannot_reach_the_server(window: Window) -> None:
     inside = page.frame_locator("iframe.report")
     inside.locator("h1", has_text="stroke campaign").wait_for()
     inside.locator(".plot:visible").first.scroll_into_view_if_needed()
-    inside.locator(".plot .main-svg").first.wait_for()  # its own scripts run
+    inside.locator(".plot .main-svg").first.wait_for()  # the scripts of the report itself run
     tried = f"""async () => {{
       const told = [];
       try {{ told.push(document.cookie); }} catch {{ told.push("no cookie"); }}
@@ -31,7 +31,7 @@ def test_a_report_is_shown_and_cannot_reach_the_server(window: Window) -> None:
     }}"""
     frame = next(each for each in page.frames if each.parent_frame is not None)
     assert frame.evaluate(tried) == ["no cookie", "no page", "no answer"]
-    window.complaints.clear()  # the browser says that it has refused the last one
+    window.complaints.clear()  # the browser reports that it has refused the last one
     assert f"rigctl report {run}" in page.locator(".command").inner_text()
 
 
@@ -48,7 +48,7 @@ def test_a_report_reads_only_files_of_the_project(served: Served, cookie: str) -
         {"runs": "x"},
     ):
         status, answer = served.post("/api/report", body, cookie)
-        if status == 200:  # the command itself refuses what is no run
+        if status == 200:  # the command itself refuses anything other than a run
             wait_for(lambda job=answer["id"]: served.get(f"/api/jobs/{job}", cookie)["state"] != "working")
             ended = served.get(f"/api/jobs/{answer['id']}", cookie)
             assert ended["state"] == "failed"

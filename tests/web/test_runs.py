@@ -1,4 +1,4 @@
-"""The catalogue in the browser: found, sorted, annotated, left out, compared."""
+"""The catalogue in the browser: finding, sorting, annotating, excluding and comparing runs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MARKUP = "<img src=x onerror=\"document.title='broken in'\"> & <b>worn</b>"
 
 @pytest.fixture(scope="module")
 def served(served: Served, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    """A project of two campaigns alone: what other tests carry out is not in it."""
+    """A project with two campaigns only; runs of other tests are not in it."""
     first = served.project / "runs" / page_of_runs(served.project / "runs", count=1000).runs[-1].id
     project = tmp_path_factory.mktemp("two") / "strokes-of-june"
     shutil.copytree(served.project, project, ignore=shutil.ignore_patterns("runs"))
@@ -50,7 +50,9 @@ def two(served: Served) -> tuple[str, str]:
     return first, str(other["run"])
 
 
-def test_a_page_of_runs_is_what_the_command_lists(served: Served, cookie: str, two: tuple[str, str]) -> None:
+def test_the_pages_of_runs_agree_with_the_list_command(
+    served: Served, cookie: str, two: tuple[str, str]
+) -> None:
     page = served.get("/api/runs?count=1", cookie)
     assert (page["found"], page["all"]) == (2, 2)
     assert [run["id"] for run in page["runs"]] == [two[1]]
@@ -80,7 +82,7 @@ def test_words_and_conditions_select_runs(served: Served, cookie: str, two: tupl
         ("load_extension('x')", "cannot be understood"),
     ],
 )
-def test_a_condition_reads_the_catalogue_and_nothing_else(where: str, said: str, served: Served) -> None:
+def test_a_condition_can_read_only_the_catalogue(where: str, said: str, served: Served) -> None:
     with pytest.raises(RigctlError, match=said):
         page_of_runs(served.project / "runs", where=where)
 
@@ -92,7 +94,9 @@ def test_invalid_run_ids_are_refused(served: Served, cookie: str, tmp_path: Path
         assert str(tmp_path.parent) not in text
 
 
-def test_notes_and_exclusions_are_the_run_s(served: Served, cookie: str, two: tuple[str, str]) -> None:
+def test_notes_and_exclusions_are_stored_with_the_run(
+    served: Served, cookie: str, two: tuple[str, str]
+) -> None:
     run = two[1]
     assert served.post(f"/api/runs/{run}/notes", {"text": MARKUP}, cookie)[0] == 200
     assert served.post(f"/api/runs/{run}/exclude", {"record": 1, "reason": "air"}, cookie)[0] == 200
@@ -124,7 +128,7 @@ def test_user_text_is_shown_as_text(window: Window, cookie: str, two: tuple[str,
     assert page.locator(".notes img").count() == 0
 
 
-def test_two_campaigns_are_overlaid(window: Window, two: tuple[str, str]) -> None:
+def test_two_campaigns_are_overlaid_with_their_difference(window: Window, two: tuple[str, str]) -> None:
     page = window.open("/runs")
     for run in two:
         page.get_by_label(f"Choose {run}").check()

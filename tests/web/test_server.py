@@ -1,4 +1,4 @@
-"""The server itself: where it listens, to whom it belongs, and what becomes of it and of those it serves."""
+"""The server itself: its address, its project, its start and its end."""
 
 from __future__ import annotations
 
@@ -42,20 +42,20 @@ def refused(project: Path, state: Path, *options: str) -> str:
     return done.stderr
 
 
-def test_a_port_in_use_is_said(served: Served, tmp_path: Path) -> None:
+def test_a_port_in_use_is_reported_with_an_alternative(served: Served, tmp_path: Path) -> None:
     said = refused(tmp_path, tmp_path / "state", "--port", str(served.port))
     assert f"127.0.0.1:{served.port}" in said
     assert "--port 0" in said
 
 
 def test_a_project_has_one_server(served: Served) -> None:
-    """With two, each would have controls of its own."""
+    """With two servers, each would hand out the controls separately."""
     said = refused(served.project, served.state, "--port", "0")
     assert f"served already at {served.base}" in said
     assert served.token not in said
 
 
-def test_other_computers_are_kept_out_unless_all_is_said(tmp_path: Path) -> None:
+def test_other_computers_need_a_certificate_and_an_explicit_option(tmp_path: Path) -> None:
     project = find_project(tmp_path)
     for host in ("0.0.0.0", "192.0.2.1", "::", "bench.example"):
         for more in ({}, {"exposed": True}, {"certificate": tmp_path, "key": tmp_path}):
@@ -121,7 +121,7 @@ def test_with_tls_the_cookie_is_for_tls_alone(tmp_path: Path) -> None:
         line.close()
 
 
-def test_a_project_that_vanishes_is_said_and_may_come_back(served: Served, cookie: str) -> None:
+def test_a_missing_project_folder_is_reported_until_it_is_back(served: Served, cookie: str) -> None:
     away = served.project.with_name("elsewhere")
     served.project.rename(away)
     try:
@@ -137,11 +137,11 @@ def test_a_project_that_vanishes_is_said_and_may_come_back(served: Served, cooki
     assert served.get("/api/runs", cookie)["all"] > 0
 
 
-def test_the_command_knows_the_pages_that_there_are() -> None:
+def test_the_command_lists_the_pages_of_the_server() -> None:
     assert [part.name for part in PARTS] == list(PAGES)
 
 
-def test_nothing_heavy_is_imported_before_the_address_is_printed() -> None:
+def test_the_server_modules_import_no_heavy_library() -> None:
     imports = "rigctl.cli.commands.serve, rigctl.web.app, rigctl.web.server, uvicorn"
     code = f"import sys, {imports}; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
@@ -150,7 +150,7 @@ def test_nothing_heavy_is_imported_before_the_address_is_printed() -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there a program is not killed by a signal")
-def test_a_command_shows_itself_and_takes_its_server_along(tmp_path: Path) -> None:
+def test_a_command_with_serve_ends_its_server_with_it(tmp_path: Path) -> None:
     project = tmp_path / "bench"
     create_project(project)
     process = subprocess.Popen(

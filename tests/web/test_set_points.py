@@ -1,4 +1,4 @@
-"""The set-points that the page Live draws: of every step that asks something of a channel."""
+"""The set-points drawn on the Live page: those of every step with a target for a channel."""
 
 from __future__ import annotations
 
@@ -61,7 +61,9 @@ def test_each_step_with_a_set_point_has_a_line(tmp_path: Path) -> None:
     ]
     assert [one["to"] for one in shown] == pytest.approx([40.0, 31.5, 100.0])
     assert [one["within"] for one in shown] == pytest.approx([0.5, 2.0, 1.0])
-    assert asked == [("supply_pressure", 10.0)]  # only what is held where it is found waits for a reading
+    assert asked == [
+        ("supply_pressure", 10.0)
+    ]  # only a step that holds the current value waits for a reading
     assert [one["channel"] for one in found.shown(first, 12.0)] == ["supply_pressure", "position"]
 
 

@@ -1,4 +1,4 @@
-"""The workbench in a browser: the tutorial of the hidden effect without a terminal, and what may go wrong."""
+"""The workbench in a browser: the tutorial of the hidden effect without a terminal, and its failures."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def test_the_hidden_effect_is_found_and_added_without_a_terminal(bench: Page, le
     before = position(page)
     assert "held out" in page.locator(".now").inner_text()
 
-    # by hand: another opening, and the leak; everything follows, and comes back
+    # by hand: another opening, and the leak; all displays follow, and return with undo
     drag(page, "flow area fitted", -20)
     settled(page)
     moved = position(page)
@@ -149,7 +149,7 @@ def test_the_hidden_effect_is_found_and_added_without_a_terminal(bench: Page, le
     settled(page)
     assert page.get_by_role("switch", name="valve leakage").is_checked()
     assert position(page) < 0.2 * before
-    assert page.locator(".channel .uplot").count() == 6  # the record that was looked at still is
+    assert page.locator(".channel .uplot").count() == 6  # the selected record is still selected
     assert label.partition(":")[0] in page.locator("h2.record").inner_text()
     assert "v1" in verb(page, "History")
     is_pictured(page.locator("section.result[data-verb=history]"), "workbench-history")
@@ -158,7 +158,7 @@ def test_the_hidden_effect_is_found_and_added_without_a_terminal(bench: Page, le
     assert [one["done"] for one in history["versions"]] == ["first version", "add valve_leakage"]
     assert position(page) == pytest.approx(history["errors"][-1]["rmse"]["position"], rel=0.02)
 
-    # what is kept by hand is the next version, as its command would write it
+    # a state kept by hand is the next version, as the command would write it
     drag(page, "flow area fitted", 3)
     settled(page)
     page.get_by_role("button", name="Keep as version").click()
@@ -173,7 +173,7 @@ def measured_what_was_designed(page: Page, leaking: Served) -> None:
     proposed = verb(page, "Next experiment")
     assert "valve_leakage is what is missing" in proposed
     design = page.locator("section.result[data-verb=design]")
-    assert design.locator(".uplot").count() >= 1  # what it predicts
+    assert design.locator(".uplot").count() >= 1  # the prediction for the experiment
     page.get_by_label("the simulated bench hides").fill("valve_leakage:conductance=7e-15 m^3")
     page.get_by_role("button", name="Approve: run it on the simulated bench").click()
     done = page.locator("section.result[data-verb=approve]")
@@ -218,7 +218,7 @@ def opened(bench: Page, leaking: Served) -> Iterator[Page]:
     page.close()
 
 
-def test_a_reload_keeps_the_steps_and_what_was_found(opened: Page) -> None:
+def test_a_reload_keeps_the_steps_and_the_results(opened: Page) -> None:
     kept = position(opened)
     found = verb(opened, "Compare")
     assert MODEL in found
@@ -245,7 +245,7 @@ def shown_run(page: Page) -> str:
     return page.locator(".choosing > summary").inner_text().split(" on ")[1].partition(":")[0]
 
 
-def test_a_table_of_single_values_follows_its_sliders_too(bench: Page, leaking: Served) -> None:
+def test_the_errors_of_a_table_of_single_values_follow_the_sliders(bench: Page, leaking: Served) -> None:
     page = bench.context.new_page()
     page.goto(f"{leaking.base}/workbench")
     page.get_by_text("Bring in measured data").click()
@@ -300,7 +300,7 @@ def test_the_workbench_is_accessible(bench: Page, scheme: Any, width: int) -> No
     assert bench.evaluate("document.documentElement.scrollWidth") <= width
 
 
-def test_stopped_work_leaves_nothing_behind(bench: Page, leaking: Served) -> None:
+def test_a_stopped_analysis_is_reported_as_stopped(bench: Page, leaking: Served) -> None:
     bench.get_by_role("toolbar", name="Analyses").get_by_role("button", name="Discover").click()
     bench.get_by_role("button", name="Stop").click()
     bench.get_by_text("Discover: stopped").wait_for()
@@ -309,7 +309,7 @@ def test_stopped_work_leaves_nothing_behind(bench: Page, leaking: Served) -> Non
 
 
 def test_a_refusal_is_shown_and_sliders_keep_working(bench: Page) -> None:
-    """What a hand-made message, or a page of another version, might say."""
+    """As a hand-made message, or a page of another version, might send."""
     bench.set_viewport_size({"width": 1400, "height": 900})
     typed = bench.get_by_label("flow area, typed")
     typed.fill("a lot")
@@ -386,8 +386,10 @@ def test_unknown_messages_are_refused_and_the_session_continues(leaking: Served)
 
 
 @pytest.mark.parametrize(("length", "closed"), [(LONGEST_MESSAGE, None), (LONGEST_MESSAGE + 1, 1009)])
-def test_messages_have_one_longest_length(leaking: Served, length: int, closed: int | None) -> None:
-    """The server and the workbench had a number each: what lay between was read, and then refused."""
+def test_messages_up_to_the_maximum_length_are_accepted_and_longer_ones_refused(
+    leaking: Served, length: int, closed: int | None
+) -> None:
+    """The limits of server and workbench used to differ: messages in between were read, then refused."""
     address = f"ws://{leaking.host}/api/workbench/session"
     headers = {"Cookie": leaking.enter()}
     text = '{"do": "fly", "values": ""}'.replace('""', f'"{(length - 27) * "x"}"')

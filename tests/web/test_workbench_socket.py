@@ -29,7 +29,7 @@ class _Page:
 
 
 def test_a_process_that_does_not_read_does_not_stop_the_server() -> None:
-    """A pipe holds 64 kB; the event loop hung, and with it 'Everything off' of every window."""
+    """A pipe holds 64 kB; the event loop used to hang, and with it 'Everything off' in every window."""
     ours, theirs = multiprocessing.Pipe()
     texts = [f"{k}" + "x" * 400_000 for k in range(3)]
     went_on = threading.Event()
@@ -50,7 +50,7 @@ def test_a_process_that_does_not_read_does_not_stop_the_server() -> None:
         await passing
         return others_are_served
 
-    with ThreadPoolExecutor() as aside:  # the browser's tests have a loop in this thread
+    with ThreadPoolExecutor() as aside:  # the browser tests run an event loop in this thread
         assert aside.submit(lambda: asyncio.run(served())).result()
     reader.join()
     assert heard == [text.encode() for text in texts]
@@ -71,7 +71,7 @@ class _Silent:
 
 
 def test_a_page_that_does_not_read_stops_its_process_and_loses_nothing() -> None:
-    """Every picture waited in the server's memory: a page left in the background filled it."""
+    """Frames used to queue in the server's memory, and a page left in the background filled it."""
     ours, theirs = multiprocessing.Pipe()
     count, sent = 40, []
 
@@ -91,7 +91,7 @@ def test_a_page_that_does_not_read_stops_its_process_and_loses_nothing() -> None
         process.start()
         while len(sent) < 4:
             await asyncio.sleep(0.01)
-        await asyncio.sleep(0.3)  # what would be read beyond that is read in this time
+        await asyncio.sleep(0.3)  # any further data would be read within this time
         ahead = len(sent)
         page.reads.set()
         while len(page.taken) < count:
@@ -110,9 +110,9 @@ def test_a_page_that_does_not_read_stops_its_process_and_loses_nothing() -> None
     ours.close()
 
 
-def test_requests_beyond_what_may_wait_are_refused() -> None:
+def test_requests_beyond_the_limit_of_the_queue_are_refused() -> None:
     ours, theirs = multiprocessing.Pipe()
-    session = _Session(theirs)  # its workers have not begun: everything waits
+    session = _Session(theirs)  # its workers have not started: all requests wait
     for k in range(102):
         session.take({"do": "settle", "seq": k})
     theirs.close()
