@@ -37,6 +37,6 @@ def inside(project: Path) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def textbook(project: Path) -> Workbench:
-    """The shipped model; tests leave its state as it is."""
+    """The shipped model; tests do not change its state."""
     with chdir(project):
         return Workbench.open([open_run("latest")], Path(MODEL), named=MODEL)

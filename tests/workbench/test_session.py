@@ -1,4 +1,4 @@
-"""A workbench without a page, held against what the commands say of the same model files."""
+"""A workbench without a page, compared with the commands on the same model files."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def errors(picture: Picture, bench: Workbench) -> dict[str, dict[str, float]]:
     return picture.document(units)["channels"]
 
 
-def test_the_initial_model_has_the_errors_of_compare(textbook: Workbench) -> None:
+def test_the_initial_errors_equal_those_of_compare(textbook: Workbench) -> None:
     said = answer("compare", "latest", "--model", "models/hl32-textbook.yaml", "--no-fit")
     picture = textbook.exact
     assert picture.exact
@@ -45,7 +45,7 @@ def test_the_initial_model_has_the_errors_of_compare(textbook: Workbench) -> Non
     assert picture.chi2_reduced == pytest.approx(said["chi2_reduced"], rel=SAME)
 
 
-def test_a_kept_version_is_the_displayed_state(shared_results: Path) -> None:
+def test_a_kept_version_has_the_displayed_state_and_equals_that_of_the_command(shared_results: Path) -> None:
     clicked, typed = textbook_copy("clicked"), textbook_copy("typed")
     bench = Workbench.open([open_run("latest")], Path(clicked), named=clicked)
     state = switched_on(bench)
@@ -76,7 +76,7 @@ def test_a_kept_version_is_the_displayed_state(shared_results: Path) -> None:
     assert "valve_leakage" in again.start.on
 
 
-def test_moving_slider_pictures_differ_only_in_record_level_values(
+def test_displays_while_a_slider_moves_differ_only_in_record_level_values(
     textbook: Workbench,
 ) -> None:
     exact = textbook.exact

@@ -1,4 +1,4 @@
-"""Undo and redo: the way back is the way there."""
+"""Undo and redo of the workbench's state."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_undo_returns_the_same_states_and_redo_goes_forward_again(
         assert track.present == expected
 
 
-def test_a_step_after_undo_drops_what_was_taken_back() -> None:
+def test_a_step_after_undo_discards_the_undone_steps() -> None:
     track = Track(START).then(START.switched(["leak"], on=True)).undone()
     other = track.then(START.moved({"area": 5e-6}))
     with pytest.raises(RigctlError, match="nothing to redo"):
