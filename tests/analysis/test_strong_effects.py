@@ -56,9 +56,9 @@ def test_a_second_effect_of_two_percent_is_not_absorbed_by_the_shape_of_the_firs
     assert found.effects == ("valve_leakage", "coulomb_friction")
     friction = {one.effect: one for one in found.ranking}["coulomb_friction"].parameters["force"]
     assert friction.value == pytest.approx(200.0, rel=0.05)
-    if found.remainder is not None:
-        assert 0.0 < found.remainder.share < 0.01
-        assert found.document()["remainder"]["statement"] in found.statement
+    assert found.remainder is not None
+    assert 0.0 < found.remainder.share < 0.01
+    assert found.document()["remainder"]["statement"] in found.statement
 
 
 def test_static_friction_is_at_least_kinetic_and_the_simpler_law_is_listed_first() -> None:

@@ -130,14 +130,6 @@ def test_the_range_of_a_curve_is_its_validity_and_its_variable_its_driver() -> N
             "has no 'parameters'",
         ),
         (str([list(point) for point in POINTS]), "[[0, 0], [1, 0]]", "the curve is 0 everywhere"),
-        ("slot: friction\n", "", "the field 'slot' is missing"),
-        ("slot: friction", "slot: fricton", "did you mean 'friction'"),
-        ("curve:", "term: velocity\ncurve:", "an effect with a curve has no 'term'"),
-        (
-            "curve:",
-            "parameters: {a: {start: 1, null_value: 0, bounds: [0, 2]}}\ncurve:",
-            "has no 'parameters'",
-        ),
         (
             "  over",
             "  band: [[0, 1]]\n  over",

@@ -145,10 +145,6 @@ def design(
     )
 
 
-def gate(last: Any) -> Any:
-    return SimpleNamespace(open=last.verdict is Verdict.OUTSIDE_LIBRARY)
-
-
 LEAKY = SimpleNamespace(effects={"leak": {}})
 UNSURE = verdict(Verdict.AMBIGUOUS, "leak", "drift")
 SURE = verdict(Verdict.ADEQUATE)

@@ -62,9 +62,9 @@ def test_without_a_condition_no_record_is_held_out_and_all_are_selected() -> Non
     [
         ("oil_temperature == 90 degC", "no record is held out"),
         ("oil_temperature > 0 degC", "every record out"),
-        ("oil_temperature + 1 K", "condition"),
-        ("oil_temprature > 50 degC", "oil_temperature"),
-        ("oil_temperature > 50 bar", ""),
+        ("oil_temperature + 1 K", "records are chosen by a condition, got 'oil_temperature + 1 K'"),
+        ("oil_temprature > 50 degC", "did you mean 'oil_temperature'"),
+        ("oil_temperature > 50 bar", "cannot compare a temperature and a pressure"),
     ],
 )
 def test_an_invalid_condition_is_refused_with_its_reason(text: str, said: str) -> None:

@@ -40,9 +40,9 @@ def test_a_fit_changes_the_value_and_not_the_prior() -> None:
     ("written", "said"),
     [
         ("{value: 12 kg, std: 0 kg}", "above zero"),
-        ("{value: 12 kg, std: 2 mm}", "kg"),
+        ("{value: 12 kg, std: 2 mm}", "wrong dimension, got '2 mm'; expected a mass"),
         ("{value: -3 kg, std: 2 kg}", "out of bounds"),
-        ("{value: 12 kg}", "std"),
+        ("{value: 12 kg}", "the field 'std' is missing"),
     ],
 )
 def test_an_invalid_prior_is_refused(written: str, said: str, tmp_path: Path) -> None:

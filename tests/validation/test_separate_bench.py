@@ -70,6 +70,7 @@ def test_every_hidden_parameter_acts_and_is_off_by_default() -> None:
         "constant_load": 500.0, "spool_second": 0.02, "wall_capacity": 5e4, "radiation": 1.0,
     }  # fmt: skip
     for name, value in secrets.items():
+        assert getattr(Bench(), name) == 0.0, name
         extra = {"piston_gap": 3e-5} if name == "barus" else {}  # viscosity shows only where it acts
         base = plain if not extra else simulate_record(Bench(**extra), Condition(333.15, 50e5)).states
         changed = simulate_record(Bench(**{name: value, **extra}), Condition(333.15, 50e5)).states

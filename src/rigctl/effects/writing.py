@@ -121,6 +121,8 @@ def _call(formula: Formula, scope: Scope) -> Scalar:
         return formula(scope)
     except RigctlError:
         raise
+    except OverflowError as problem:
+        raise RigctlError("a number in the term is out of range", expected="below 1e308") from problem
     except Exception as problem:  # the term may be a foreign package's Python function
         raise RigctlError(f"the term fails: {type(problem).__name__}: {problem}") from problem
 

@@ -236,6 +236,8 @@ def _called(formula: Callable[[], T]) -> T:
         return formula()
     except RigctlError:
         raise
+    except OverflowError as problem:
+        raise RigctlError("a number in the equation is out of range", expected="below 1e308") from problem
     except Exception as problem:  # the equation may be a foreign Python function
         raise RigctlError(f"the equation fails: {type(problem).__name__}: {problem}") from problem
 
