@@ -1,7 +1,7 @@
 """One run on each kind of bench, in virtual time, with an independent record of the outputs.
 
-The witness shares nothing with what is judged: the emulated chip's pins, the lines that the stand-in of the
-two-heater board got, the plant's own switch.
+The outputs are observed independently of rigctl: at the pins of the emulated chip, in the lines received by
+the stand-in of the two-heater board, or at the plant's own switch.
 """
 
 from __future__ import annotations

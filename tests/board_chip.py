@@ -1,4 +1,4 @@
-"""The microcontroller of the board with its firmware, alone: for its tests and its benchmark."""
+"""The board's microcontroller with its firmware, without a host: for its tests and its benchmark."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from rigctl.backends.emulated.avr import FREQUENCY, Avr
 from rigctl.backends.emulated.board import millivolt
 from rigctl.backends.emulated.image import read_intel_hex
 
-#: counts of A0, A1, A2 that no interlock minds
+#: counts of A0, A1, A2 within all interlock limits
 NORMAL = (200, 500, 300)
 
 
@@ -41,7 +41,7 @@ class Chip:
         self.avr.run_to(self.avr.cycle + round(seconds * FREQUENCY))
 
     def tell(self, text: str) -> None:
-        """Send lines; what comes back waits."""
+        """Send lines; the answers remain in the buffer."""
         self.avr.send(text.encode("latin-1") + b"\n")
 
     def send(self, text: str, seconds: float = 0.03) -> list[str]:

@@ -17,7 +17,7 @@ from rigctl.rig import Rig
 class Emulation:
     """A board on a pty, running until it is stopped; its plug can be pulled and put back.
 
-    A computer that stands still stops the board, too: what a test compares are times of the board.
+    A stalled computer stops the board, too, so tests compare times of the board.
 
     Attributes
     ----------

@@ -41,7 +41,7 @@ class Script:
 
 
 class DisturbedPort:
-    """The emulated board's port, with what the script does to it."""
+    """The emulated board's port, with the disturbances of the script."""
 
     name = EmulatedPort.name
 
@@ -120,7 +120,7 @@ class BoardWorkshop:
         bench.open()
         done = self.workshop.run(steps, rig=self.rig(), backend=bench)
         board = self.script.board
-        if any(board.outputs):  # nobody could tell it: its own watchdog has to
+        if any(board.outputs):  # the host could not reach it: its own watchdog has to act
             board.run_to(board.time + 2.1)
         assert board.outputs == (False, False, False)
         assert not board.shorted

@@ -55,7 +55,7 @@ def create_strokes(folder: Path, temperatures: str, seed: int) -> Path:
 
 
 def textbook_copy(name: str, *changes: tuple[str, str]) -> str:
-    """The textbook model as ``models/<name>.yaml``, parts of its text changed: versions of its own."""
+    """The textbook model as ``models/<name>.yaml``, with parts of its text changed and its own versions."""
     text = Path(MODEL).read_text(encoding="utf-8")
     for old, new in changes:
         assert old in text

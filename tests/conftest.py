@@ -88,7 +88,7 @@ LONGEST = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Deal the longest files to the workers; the rest follows, to be stolen by whoever is done first.
+    """Deal the longest files to the workers; the others follow, to be stolen by the first idle worker.
 
     `--dist worksteal` gives each worker a run of as many tests as the others in the order collected.
     """
@@ -114,9 +114,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """No search for cycles goes through what lives to the end, neither while it grows nor later.
+    """Keep objects that live to the end out of the garbage collector's search for cycles.
 
-    They took a fifth of a worker's processor until its first test, and a tenth afterwards.
+    These searches took a fifth of a worker's processor time until its first test, and a tenth afterwards.
     """
     gc.disable()
     try:
@@ -129,9 +129,9 @@ def pytest_collection() -> Generator[None, object, object]:
 
 @pytest.fixture(scope="module", autouse=True)
 def state_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Locks and notices of guards lie here; a guard whose notice is taken away ends.
+    """The folder of locks and of guards' notices; a guard whose notice is removed ends.
 
-    One for each module: what `doctor` says of a guard is of one that this module's tests have left.
+    One for each module, so that `doctor` reports only guards left by this module's tests.
     """
     folder = tmp_path_factory.mktemp("state")
     with pytest.MonkeyPatch.context() as patch:
@@ -143,7 +143,7 @@ def state_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 @pytest.fixture(scope="session", autouse=True)
 def no_kept_results() -> Iterator[None]:
-    """What a test says was computed by it: no fit of another test, let alone of the user of this computer."""
+    """Each test computes its own results and reuses no fit of another test or of this computer's user."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("RIGCTL_RESULTS", "off")
         yield
@@ -151,10 +151,10 @@ def no_kept_results() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def shared_results(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """For modules of commands as users type them: fits are kept for the other such modules of these tests.
+    """For modules that run commands as users type them: fits are shared with the other such modules.
 
-    They are found by content, that of the code included, and the folder is new. Not where a test puts other
-    code in the place of what fits: that is not looked at.
+    Fits are found by content, including that of the code, and the folder is new. Not for tests that replace
+    the fitting code, since such a replacement is not detected.
     """
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:

@@ -37,7 +37,7 @@ _BLOCK = re.compile(
     r"(?:^<!-- (?P<note>[^\n]*?) -->\n\n?)?^```(?P<kind>\w+)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
 )
 _RUN_ID = re.compile(r"\b\d{8}-\d{6}-[a-z0-9-]+")
-#: where the project of a page lies, in what the page shows
+#: the folder of a page's project, as the page shows it
 HOME = "/home/ada"
 
 
@@ -53,7 +53,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Step:
-    """A command of a ``console`` block, what it is said to print, and its exit code."""
+    """A command of a ``console`` block, its expected output, and its exit code."""
 
     command: str
     shown: str
@@ -96,7 +96,7 @@ class PageRun:
         self._served: tuple[str, str] | None = None  # an address of the page, and where it really is
 
     def carry_out(self, block: Block) -> None:
-        """Do what the block says, and compare with what it shows."""
+        """Execute the block, and compare its output with what the page shows."""
         if block.note.startswith("not run:"):
             return
         if block.note.startswith("file:"):
@@ -148,7 +148,7 @@ class PageRun:
             assert same, f"{where}\n--- the page says\n{wanted}\n--- it printed\n{got}"
 
     def _rigctl(self, arguments: list[str]) -> tuple[str, str, int]:
-        """What a command prints, what it tells on stderr, and its exit code."""
+        """The stdout, stderr and exit code of a command."""
         from rigctl.cli.main import main
 
         printed, told, before = io.StringIO(), io.StringIO(), sys.argv
@@ -204,7 +204,7 @@ def _open_record(project: Path) -> int:
 
 
 def _plain(text: str, *, vary: bool) -> str:
-    """The text without what differs from one day and terminal to another."""
+    """The text without parts that depend on the day or the terminal."""
     text = _RUN_ID.sub("RUN", text)
     if vary:
         text = re.sub(r"\d+(?:[.:]\d+)*", "0", text)

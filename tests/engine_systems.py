@@ -43,7 +43,7 @@ def lag_record(**changes: object) -> Excitation:
 
 
 def plain_function(system: System) -> Callable[[Floats, Floats, Floats], list[float]]:
-    """f(y, u, q) as ordinary Python, made from the printed equations and nothing else of the engine."""
+    """f(y, u, q) as ordinary Python, made only from the equations that the engine prints."""
     names = [*system.state_names, *system.input_names, *system.parameter_names]
     text = f"lambda {', '.join(names)}: [{', '.join(to_text(expr) for expr in system.rhs)}]"
     function = eval(text, {"exp": math.exp, "log": math.log, "sqrt": math.sqrt, "tanh": math.tanh})

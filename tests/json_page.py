@@ -37,7 +37,7 @@ _BY_NAME = {
 
 
 def undocumented(arguments: tuple[str, ...], answer: dict[str, Any]) -> set[str]:
-    """Names of an answer that the page does not have; of commands that it does not describe, none."""
+    """Names in an answer that the page lacks; an empty result for commands that it does not describe."""
     command = " ".join(arguments[:2]) if arguments[0] in {"model", "family"} else arguments[0]
     if command not in _SECTIONS or "--dry-run" in arguments or answer.get("kind") == "procedure":
         return set()

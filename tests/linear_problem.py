@@ -162,7 +162,7 @@ class Design:
         return self.chi2(y, effects) + len(names) * price + 2.0 * len(effects) * math.log(len(self.effects))
 
     def parameters(self, effects: Sequence[str]) -> list[str]:
-        """Their parameters, as a system knows them."""
+        """Their parameters, with the names that they have in a system."""
         return [name for name in self.columns if name.partition(".")[0] in effects]
 
     def signature(self, name: str) -> Floats:
@@ -245,7 +245,7 @@ class LinearProblem(Problem):
         """(n, channels) of record k: the derivative by one parameter."""
         if name == ZERO:
             return np.column_stack([np.ones(SAMPLES), np.zeros(SAMPLES)])
-        if name.startswith("disturbance."):  # nothing is known of where a misfit is
+        if name.startswith("disturbance."):  # the location of a misfit is unknown
             return np.zeros((SAMPLES, len(CHANNELS)))
         return self.design.columns[name].reshape(RECORDS, SAMPLES, len(CHANNELS))[k]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def begin(folder: Path, *arguments: str) -> subprocess.Popen[str]:
-    """A command that goes on beside the test; its locks and guards are the folder's."""
+    """A command that runs beside the test; its locks and guards are in the folder."""
     state = str(folder / "state")
     return subprocess.Popen(
         [sys.executable, "-m", "rigctl", *arguments],

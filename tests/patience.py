@@ -1,4 +1,4 @@
-"""Time limits that a busy computer, or one that stands still for seconds, does not break."""
+"""Time limits that a busy computer, or one that stalls for seconds, does not exceed."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from rigctl.backends.transport import guard_port
 
 
 def patient(text: str, *, wake: str = "4 s", watchdog: str = "30 s", stale_after: str = "60 s") -> str:
-    """A rig file of a device behind a guard: no answer comes late, and the guard does not act by itself.
+    """A rig file of a device behind a guard: no answer counts as late, and the guard does not act by itself.
 
-    A test of such a limit gives it: longer than a busy computer stands still.
+    A test of such a limit sets it: longer than a busy computer stalls.
     """
     limits = f"    timeout: 4 s\n    tries: 1\n    wake: {wake}\n    watchdog: {watchdog}\n"
     text = re.sub(r"^    (wake|watchdog|tries): .*\n", "", text, flags=re.MULTILINE)
@@ -33,7 +33,7 @@ def no_silence(text: str, stale_after: str = "60 s") -> str:
 
 @contextmanager
 def unhurried() -> Iterator[None]:
-    """In this process, outputs are made safe and guards end in as much time as that takes."""
+    """In this process, making outputs safe and ending guards may take as long as on a busy computer."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(line_bench, "_SAFE_ANSWER", 10.0)
         patch.setattr(guard_port, "_ENDS_WITHIN", 60.0)

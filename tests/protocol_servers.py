@@ -1,6 +1,6 @@
 """Real servers of instrument protocols, each connected to the simulated bench of a rig.
 
-They know nothing of rigctl's clients; what they offer is written down once more here, as a manual would.
+They are independent of rigctl's clients; their register maps and nodes are written out here, as in a manual.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Server(ABC):
     circuit: what it controls.
     port: what a rig file calls it.
     asked: requests so far.
-    mute: it hears and answers nothing; may be set at any time.
+    mute: it receives requests and answers none; may be set at any time.
     refusing: it answers every reading with an exception; may be set at any time.
     broken: values are NaN, or what the device has for that; may be set at any time.
     delay: s that it lets each answer wait; may be set at any time.
@@ -100,7 +100,7 @@ class Server(ABC):
         self._wait(self._start())
 
     def stop(self) -> None:
-        """Unplug it: connections end, and nobody takes new ones."""
+        """Unplug it: connections end, and new ones are not accepted."""
         self._wait(self._stop())
 
     def close(self) -> None:
@@ -130,7 +130,7 @@ class ModbusServer(Server):
 
     Attributes
     ----------
-    little: its words are the other way round than its manual says.
+    little: its words are in the opposite order to its manual's.
     beats: how often its heartbeat has changed.
     """
 

@@ -21,7 +21,7 @@ VERSION = "TCLab Firmware 1.4.0 Arduino Uno"
 
 
 class Sketch:
-    """What the board's program does with each line; it protects nothing.
+    """What the board's program does with each line; it has no watchdog or interlock.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Sketch:
         return float(self.model._Q1), float(self.model._Q2)
 
     def reset(self) -> None:
-        """As after a brown-out: the program begins anew, heaters off."""
+        """As after a brown-out: the program restarts, heaters off."""
         self._rest = b""
         self.model.update(self._now())
         self.model._Q1 = self.model._Q2 = 0
@@ -76,7 +76,7 @@ class Sketch:
             "VER": lambda: VERSION,
             "SCAN": lambda: "\r\n".join(answers[name]() for name in ("T1", "T2", "R1", "R2")),
         }
-        if name not in answers:  # X, and whatever it does not know
+        if name not in answers:  # X, and every unknown command
             self.model._Q1 = self.model._Q2 = 0
             return f"{name}\r\n".encode()
         return f"{answers[name]()}\r\n".encode()
@@ -110,7 +110,7 @@ class Served:
         began = time.monotonic()
         self.sketch = Sketch(lambda: (time.monotonic() - began) * speed)
         self.switched: list[tuple[float, tuple[float, float]]] = []
-        self.mute = False  #: the line is dead both ways, and the port is there
+        self.mute = False  #: the line is dead in both directions, but the port exists
         self.unplugged = False  #: closes the connection, and takes no other
         self._end = threading.Event()
         self._server: socket.socket | None = None

@@ -1,4 +1,4 @@
-"""`import rigctl` is light, and what it offers is found."""
+"""`import rigctl` is fast, and its public names exist, are documented and work."""
 
 from __future__ import annotations
 

@@ -12,9 +12,9 @@ SOURCE = Path(__file__).parents[1] / "src" / "rigctl"
 
 
 def bare_nexts(text: str) -> list[int]:
-    """Lines with a `next` without a default on what may be empty: a search, or the first of a collection.
+    """Lines with a `next` without a default on an iterator that may be empty: a search, or a collection.
 
-    Inside other iterators its StopIteration ends them silently; elsewhere it is a traceback without words.
+    In other iterators its StopIteration ends them silently; elsewhere it is a traceback without a message.
     """
     found = []
     for node in ast.walk(ast.parse(text)):

@@ -10,7 +10,7 @@ from rigctl.validation.scenario import Scenario
 
 
 def quick(scenario: Scenario) -> Outcome:
-    """Says what is hidden without looking; odd seeds fail."""
+    """Report "adequate" without a diagnosis; odd seeds fail."""
     if scenario.seed % 2:
         raise RigctlError("odd seeds fail")
     return Outcome(scenario, verdict="adequate", first=f"{os.getpid()}", seconds=0.01)

@@ -9,7 +9,7 @@ from rigctl.validation.work import diagnose_scenario
 
 
 def diagnosed(effect: str, amplitude: float) -> Diagnosis:
-    """What is said of a campaign at three temperatures and two pressures that hides it."""
+    """The diagnosis of a campaign at three temperatures and two pressures with that hidden effect."""
     scenario = Scenario(
         "one",
         (Wanted(effect, 100.0),),
