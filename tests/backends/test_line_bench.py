@@ -138,7 +138,7 @@ def test_a_device_that_is_too_slow_leaves_gaps(board: Board) -> None:
     board.bench.start(10.0)
     board.samples(2)
     board.bench.take_notices()
-    board.port.delay = 0.15  # two questions: three times the period
+    board.port.delay = 0.15  # two queries: three times the period
     samples = board.samples(10)
     assert samples[-1].time - samples[0].time > 2.0
     gaps = [n for n in board.bench.take_notices() if n.kind == "gap"]
@@ -159,8 +159,8 @@ def test_the_end_of_a_pulse_is_sent_in_time(board: Board) -> None:
 def test_a_late_answer_is_not_taken_as_the_answer_to_the_next_query(board: Board) -> None:
     board.bench.start(1.0)
     board.samples(1)
-    board.sketch.model._T2 = 60.0  # told apart from the first
-    board.port.delay = 0.55  # longer than the timeout: each answer would come to the question after
+    board.sketch.model._T2 = 60.0  # distinguishable from the first
+    board.port.delay = 0.55  # longer than the timeout: each answer would arrive for the next query
     board.bench.next_sample(6.0)
     board.port.delay = 0.01
     for sample in board.samples(5):
@@ -319,7 +319,7 @@ def test_a_setting_can_be_confirmed_by_a_query(make: Callable[..., Board]) -> No
         board.bench.command("heater_1", 0.9).wait()
 
 
-def test_an_error_reply_is_a_refusal(make: Callable[..., Board]) -> None:
+def test_an_error_reply_refuses_a_command_and_makes_a_reading_nan(make: Callable[..., Board]) -> None:
     board = make(with_lines("    safe:", '    errors: ["ERR {_}"]\n    safe:'))
     board.sketch.odd["Q1 90.00"] = b"ERR too hot\r\n"
     with pytest.raises(RigctlError, match=r"answers 'ERR too hot' to 'Q1 90.00'"):
@@ -383,7 +383,7 @@ def test_a_guard_action_with_all_outputs_off_is_only_a_note(board: Board) -> Non
 def test_safe_commands_are_sent_even_when_answers_are_out_of_step(board: Board) -> None:
     board.bench.start(2.0)
     board.bench.command("heater_1", 0.5).wait()
-    board.sketch.always |= {"VER": b"5\r\n", "T1": b"eh?\r\n"}  # every answer is that of another question
+    board.sketch.always |= {"VER": b"5\r\n", "T1": b"eh?\r\n"}  # every answer belongs to another query
     board.bench.next_sample(5.0)
     board.sketch.received.clear()
     board.bench.safe()

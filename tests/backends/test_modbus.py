@@ -168,7 +168,9 @@ def test_the_doctor_reads_every_channel_and_names_the_right_word_order(tmp_path:
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
 def test_a_controller_is_read_and_switched_by_rtu_on_a_serial_line() -> None:
     with unhurried(), RtuServer(RIG) as server:
-        rig = parse_rig(PATIENT.text.replace("unit: 1 ", "unit: 1\n    frame: 8N1 "))  # a pty knows no parity
+        rig = parse_rig(
+            PATIENT.text.replace("unit: 1 ", "unit: 1\n    frame: 8N1 ")
+        )  # a pty does not support parity
         bench = create_backend(rig, None, real_clock(), {"port": server.port})
         bench.open()
         try:

@@ -66,7 +66,7 @@ def test_an_old_value_by_the_server_s_clock_counts_as_missing(server: OpcUaServe
 def test_an_infinite_value_is_missing_and_the_others_are_not(
     server: OpcUaServer, monkeypatch: pytest.MonkeyPatch, value: float
 ) -> None:
-    """An overflow in one node made the readings of all nodes missing, and ended the run for each of them."""
+    """An overflow in one node used to make the readings of all nodes missing, and to end the run."""
     values = server.values
     monkeypatch.setattr(server, "values", lambda: {**values(), "SupplyPressure": value})
     with opened(server) as bench:
@@ -77,7 +77,7 @@ def test_an_infinite_value_is_missing_and_the_others_are_not(
 
 
 def test_a_stopped_source_whose_clock_is_ahead_counts_as_missing(server: OpcUaServer) -> None:
-    """Its age was negative, so that a source that had stopped counted as fresh for a day."""
+    """Its age used to be negative, so that a stopped source counted as fresh for a day."""
     server.frozen = datetime.now(UTC) + timedelta(days=1)
     with opened(server) as bench:
         sample = bench.next_sample(bench.clock.now() + 2.0)
@@ -117,7 +117,7 @@ def wired(node: str) -> Rig:
 
 
 def test_a_value_that_the_node_cannot_hold_is_refused_and_the_session_stays_open(server: OpcUaServer) -> None:
-    """The connection was given up for it, and the bench was out of reach for everything else."""
+    """The connection used to be closed for this, and the bench to be unreachable for everything else."""
     with opened(server, wired("HostAlive")) as bench:
         with pytest.raises(RigctlError, match="600 is no value of type Byte"):
             bench.command("relief_valve", 60e5).wait()

@@ -97,7 +97,7 @@ def connect(port: MemoryPort) -> Callable[[], MemoryPort]:
     return lambda: port
 
 
-def test_the_heater_board_is_asked_for_its_version(board: MemoryPort) -> None:
+def test_the_heater_board_is_identified_by_its_version(board: MemoryPort) -> None:
     found = probe(connect(board), board.clock, rounds=20)
     assert (found.question, found.identity) == ("VER", VERSION)
     assert found.name == f"two-heater board, {VERSION}"

@@ -134,7 +134,7 @@ def test_a_scaled_clock_runs_the_same_bench_faster(make_bench: MakeBench) -> Non
     assert wall.seconds == pytest.approx(1.0)
 
 
-def test_time_begins_when_the_bench_is_opened(make_bench: MakeBench) -> None:
+def test_fault_times_count_from_the_opening_of_the_bench(make_bench: MakeBench) -> None:
     wall = WallTime()
     clock = wall.clock()
     wall.sleep(50.0)
@@ -234,7 +234,7 @@ def test_settings_scatter_as_in_the_rig_file(rig: Rig, make_bench: MakeBench) ->
 
 
 def campaign(bench: Backend) -> bytes:
-    """All that a short run gives, as bytes."""
+    """The samples and events of a short run, as bytes."""
     taken: list[Sample] = []
     for rate, pressure in ((10.0, 20e5), (100.0, 40e5)):
         bench.start(rate)

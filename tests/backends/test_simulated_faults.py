@@ -63,7 +63,7 @@ def test_a_fault_is_parsed_and_printed(rig: Rig, text: str, fault: Fault) -> Non
         ("samples_stop@5 s..4 s", "the fault ends before it begins"),
     ],
 )
-def test_a_wrong_fault_is_refused_in_plain_words(rig: Rig, text: str, message: str) -> None:
+def test_an_invalid_fault_is_refused_with_a_clear_message(rig: Rig, text: str, message: str) -> None:
     with pytest.raises(RigctlError) as problem:
         parse_fault(text, rig)
     assert message in str(problem.value)
@@ -125,7 +125,7 @@ def test_a_noisy_sensor_is_noisy_even_with_simulated_noise_disabled(make_bench: 
     assert spread == pytest.approx(0.1 * 106e5, rel=0.1)
 
 
-def test_a_sensor_out_of_range_is_physically_impossible(rig: Rig, make_bench: MakeBench) -> None:
+def test_a_sensor_out_of_range_reads_a_physically_impossible_value(rig: Rig, make_bench: MakeBench) -> None:
     bench = make_bench(faults="sensor_out_of_range:position@0.5 s")
     bench.start(10.0)
     positions = column(take(bench, 10), 2)
@@ -221,7 +221,7 @@ def test_every_call_on_a_lost_bench_fails_except_close(make_bench: MakeBench) ->
     bench.close()
 
 
-def test_a_bench_that_comes_back_was_made_safe_by_its_watchdog(make_bench: MakeBench) -> None:
+def test_a_bench_that_returns_after_a_loss_was_made_safe_by_its_watchdog(make_bench: MakeBench) -> None:
     bench = make_bench(faults="backend_lost@1 s..5 s")
     bench.start(10.0)
     bench.command("valve", 1.0).wait()

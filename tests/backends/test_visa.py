@@ -37,7 +37,7 @@ def test_a_late_answer_is_not_taken_as_the_answer_to_a_later_query() -> None:
         server.delay = 600.0
         assert client.answer("ROUT:CLOS? (@201)") is None
         server.delay = 0.0
-        while not server.answered:  # nobody takes it
+        while not server.answered:  # the answer is not read
             time.sleep(0.01)
         client._instrument.timeout = PATIENCE
         for _ in range(3):
@@ -53,11 +53,13 @@ def test_a_late_answer_is_not_taken_as_the_answer_to_a_later_query() -> None:
 
 
 def _talkative(listening: socket.socket, said: Semaphore) -> None:
-    """An instrument that greets, and reports an error of its own after its second answer."""
+    """An instrument that sends a greeting, and an unsolicited error after its second answer."""
     with suppress(OSError):
         line, _ = listening.accept()
         with line, line.makefile("rb") as asked:
-            line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # what it has sent is there at once
+            line.setsockopt(
+                socket.IPPROTO_TCP, socket.TCP_NODELAY, 1
+            )  # what it has sent is available at once
             line.sendall(b"READY\n")
             said.release()
             for count, question in enumerate(asked, start=1):
@@ -76,7 +78,7 @@ def test_unsolicited_data_are_not_taken_as_an_answer() -> None:
         thread = threading.Thread(target=_talkative, args=(listening, said))
         thread.start()
         client = VisaClient(f"TCPIP::127.0.0.1::{listening.getsockname()[1]}::SOCKET", known)
-        assert said.acquire(timeout=60.0)  # what it sends by itself is there
+        assert said.acquire(timeout=60.0)  # its unsolicited data have arrived
         for name in "ABCD":
             assert client.answer(f"{name}?") == f"answer to {name}?"
             assert said.acquire(timeout=60.0)
@@ -85,7 +87,7 @@ def test_unsolicited_data_are_not_taken_as_an_answer() -> None:
 
 
 def _answering(listening: socket.socket, answers: list[list[bytes]], go_on: threading.Event) -> None:
-    """An instrument that gives each question the next answer, in pieces; the last one without end."""
+    """An instrument that sends its answers in pieces, one for each query; the last one never ends."""
     while answers:
         line, _ = listening.accept()
         with suppress(OSError), line, line.makefile("rb") as asked:

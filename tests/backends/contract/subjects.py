@@ -24,7 +24,7 @@ class Subject:
     Parameters
     ----------
     kind: in the bench's identity.
-    outputs: what is really switched, SI, by actuator; None where nobody but the bench can say.
+    outputs: the actual outputs, SI, by actuator; None where only the bench itself can report them.
     server: what its device is, where that is one on a port.
     """
 
@@ -44,7 +44,7 @@ def shipped_rig(name: str) -> Rig:
 
 
 def lines_over_tcp() -> Rig:
-    """The SCPI instrument, reached by the serial backend's way to a TCP port."""
+    """The SCPI instrument, reached through the serial backend on a TCP port."""
     text = shipped_rig("oil-circuit-visa").text
     return parse_rig(text.replace("kind: visa", "kind: serial"))
 

@@ -46,7 +46,7 @@ def refuses_what_cannot_be(subject: Subject, bench: Backend) -> None:
         assert subject.server.asked == asked
 
 
-def test_a_session_from_open_to_close(subject: Subject) -> None:
+def test_every_bench_fulfils_the_contract_from_open_to_close(subject: Subject) -> None:
     bench, rig = subject.make(), subject.rig
     with pytest.raises(BackendLost):
         bench.next_sample(0.0)
@@ -77,7 +77,7 @@ def test_a_session_from_open_to_close(subject: Subject) -> None:
         bench.safe()
         assert samples(bench, 3)[-1].commands[rig.layout.commands.index("heater")] == 0.0
 
-        if not subject.real:  # the board lets its heater rest for 2 s
+        if not subject.real:  # the board enforces a rest of 2 s for its heater
             samples(bench, 25)
         bench.command("heater", 1.0, duration=0.3).wait()
         ended = until_a_receipt(bench, "heater")

@@ -1,4 +1,4 @@
-"""Faults of a device on a port: silence, disconnection, refusals, nonsense, changes by itself."""
+"""Faults of a device on a port: silence, disconnection, refusals, nonsense, outputs changed by the device."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def wait_for(condition: Callable[[], object]) -> None:
 
 
 class Watched:
-    """A bench that goes on being sampled until something has happened."""
+    """A bench that is sampled until a condition holds."""
 
     def __init__(self, bench: Backend) -> None:
         self.bench = bench
@@ -84,7 +84,7 @@ class Watched:
         return any(one.kind == kind and text in one.message for one in self.notices)
 
 
-def test_readings_are_those_of_the_plant(device: Subject) -> None:
+def test_readings_agree_with_the_plant_and_are_nan_while_missing(device: Subject) -> None:
     server = device.server
     assert server is not None
     with opened(device) as bench:
@@ -106,7 +106,7 @@ def test_readings_are_those_of_the_plant(device: Subject) -> None:
         watched.until(lambda: not math.isnan(pressure()))
         server.refusing = True
         watched.until(lambda: math.isnan(pressure()))
-        if device.kind == "opcua":  # of each value by itself: the others go on
+        if device.kind == "opcua":  # for each value separately: the others continue
             assert watched.newest is not None
             assert not math.isnan(value(device.rig, watched.newest, "oil_temperature"))
         else:
@@ -146,7 +146,7 @@ def test_a_lost_device_is_reconnected_with_outputs_off(device: Subject) -> None:
     assert server.circuit.off
 
 
-def test_a_late_answer_is_not_taken_for_that_of_another_query(device: Subject) -> None:
+def test_a_late_answer_is_not_taken_as_that_of_another_query(device: Subject) -> None:
     server = device.server
     assert server is not None
     with opened(device) as bench:
@@ -154,7 +154,7 @@ def test_a_late_answer_is_not_taken_for_that_of_another_query(device: Subject) -
         watched = Watched(bench)
         watched.until(lambda: server.circuit.read()["supply_pressure"] > 29.9e5)
         samples(bench, 2)
-        server.delay = 600.0  # longer than any of them waits
+        server.delay = 600.0  # longer than any timeout
         watched.until(lambda: bool(watched.notices))
         server.delay = 0.0
         for sample in samples(bench, 12):
@@ -183,7 +183,7 @@ def test_an_output_changed_by_the_device_ends_sampling(device: Subject) -> None:
 def test_a_killed_or_suspended_host_leaves_the_outputs_off(device: Subject, tmp_path: Path) -> None:
     ending = "SIGSTOP" if device.kind == "modbus" else "SIGKILL"  # the guard is the same for all
     if not hasattr(signal, ending):
-        ending = "SIGTERM"  # on Windows all there is is to end it
+        ending = "SIGTERM"  # on Windows a process can only be ended
     server = device.server
     assert server is not None
     (tmp_path / "rig.yaml").write_text(
@@ -203,11 +203,11 @@ def test_a_killed_or_suspended_host_leaves_the_outputs_off(device: Subject, tmp_
             host.kill()
 
 
-def test_a_run_that_an_interlock_ends_leaves_the_outputs_off(device: Subject, tmp_path: Path) -> None:
-    """One that finishes is in the how-to pages, which are followed at the same servers."""
+def test_a_run_ended_by_an_interlock_leaves_the_outputs_off(device: Subject, tmp_path: Path) -> None:
+    """The how-to pages, which are run against the same servers, cover a run that finishes."""
     server = device.server
     assert server is not None
-    # only the limit may end it, however late busy cores let its two samples come
+    # only the limit may end the run, however late its two samples are on busy cores
     text = device.rig.text.replace("above: 65 bar", "above: 10 bar")
     (tmp_path / "rig.yaml").write_text(text, encoding="utf-8")
     (tmp_path / "step.yaml").write_text(STEP.replace("wait: 1 s", "wait: 60 s"), encoding="utf-8")
