@@ -18,7 +18,7 @@ from rigctl.validation.benches.register import BENCHES, find_bench
 
 pytestmark = pytest.mark.usefixtures("shared_results")
 
-#: amplitude of what each bench hides: λ is about 100, says `python -m rigctl.validation.benches NAME --hide`
+#: amplitude of the hidden effect: λ of about 100 by `python -m rigctl.validation.benches NAME --hide`
 HIDDEN = {
     "motor": 0.0046,
     "tanks": 0.0076,
@@ -31,9 +31,9 @@ HIDDEN = {
     "battery": 0.019,
     "belt": 0.12,
 }
-#: benches that swing: what is left between two of few samples hides their noise
+#: oscillating benches: with few samples, the residual between two of them masks the noise
 FAST = {"spring", "pendulum"}
-#: what the verdict must be: one effect alone, or one of a class that these data cannot tell apart
+#: whether the verdict must be a single effect, or may be a class that these data cannot separate
 ALONE = {"chain", "exchanger", "belt", "pendulum"}
 
 

@@ -64,7 +64,7 @@ STEPS = (
     "procedures/heater-board-steps.yaml",
     *("-a", "powers=20 %, 80 %, 50 %, 10 %", "-a", "second=30 %", "-a", "dwell=6 min"),
 )
-#: of two strokes the second begins with what a closed valve has kept of the first one's higher pressure
+#: the second of two strokes starts at the pressure that the closed valve has trapped in the first one
 TWO_STROKES = ("procedures/campaign.yaml", "-a", "temperatures=40 degC", "-a", "pressures=50 bar, 20 bar")
 ONE_STROKE = (*TWO_STROKES[:-1], "pressures=50 bar")
 LOADED = "constant_load:force=300 N"
