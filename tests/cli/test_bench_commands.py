@@ -33,7 +33,7 @@ Rigctl = Callable[..., Result]
 
 @pytest.fixture
 def rigctl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Rigctl:
-    """A command in a project of its own, with a user's state folder of its own."""
+    """A command in a separate project, with a separate state folder."""
     text = RIG.read_text(encoding="utf-8").replace("model: hydraulic_cylinder", "")
     (tmp_path / "rigs").mkdir()
     (tmp_path / "rigs" / "bench.yaml").write_text(text, encoding="utf-8")
@@ -148,7 +148,7 @@ def test_resume_continues_a_failed_run(rigctl: Rigctl) -> None:
     assert "0 records left" in done.stderr
 
 
-def test_jog_and_off_leave_everything_safe(rigctl: Rigctl) -> None:
+def test_jog_and_off_leave_all_outputs_safe(rigctl: Rigctl) -> None:
     done = rigctl("jog", "valve", "extend", "--for", "0.5 s", "--speed", "max")
     assert done.exit_code == 0, done.output
     assert [line.split("  ")[-1] for line in done.stderr.splitlines()] == ["valve extend", "valve neutral"]
@@ -211,7 +211,7 @@ def test_monitor_prints_text_or_one_json_object_per_sample(rigctl: Rigctl) -> No
 
 
 @pytest.mark.parametrize("command", [["run", "still.yaml"], ["off", "--rig", "rig.yaml"]])
-def test_a_rig_without_a_backend_is_not_simulated_unasked(
+def test_a_rig_without_a_backend_is_simulated_only_on_request(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: list[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -30,7 +30,7 @@ Rigctl = Callable[..., Result]
 
 @pytest.fixture
 def rigctl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Rigctl:
-    """A command in a project of its own with the Uno's rig file."""
+    """A command in a separate project with the Uno's rig file."""
     (tmp_path / "rigs").mkdir()
     shutil.copy(shipped("rigs", "hl32-bench-uno.yaml"), tmp_path / "rigs" / "bench.yaml")
     (tmp_path / "rigctl.toml").write_text('rig = "rigs/bench.yaml"\n', encoding="utf-8")
@@ -83,7 +83,7 @@ def test_figure_and_points_are_kept_beside_the_rig_file(rigctl: Rigctl, tmp_path
     assert not again["written"]
     folder = tmp_path / "rigs" / "calibrations"
     assert {file.suffix for file in folder.iterdir()} == {".yaml", ".csv", ".png"}
-    # a second one takes nothing away
+    # a second calibration removes no file
     told(rigctl("supply_pressure", "--points", "points.csv", "--json"))
     assert len(list(folder.glob("*.yaml"))) == 2
 

@@ -67,7 +67,7 @@ def test_shipped_procedures_are_found_by_their_short_path(
         ([CAMPAIGN, "--rig", CAMPAIGN], "unknown field"),
     ],
 )
-def test_mistakes_are_one_message_and_exit_code_2(
+def test_mistakes_exit_with_2_and_a_message_without_a_traceback(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], arguments: list[str], piece: str
 ) -> None:
     assert call(monkeypatch, "check", *arguments) == 2
@@ -99,7 +99,7 @@ def test_every_kind_of_file_has_a_json_schema(
     assert schema["$schema"].startswith("https://json-schema.org/")
 
 
-def test_a_schema_goes_to_a_file(
+def test_a_schema_can_be_written_to_a_file(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     target = tmp_path / "rig.schema.json"

@@ -85,7 +85,7 @@ def test_junit_xml_is_read_by_junitparser(project: Path, monkeypatch: pytest.Mon
     assert (len(failed), type(failure)) == (1, Failure)
     assert failed[0].classname == "acceptance.warm"
     assert "expected at most 23.5 degC" in failure.message
-    # what the schema of Ant's JUnit task asks of a suite: these attributes, these parts, in this order
+    # the schema of Ant's JUnit task requires these attributes and parts of a suite, in this order
     root = ET.parse("results.xml").getroot()
     parts = [child.tag for child in root[0]]
     assert parts == ["properties", *["testcase"] * 5, "system-out", "system-err"]
@@ -96,7 +96,7 @@ def test_junit_xml_is_read_by_junitparser(project: Path, monkeypatch: pytest.Mon
     assert "unknown form" in refusal("export", "latest", "--to", "junt")
 
 
-def test_an_aborted_run_does_not_pass(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_incomplete_run_is_an_error_in_junit_xml(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project)
     text = PROCEDURE.replace("required: true", "required: false").replace("60 %]", "20 %]")
     Path("procedures/broken.yaml").write_text(
@@ -113,7 +113,7 @@ def test_an_aborted_run_does_not_pass(project: Path, monkeypatch: pytest.MonkeyP
     assert [type(found) for case in suite for found in case.result] == [Error]
 
 
-def test_a_required_identity_is_asked_for_until_it_is_valid(
+def test_a_required_identity_is_prompted_for_until_it_is_valid(
     project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(project)
@@ -156,8 +156,8 @@ def test_every_command_enforces_the_required_identity(project: Path, monkeypatch
         rigctl.run("procedures/acceptance.yaml", backend="emulated", device={"serial_number": "x"})
 
 
-def test_no_pattern_takes_unbounded_time() -> None:
-    """A pattern that backtracking would need centuries for."""
+def test_a_serial_number_pattern_cannot_take_exponential_time() -> None:
+    """A backtracking matcher would need centuries for this pattern."""
     text = PROCEDURE.replace("HB-[0-9]{4}", "(a+)+b")
     demands = parse_procedure(text).identity
     assert not demands.serial_number.matches("a" * 200)

@@ -16,7 +16,7 @@ from tclab_board import Served
 
 @pytest.fixture(autouse=True)
 def no_guards_of_other_tests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A guard of a board that an earlier test has closed still tries to reach it, and doctor says so."""
+    """Guards of earlier tests may still try to reach a closed board, which doctor would report."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
 
 
@@ -45,7 +45,7 @@ def test_init_suggests_what_to_do_in_an_unwritable_place(tmp_path: Path) -> None
         CliRunner().invoke(app, ["init", str(tmp_path / "file" / "bench")], catch_exceptions=False)
 
 
-def test_doctor_passes_here_and_lists_the_extras() -> None:
+def test_doctor_passes_in_this_environment_and_lists_the_extras() -> None:
     shown = CliRunner().invoke(app, ["doctor", "--json"])
     assert shown.exit_code == 0
     findings = {finding["subject"]: finding for finding in json.loads(shown.stdout)["findings"]}

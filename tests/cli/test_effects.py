@@ -88,13 +88,13 @@ def test_a_figure_is_written(tmp_path: Path, ending: str) -> None:
     assert (b"PNG" if ending == "png" else b"<svg") in start or b"<?xml" in start
 
 
-def test_the_family_of_a_name_can_be_chosen() -> None:
+def test_the_family_of_an_effect_name_can_be_chosen() -> None:
     assert answer("show", "heater_lag", "--no-picture")["family"] == "hydraulic_cylinder"
     assert answer("show", "heater_lag", "--no-picture", "-f", "heater_board")["family"] == "heater_board"
     assert answer("show", "radiation", "--no-picture")["family"] == "heater_board"
 
 
-def test_the_shipped_example_is_sound() -> None:
+def test_the_check_finds_the_shipped_example_sound() -> None:
     text = said("effects", "check", EXAMPLE, "--rig", "rigs/hl32-bench.yaml")
     assert "piston_leakage_eccentric (hydraulic_cylinder, process) is sound" in text
     assert re.search(r"changes position by up to 0\.\d+ mm, \d+(\.\d+)? times the noise", text)
@@ -143,7 +143,7 @@ def test_a_term_undefined_on_the_record_is_reported_with_its_place(tmp_path: Pat
         (["list", "-f", "heater_bord"], "did you mean 'heater_board'"),
     ],
 )
-def test_mistakes_have_clear_messages(arguments: list[str], message: str) -> None:
+def test_mistakes_are_reported_with_clear_messages(arguments: list[str], message: str) -> None:
     with pytest.raises(RigctlError, match=message):
         said("effects", *arguments)
 
@@ -161,7 +161,7 @@ def test_the_schema_describes_the_shipped_example() -> None:
     assert list(Draft202012Validator(schema).iter_errors({**document, "slott": "friction"}))
 
 
-# the how-to page: every file it shows is written, every command it shows is given
+# the how-to page: every file that it shows is written, every command that it shows is run
 
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 

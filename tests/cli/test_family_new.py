@@ -78,7 +78,9 @@ def test_a_family_for_two_tanks_is_drafted_from_a_log_and_compared(empty: Path) 
     assert {"upper", "lower"} == set(compared["channels"])
 
 
-def test_a_folder_that_is_no_project_becomes_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_project_is_created_in_a_folder_without_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     pump_curve(tmp_path / "log.csv")
     done = answer("family", "new", "pump", "--csv", "log.csv", "--input", "flow", "--no-fit")
@@ -189,7 +191,7 @@ def test_mistakes_are_reported_and_no_family_is_written(empty: Path, arguments: 
     assert not (empty / "families").exists()
 
 
-def test_nothing_is_overwritten() -> None:
+def test_an_existing_family_is_not_overwritten() -> None:
     told("family", "new", "x", "--template", "heater")
     assert "already there" in refusal("family", "new", "x", "--template", "motor")
 
@@ -263,7 +265,7 @@ def test_columns_with_reserved_names_are_renamed_and_mapped(empty: Path) -> None
     follow(done["next"][:1])
 
 
-def test_records_of_a_file_are_kept_apart(empty: Path) -> None:
+def test_drafted_values_are_estimated_from_separate_records(empty: Path) -> None:
     def row(r: int, k: int) -> str:
         y = 20.0 + 5.0 * (r + 1) * (1.0 - np.exp(-max(0, k - 5) / 8.0))
         return f"{0.5 * k},{r},{r + 1 if k > 5 else 0},{y:.3f}"

@@ -66,7 +66,7 @@ def test_a_mapping_is_saved_and_used_again() -> None:
     assert (one.header.started, one.header.assumed) == (both.header.started, both.header.assumed)
     assert both.records["name"].tolist() == ["mon", "tue"]
     assert both.records["start"].tolist() == [0.0, 86403.0]
-    # the same once more is no change; something else would overwrite it
+    # saving the same mapping again changes nothing; another one would overwrite it
     answer("import", "mon.csv", *BOARD, "--mapping", "lab.yaml", "--save-mapping", "lab.yaml")
     assert "a different file exists" in refusal(
         "import", "mon.csv", *BOARD, *columns, "--save-mapping", "lab.yaml"

@@ -64,9 +64,7 @@ def test_an_mdf_file_has_the_start_time_of_the_measurement(
 
 
 @pytest.mark.parametrize("ending", ["tdms", "mf4"])
-def test_a_large_file_is_read_piece_by_piece(
-    strokes: Run, ending: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_large_file_is_read_in_pieces(strokes: Run, ending: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(formats, "isolated", False)
     module = import_module(f"rigctl.dataset.importing.{'mdf' if ending == 'mf4' else ending}_file")
     monkeypatch.setattr(module, "LARGE", 0)
@@ -167,7 +165,7 @@ def test_mdf_holds_samples_only(strokes: Run) -> None:
 def test_bad_rows_are_named_and_can_be_left_out(
     ending: str, strokes: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Time goes back in the second record: nothing is imported, or all but that row."""
+    """Time goes back in the second record: nothing is imported, or everything except that row."""
     monkeypatch.setattr(formats, "isolated", False)
     text = Path("strokes.csv").read_text(encoding="utf-8").replace("\n20.05,", "\n20.03,", 1)
     Path("bad.csv").write_text(text, encoding="utf-8")

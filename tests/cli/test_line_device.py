@@ -19,7 +19,7 @@ from rigctl.dataset import open_run
 from rigctl.files.shipped import shipped
 from tclab_board import Served
 
-#: longer than a busy computer stands still: each part has samples
+#: longer than a busy computer stalls, so that each part has samples
 SHORT = ("--arg", "rest=5 s", "--arg", "dwell=5 s")
 
 

@@ -61,7 +61,7 @@ def test_off_ends_a_run_which_confirms_that_it_is_safe(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="simavr is packaged for Linux only")
-def test_rigctls_own_board_is_found_by_its_port_alone(tmp_path: Path) -> None:
+def test_rigctls_own_board_is_recognised_from_its_port_alone(tmp_path: Path) -> None:
     switching_off.board_with_only_a_port(tmp_path / "nowhere")
 
 

@@ -26,7 +26,7 @@ def rigctl(*arguments: str) -> Result:
     return CliRunner().invoke(app, list(arguments))
 
 
-def test_the_newest_run_becomes_a_page_of_its_name(project: Path) -> None:
+def test_the_report_of_the_latest_run_is_a_page_named_after_it(project: Path) -> None:
     result = rigctl("report", "latest")
     assert result.exit_code == 0, result.output
     assert (project / "20261121-093000-stroke-campaign.html").is_file()
@@ -59,7 +59,7 @@ def test_several_runs_have_one_page(project: Path) -> None:
     assert (project / "20261121-093000-stroke-campaign-and-1-more.html").is_file()
 
 
-def test_an_unknown_run_is_named_with_the_nearest(project: Path) -> None:
+def test_an_unknown_run_is_reported_with_the_nearest(project: Path) -> None:
     result = rigctl("report", "20261121-093000-stroke-campain")
     assert result.exit_code != 0
     assert "no such run" in str(result.exception)
@@ -67,7 +67,7 @@ def test_an_unknown_run_is_named_with_the_nearest(project: Path) -> None:
     assert [path.name for path in project.iterdir()] == ["runs"]
 
 
-def test_a_diagnosis_needs_a_model(project: Path) -> None:
+def test_a_report_with_diagnosis_requires_a_model(project: Path) -> None:
     said = str(rigctl("report", "latest", "--diagnose").exception)
     assert "--diagnose says what a model lacks, and none was named" in said
     assert "--model models/hl32-textbook.yaml" in said

@@ -155,7 +155,7 @@ class Terminal:
     def flush(self) -> None: ...
 
 
-def test_the_last_picture_of_the_display_does_not_erase_the_results(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_last_frame_of_the_display_does_not_erase_the_results(monkeypatch: pytest.MonkeyPatch) -> None:
     """Drawn later by another thread, it used to erase the line that states how the run ended."""
     shown: list[str] = []
     results = threading.Event()
