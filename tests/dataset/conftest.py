@@ -40,7 +40,7 @@ def make_header() -> HeaderMaker:
 
 @pytest.fixture
 def writer(runs: Path, make_header: HeaderMaker) -> Iterator[RunWriter]:
-    """A run that has just begun; its files are let go whatever the test did."""
+    """A run that has just begun; its files are released even after a failed test."""
     made = RunWriter.create(runs, make_header())
     yield made
     for part in (made._journal, made._log):

@@ -43,7 +43,7 @@ def test_runs_of_one_second_are_in_the_order_in_which_they_began(
     assert names == ["heater", "strokes", "another"]
 
 
-def test_an_ambiguous_start_lists_what_it_could_be(three: list[Path], runs: Path) -> None:
+def test_an_ambiguous_start_of_an_id_lists_the_candidates(three: list[Path], runs: Path) -> None:
     with pytest.raises(RigctlError, match="several runs") as caught:
         find_run("20261121", runs)
     assert "20261121-093000-stroke-2" in str(caught.value.expected)
@@ -62,7 +62,7 @@ def test_without_runs_the_message_says_how_to_make_one(runs: Path, ref: str) -> 
     assert list_runs(runs) == []
 
 
-def test_the_list_reads_only_the_small_files(three: list[Path], runs: Path) -> None:
+def test_listing_runs_reads_only_run_json(three: list[Path], runs: Path) -> None:
     for folder in three:
         for path in folder.iterdir():
             if path.name != "run.json":

@@ -98,7 +98,7 @@ def interrupt_at(monkeypatch: pytest.MonkeyPatch, stage: str, when: str) -> None
     monkeypatch.setattr(Path, name, wrapped)
 
 
-def test_a_file_that_reads_back_wrong_keeps_the_journal(
+def test_the_journal_is_kept_when_the_new_file_does_not_read_back_correctly(
     unclosed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls = iter(range(100))
@@ -128,7 +128,7 @@ def test_a_kill_before_the_journal_has_its_first_frame_is_a_run_without_samples(
     assert open_run(path).info["rows"] == 0
 
 
-def test_many_samples_are_divided_into_groups(writer: RunWriter, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_samples_are_divided_into_row_groups(writer: RunWriter, monkeypatch: pytest.MonkeyPatch) -> None:
     import pyarrow.parquet as pq
 
     monkeypatch.setattr(samples_module, "GROUP_ROWS", 16)

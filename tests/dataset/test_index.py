@@ -40,7 +40,7 @@ def four(make_run: RunMaker, monkeypatch: pytest.MonkeyPatch) -> list[Path]:
 
 
 def settle(runs: Path) -> None:
-    """As if nothing had been done here for some time."""
+    """As if the folder had not been used for some time."""
     for folder in (runs, *(each for each in runs.iterdir() if day_folders.is_shard(each.name))):
         os.utime(folder, (1e9, 1e9))
 
@@ -103,7 +103,7 @@ def test_reading_with_one_or_several_threads_gives_the_same_index(
 ) -> None:
     from rigctl.dataset.index import refresh as refreshing
 
-    monkeypatch.setattr(refreshing, "_BUSY", busy)  # one thread alone always, or never
+    monkeypatch.setattr(refreshing, "_BUSY", busy)  # always a single thread, or never
     monkeypatch.setattr(refreshing, "_BATCH", 3)
     monkeypatch.setattr(refreshing, "_FEW", 1)
     monkeypatch.setattr(refreshing, "_TASK", 1)

@@ -71,7 +71,7 @@ def test_truncation_at_any_byte_keeps_every_complete_frame(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("tail", [b"\0" * 512, b"\xff" * 512, b"garbage"])
-def test_what_a_power_failure_leaves_at_the_end_is_ignored(tmp_path: Path, tail: bytes) -> None:
+def test_garbage_left_at_the_end_by_a_power_failure_is_ignored(tmp_path: Path, tail: bytes) -> None:
     path = tmp_path / "samples.journal"
     writer = JournalWriter(path, COLUMNS, {})
     writer.append((1.0, 2.0, 3.0))
@@ -157,7 +157,7 @@ def test_blocks_do_not_depend_on_when_rows_were_flushed(tmp_path: Path) -> None:
 
 
 class FullDisk:
-    """A file on a disk with little room: takes a part of a write, then none."""
+    """A file on a nearly full disk: accepts part of a write, then nothing."""
 
     def __init__(self, file: object, room: int) -> None:
         self._file, self.room = file, room
@@ -226,7 +226,7 @@ def test_a_journal_of_an_earlier_version_is_read(tmp_path: Path) -> None:
 def test_a_reader_follows_a_writer_row_by_row_and_skips_what_is_damaged(tmp_path: Path) -> None:
     path = tmp_path / "samples.journal"
     reader = JournalReader(path)
-    assert reader.poll() == []  # it need not be there yet
+    assert reader.poll() == []  # the journal need not exist yet
     writer = JournalWriter(path, ["time", "x"], {"offset": 3.0})
     assert reader.poll() == []
     assert reader.facts is not None

@@ -155,7 +155,7 @@ def test_user_text_is_escaped_in_a_notebook(run: Run) -> None:
         pa.chunked_array([np.arange(10.0)]).slice(2, 5),
     ],
 )
-def test_numbers_agrees_with_pyarrow(column: pa.ChunkedArray) -> None:
+def test_converted_columns_agree_with_those_of_pyarrow(column: pa.ChunkedArray) -> None:
     found, expected = numbers(column), column.to_numpy()
     assert found.dtype == expected.dtype
     np.testing.assert_array_equal(found, expected)

@@ -23,7 +23,7 @@ def rows_on_disk(writer: RunWriter) -> int:
     return found.rows(len(writer.header.layout.columns))
 
 
-def test_a_closed_run_is_five_files_and_verifies(writer: RunWriter) -> None:
+def test_a_closed_run_has_five_files_and_passes_verification(writer: RunWriter) -> None:
     measure_strokes(writer)
     folder = writer.close("finished")
     names = sorted(path.name for path in folder.iterdir())
@@ -81,7 +81,9 @@ def test_missing_values_stay_missing(writer: RunWriter) -> None:
     assert frame["position"].isna().tolist() == [True]
 
 
-def test_a_row_waits_no_longer_than_half_a_second(writer: RunWriter, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_row_is_written_to_disk_within_half_a_second(
+    writer: RunWriter, monkeypatch: pytest.MonkeyPatch
+) -> None:
     now = writer_module.monotonic()
     monkeypatch.setattr(writer_module, "monotonic", lambda: now)
     writer.flush()
@@ -147,7 +149,7 @@ def test_records_carry_sweep_values_and_measures_in_their_units(writer: RunWrite
     assert run.record(1).measures == pytest.approx({"stroke": 0.02})
 
 
-def test_a_sweep_variable_named_like_a_column_gets_a_column_of_its_own(writer: RunWriter) -> None:
+def test_a_sweep_variable_named_like_a_column_gets_a_separate_column(writer: RunWriter) -> None:
     writer.open_record(0.0, "stroke", {"rate": (2.0, "1"), "name": (1.0, "1")}, "1", 100.0)
     writer.measure(MeasuredValue("rate", 5.0, "Hz"))
     writer.close_record(1.0, "complete")
@@ -178,7 +180,7 @@ def test_events_have_their_record_and_are_in_the_order_of_time(writer: RunWriter
     assert json.loads(events["data"][3])["actuator"] == "valve"
 
 
-def test_two_runs_of_one_second_have_folders_of_their_own(runs: Path, make_header: object) -> None:
+def test_two_runs_of_one_second_have_separate_folders(runs: Path, make_header: object) -> None:
     header: RunHeader = make_header()  # type: ignore[operator]
     writers = [RunWriter.create(runs, header) for _ in range(3)]
     ids = [writer.close("finished").name for writer in writers]
@@ -216,7 +218,7 @@ def test_a_start_without_a_time_zone_is_refused(make_header: object) -> None:
 
 
 class BrokenDisk:
-    """A file that takes nothing while `full`."""
+    """A file that accepts no data while `full`."""
 
     full = True
 
@@ -245,7 +247,7 @@ def test_a_full_disk_is_reported_once_and_written_data_are_kept(writer: RunWrite
     with pytest.raises(RigctlError, match="No space left") as caught:
         writer.flush()
     assert caught.value.exit_code is ExitCode.FAILED
-    for _ in range(3):  # the cleanup goes on undisturbed
+    for _ in range(3):  # the cleanup continues undisturbed
         writer._due = 0.0
         writer.append(sample(6.0))
         writer.event(6.0, "state", state="safe")

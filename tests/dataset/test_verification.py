@@ -84,7 +84,7 @@ def test_a_damaged_log_line_damages_the_open_record(writer: RunWriter, bad: int)
     assert len(open_run(folder).signals("time", 1)) == 20
 
 
-def test_a_log_without_its_first_line_leaves_the_journal_alone(writer: RunWriter) -> None:
+def test_a_log_without_its_first_line_leaves_the_journal_untouched(writer: RunWriter) -> None:
     folder = left_by_a_kill(writer)
     path = folder / "log.jsonl"
     path.write_bytes(b"@" + path.read_bytes()[1:])
@@ -155,7 +155,7 @@ def test_a_damaged_first_frame_is_replaced_by_facts_from_the_log(writer: RunWrit
     assert open_run(folder).info["rows"] == 63
 
 
-def test_an_inconsistent_log_is_a_clear_error(make_run: RunMaker) -> None:
+def test_an_empty_or_inconsistent_log_makes_a_run_broken(make_run: RunMaker) -> None:
     folder = make_run()
     (folder / "run.json").unlink()
     for content in (b"", b"{}\n", b'{"kind":"run","time":0}\n', b'{"header": {"layout": 3}}\n'):

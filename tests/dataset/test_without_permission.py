@@ -13,7 +13,7 @@ import pytest
 from dataset.strokes import LAYOUT, STARTED, measure_strokes
 from rigctl.dataset import RunHeader, RunWriter, Source
 
-#: prints the id and status of each run of a folder; with an index from so many runs on
+#: prints the id and status of each run in a folder; uses an index from the given number of runs
 LIST = """
 import json, sys
 from pathlib import Path
@@ -31,7 +31,7 @@ def _without_privileges() -> list[str]:
 
 @pytest.mark.skipif(os.name == "nt", reason="permissions of POSIX")
 @pytest.mark.parametrize("index_from", [1, 1000], ids=["indexed", "not indexed"])
-def test_a_folder_that_may_not_be_read_does_not_hide_the_others(
+def test_an_unreadable_folder_does_not_hide_the_other_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, index_from: int
 ) -> None:
     """A run folder at the root of a disk has an unreadable 'lost+found', and no run used to be listed."""

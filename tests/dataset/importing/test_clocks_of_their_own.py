@@ -106,7 +106,7 @@ def test_groups_with_different_rates_become_one_record(tmp_path: Path, board: Ri
 def test_linear_signals_stay_linear_and_are_not_extrapolated(
     tmp_path_factory: pytest.TempPathFactory, board: Rig, slow: list[float], fast: list[float], step: float
 ) -> None:
-    """Both channels are straight in time, so interpolation is exact; outside their samples is nothing."""
+    """Both channels are linear in time, so interpolation is exact; beyond their samples they are NaN."""
     path = tmp_path_factory.mktemp("clocks") / "long.csv"
     times = {"T1": np.cumsum(fast), "T2": np.cumsum(slow)}
     rows = ["time [s],sensor,reading"]

@@ -28,7 +28,7 @@ def test_no_value_moves_by_more_than_the_width(values: list[float]) -> None:
     assert all(abs(after - before) <= 1.0 for before, after in zip(values, cluster(values), strict=True))
 
 
-def test_missing_stays_missing() -> None:
+def test_a_missing_value_stays_missing() -> None:
     found = cluster([300.0, math.nan, 300.5])
     assert math.isnan(found[1])
     assert found[0] == found[2] == 300.25

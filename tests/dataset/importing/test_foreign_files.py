@@ -92,7 +92,7 @@ def test_a_group_without_time_is_left_out_and_named(tmp_path: Path, rig: Rig) ->
     assert "group 'Settings' has no time and is left out" in done.notes
 
 
-def test_a_channel_that_one_group_lacks_is_missing_there(tmp_path: Path, rig: Rig) -> None:
+def test_a_channel_that_a_group_lacks_is_nan_in_that_record(tmp_path: Path, rig: Rig) -> None:
     time, length = {"unit_string": "s"}, {"unit_string": "mm"}
     path = tdms(
         tmp_path / "log.tdms",
@@ -221,7 +221,7 @@ def test_structures_are_records(tmp_path: Path, rig: Rig) -> None:
     assert run.record(1).channels["position"] == pytest.approx(POSITION * 1e-3)
 
 
-def test_an_array_of_structures_is_one_record_each(tmp_path: Path, rig: Rig) -> None:
+def test_each_element_of_an_array_of_structures_is_a_record(tmp_path: Path, rig: Rig) -> None:
     data = np.empty(3, dtype=[("t", object), ("x", object)])
     for index in range(3):
         data[index] = (TIME, POSITION + index)

@@ -102,7 +102,7 @@ def test_rows_between_records_are_kept(importer: Importer) -> None:
     assert run.records["path"].tolist() == ["record 4", "record 9"]
 
 
-def test_without_a_record_column_it_is_one_record(importer: Importer) -> None:
+def test_without_a_record_column_a_file_is_one_record(importer: Importer) -> None:
     run = importer.run("time [s],position [mm]\n0,0\n1,5\n")
     assert run.records["record"].tolist() == [0]
     assert run.signals("position", 0).tolist() == [0.0, 0.005]

@@ -140,7 +140,7 @@ def test_assumptions_are_reported(desk: Desk) -> None:
     assert "its times name no time zone; they are taken as UTC (--zone says otherwise)" in desk.notes
 
 
-#: the formats in which dates are written, as `strftime` has them, and what has to be said of them
+#: date formats of `strftime`, and the options needed to read them
 FORMATS = {
     "%Y-%m-%dT%H:%M:%S.%fZ": {},
     "%Y-%m-%d %H:%M:%S.%f": {},
@@ -245,7 +245,7 @@ def test_common_and_given_marks_of_missing_values_are_read_as_missing(desk: Desk
 
 
 def test_headings_in_the_layouts_of_other_programs_are_read(desk: Desk) -> None:
-    # PicoScope: units in a row of their own
+    # PicoScope: units in a separate row
     run = desk.run("Time,Temperature 1\n(ms),(degC)\n\n0,20\n100,21\n")
     assert run.signals("time").tolist() == [0.0, 0.1]
     assert run.layout.channels == ("temperature_1",)
@@ -254,7 +254,7 @@ def test_headings_in_the_layouts_of_other_programs_are_read(desk: Desk) -> None:
     run = desk.run(f"{head}Time / s;temperature_1 in degC;\n0;20;\n1;21;\n")
     assert run.signals("temperature_1") - 273.15 == pytest.approx([20.0, 21.0])
     assert any("before the heading" in note for note in desk.notes)
-    # notes that a spreadsheet has padded to the width of the table, and units in a row of their own
+    # notes padded by a spreadsheet to the width of the table, and units in a separate row
     head = "Logger 7;SN 12;\n\nBy;;\n"
     run = desk.run(f"{head}Time;temperature_1;temperature_2\n[s];[degC];[degC]\n0;20;30\n1;21;31\n")
     assert run.signals("temperature_2") - 273.15 == pytest.approx([30.0, 31.0])
@@ -292,7 +292,7 @@ def test_csv_and_parquet_files_written_by_pandas_are_read(desk: Desk) -> None:
 # --- several files, what is assumed, what is suggested
 
 
-def test_several_files_are_one_run_with_a_record_each(desk: Desk) -> None:
+def test_several_files_become_one_run_with_a_record_each(desk: Desk) -> None:
     for day, name in ((3, "mon"), (4, "tue")):
         rows = "".join(f"2026-04-{day:02d} 12:00:0{second},{20 + day}\n" for second in range(3))
         (desk.folder / f"{name}.csv").write_text(f"time,{T1}\n{rows}", encoding="utf-8")

@@ -93,7 +93,7 @@ def test_times_of_day_and_time_spans_are_read_as_times(tmp_path: Path, board: Ri
     assert np.diff(run.signals("time")) == pytest.approx([1.0, 1.0])
 
 
-def test_a_cell_that_is_no_number_is_named_by_its_place(tmp_path: Path, board: Rig) -> None:
+def test_a_cell_that_is_not_a_number_is_reported_with_its_place(tmp_path: Path, board: Rig) -> None:
     path = saved(tmp_path / "log.xlsx", {"Log": [["time [s]", T1], [0, 20], [1, "warm"], [2, 21], [3, 22]]})
     said = refusal(path, board)
     assert "log.xlsx:3:2: in sheet 'Log': temperature_1: not a number, got 'warm'" in said
