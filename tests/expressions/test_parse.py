@@ -1,4 +1,4 @@
-"""The grammar: what is read, and what is refused in plain words."""
+"""The grammar: what is read, and what is refused with a clear message."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_names_and_variables_are_distinguished() -> None:
     assert parse("2 * 3 mm").constant
 
 
-def test_expressions_are_equal_when_written_alike() -> None:
+def test_expressions_with_equal_text_are_equal_wherever_they_are() -> None:
     assert parse("position < 1 mm") == parse("position < 1 mm", Location(Path("a"), 3))
     assert hash(parse("a < 1")) == hash(parse("a < 1"))
     assert parse("a < 1") != parse("a < 2")
@@ -164,7 +164,7 @@ def test_length_is_limited(text: str) -> None:
         parse(text)
 
 
-def test_the_longest_expression_still_computes() -> None:
+def test_a_sum_of_125_terms_evaluates() -> None:
     text = "+".join(["1"] * 125)
     assert parse(text).evaluate({}) == 125.0
 

@@ -45,7 +45,7 @@ def test_a_width_in_degc_is_an_interval() -> None:
     assert value("smooth_step(t - 20 degC, 2 degC)", t=295.15) == pytest.approx(0.5 * (1 + math.tanh(1.0)))
 
 
-def test_smooth_functions_keep_the_type_and_switches_are_numbers() -> None:
+def test_smooth_functions_keep_their_type_and_step_functions_are_dimensionless() -> None:
     def kind(text: str) -> ValueType:
         return parse(text, functions=ALL_FUNCTIONS).check(TYPES)
 
