@@ -133,7 +133,7 @@ def test_a_record_interrupted_by_a_lost_bench_is_measured_again(do: Do, fault: s
     assert len(run.records) == 21
 
 
-def test_a_record_with_its_own_cleanup_is_measured_again_too(do: Do) -> None:
+def test_a_record_with_its_own_cleanup_is_also_measured_again(do: Do) -> None:
     steps = RETRIED.replace(
         "        do:\n          - extend", "        finally: [wait: 0.1 s]\n        do:\n          - extend"
     )

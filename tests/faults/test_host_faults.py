@@ -149,7 +149,7 @@ def project(tmp_path: Path) -> Path:
 
 
 def environment(project: Path) -> dict[str, str]:
-    """The user's own state folder is left alone."""
+    """The environment of commands, which keeps the user's own state folder out of the tests."""
     home = str(project / "home")
     return {**os.environ, "XDG_STATE_HOME": home, "LOCALAPPDATA": home, "HOME": home}
 
@@ -167,7 +167,7 @@ def rigctl(project: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 class Background:
-    """A `rigctl` command that goes on while the test does something else."""
+    """A `rigctl` command that runs in the background of the test."""
 
     def __init__(self, project: Path, *arguments: str) -> None:
         self.project = project
@@ -183,7 +183,7 @@ class Background:
         )
 
     def state(self) -> dict[str, Any]:
-        """What the run's heartbeat says; empty as long as there is none."""
+        """The state in the run's heartbeat; empty until there is one."""
         for folder in set((self.project / "runs").glob("2*")) - self.known:
             try:
                 found: dict[str, Any] = json.loads((folder / "state.json").read_text(encoding="utf-8"))

@@ -165,7 +165,7 @@ def test_between_records_a_loop_restarts_after_a_loss_of_contact(board: BoardWor
     assert late[0] == pytest.approx(30.0, abs=4.0)
 
 
-def test_between_records_a_loop_on_the_host_goes_on_after_a_loss_of_contact(board: BoardWorkshop) -> None:
+def test_between_records_a_loop_on_the_host_continues_after_a_loss_of_contact(board: BoardWorkshop) -> None:
     done = board.run(alone("rate: 20 Hz, for: 3 s"), faults=["backend_lost@1 s..1.6 s"])
     assert done.result.status == "finished", done.result.reason
     late = [value / BAR for time, value in done.commands("relief_valve") if time > 2.5]
@@ -234,7 +234,7 @@ def test_a_loop_that_cannot_be_started_fails_the_run(board: BoardWorkshop) -> No
 
 
 class Person(ScriptedControl):
-    """Lets the run go on as soon as it stands still."""
+    """Continues the run as soon as it is paused."""
 
     def poll(self) -> list[Order]:
         if self.views and self.views[-1].state == "paused":

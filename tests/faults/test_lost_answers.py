@@ -1,6 +1,6 @@
 """Lost or damaged answers delay neither samples, interlocks nor an ending.
 
-The witness is the emulated chip's pins, or the lines that the stand-in of the two-heater board got.
+Outputs are observed at the pins of the emulated chip, or in the lines received by the stand-in board.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ LOOK = 0.01  # s between two samples while the valve is open
 
 
 class LeakyPort(EmulatedPort):
-    """Between two times, what the board answers and reports is lost or damaged; its samples get through."""
+    """Between two times, answers and reports of the board are lost or damaged; its samples arrive."""
 
     begin = end = 0.0
     how = ""
-    spared = b""  #: answers that get through all the same
+    spared = b""  #: answers that arrive nevertheless
     hit = 0
     _rest = b""
 
@@ -41,7 +41,7 @@ class LeakyPort(EmulatedPort):
         answer = line.partition(b" ")[2].partition(b"*")[0]
         if not kind.begin <= self._clock.now() < kind.end or line[:1] not in b"#!":
             return line + b"\n"
-        if answer.isdigit() and answer:  # of the heartbeat, which decides whether the board is there at all
+        if answer.isdigit() and answer:  # of the heartbeat, which decides whether the board is connected
             return line + b"\n"
         kind.hit += 1
         if kind.how == "lost":
@@ -53,7 +53,7 @@ class LeakyPort(EmulatedPort):
 @pytest.fixture
 def leaky(monkeypatch: pytest.MonkeyPatch) -> type[LeakyPort]:
     class Leaky(LeakyPort):
-        """One for each test: what happened to it is kept in the class."""
+        """A new class for each test, since its state is kept in the class."""
 
     monkeypatch.setattr(emulated, "EmulatedPort", Leaky)
     return Leaky
@@ -82,7 +82,7 @@ def test_an_interlock_trips_while_a_command_has_no_answer(
     assert "about to reach its end stop" in done.result.reason
     assert [value for _, name, value in stand.seen if name == "heater"] == [1.0, 0.0], "it was switched on"
     off = max(time for time, name, value in stand.seen if name == "valve" and value == 0.0)
-    assert off < end + 1.5 * LOOK  # the looks of the two runs need not fall on the same instants
+    assert off < end + 1.5 * LOOK  # the two runs need not check at the same instants
     times = [time for time in samples_of(done) if end - 0.5 < time < end]
     assert max(later - earlier for earlier, later in pairwise(times)) < 1.5 * LOOK
     assert stand.on_after(off) == []
@@ -133,7 +133,7 @@ HEATING = "steps:\n  - set: {heater_1: 60 %}\n  - wait: 3 s\n  - set: {heater_2:
 
 
 @pytest.mark.parametrize("silent", ["Q2 40.00", "T1"])
-def test_a_signal_ends_a_wait_for_a_line_device(
+def test_a_signal_ends_a_wait_for_the_answer_of_a_line_device(
     silent: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = ScriptedClock(speed=1.0)  # sleeps in slices, between which signals are checked
@@ -141,7 +141,7 @@ def test_a_signal_ends_a_wait_for_a_line_device(
     pressed: list[float] = []
 
     class Silent(dict[str, bytes]):
-        """The device hears it and says nothing; a signal comes while that is waited for."""
+        """The device receives the command and stays silent; a signal arrives during the wait."""
 
         def __contains__(self, line: object) -> bool:
             return line == silent and clock.now() > 3.2

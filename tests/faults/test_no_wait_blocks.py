@@ -153,7 +153,9 @@ def test_a_stall_of_the_computer_is_not_taken_for_a_silent_bench(
     assert done.result.status == "finished", done.result.reason
 
 
-def test_an_unread_terminal_blocks_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_display_that_blocks_does_not_block_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     stand = Stand("simulated", Workshop(tmp_path), monkeypatch)
     never, shown = threading.Event(), threading.Event()
 
@@ -185,7 +187,7 @@ def retried(stand: Stand) -> str:
 
 
 def lose(stand: Stand, begin: float, end: float) -> dict[str, object]:
-    """Pull the plug for a while; what the backend is to be told for it."""
+    """Disconnect for a time; returns the options of the backend for this."""
     if stand.kind != "lines":
         return {"faults": [f"backend_lost@{begin} s..{end} s"]}
 

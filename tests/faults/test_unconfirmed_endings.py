@@ -1,6 +1,6 @@
 """A device without a watchdog and with a dead line at the end: it is reported, and its guard keeps trying.
 
-Real processes on the stand-in of the two-heater board, whose heaters are the witness.
+Real processes on the stand-in of the two-heater board, whose heaters show what was switched.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def wait_for(condition: Callable[[], object]) -> None:
 
 
 def after(lines: list[str], line: str) -> list[str]:
-    """What follows a line; nothing where it has not come yet."""
+    """The output after a line; empty where the line has not come yet."""
     return lines[lines.index(line) + 1 :] if line in lines else []
 
 
