@@ -119,7 +119,9 @@ _COMMENT = st.text("abc #:{}[]'\"", max_size=12)
     st.sampled_from(["block", "flow"]),
     st.permutations(["unit", "calibration", "x"]),
 )
-def test_all_other_bytes_are_unchanged(indent: int, comment: str, style: str, order: list[str]) -> None:
+def test_editing_changes_no_other_byte_of_the_file(
+    indent: int, comment: str, style: str, order: list[str]
+) -> None:
     pad = " " * indent
     parts = {"unit": f"unit: bar  # {comment}", "x": f"x: [1, 2]  # {comment}"}
     parts["calibration"] = (

@@ -10,11 +10,13 @@ import rigctl.errors
 from rigctl.files.shipped import shipped
 
 
-def test_in_a_checkout_the_repository_ships_its_own_files() -> None:
+def test_in_a_checkout_shipped_files_are_those_of_the_repository() -> None:
     assert shipped("rigs", "hl32-bench.yaml").is_file()
 
 
-def test_an_installed_package_brings_them_along(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_installed_package_has_its_own_shipped_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     package = tmp_path / "site-packages" / "rigctl"
     (package / "shipped" / "rigs").mkdir(parents=True)
     monkeypatch.setattr(rigctl.errors, "__file__", str(package / "errors.py"))
