@@ -41,12 +41,12 @@ def carried_out(rig: Rig, backend: str, runs: Path, **options: object) -> tuple[
     return result.exit_code, result.reason, open_run(result.folder)
 
 
-def test_the_quick_check_gives_the_strokes_of_the_simulated_bench(rig: Rig, tmp_path: Path) -> None:
+def test_the_quick_check_gives_the_same_strokes_as_the_simulated_bench(rig: Rig, tmp_path: Path) -> None:
     simulated = carried_out(rig, "simulated", tmp_path)
     emulated = carried_out(rig, "emulated", tmp_path)
     assert simulated[0] == emulated[0] == ExitCode.DONE, emulated[1]
     found = [[float(value) for value in run.records["stroke"]] for _, _, run in (emulated, simulated)]
-    # the valve is switched by the computer here, within a sampling period of 10 ms: 1.2 mm of stroke
+    # here the computer switches the valve, to within a sampling period of 10 ms: 1.2 mm of stroke
     assert found[0] == pytest.approx(found[1], abs=2.5)
     info = emulated[2].info
     assert info["backend"]["firmware"].startswith("1.")

@@ -78,7 +78,7 @@ def test_a_mistake_has_its_standard_error_number_and_moves_nothing(
     assert chip.edges == []
 
 
-def test_the_error_queue_keeps_the_oldest_and_says_that_it_overflowed(chip: Chip) -> None:
+def test_the_error_queue_keeps_the_oldest_errors_and_reports_its_overflow(chip: Chip) -> None:
     for _ in range(10):
         chip.send("NONSENSE")
     assert chip.ask("SYST:ERR:COUN?") == "8"

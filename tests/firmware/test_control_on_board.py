@@ -128,7 +128,7 @@ def simulated(case: Case) -> tuple[list[int], list[float], list[int]]:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_board_and_host_compute_what_one_independent_simulation_does(chip: Chip, name: str) -> None:
+def test_board_and_host_agree_with_an_independent_simulation(chip: Chip, name: str) -> None:
     case = CASES[name]
     readings, expected, sent = simulated(case)
     assert len(set(sent)) > 20, "a loop in which something happens"
@@ -313,7 +313,7 @@ def test_a_loop_with_missing_or_invalid_settings_is_refused(chip: Chip) -> None:
     assert chip.avr.pwm == 0.0
 
 
-def test_while_it_runs_the_setpoint_can_be_moved_and_the_gains_cannot(chip: Chip) -> None:
+def test_a_running_loop_accepts_a_new_set_point_and_refuses_new_gains(chip: Chip) -> None:
     begin(chip, KP=0.0, KI=0.0, TT=math.inf, FF=100.0)
     assert chip.ask("#1 CONT:STAR BUMP") == "#1 OK", "asked twice, as its answer may have been lost"
     assert round(chip.avr.pwm * 1023) == 100

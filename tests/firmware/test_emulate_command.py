@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from rigctl.cli.main import app
 from rigctl.files.shipped import shipped
 
-#: a shell starts what it runs in the background with Ctrl-C ignored
+#: a shell starts background commands with Ctrl-C ignored
 AS_BACKGROUND_JOB = """\
 import signal
 signal.signal(signal.SIGINT, signal.SIG_IGN)

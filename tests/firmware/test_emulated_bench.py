@@ -91,7 +91,7 @@ def test_a_pulse_is_timed_by_the_board_and_stamped_within_the_stated_uncertainty
     assert (end.actuator, end.value) == ("valve", 0.0)
     assert end.time - receipt.time == pytest.approx(1.05, abs=1e-4)
     assert 0.0 < receipt.uncertainty < 2e-3
-    # what the plant saw, to the cycle, is the time base of the clock here
+    # the switch seen by the plant, exact to a cycle, is the time base here
     assert receipt.time == pytest.approx(_switch_times(bench)[0], abs=receipt.uncertainty)
     assert end.time == pytest.approx(_switch_times(bench)[1], abs=receipt.uncertainty)
 
@@ -101,7 +101,7 @@ def _switch_times(bench: ArduinoBench) -> list[float]:
     return list(port._board.valve_times)  # type: ignore[attr-defined]
 
 
-def test_heater_and_operator_are_commanded_too(make_bench: Make) -> None:
+def test_heater_relief_valve_and_valve_can_be_commanded(make_bench: Make) -> None:
     bench = make_bench(noise="off")
     bench.start(10.0)
     bench.command("heater", 1.0).wait()
@@ -122,7 +122,7 @@ def test_a_host_that_reads_keeps_the_outputs_on(make_bench: Make) -> None:
     assert read_until(bench, 20.0)[-1].commands[0] == 1.0
 
 
-def test_a_trip_ends_the_run_by_its_cause(make_bench: Make) -> None:
+def test_a_trip_ends_sampling_with_its_cause_and_refuses_later_commands(make_bench: Make) -> None:
     bench = make_bench(faults=["sensor_open:supply_pressure@2 s"])
     bench.start(100.0)
     bench.command("heater", 1.0).wait()
@@ -208,7 +208,7 @@ def test_a_board_restart_is_detected_and_sampling_resumes(make_bench: Make) -> N
 
 
 class RunningBoard(EmulatedBoard):
-    """A board that has run for longer than it was emulated."""
+    """A board whose clock shows a longer time than it has been emulated."""
 
     #: ms that are added to its count of milliseconds
     before = 0

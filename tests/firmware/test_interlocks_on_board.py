@@ -26,7 +26,7 @@ if TYPE_CHECKING:
         ((200, 500, 5), "sensor open or shorted", 16),
     ],
 )
-def test_an_interlock_switches_off_within_20_ms_says_why_and_latches(
+def test_an_interlock_switches_off_within_20_ms_reports_its_cause_and_latches(
     chip: Chip, counts: tuple[int, int, int], cause: str, bit: int
 ) -> None:
     chip.send("OUTP:HEAT ON\nVALV EXT\nSOUR:PRES 500")
