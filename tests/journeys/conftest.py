@@ -9,7 +9,7 @@ import pytest
 
 @pytest.fixture(scope="module", autouse=True)
 def as_on_one_computer(shared_results: Path) -> None:
-    """What one journey has fitted, another one on the same data finds again, as a user's commands do."""
+    """Journeys on the same data reuse each other's fits, as a user's commands do."""
 
 
 @pytest.fixture

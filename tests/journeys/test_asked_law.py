@@ -41,7 +41,7 @@ def test_a_wrong_exponent_is_corrected_by_the_suggested_commands(folder: Path) -
     run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
     document = answer("diagnose", run, "--model", "model.yaml")
     assert document["effects"] == ["fan"]
-    assert ": :" not in f": {document['statement']}"  # the file does not say what it looks like
+    assert ": :" not in f": {document['statement']}"  # the file does not reveal the law
     assert not document["levels"][0]["law"]["sure"]
     (law,) = document["laws"]
     assert (law["effect"], law["driver"], law["unit"], law["slot"]) == ("fan", "speed", "rad/s", "drag")

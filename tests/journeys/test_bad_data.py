@@ -62,7 +62,7 @@ def imported(*columns_and_edit: object) -> str:
 
 @pytest.fixture(scope="module")
 def position_only(bench: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What compare and diagnose say of a run that has the position and nothing else."""
+    """The answers of compare and diagnose for a run with the position only."""
     with chdir(bench):
         run = imported((TIME, RECORD, POSITION, VALVE, RELIEF))
         asked = (run, "--model", MODEL)
@@ -190,7 +190,7 @@ def test_a_missing_or_unsuitable_unit_of_a_column_is_refused(unit: str, says: st
     assert says in refusal("import", write(rename=(" [mm]", f" {unit}")), *RIG)
 
 
-def test_values_that_are_no_numbers_are_counted_and_left_out() -> None:
+def test_nan_readings_are_counted_and_left_out_and_infinite_ones_refused() -> None:
     run = imported(EVERY, lambda row, k: [*row[:POSITION], "nan" if k % 7 == 0 else row[POSITION], *row[5:]])
     document = answer("compare", run, "--model", MODEL, "--no-fit")
     assert "position is missing in 108 of 752 samples: they are left out" in document["notes"]
@@ -218,7 +218,7 @@ def test_records_with_too_few_samples_are_left_out() -> None:
     assert "1 have no value or fewer than 5 samples" in said
 
 
-def test_more_samples_than_are_needed_are_thinned_and_said_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_many_samples_are_thinned_with_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
     run = imported()
     monkeypatch.setattr("rigctl.model.measured.read._MOST_SAMPLES", 300)
     monkeypatch.setattr("rigctl.model.measured.read._LEAST_OF_A_RECORD", 180)

@@ -67,7 +67,7 @@ def test_a_parameter_without_influence_is_named_and_keeps_its_value() -> None:
     assert "heater_lag.lag affects none of these readings and keeps its value" in done.output
 
 
-def test_a_stiff_blow_up_is_reported_with_state_and_time() -> None:
+def test_a_diverging_simulation_is_reported_with_state_and_time() -> None:
     file = effect_file("friction", "-push*velocity^3/(1 m^3/s^3)")
     said = refusal("effects", "check", file, exit_code=ExitCode.FAILED)
     assert "could not be simulated: the derivative of velocity is not a finite number at t = " in said

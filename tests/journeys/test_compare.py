@@ -14,7 +14,7 @@ pytestmark = pytest.mark.usefixtures("inside")
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A project with a small campaign on a bench that is what the model says."""
+    """A project with a small campaign on a bench that obeys the model."""
     return create_strokes(tmp_path_factory.mktemp("compare"), "20 degC, 60 degC", seed=4)
 
 
@@ -74,7 +74,7 @@ def test_a_model_of_another_bench_is_refused() -> None:
     assert "was recorded on 'HL32 bench'" in told
 
 
-def test_too_few_values_name_the_parameters(tmp_path: Path) -> None:
+def test_too_few_values_are_reported_with_the_parameters_to_fit(tmp_path: Path) -> None:
     table = tmp_path / "two.csv"
     table.write_text("oil_temperature [degC],kinematic_viscosity [cSt]\n20,85.19\n", "utf-8")
     run = answer("import", str(table))["run"]

@@ -71,7 +71,7 @@ def test_the_demo_identifies_the_hidden_effect_and_adds_it(
     assert f"hidden: {told['hidden'].replace('_', ' ')}, conductance" in end
     assert f"found: {told['hidden'].replace('_', ' ')}, conductance (" in end
     assert end.count("<section") == 1
-    # the size that was found is one figure, at the top and at the end
+    # the size found is the same number at the top and at the end
     (size,) = re.findall(r"found: .*?conductance (\(.*? m³)", end)
     assert size in page[page.index('<section id="answer">') : page.index('<section id="learning"')]
 

@@ -12,8 +12,8 @@ from rigctl.cli.commands.init import create_project
 
 pytestmark = pytest.mark.usefixtures("inside")
 
-#: of the shipped campaign that another program made with a leaking valve: 20 and 80 degC, and one of 60; the
-#: same as in web/test_workbench.py, which finds these fits
+#: records at 20 and 80 degC, and one at 60, of the shipped campaign that an independent program made with a
+#: leaking valve; the same as in web/test_workbench.py, which reuses these fits
 RECORDS = {"001", "019", "025", "028"}
 
 

@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 
 from commands import answer, told
 
-#: what a hidden effect adds to the rates, of the state and of the input
+#: the contribution of a hidden effect to the rates, as a function of state and input
 Hidden = Callable[[Sequence[float], float], Sequence[float]]
 
 

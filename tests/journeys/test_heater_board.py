@@ -17,7 +17,7 @@ EVERY_SECOND = " or ".join(f"heater_1 == {level} %" for level in (20, 40, 60, 80
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What `diagnose --apply` says: heating alone, every second level held out."""
+    """The answer of `diagnose --apply` for heating only, with every second level held out."""
     folder = tmp_path_factory.mktemp("board")
     create_project(folder)
     with chdir(folder):
@@ -67,7 +67,7 @@ def test_the_last_answer_includes_the_remaining_misfit(found: dict[str, Any]) ->
     last = found["after"]
     assert last["verdict"] == "outside_library"
     left = last["remainder"]
-    assert left["share"] > 0.5  # of what is left: no effect of the library is nearly all of it
+    assert left["share"] > 0.5  # of the remaining misfit: no single library effect explains nearly all of it
     assert left["p_value"] < 0.01 < left["size"]
     assert left["slot"]
     assert left["statement"].startswith(f"{100 * left['share']:.0f} % of the misfit is left")

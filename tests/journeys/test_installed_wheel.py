@@ -37,7 +37,7 @@ def rigctl(arguments: list[str], folder: Path, environment: dict[str, str]) -> s
     return done.stdout
 
 
-def test_first_job_works_from_an_installed_wheel(installed: dict[str, str], tmp_path: Path) -> None:
+def test_the_first_commands_work_from_an_installed_wheel(installed: dict[str, str], tmp_path: Path) -> None:
     code = "import os, rigctl, pathlib; print(rigctl.__file__.startswith(os.environ['EXPECTED']))"
     seen = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, env=installed, capture_output=True, text=True, check=True

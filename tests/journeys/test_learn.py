@@ -12,7 +12,7 @@ from rigctl.cli.commands.init import create_project
 
 pytestmark = pytest.mark.usefixtures("small_search", "inside")
 
-#: what the demo of test_demo.py does, by other commands: they give the same data
+#: the demo of test_demo.py by other commands, which give the same data
 CAMPAIGN = (
     *("procedures/campaign.yaml", "-a", "temperatures=20 degC, 60 degC, 80 degC"),
     *("-a", "pressures=20 bar, 35 bar, 50 bar", "--seed", "1", "--hold-out", "oil == 60 degC"),
@@ -33,7 +33,7 @@ def test_an_ambiguous_campaign_is_resolved_after_confirmation_of_its_next_record
     """The campaign leaves a leak and a sensor drift; the designed records distinguish them."""
     declined = answer("learn", *CAMPAIGN, "--model", "models/own.yaml", "--with", LEAK)
     first, proposal = declined["rounds"]
-    assert declined["ended"] == "declined"  # nobody sits at the terminal, and nobody said --yes
+    assert declined["ended"] == "declined"  # no one can confirm at the terminal, and --yes was not given
     assert first["verdict"] == "ambiguous"
     assert "valve_leakage" in first["classes"][0]
     assert len(first["classes"][0]) > 1

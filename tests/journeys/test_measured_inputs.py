@@ -191,7 +191,9 @@ def test_assumed_inputs_are_used_and_refused_without_a_unit(
     assert "21 degC" in said
 
 
-def test_a_missing_channel_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unrecorded_input_is_noted_with_the_value_assumed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Without a range in the rig file the family's value is used; the report must state this."""
     project(tmp_path, "bench", rows_of(False))
     monkeypatch.chdir(tmp_path)

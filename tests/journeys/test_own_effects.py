@@ -1,4 +1,4 @@
-"""From a verdict "outside the library" to an effect of one's own that a diagnosis then names."""
+"""From the verdict "outside the library" to a user's own effect, which a diagnosis then names."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def write_flywheel(path: Path, torque: float, seed: int) -> None:
-    """With the damping that the family knows, and a bearing that it does not."""
+    """With the damping of the family, and a bearing that the family lacks."""
 
     def drag(speed: float) -> float:
         return 1e-3 * speed + torque * float(np.tanh(speed))

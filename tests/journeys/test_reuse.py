@@ -72,7 +72,7 @@ def test_answers_are_identical_with_and_without_the_cache(project: Path) -> None
     assert counted("compare", *DATA, "--json")[0] == counted("compare", *DATA, "--json", "--no-cache")[0]
 
 
-def test_commands_after_a_diagnosis_fit_nothing_again(project: Path) -> None:
+def test_commands_after_a_diagnosis_reuse_its_fits(project: Path) -> None:
     told("diagnose", *DATA)
     again = ("compare", *DATA), ("report", *DATA, "--diagnose", "-o", "page.html")
     for command in again:

@@ -15,7 +15,7 @@ from rigctl.cli.commands.init import create_project
 Floats = NDArray[np.float64]
 
 GAINS, CAPACITY, CONVECTION = (1.05, 0.96), 2.0, 0.0152
-#: which heater at what, in %, from when on
+#: levels of the heaters in %, and the times from which they apply
 PLANS = (
     ((30.0, (70.0, 0.0)), (500.0, (70.0, 40.0)), (800.0, (0.0, 40.0))),
     ((42.0, (0.0, 55.0)), (400.0, (30.0, 55.0)), (900.0, (30.0, 0.0))),
@@ -42,7 +42,7 @@ def lumps(plan: Any, room: float, times: Floats, switches: list[float]) -> Float
 
 
 def heater_file(path: Path, step: float, late: str, seed: int) -> None:
-    """Four records every `step` s; commands act where `late` says, and stand beside the next sample."""
+    """Four records every `step` s; commands act at `late` of an interval, logged with the next sample."""
     generator = np.random.default_rng(seed)
     times = np.arange(0.0, 1100.0, step)
     lines = ["time [s],record,heater_1 [%],heater_2 [%],temperature_1 [degC],temperature_2 [degC]"]

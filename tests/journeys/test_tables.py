@@ -17,7 +17,7 @@ from rigctl.cli.commands.init import create_project
 from rigctl.cli.main import app
 
 OIL = "models/hl32-oil.yaml"
-#: what can turn the sign of the published strokes, and nothing else
+#: the only effects that can reverse the sign of the trend of the published strokes
 CLASS = {
     "valve_delay_thermal",
     "relief_thermal_drift",
@@ -63,7 +63,7 @@ def imported(folder: Path, *arguments: str) -> str:
 
 
 def made(name: str, heading: str, rows: Sequence[tuple[float | None, ...]], *more: str) -> str:
-    """A table of one's own, brought in."""
+    """Import a synthetic table."""
     cells = (",".join("" if cell is None else f"{cell:.5g}" for cell in row) for row in rows)
     Path(name).write_text("\n".join([heading, *cells]) + "\n", encoding="utf-8", newline="\n")
     return str(answer("import", name, *more)["run"])
