@@ -53,7 +53,7 @@ def test_rounds_of_a_loop_are_counted(looping: Plan) -> None:
     assert [line.label for line in lines if line.stage is Stage.AHEAD] == ["wait 2 s"]
 
 
-def test_cleanup_steps_have_a_place(looping: Plan) -> None:
+def test_cleanup_steps_appear_in_the_outline(looping: Plan) -> None:
     assert looping.finally_ is not None
     cleanup = next(node for node in walk(looping.finally_) if isinstance(node, Leaf))
     assert outline(PlanPlaces(looping), cleanup.path, most=10)[-1].label == cleanup.label
@@ -66,7 +66,7 @@ def test_an_unknown_step_path_shows_nothing(plan: Plan) -> None:
     assert places.record("9/nowhere") is None
 
 
-def test_the_record_of_a_step_is_known(plan: Plan) -> None:
+def test_the_record_of_a_step_is_found_from_its_path(plan: Plan) -> None:
     record = PlanPlaces(plan).record("2/for[oil=40 degC]/2/for[supply=30 bar]/1/call/3/record/2/extend")
     assert record is not None
     assert record.name == "stroke"

@@ -60,7 +60,7 @@ def test_progress_is_printed_in_tenths(plan: Plan) -> None:
     assert lines[0] == "0:01:40  10% done, about 15 min left"
 
 
-def test_a_failure_says_why(plan: Plan) -> None:
+def test_a_failure_is_printed_with_its_reason(plan: Plan) -> None:
     failed = Happening(9.0, "state", "failed")
     lines = told(plan, View("r", "failed", 9.0, happenings=(failed,), message="heat timed out"))
     assert lines == ["0:00:09  failed: heat timed out"]

@@ -103,7 +103,7 @@ def test_the_progress_fits_a_narrow_terminal(plan: Plan, monkeypatch: pytest.Mon
     assert "0 of 10 records  about 1 h 12 min left" in frame(display, 60)
 
 
-def test_the_open_question_stands_near_the_top(plan: Plan) -> None:
+def test_the_open_question_is_shown_near_the_top(plan: Plan) -> None:
     display = TerminalDisplay(plan, Terminal())
     display(View("r", "running", 0.0, question="Turn the relief valve until it reads 30 bar"))
     assert "Turn the relief valve" in "".join(frame(display).splitlines(keepends=True)[:5])
