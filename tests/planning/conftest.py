@@ -22,7 +22,7 @@ def rig() -> Rig:
 
 @pytest.fixture(scope="session")
 def serial_rig() -> Rig:
-    """The same bench behind a port, where people turn and type."""
+    """The same bench behind a port, with a real operator."""
     text = RIG.read_text(encoding="utf-8")
     return parse_rig(text.replace("kind: simulated", "kind: serial", 1), RIG)
 

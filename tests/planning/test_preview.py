@@ -78,7 +78,7 @@ def test_a_later_round_starts_from_where_the_first_ended(previewed: See) -> None
     assert seen.seconds < first + 5 * 65.0
 
 
-def test_nested_loops_are_previewed_quickly(previewed: See) -> None:
+def test_deeply_nested_loops_are_previewed_with_their_total_duration(previewed: See) -> None:
     lines = ["steps:"]
     for depth in range(35):
         pad = "  " * (2 * depth + 1)
@@ -99,7 +99,7 @@ def test_steps_that_wait_for_conditions_leave_the_duration_open(previewed: See) 
     assert seen.seconds == 8.0
 
 
-def test_a_branch_counts_its_longer_side(previewed: See) -> None:
+def test_a_branch_takes_the_duration_of_its_longer_side(previewed: See) -> None:
     seen = previewed("""
         steps:
           - if: oil_temperature < 40 degC
