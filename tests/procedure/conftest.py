@@ -36,7 +36,7 @@ def planned(rig: Rig) -> Planned:
 
 @pytest.fixture
 def steps(planned: Planned) -> Planned:
-    """Expand steps alone; each line of `text` is in the list `steps`."""
+    """Expand steps only; each line of `text` is in the list `steps`."""
 
     def plan(text: str, on: Rig | None = None) -> Plan:
         body = "\n".join(f"  {line}" for line in dedent(text).strip().splitlines())

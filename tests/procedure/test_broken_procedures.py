@@ -22,7 +22,7 @@ TEXTS = [
 ]
 RIG = load_rig(ROOT / "rigs" / "hl32-bench.yaml")
 
-#: what people and programs leave in a file by accident
+#: fragments that people and programs leave in a file by accident
 SPLINTERS = [
     "", " ", ":", "- ", "{", "}", "[", "]", "$", "$supply", "0", "-1", "1e999", "nan", ".inf", "true", "null",
     "~", "*a", "&a ", "!!python/object:os.system ", "\t", "'", '"', "%", "°C", "30 bar", "1 s", "position",

@@ -67,7 +67,7 @@ def test_a_plan_that_grows_too_large_is_refused(steps: Callable[..., Plan]) -> N
 
 
 @pytest.mark.parametrize("verb", ["do", "repeat: 1\n{pad}do", "for: {{v{n}: [1 s]}}\n{pad}do", "record"])
-def test_steps_are_nested_as_deep_as_a_file_can(planned: Callable[..., Plan], verb: str) -> None:
+def test_steps_may_be_nested_up_to_a_limit(planned: Callable[..., Plan], verb: str) -> None:
     if verb == "record":
         verb = "if: position < 1 mm\n{pad}do"
 
@@ -118,7 +118,9 @@ CAMPAIGN = """
         ("last: 1 s", "last: 2 s", False),
     ],
 )
-def test_equal_digests_mean_equal_plans(planned: Callable[..., Plan], old: str, new: str, same: bool) -> None:
+def test_the_digest_depends_only_on_the_meaning_of_the_plan(
+    planned: Callable[..., Plan], old: str, new: str, same: bool
+) -> None:
     changed = dedent(CAMPAIGN.replace(old, new) if old else CAMPAIGN)
     assert (planned(dedent(CAMPAIGN)).digest == planned(changed).digest) is same
 

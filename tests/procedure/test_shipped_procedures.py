@@ -1,4 +1,4 @@
-"""The shipped procedures do what their comments say."""
+"""The shipped procedures do what their comments state."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_the_campaign_can_shuffle_its_pressures() -> None:
     assert shuffled == conditions(plan_of("campaign", shuffle="7"))
 
 
-def test_the_viscometer_asks_for_both_tubes_at_40_degrees() -> None:
+def test_the_viscometer_uses_both_tubes_at_40_degrees() -> None:
     plan = plan_of("viscometer")
     at_40 = [r.sweep["bore"][0] for r in records(plan) if r.sweep["bath"][0] == pytest.approx(313.15)]
     assert at_40 == pytest.approx([2e-3, 1.5e-3])
@@ -121,7 +121,7 @@ def test_calibration_procedures_limit_the_deviation_from_a_reference(name: str) 
         assert deviation.difference is (name == "calibrate-thermocouple")
 
 
-def test_the_heater_board_goes_up_and_down_in_steps() -> None:
+def test_the_heater_board_procedure_steps_the_power_up_and_down() -> None:
     steps = records(plan_of("heater-board-steps"))
     assert [round(100 * r.sweep["power"][0]) for r in steps] == [*range(10, 110, 10), *range(90, 0, -10)]
     assert {r.rate for r in steps} == {1.0}
