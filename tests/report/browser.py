@@ -131,7 +131,7 @@ class Browser:
         return bool(self.evaluate(WAIT.format(condition=condition)))
 
     def screenshot(self, path: Path, *, whole: bool = False) -> None:
-        """Keep what the page looks like."""
+        """Save a screenshot of the page."""
         answer = self._call("Page.captureScreenshot", {"captureBeyondViewport": whole})
         path.write_bytes(base64.b64decode(answer["data"]))
 

@@ -17,7 +17,7 @@ RunMaker = Callable[..., Run]
 
 @pytest.fixture(scope="session")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    """Fails where no Chromium is installed, and says how to get one."""
+    """The browser; fails with instructions where no Chromium is installed."""
     with Browser(tmp_path_factory.mktemp("profile")) as opened:
         yield opened
 

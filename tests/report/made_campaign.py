@@ -18,7 +18,7 @@ RIG_FILE = Path(__file__).parents[2] / "rigs" / "hl32-bench.yaml"
 TEMPERATURES = (20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)  # degC
 PRESSURES = (20.0, 30.0, 40.0, 50.0)  # bar
 BAR, ZERO = 1e5, 273.15
-#: mm at 20 degC, and what is missing at 60 degC: the published strokes
+#: the published strokes in mm at 20 degC, and their loss at 60 degC
 STROKES = {20.0: (77.0, 3.7), 30.0: (97.0, 5.8), 40.0: (100.0, 6.5), 50.0: (125.0, 6.0)}
 OPENS, CLOSES, RETRACTS, ENDS = 0.2, 1.25, 2.25, 3.75  # s of a record
 STARTED = datetime(2026, 11, 21, 9, 30, tzinfo=UTC)

@@ -16,7 +16,7 @@ def test_the_style_sheet_has_the_colours_of_the_plots() -> None:
     assert [colour for _, colour in sorted(named)] == list(colours.SERIES)
 
 
-def test_the_error_maps_of_the_page_begin_with_the_first_two_series() -> None:
+def test_the_error_maps_of_the_page_use_the_colours_of_the_first_two_series() -> None:
     light = (ASSETS / "page.css").read_text("utf-8").partition("@media")[0]
     found = re.findall(r"--(?:below|above): (\d+), (\d+), (\d+);", light)
     assert ["#" + "".join(f"{int(part):02x}" for part in one) for one in found] == list(colours.SERIES[:2])

@@ -48,7 +48,7 @@ def test_a_plot_is_drawn_into_a_file(tmp_path: Path, form: str) -> None:
     assert write_figure(PLOT, tmp_path / "again", form).read_bytes() == content
 
 
-def test_svg_keeps_its_text(tmp_path: Path) -> None:
+def test_svg_figures_contain_their_text(tmp_path: Path) -> None:
     tree = ET.parse(write_figure(PLOT, tmp_path, "svg"))
     texts = {"".join(element.itertext()).strip() for element in tree.iter("{http://www.w3.org/2000/svg}text")}
     assert {"a $dollar$ and <b>", "y [$]", "x [s]", "off"} <= texts

@@ -61,7 +61,7 @@ def pick(browser: Browser, name: str, key: str) -> None:
     browser.evaluate(f"document.getElementById('{name}').dispatchEvent(new Event('change'))")
 
 
-def test_every_plot_is_there(quiet: Browser, campaign_page: Path) -> None:
+def test_every_plot_is_drawn_with_its_data(quiet: Browser, campaign_page: Path) -> None:
     quiet.open(campaign_page, height=9000)
     quiet.evaluate(UNFOLD)
     assert quiet.wait(ALL_DRAWN)
@@ -233,7 +233,9 @@ def test_hostile_texts_are_shown_and_do_nothing(quiet: Browser, make_run: RunMak
     assert HOSTILE in quiet.evaluate(legend)
 
 
-def test_unescaped_markup_could_not_run(browser: Browser, campaign_page: Path, tmp_path: Path) -> None:
+def test_unescaped_markup_is_blocked_by_the_policy(
+    browser: Browser, campaign_page: Path, tmp_path: Path
+) -> None:
     """The content security policy protects even a page in which escaping was forgotten."""
     broken = tmp_path / "broken.html"
     text = campaign_page.read_text(encoding="utf-8")

@@ -71,7 +71,7 @@ def test_the_page_of_a_campaign_is_small_and_complete(published: Run, tmp_path: 
     assert "65\N{NARROW NO-BREAK SPACE}100" in text
 
 
-def test_the_page_fetches_nothing(published_data: RunData) -> None:
+def test_the_page_loads_nothing_from_outside(published_data: RunData) -> None:
     html = html_of(published_data)
     for tag, attributes in outline(html).tags:
         assert "src" not in attributes or tag == "img", (tag, attributes)
@@ -89,7 +89,7 @@ def test_the_content_security_policy_has_the_digest_of_each_script() -> None:
     assert "script-src 'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='" in policy([""])
 
 
-def test_the_plotting_library_is_the_published_one() -> None:
+def test_the_plotting_library_is_the_published_version() -> None:
     bundle = (ASSETS / "plotly-basic.min.js").read_text(encoding="utf-8").encode("utf-8")
     assert sha256(bundle).hexdigest() == PLOTLY_4_1_1
     assert (ASSETS / "LICENSE-plotly").read_text(encoding="utf-8").startswith("MIT License")
@@ -153,7 +153,7 @@ def test_a_million_samples_make_a_page_of_a_few_megabytes(tmp_path: Path) -> Non
             assert position.y.max() == pytest.approx(123.0)
 
 
-def test_thousands_of_records_still_make_a_page(published_data: RunData) -> None:
+def test_a_page_of_thousands_of_records_is_limited_in_size(published_data: RunData) -> None:
     records = tuple(replace(published_data.records[i % 28], index=i) for i in range(3000))
     html = html_of(replace(published_data, records=records))
     assert len(html) < 6_000_000

@@ -26,7 +26,7 @@ OFF = 0.03
 
 
 def before_and_after(correlation: float = 0.0) -> tuple[FitResult, FitResult]:
-    """A model that is off by a constant, and one that is not, on the same readings."""
+    """A model with a constant error, and one without, on the same readings."""
     before = made_fit(made_noise(correlation), 3, lambda place, times: np.full(times.size, OFF))
     after = tuple(outputs - np.array([OFF, 0.0]) for outputs in before.outputs)
     return before, replace(before, outputs=after)
