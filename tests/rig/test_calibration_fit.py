@@ -108,7 +108,7 @@ def test_curvature_is_detected_and_a_straight_line_is_not_curved() -> None:
     assert sum(calls) <= 8  # 1 % by chance
 
 
-def test_the_largest_change_is_within_the_points() -> None:
+def test_the_largest_change_of_a_calibration_is_found_within_its_points() -> None:
     fit = fitted(points_on(LINE, [10000.0, 20000.0, 50000.0]))
     assert fit.largest_change((LINE[0] + 1.0, LINE[1])) == pytest.approx(1.0)
     assert fit.largest_change((LINE[0], LINE[1] * 1.01)) == pytest.approx(0.01 * LINE[1] * 50000.0)

@@ -85,7 +85,7 @@ def test_a_complete_description_is_accepted() -> None:
         ("    queries:", "    terminator: CR\n    queries:", "unknown field"),
     ],
 )
-def test_errors_are_reported(old: str, new: str, message: str) -> None:
+def test_mistakes_in_the_description_are_reported(old: str, new: str, message: str) -> None:
     assert old in DEVICE
     with pytest.raises(RigctlError) as caught:
         parse_rig(DEVICE.replace(old, new, 1))

@@ -60,7 +60,7 @@ def test_a_rig_can_be_pickled_and_copied(small: str) -> None:
     assert rig.model_copy(update={"monitor_rate": 5.0}).channels == rig.channels
 
 
-def test_a_copy_has_a_layout_of_its_own(small: str) -> None:
+def test_a_copy_of_a_rig_has_its_own_layout(small: str) -> None:
     rig = parse_rig(small)
     before = rig.layout
     channels = dict(list(rig.channels.items())[:1])
@@ -234,7 +234,7 @@ def test_reserved_names_of_channels_are_refused(small: str, name: str) -> None:
         parse_rig(small.replace("  pressure: {", f"  {name}: {{", 1))
 
 
-def test_a_channel_and_an_actuator_need_two_names(small: str) -> None:
+def test_a_channel_and_an_actuator_with_one_name_are_refused(small: str) -> None:
     with pytest.raises(RigctlError, match="the same name, got 'position'"):
         parse_rig(small.replace("  relief: {", "  position: {", 1))
 

@@ -18,7 +18,7 @@ INSTRUMENTED = load_rig(shipped("rigs", "hl32-bench-instrumented.yaml"))
 
 
 @pytest.mark.parametrize("path", sorted(shipped("rigs").glob("*.yaml")), ids=lambda path: path.stem)
-def test_shipped_rigs_warn_only_of_what_their_devices_lack(path: Path) -> None:
+def test_shipped_rigs_warn_only_of_devices_without_a_watchdog(path: Path) -> None:
     rig = load_rig(path)
     unguarded = path.stem in ("tclab-board", "oil-circuit-visa")
     expected = ["the device has no watchdog of its own"] if unguarded else []
@@ -43,7 +43,7 @@ def test_position_and_temperature_have_the_published_resolution() -> None:
     assert BENCH.channels["oil_temperature"].resolution == pytest.approx(0.25)
 
 
-def test_the_relief_valve_is_turned_by_hand() -> None:
+def test_the_relief_valve_is_set_by_the_operator() -> None:
     relief = BENCH.actuators["relief_valve"]
     assert (relief.by, relief.kind) == ("operator", "level")
     assert relief.prompt
