@@ -186,7 +186,7 @@ def test_a_dry_run_reads_and_moves_nothing(do: Do) -> None:
 
 
 class Faulty:
-    """A backend that breaks in a way of its own at the first sample after `when`."""
+    """A backend that raises the given error at the first sample after `when`."""
 
     def __init__(self, backend: Any, when: float, error: Exception) -> None:
         self._backend, self._when, self._error = backend, when, error

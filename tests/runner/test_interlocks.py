@@ -89,7 +89,7 @@ def test_a_broken_sensor_trips_after_the_time_limit_for_silence(rig: Rig, value:
     assert "sensor or line broken" in impossible[0].message
 
 
-def test_a_rate_is_taken_over_its_window(rig: Rig) -> None:
+def test_a_rate_limit_trips_on_the_rate_over_its_window(rig: Rig) -> None:
     slow = [row(0.01 * i, position=0.12 * 0.01 * i) for i in range(200)]
     assert feed(Interlocks(rig), slow) == []
     fast = [row(0.01 * i, position=0.9 * 0.01 * i) for i in range(25)]
@@ -137,7 +137,7 @@ def test_a_slow_rate_does_not_count_as_silence(rig: Rig) -> None:
 
 
 @given(st.lists(st.floats(0.0, 0.24), min_size=1, max_size=60), st.floats(278.2, 357.0))
-def test_nothing_inside_every_band_ever_trips(positions: list[float], oil: float) -> None:
+def test_values_within_all_limits_never_trip(positions: list[float], oil: float) -> None:
     # 10 s apart: no rate is known over windows shorter than that
     rows = [row(10.0 * i, oil=oil, position=x) for i, x in enumerate(positions)]
     assert [alarm for alarm in feed(Interlocks(SHIPPED), rows) if alarm.action == "stop"] == []
@@ -152,7 +152,7 @@ def test_the_fast_and_the_full_check_agree(pressures: list[float]) -> None:
         assert list(fast.check(item)) == list(thorough.check(item))
 
 
-def test_a_disturbed_line_is_detected_and_motion_is_not_a_disturbance() -> None:
+def test_noise_on_a_line_is_detected_and_motion_is_not_taken_for_it() -> None:
     sawtooth = (i % 100 if i % 200 < 100 else 100 - i % 100 for i in range(999))
     strokes = [row(0.01 * i, position=0.12 * 0.01 * step) for i, step in enumerate(sawtooth)]
     assert feed(Interlocks(SHIPPED), strokes) == []
@@ -163,7 +163,7 @@ def test_a_disturbed_line_is_detected_and_motion_is_not_a_disturbance() -> None:
 
 
 def standstill(**fields: Any) -> Interlocks:
-    """Of the shipped bench, with nothing but a limit on a standstill of the oil temperature."""
+    """Interlocks of the shipped bench with a single limit: a standstill of the oil temperature."""
     limit = Limit.model_validate({"channel": "oil_temperature", "unchanged": "10 s", **fields})
     return Interlocks(SHIPPED.model_copy(update={"limits": {"thermometer_stuck": limit}}))
 

@@ -14,7 +14,7 @@ Do = Callable[..., Any]
 
 
 class Person(ScriptedControl):
-    """Pauses at a bench time and lets the run go on as soon as it stands still."""
+    """Pauses at a bench time and continues the run as soon as it is paused."""
 
     def poll(self) -> list[Any]:
         if self.views and self.views[-1].state == "paused":

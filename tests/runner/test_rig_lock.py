@@ -33,7 +33,7 @@ def owner_file(folder: Path) -> Path:
 
 
 def pretend(folder: Path, **changes: object) -> None:
-    """Change what the owner's file says."""
+    """Change entries of the owner's file."""
     path = owner_file(folder)
     fields = json.loads(path.read_text(encoding="utf-8"))
     path.write_text(json.dumps({**fields, **changes}), encoding="utf-8")
@@ -115,7 +115,7 @@ def test_an_owner_on_another_computer_is_judged_by_its_heartbeat(tmp_path: Path)
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"token": 1}', "\x00\xff"])
-def test_a_damaged_lock_file_locks_nobody_out(tmp_path: Path, content: str) -> None:
+def test_a_damaged_lock_file_does_not_prevent_locking(tmp_path: Path, content: str) -> None:
     owner_file(tmp_path).write_text(content, encoding="utf-8")
     with RigLock(NAME, "me", tmp_path):
         pass

@@ -50,7 +50,7 @@ def test_a_move_until_a_condition_stops_there(do: Do) -> None:
     assert done.outcome("extend") == "complete"
 
 
-def test_a_move_whose_condition_holds_already_moves_nothing(do: Do) -> None:
+def test_a_move_whose_condition_already_holds_commands_nothing(do: Do) -> None:
     done = do("steps:\n  - retract: {until: position < 1 mm, timeout: 5 s}\n")
     assert done.commands("valve") == []
     assert done.outcome("retract") == "complete"
@@ -88,7 +88,7 @@ def test_a_move_to_a_position_reverses_when_it_is_beyond(do: Do) -> None:
     assert done.events("measure")[0]["value"] * 1e3 == pytest.approx(50.0, abs=1.1)
 
 
-def test_a_position_that_cannot_be_reached_fails_in_time(do: Do) -> None:
+def test_a_position_that_cannot_be_reached_fails_at_the_timeout(do: Do) -> None:
     done = do(
         "steps:\n  - extend: {to: 100 mm, within: 1 mm, timeout: 6 s}\n",
         options={"faults": ["valve_stuck@0 s"]},
@@ -113,7 +113,7 @@ def test_heat_settles_within_tolerance_and_leaves_the_heater_off(do: Do, noise: 
     assert all(after - before >= 2.0 - 1e-9 for before, after in pairwise(times))
 
 
-def test_heat_waits_for_oil_that_is_too_hot(do: Do, workshop: Any) -> None:
+def test_heat_completes_when_the_oil_is_too_hot_at_first(do: Do, workshop: Any) -> None:
     rig = workshop.rig("oil_temperature: 20 degC", "oil_temperature: 40 degC")
     done = do("steps:\n  - heat: {to: 38 degC, within: 0.5 K, settle: 10 s, timeout: 2 h}\n", rig=rig)
     assert done.outcome("heat") == "complete"
