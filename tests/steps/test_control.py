@@ -105,7 +105,7 @@ def test_noise_and_decaying_ringing_are_not_oscillation() -> None:
 @pytest.mark.parametrize(
     ("gain", "integral", "ahead"), [(1e308, 1e308, 0.0), (1.0, 1.0, math.inf), (1e308, 0.0, -math.inf)]
 )
-def test_the_output_stays_within_limits_and_recovers_for_any_numbers(
+def test_the_output_stays_within_limits_and_recovers_from_extreme_values(
     anti_windup: AntiWindup, gain: float, integral: float, ahead: float
 ) -> None:
     """Infinity minus infinity is NaN, which would stay in the integral once it got there."""
@@ -238,8 +238,8 @@ def test_between_records_the_bench_is_read_as_often_as_the_loop_needs(tmp_path: 
     assert kept["control_jitter_p99"] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_after_the_loop_the_output_is_safe_and_the_bench_is_read_as_before(tmp_path: Path) -> None:
-    """Before the next step, not only at the end of the run."""
+def test_after_a_loop_its_output_is_safe_and_the_sampling_rate_is_restored(tmp_path: Path) -> None:
+    """This happens before the next step, not only at the end of the run."""
     loop = "{actuator: heater_1, channel: temperature_1, to: 40 degC, gain: 5 %/K, rate: 20 Hz, for: 5 s}"
     steps = f"steps:\n  - control: {loop}\n  - set: {{heater_2: 10 %}}\n  - wait: 9 s\n"
     done = VirtualBench(tmp_path, HEATERS).run(steps)

@@ -52,7 +52,7 @@ def test_a_temperature_subtracted_from_a_reading_is_a_point_on_the_scale() -> No
     assert float(measure.expression.evaluate({"mean_of_oil": 319.15})) == pytest.approx(1.0)
 
 
-def test_duration_and_answers_and_variables_can_be_named() -> None:
+def test_measures_can_use_the_duration_answers_and_variables() -> None:
     measure = read("(last(position) - first(position)) / duration", "m/s")
     known = {"last_of_position": 0.1, "first_of_position": 0.0, "duration": 2.0}
     assert measure.expression.evaluate(known) == pytest.approx(0.05)

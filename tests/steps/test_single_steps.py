@@ -123,7 +123,7 @@ def test_measure_in_a_record_is_over_the_record_by_default(steps: Callable[..., 
     assert found == [Stretch.RECORD, Stretch.PHASE]
 
 
-def test_record_carries_rate_channels_and_retries(steps: Callable[..., Plan]) -> None:
+def test_record_takes_rate_channels_and_retries(steps: Callable[..., Plan]) -> None:
     plan = steps("""
         - record: {name: stroke, rate: 50 Hz, channels: [position, supply_pressure, position], retries: 2}
           do:

@@ -1,4 +1,4 @@
-"""What a user reads when a step is wrong: the place, the value, what was expected, the nearest name."""
+"""The message for a wrong step: its place, the value, what was expected, the nearest name."""
 
 from __future__ import annotations
 

@@ -183,7 +183,7 @@ def test_zip_needs_lists_of_one_length(steps: Callable[..., Plan]) -> None:
         steps("- for: {a: [1 s, 2 s], b: [3 s]}\n  zip: true\n  do: [wait: $a]")
 
 
-def test_a_set_point_inside_a_sweep_is_checked_beforehand(steps: Callable[..., Plan]) -> None:
+def test_set_points_in_a_sweep_are_checked_when_the_plan_is_made(steps: Callable[..., Plan]) -> None:
     with pytest.raises(RigctlError, match=r"'relief_valve', got '60 bar'; expected 10 bar to 55 bar"):
         steps("- for: {p: [20 bar, 60 bar]}\n  do: [set_pressure: $p]")
 
@@ -197,7 +197,9 @@ def test_nested_sweeps_have_the_product_of_their_sizes(sizes: list[int]) -> None
 
 
 @given(st.lists(st.integers(), min_size=0, max_size=30), st.integers(1, 2**32 - 1), st.text(max_size=5))
-def test_shuffling_is_a_permutation_that_the_seed_decides(values: list[int], seed: int, place: str) -> None:
+def test_shuffling_is_a_permutation_reproducible_from_its_seed(
+    values: list[int], seed: int, place: str
+) -> None:
     before = [{"a": value} for value in in_seconds(values)]
     after = shuffled(before, seed, place)
     assert after == shuffled(before, seed, place)
@@ -216,7 +218,7 @@ def test_repetition_repeats_the_points_in_order(values: list[int], times: int) -
 
 
 @given(st.integers(1, 30), st.integers(1, 30))
-def test_pairing_needs_equal_lengths(first: int, second: int) -> None:
+def test_lists_of_different_lengths_cannot_be_paired(first: int, second: int) -> None:
     axes = {"a": in_seconds([0] * first), "b": in_seconds([0] * second)}
     if first == second:
         assert len(paired(axes)) == first

@@ -25,7 +25,7 @@ LEVEL = 'heater_1: {kind: level, unit: "%", low: 0 %, high: 100 %'
 
 
 def heaters(extra: str = "") -> Rig:
-    """The heater board; `extra` is added to what is said of its first heater."""
+    """The heater board; `extra` is added to the entry of its first heater."""
     return parse_rig(HEATERS.read_text(encoding="utf-8").replace(LEVEL, LEVEL + extra))
 
 
@@ -134,7 +134,7 @@ def test_a_waveform_that_the_rig_cannot_follow_is_refused_before_anything_moves(
     assert caught.value.where.line == 3
 
 
-def test_the_last_row_of_a_held_table_is_the_first_of_the_next_round(tmp_path: Path) -> None:
+def test_between_rounds_of_a_held_table_only_its_first_row_is_commanded(tmp_path: Path) -> None:
     """It used to be commanded for zero time, and the log to state that the host was late."""
     points = "points: [[0 s, 10 %], [2 s, 30 %], [4 s, 20 %]], between: hold"
     done = VirtualBench(tmp_path, HEATERS).run(waveform(f"table: {{{points}}}, repeat: 2"), rig=heaters())
@@ -233,7 +233,7 @@ def test_an_interlock_ends_a_waveform_with_outputs_safe(tmp_path: Path) -> None:
 
 
 class Person(ScriptedControl):
-    """Pauses once, and lets the run go on as soon as it stands still."""
+    """Pauses once, and continues the run as soon as it is paused."""
 
     def poll(self) -> list[Order]:
         if self.views and self.views[-1].state == "paused":
