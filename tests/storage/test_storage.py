@@ -63,7 +63,7 @@ def server() -> Iterator[str]:
 
 @pytest.fixture
 def bucket(server: str, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> Any:
-    """A bucket of its own, as another client sees it."""
+    """A separate bucket, accessed through another client."""
     access(monkeypatch, server)
     found = boto3.resource("s3", endpoint_url=server).Bucket(f"lab-{abs(hash(request.node.name)) % 10**9}")
     found.create(CreateBucketConfiguration={"LocationConstraint": "eu-central-1"})
@@ -264,7 +264,7 @@ def test_truncated_and_missing_objects_are_reported(bucket: Any, make_run: MakeR
 
 
 def refusing() -> socket.socket:
-    """A port on which nobody listens, kept so."""
+    """A reserved port on which no process listens."""
     closed = socket.socket()
     closed.bind(("127.0.0.1", 0))
     return closed
@@ -324,7 +324,7 @@ def test_a_project_keeps_its_runs_in_storage(
         return document
 
     imported = asked("import", "oil.csv")["run"]
-    assert [run.id for run in list_runs(address)] == [imported]  # sent when it was closed
+    assert [run.id for run in list_runs(address)] == [imported]  # uploaded when it was closed
     upload(make_run(runs="another computer's"), Store(address))
     make_run("20261121-100000-here")
     told = asked("runs", "upload")["runs"]
@@ -346,7 +346,7 @@ def test_a_project_keeps_its_runs_in_storage(
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Whose ``run.json``, and which samples, are asked for from now on."""
+    """The requests for ``run.json`` and samples from now on."""
     found: list[str] = []
     infos, opening = Store.infos, StoredFile.open
 
@@ -537,7 +537,7 @@ def test_a_wrong_clock_of_this_computer_is_reported(
     assert verify(folder).condition is Condition.WHOLE
 
 
-def test_storage_that_does_not_answer_is_not_tried_for_every_run(
+def test_uploads_stop_after_two_failures_of_unreachable_storage(
     make_run: MakeRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each of hundreds of runs used to take a minute."""
@@ -575,7 +575,7 @@ def test_an_object_that_changes_while_it_is_read_is_reported_in_one_sentence(
 class LoginPage(BaseHTTPRequestHandler):
     """The answer of a guest network to every request."""
 
-    protocol_version = "HTTP/1.1"  # a client that asks whether it may go on is answered
+    protocol_version = "HTTP/1.1"  # a client that sends Expect: 100-continue is answered
 
     def _show(self) -> None:
         self.rfile.read(int(self.headers.get("Content-Length") or 0))
