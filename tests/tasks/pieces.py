@@ -21,7 +21,7 @@ def refused(piece: int) -> int:
 
 
 def deadly(folder: str, times: int, piece: int) -> int:
-    """Piece 5 kills the process that works on it, so many times."""
+    """Piece 5 kills its worker process the given number of times."""
     if piece == 5:
         for number in range(times):
             mark = Path(folder) / f"death-{number}"
@@ -32,7 +32,7 @@ def deadly(folder: str, times: int, piece: int) -> int:
 
 
 def slow(folder: str, piece: int) -> tuple[int, int]:
-    """Says who works on what."""
+    """Writes down which process works on which piece."""
     with (Path(folder) / "begun").open("a", encoding="utf-8") as file:
         file.write(f"{piece} {os.getpid()}\n")
     time.sleep(0.05)

@@ -27,7 +27,7 @@ def importable(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def scheduler(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """A scheduler and a worker, each a process of its own; its address, and its process."""
+    """A scheduler and a worker as separate processes; returns the scheduler's address and process."""
     python = [sys.executable, "-m", "dask"]
     options = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show"]
     path = tmp_path / "scheduler.json"
@@ -72,7 +72,7 @@ def test_killing_one_of_two_workers_loses_no_result(tmp_path: Path) -> None:
     assert found == {piece: (piece, seed_of(7, "piece", piece)) for piece in range(40)}
     begun = [line.split() for line in (tmp_path / "begun").read_text("utf-8").splitlines()]
     again = len(begun) - 40
-    assert 0 <= again <= 2  # its own piece alone, and one that had just been finished there
+    assert 0 <= again <= 2  # only its current piece, and one that had just been finished there
     assert len({process for _, process in begun}) >= 2
     # the first four pieces go to both workers, so neither waits for the other
     assert len({process for piece, process in begun if int(piece) < 4}) == 2
