@@ -110,7 +110,7 @@ def broken(text: str, rng: random.Random) -> bytes:
 
 @dataclass
 class Found:
-    """How many files were read and refused, and the longest that one took, s of processor."""
+    """Numbers of files read and refused, and the longest processor time for one file, s."""
 
     read: int = 0
     refused: int = 0
@@ -118,7 +118,7 @@ class Found:
 
 
 def torture(folder: Path, trials: int, seed: int) -> Found:
-    """So many broken files of each kind in turn; raises at the first that ends in anything but a message."""
+    """Try broken files of each kind in turn; raises at the first that ends in anything but a message."""
     found, known = Found(), kinds()
     for trial in range(trials):
         rng = random.Random(f"{seed}-{trial}")

@@ -1,4 +1,4 @@
-"""A run's files damaged at random: nothing is invented, lost outside the damage, or kept silent."""
+"""A run's files damaged at random: nothing is invented, lost outside the damage, or left unreported."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def corrupt_once(whole: Path, folder: Path, rng: random.Random, tally: Tally) ->
     Raises
     ------
     AssertionError
-        something was invented, lost outside the damage, or kept silent.
+        something was invented, lost outside the damage, or not reported.
     """
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(whole, folder)
@@ -175,7 +175,7 @@ def _check_log(original: bytes, hit: set[int], outcomes: dict[int, str]) -> None
 
 
 def torture(runs: Path, trials: int, seed: int) -> Tally:
-    """So many random corruptions; raises at the first that breaks a promise, and says which it was."""
+    """Try random corruptions; raises at the first that breaks a promise, and names it."""
     whole, tally = make_unclosed(runs / "whole"), Tally()
     for trial in range(trials):
         try:

@@ -1,8 +1,9 @@
-"""Runs that end as nobody planned, at random moments: safe in time, nothing on again, nothing lost, and said.
+"""Unplanned endings of runs at random moments: safe in time, no output on again, no data lost, and reported.
 
-Each trial is a run of its own in virtual time, in a process of its own, so that a kill is a kill. The witness
-is not rigctl: the pins of the emulated chip, the lines that the stand-in of the two-heater board got, the
-plant's switch. What the bench gave to the run is noted beside it, and compared with what is on the disk.
+Each trial is a separate run in virtual time, in a separate process, so that a kill is a real kill. Outputs
+are observed independently of rigctl: at the pins of the emulated chip, in the lines received by the stand-in
+of the two-heater board, or at the plant's switch. The samples given to the run are compared with those on
+the disk.
 """
 
 from __future__ import annotations
@@ -188,7 +189,7 @@ class _Disturbed:
         self.note()
 
     def note(self) -> None:
-        """Write down what the witness has seen."""
+        """Write down the outputs that were observed."""
         self.facts |= {"seen": self.stand.seen, "given": self.given}
         (self.folder / "witness.json").write_text(json.dumps(self.facts), encoding="utf-8")
 
@@ -210,7 +211,7 @@ class _Disturbed:
 
     def _disturb(self) -> dict[str, Any]:
         """Arrange all that happens; the options that the bench is made with."""
-        # what the file writer does twice a second of wall time, it does twice a second of the bench's here
+        # the file writer acts twice per second of wall time; here, twice per second of bench time
         self.patch.setattr(writer, "monotonic", self.clock.now)
         faults = [text for one in self.trial.disturbances for text in self._arrange(one)]
         return {"faults": faults} if faults else {}
@@ -265,7 +266,7 @@ class _Disturbed:
         os.kill(os.getpid(), signal.SIGKILL)
 
     def _outlive(self) -> None:
-        """What is left alone goes on for 3 s."""
+        """Let the board run for another 3 s without a host."""
         if self.stand.board is not None:
             self.stand.board.run_to(self.stand.board.time + 3.0)
 
@@ -513,7 +514,7 @@ def _levels(seen: list[tuple[float, str, float]], time: float) -> dict[str, floa
 
 
 def _first_ending(kept: Path) -> float | None:
-    """When the run says that it began to make outputs safe, if it ended early."""
+    """The time at which the run logged that it began to make outputs safe, if it ended early."""
     for line in (kept / "log.jsonl").read_bytes().splitlines():
         try:
             event = json.loads(line)
@@ -548,7 +549,7 @@ def _begun(one: Disturbance, trial: Trial) -> float:
 
 
 def _check_said(trial: Trial, result: dict[str, Any], kept: Path, facts: dict[str, Any]) -> None:
-    """Status, exit code and reason agree with one another and with what happened."""
+    """Status, exit code and reason agree with one another and with the disturbance."""
     status, code, reason = result["status"], result["exit_code"], result["reason"]
     info = json.loads((kept / "run.json").read_text(encoding="utf-8"))
     if not trial.has("full_disk"):
@@ -575,7 +576,7 @@ def _check_said(trial: Trial, result: dict[str, Any], kept: Path, facts: dict[st
 
 
 def _check_commands(trial: Trial, result: dict[str, Any], kept: Path, facts: dict[str, Any]) -> None:
-    """A run that finished in one go has logged what its outputs did."""
+    """A run that finished without interruption has logged the changes of its outputs."""
     lost = trial.has("loss", "mute", "noise", "reset", "stall", "silent")
     if result["status"] != "finished" or (lost and trial.retries):
         return
@@ -622,7 +623,7 @@ def one(folder: Path, seed: str, kind: str, tally: Tally) -> None:
 
 
 def available() -> tuple[str, ...]:
-    """The kinds of bench that can be tried here; none where a process cannot be forked."""
+    """The kinds of bench that can be tested here; none where a process cannot be forked."""
     if sys.platform == "win32":
         return ()
     return KINDS if sys.platform == "linux" else tuple(kind for kind in KINDS if kind != "emulated")

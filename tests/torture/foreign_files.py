@@ -117,7 +117,7 @@ KINDS: Mapping[str, Callable[[], bytes]] = {
 
 
 def damaged(content: bytes, kind: str, rng: random.Random) -> bytes:
-    """Bytes changed, lost, added, repeated or cut off; of what is compressed, often what is inside."""
+    """Bytes changed, lost, added, repeated or cut off; in compressed files, often in their content."""
     if kind == "csv.gz" and rng.random() < 0.5:
         return gzip.compress(_spoiled(gzip.decompress(content), rng))
     if kind == "xlsx" and rng.random() < 0.7:
@@ -162,8 +162,8 @@ class Found:
 
     read: int = 0
     refused: int = 0
-    crashed_apart: int = 0  #: the reader's own process died, and that was told in one message
-    out_of_bounds: int = 0  #: it wanted too much memory or time, and was told so
+    crashed_apart: int = 0  #: the reader's process died, which was reported in one message
+    out_of_bounds: int = 0  #: it needed too much memory or time, which was reported
     slowest: float = 0.0
     memory: int = 0
     failures: list[str] = field(default_factory=list)
@@ -200,7 +200,7 @@ def _read(task: Mapping[str, Any]) -> NoReturn:
 
 
 def _present() -> int:
-    """Bytes of data that this process has already, of which a reader's own process would know nothing."""
+    """Bytes of data that this process already holds, which a reader's own process would not have."""
     status = Path("/proc/self/status").read_text(encoding="ascii")
     return 1024 * int(next(line for line in status.splitlines() if line.startswith("VmData")).split()[1])
 
@@ -236,7 +236,7 @@ def _one(path: Path, rig: Any, found: Found) -> None:
 
 
 def _all_of(kind: str, folder: Path, trials: int, seed: int) -> Found:
-    """In a process of its own: so many damaged files of one kind."""
+    """Import damaged files of one kind in a separate process."""
     foreign._start = _copied
     signal.signal(signal.SIGPROF, _hangs)
     rig, path, found = load_rig(shipped("rigs", "hl32-bench.yaml")), folder / f"log.{kind}", Found()
@@ -281,7 +281,7 @@ def _own_peak() -> int:
 
 
 def torture(folder: Path, trials: int, seed: int, kinds: Collection[str] = tuple(KINDS)) -> dict[str, Any]:
-    """So many damaged files in all, the same number of each kind."""
+    """Import damaged files, the same number of each kind."""
     results: dict[str, Any] = {}
     for kind in kinds:
         here = folder / kind

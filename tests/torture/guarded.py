@@ -1,7 +1,7 @@
 """rigctl and its guard as real processes on the stand-in of the two-heater board: killed and stopped.
 
-The board protects nothing by itself; its heaters are the witness. What is measured here depends on how busy
-the computer is, so that the test suite does not run it.
+The board has no protection of its own; its heaters are observed. The times measured here depend on how busy
+the computer is, so the test suite does not run this.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ ENDINGS = (
     *("SIGINT", "SIGTERM", "SIGHUP"),
     *("host killed", "host stands still", "guard killed", "guard stands still", "line dead"),
 )
-#: s from the cause to the heater off, as `safety.md` says, and as much again for a computer that is busy
+#: s from the cause to the heater off, as stated in `safety.md`, doubled for a busy computer
 BOUNDS = {
     **dict.fromkeys(("SIGINT", "SIGTERM", "SIGHUP"), 1.0),
     "host killed": 1.0,
@@ -87,7 +87,7 @@ def _project(folder: Path) -> Path:
 
 
 def _apply(how: str, host: subprocess.Popen[str], board: Served, rng: random.Random) -> None:
-    """End the run; what stood still goes on afterwards."""
+    """End the run; a suspended process continues afterwards."""
     guard = _guard_of(host.pid)
     match how:
         case "host killed":
@@ -116,7 +116,7 @@ def one(folder: Path, seed: str, how: str, tally: Tally) -> None:
     Raises
     ------
     AssertionError
-        the heater stays on, goes on again, or the run does not say how it was.
+        the heater stays on, is switched on again, or the run does not report its ending correctly.
     """
     rng, project = random.Random(seed), _project(folder)
     state = str(project / "state")

@@ -1,7 +1,7 @@
-"""How soon `rigctl off` is done, as a process of its own, on each kind of bench and with what is in its way.
+"""How soon `rigctl off`, as a separate process, is done on each kind of bench and despite each obstacle.
 
-The witness is the emulated board's pins, or what the stand-in of the two-heater board got. How long it takes
-depends on how busy the computer is: the test suite looks at what it does only.
+Outputs are observed at the emulated board's pins, or in the lines received by the stand-in of the two-heater
+board. The times depend on how busy the computer is: the test suite checks only the effects.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def project(folder: Path) -> Path:
 
 @contextmanager
 def heated() -> Iterator[Served]:
-    """The two-heater board with a heater on that nobody sees to."""
+    """The two-heater board with a heater on and no host."""
     with Served() as board:
         board.sketch.model._Q1 = 60
         yield board
@@ -130,7 +130,7 @@ def only_a_port(folder: Path) -> Off:
 
 
 def corrupt_lock(folder: Path) -> Off:
-    """The same, behind a lock that nobody can read."""
+    """The same, behind an unreadable lock."""
 
     def corrupt(where: Path) -> None:
         locks = where / "state" / "rigctl" / "locks"
@@ -150,7 +150,7 @@ def _wait_for(condition: Callable[[], object], process: subprocess.Popen[str]) -
 
 
 def running_run(folder: Path) -> Off:
-    """A run on a device in lines goes on, and has the port."""
+    """A run on a line-based device is in progress, and has the port."""
     rig = project(folder) / "rigs" / "tclab-board.yaml"
     rig.write_text(patient(rig.read_text(encoding="utf-8")), encoding="utf-8")  # only `off` is to end it
     with Served() as board:
@@ -171,7 +171,7 @@ def running_run(folder: Path) -> Off:
 
 
 def running_simulation(folder: Path) -> Off:
-    """A simulation goes on."""
+    """A simulation is in progress."""
     project(folder)
     run = begin(folder, "simulate", "heater-board.yaml", "--speed", "1x", "--json")
     try:
@@ -212,7 +212,7 @@ def board_with_only_a_port(folder: Path) -> Off:
 
 
 def dead_line(folder: Path) -> Off:
-    """The port is there, and nobody answers: that is said soon, and again when it is given up."""
+    """The port exists, but no device answers: reported soon, and again when the attempt is given up."""
     with heated() as board:
         board.mute = True
         done = off(project(folder), "--rig", "rigs/tclab-board.yaml", "--port", board.url)
@@ -224,7 +224,7 @@ def dead_line(folder: Path) -> Off:
 
 
 def no_port(folder: Path) -> Off:
-    """There is no such port at all."""
+    """The port does not exist."""
     done = off(project(folder), "--rig", "rigs/hl32-bench-uno.yaml", "--port", str(folder / "nothing"))
     assert done.code == 1
     assert "by hand" in done.err
@@ -238,7 +238,7 @@ CASES = (
 
 
 def torture(folder: Path, trials: int) -> Tally:
-    """So many calls of each kind; what they do is judged here, how long they took by whoever reads it."""
+    """Call each kind in turn; their effects are checked here, their times are left to the reader."""
     tally = Tally()
     for _ in range(trials):
         for case in CASES:

@@ -21,4 +21,4 @@ def test_runs_ending_at_random_moments_are_safe_keep_samples_and_report_the_end(
 
 @pytest.mark.skipif(sys.platform != "linux", reason="simavr is packaged for Linux only")
 def test_samples_received_while_reconnecting_at_the_end_are_kept(tmp_path: Path) -> None:
-    one(tmp_path, "1-115", "emulated", Tally())  # noise on the line: 0.68 s of them were thrown away
+    one(tmp_path, "1-115", "emulated", Tally())  # noise on the line: 0.68 s of samples used to be discarded
