@@ -1,8 +1,7 @@
-"""What the pictures of the documentation show, told from the page itself.
+"""The content of the documentation's pictures, read from the page itself.
 
-``python tools/workbench_pictures.py`` writes into each picture what could be read of the page when it was
-taken: headings, buttons, labels. The tests read the page again, so that a picture of a page that has changed
-since is found without a look at pixels.
+``python tools/workbench_pictures.py`` writes the headings, buttons and labels of the page into each picture.
+The tests read the page again, so that an outdated picture is found without comparing pixels.
 """
 
 from __future__ import annotations
@@ -29,14 +28,14 @@ _READ = """root => {
 
 
 def outline(place: Locator) -> list[str]:
-    """Headings, buttons and labels that are seen, without numbers and what belongs to the data alone."""
+    """Visible headings, buttons and labels, without numbers and text that depends only on the data."""
     found: list[str] = place.evaluate(_READ)
     plain = (re.sub(r"\s+", " ", re.sub(r"[\d.]+", "", text)).strip() for text in found)
     return sorted({text for text in plain if text})
 
 
 def outline_of_picture(name: str) -> list[str]:
-    """What was on the page when the picture was taken: a ``tEXt`` chunk of the PNG."""
+    """The content of the page when the picture was taken, from a ``tEXt`` chunk of the PNG."""
     data, at = (FOLDER / f"{name}.png").read_bytes(), 8
     while at < len(data):
         length, kind = struct.unpack_from(">I4s", data, at)

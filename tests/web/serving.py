@@ -1,4 +1,4 @@
-"""A server as a user starts it, and the two kinds of clients that ask it: a browser, and one that is none."""
+"""A server as a user starts it, and two kinds of clients: a browser, and a plain HTTP client."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Served:
         headers: dict[str, str] | None = None,
         cookie: str | None = None,
     ) -> tuple[int, dict[str, str], str]:
-        """A request by Python's own client, which sends what it is told to and nothing of a browser's."""
+        """A request by Python's own client, which adds none of a browser's headers."""
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=120)
         sent = {"Host": self.host, **(headers or {})}
         if cookie:
@@ -136,7 +136,7 @@ def serving(project: Path, *options: str, state: Path) -> Iterator[Served]:
 
 
 class Window:
-    """A browser window of its own: its cookies, its pages, and what their consoles complained of."""
+    """A separate browser window: its cookies, its pages, and the errors on their consoles."""
 
     def __init__(self, context: BrowserContext, served: Served) -> None:
         self.context = context

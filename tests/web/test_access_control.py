@@ -64,7 +64,7 @@ def test_silent_connections_are_closed(served: Served) -> None:
             line.sendall(asked)
             silent.append(line)
         for line in silent:
-            while line.recv(65536):  # until it is closed from there
+            while line.recv(65536):  # until the server closes it
                 pass
 
 
@@ -167,7 +167,7 @@ def test_only_the_oldest_sessions_are_forgotten() -> None:
     assert [keys.know(str(session)) for session in sessions] == [False, *[True] * 100]
 
 
-def test_over_tls_the_cookie_is_sent_over_tls_only() -> None:
+def test_the_cookie_is_marked_secure_only_over_tls() -> None:
     for scheme, secure in (("http", False), ("ws", False), ("https", True), ("wss", True)):
         assert set_cookie({"scheme": scheme, "server": ("", 1)}, "x").endswith("; Secure") is secure
 

@@ -203,6 +203,6 @@ def test_a_slow_window_drops_the_oldest_samples_and_counts_them() -> None:
     assert watcher.waiting() == ({}, [])
 
 
-def test_a_number_too_large_for_a_float_closes_no_window() -> None:
+def test_a_number_too_large_for_a_float_is_limited_to_the_range() -> None:
     assert _between(10**400, 60.0, 1.0, 900.0) == 900.0
     assert _between(-(10**400), 60.0, 1.0, 900.0) == 1.0

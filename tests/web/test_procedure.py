@@ -138,7 +138,7 @@ def test_a_real_run_needs_confirmation_by_name_and_prompts_are_answered_on_the_p
     page.get_by_role("button", name="Take").click()  # a window of an earlier test may have them still
     page.get_by_text("This window has the controls").wait_for()
     answer = page.get_by_label("The answer")
-    answer.fill("3 h")  # out of range: asked again
+    answer.fill("3 h")  # out of range: the prompt is repeated
     page.get_by_role("button", name="Answer").click()
     page.locator(".question", has_text="out of range").wait_for()
     answer.fill("90 s")

@@ -137,12 +137,12 @@ def test_two_campaigns_are_overlaid_with_their_difference(window: Window, two: t
     assert page.locator("#difference h2").inner_text() == f"{two[1]} minus {two[0]}"
     assert page.locator("#difference .numbers tbody tr").count() == 4
     page.get_by_label("Channel").select_option("position")
-    # a leak across the piston moves the rod where a run without it stands still
+    # a leak across the piston moves the rod where it rests in a run without the leak
     cells = page.locator("#difference .numbers tbody tr").first.locator("td").all_inner_texts()
     assert abs(float(cells[2])) > 0.1
 
 
-def test_the_catalogue_is_used_with_the_keyboard_alone(window: Window, two: tuple[str, str]) -> None:
+def test_the_catalogue_can_be_used_with_the_keyboard_alone(window: Window, two: tuple[str, str]) -> None:
     page = window.open("/runs")
     page.get_by_label("Find").focus()
     page.keyboard.type(two[0])
@@ -154,7 +154,7 @@ def test_the_catalogue_is_used_with_the_keyboard_alone(window: Window, two: tupl
     page.get_by_text("Choose a run to see").wait_for()
 
 
-def test_the_page_says_which_of_stored_and_local_runs_it_lists(tmp_path: Path) -> None:
+def test_the_list_of_runs_has_the_address_of_its_storage(tmp_path: Path) -> None:
     project = Project(tmp_path, tmp_path / "runs", store="s3://bucket/runs")
     found = Catalogue(Site(project, Jobs(tmp_path))).page(Asked({}, {}))
     assert (found["all"], found["store"]) == (0, "s3://bucket/runs")

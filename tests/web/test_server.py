@@ -28,7 +28,7 @@ from web.watched import wait_for
 
 
 def refused(project: Path, state: Path, *options: str) -> str:
-    """What `rigctl serve` says that ends at once."""
+    """The message of a `rigctl serve` that ends at once."""
     done = subprocess.run(
         [sys.executable, "-m", "rigctl", "serve", str(project), "--no-browser", *options],
         env={**os.environ, "XDG_STATE_HOME": str(state)},
@@ -102,7 +102,7 @@ def certificate(folder: Path) -> tuple[Path, Path]:
     return paths
 
 
-def test_with_tls_the_cookie_is_for_tls_alone(tmp_path: Path) -> None:
+def test_a_server_with_a_certificate_sets_a_secure_cookie(tmp_path: Path) -> None:
     cert, key = certificate(tmp_path)
     project = tmp_path / "bench"
     project.mkdir()

@@ -67,7 +67,7 @@ def test_each_step_with_a_set_point_has_a_line(tmp_path: Path) -> None:
     assert [one["channel"] for one in found.shown(first, 12.0)] == ["supply_pressure", "position"]
 
 
-def test_a_ramp_is_drawn_from_the_first_reading_on(tmp_path: Path) -> None:
+def test_a_ramp_without_a_start_value_is_drawn_from_the_first_reading(tmp_path: Path) -> None:
     found, (step,) = watched(tmp_path, "heater-board.yaml", BOARD)
     found.take({"time": 5.0, "kind": "step", "path": step.path, "state": "begin"})
     assert found.shown(lambda *_: None, 0.0) == []

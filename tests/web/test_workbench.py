@@ -32,15 +32,15 @@ from web.serving import Served, Window, serving
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator, Page
 
-#: of the shipped campaign that another program made with a leaking valve: 20 and 80 degC, and one of 60; the
-#: same as in journeys/test_diagnose.py, whose fits are found
+#: records at 20 and 80 degC, and one at 60, of the shipped campaign that an independent program made with a
+#: leaking valve; the same as in journeys/test_diagnose.py, whose fits are reused
 RECORDS = {"001", "019", "025", "028"}
 MODEL = "models/hl32-textbook.yaml"
 
 
 @pytest.fixture(scope="module")
 def leaking(tmp_path_factory: pytest.TempPathFactory, shared_results: Path) -> Iterator[Served]:
-    """An empty folder, served; a job finds what the one before it has fitted."""
+    """A server on an empty folder; jobs reuse the fits of earlier ones."""
     project = tmp_path_factory.mktemp("leaking") / "bench"
     project.mkdir()
     with serving(project, "--port", "0", state=tmp_path_factory.mktemp("state")) as found:
@@ -84,7 +84,7 @@ def settled(page: Page) -> None:
 
 
 def verb(page: Page, name: str) -> str:
-    """Click an analysis, wait for it, and return what it says."""
+    """Click an analysis, wait for it, and return its answer."""
     page.get_by_role("toolbar", name="Analyses").get_by_role("button", name=name).click()
     return card(page, name)
 
@@ -169,7 +169,7 @@ def test_the_hidden_effect_is_found_and_added_without_a_terminal(bench: Page, le
 
 
 def measured_what_was_designed(page: Page, leaking: Served) -> None:
-    """The next experiment: asked for, looked at, approved, and carried out on the simulated bench."""
+    """The next experiment: designed, viewed, approved, and carried out on the simulated bench."""
     proposed = verb(page, "Next experiment")
     assert "valve_leakage is what is missing" in proposed
     design = page.locator("section.result[data-verb=design]")
@@ -199,12 +199,14 @@ def versions_beside_each_other(bench: Page) -> None:
     line = bench.locator("section.result[data-verb=compare] tbody tr", has_text="position").first
     first, last = (float(text.split()[0]) for text in line.locator("td").all_inner_texts()[:2])
     assert last < 0.9 * first
-    assert bench.locator("section.result[data-verb=compare] .uplot").count() >= 1  # what each leaves
+    assert (
+        bench.locator("section.result[data-verb=compare] .uplot").count() >= 1
+    )  # the error that each leaves
 
 
 @pytest.fixture
 def opened(bench: Page, leaking: Served) -> Iterator[Page]:
-    """The imported data and the model on a page of its own, without steps or results of other tests."""
+    """The imported data and the model on a separate page, without steps or results of other tests."""
     page = bench.context.new_page()
     page.goto(f"{leaking.base}/workbench")
     page.get_by_role("checkbox", name=re.compile("few")).wait_for()
@@ -275,7 +277,7 @@ def read(page: Page) -> float:
     return float(page.locator(".now li b").first.inner_text().split()[0])
 
 
-def test_a_cell_of_the_map_shows_its_record_and_arrows_go_to_the_next(bench: Page) -> None:
+def test_a_cell_of_the_map_shows_its_record_and_arrow_keys_move_between_cells(bench: Page) -> None:
     cells = bench.locator("button.cell")
     cells.nth(2).click()
     label = cells.nth(2).get_attribute("aria-label") or ""
@@ -325,7 +327,7 @@ def test_a_refusal_is_shown_and_sliders_keep_working(bench: Page) -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no ps")
 def test_a_crashed_workbench_is_reported_and_reopens(bench: Page, leaking: Served) -> None:
-    """Out of memory, or a fault of machine code: the server goes on."""
+    """Out of memory, or a crash in native code: the server keeps running."""
     for pid, arguments in children(leaking.process.pid):
         if "spawn_main" in arguments:
             os.kill(pid, signal.SIGKILL)

@@ -17,7 +17,7 @@ from rigctl.web.workbench.socket import _from_page, _read, _to_page
 
 
 class _Page:
-    """A page that sends what it is given, and then goes."""
+    """A page that sends the given messages, and then disconnects."""
 
     def __init__(self, texts: list[str]) -> None:
         self._texts = texts
@@ -59,7 +59,7 @@ def test_a_process_that_does_not_read_does_not_stop_the_server() -> None:
 
 
 class _Silent:
-    """A page that takes nothing until it is allowed to."""
+    """A page that reads nothing until it is allowed to."""
 
     def __init__(self) -> None:
         self.reads = asyncio.Event()
@@ -70,7 +70,7 @@ class _Silent:
         self.taken.append(text)
 
 
-def test_a_page_that_does_not_read_stops_its_process_and_loses_nothing() -> None:
+def test_a_page_that_does_not_read_pauses_its_process_and_loses_no_message() -> None:
     """Frames used to queue in the server's memory, and a page left in the background filled it."""
     ours, theirs = multiprocessing.Pipe()
     count, sent = 40, []

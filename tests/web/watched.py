@@ -1,4 +1,4 @@
-"""A run in real time on the simulated bench, in a process of its own, for those who watch it."""
+"""A run in real time on the simulated bench, in a separate process, and clients that watch it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ finally:
 
 @dataclass
 class InProgress:
-    """A run that goes on until it is aborted."""
+    """A run that continues until it is aborted."""
 
     folder: Path
     process: subprocess.Popen[str]
