@@ -13,7 +13,7 @@ from rigctl.cli.commands.init import create_project
 from rigctl.dataset import open_run
 from rigctl.workbench import Workbench
 
-#: of the shipped campaign that another program made with a leaking valve: 20 and 80 degC
+#: records at 20 and 80 degC of the shipped campaign that an independent program made with a leaking valve
 RECORDS = {"001", "004", "025", "028"}
 
 

@@ -15,7 +15,7 @@ from rigctl.errors import RigctlError
 from rigctl.workbench import Picture, State, Workbench
 from rigctl.workbench.session import Unwanted
 
-#: the same numbers: they were computed in the same way, in another process
+#: equal numbers: computed in the same way, in another process
 SAME = 1e-9
 #: two integrations of one model, with and without the states of effects that are off
 CLOSE = 1e-3
