@@ -138,7 +138,7 @@ def test_resume_refuses_a_finished_run(rigctl: Rigctl) -> None:
     assert "finished" in str(done.exception)
 
 
-def test_resume_continues_a_failed_run(rigctl: Rigctl) -> None:
+def test_resume_keeps_complete_records_and_repeats_the_failed_step(rigctl: Rigctl) -> None:
     text = PROCEDURE.replace("  - retract", "  - wait: {until: position > 200 mm, timeout: 1 s}\n  - retract")
     Path("stroke.yaml").write_text(text, encoding="utf-8")
     assert rigctl("simulate", "stroke.yaml").exit_code == 1

@@ -81,7 +81,7 @@ def test_an_effect_that_requires_another_is_shown_with_it() -> None:
 
 
 @pytest.mark.parametrize("ending", ["png", "svg"])
-def test_a_figure_is_written(tmp_path: Path, ending: str) -> None:
+def test_the_picture_can_be_written_as_png_or_svg(tmp_path: Path, ending: str) -> None:
     file = tmp_path / f"leak.{ending}"
     assert f"Wrote {file}" in said("effects", "show", "piston_leakage", "--figure", str(file))
     start = file.read_bytes()[:200]
@@ -107,7 +107,7 @@ def test_the_check_finds_the_shipped_example_sound() -> None:
     assert document["signature"]["outputs"]["pressure_a"]["changes"] is True
 
 
-def test_an_effect_without_influence_is_named(tmp_path: Path) -> None:
+def test_an_effect_without_influence_is_reported(tmp_path: Path) -> None:
     file = tmp_path / "blind.yaml"
     file.write_text(
         "effect: blind\nsummary: A reading that the bench does not have.\nslot: pressure_a_reading\n"

@@ -162,7 +162,7 @@ def test_mdf_holds_samples_only(strokes: Run) -> None:
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_bad_rows_are_named_and_can_be_left_out(
+def test_bad_rows_are_reported_and_can_be_left_out(
     ending: str, strokes: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Time goes back in the second record: nothing is imported, or everything except that row."""

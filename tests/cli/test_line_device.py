@@ -85,7 +85,7 @@ def test_over_temperature_is_detected_and_switches_off(board: Served, tmp_path: 
     assert "Heater 1 over-temperature" in answer["reason"] or ("cannot warm up this fast" in answer["reason"])
 
 
-def test_the_wrong_board_is_named(board: Served, tmp_path: Path) -> None:
+def test_a_wrong_board_is_reported(board: Served, tmp_path: Path) -> None:
     board.sketch.always["VER"] = b"ACME toaster 3\r\n"
     answer = ended(begin(tmp_path, board, *SHORT))
     assert answer["exit_code"] == 1

@@ -49,7 +49,7 @@ def test_every_command_loads_and_its_help_shows_an_example(name: str) -> None:
         assert f"rigctl {' '.join(words)}" in shown.output.replace("Usage: rigctl", "")
 
 
-def test_a_misspelt_command_names_the_nearest() -> None:
+def test_a_misspelt_command_is_reported_with_the_nearest_name() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "rigctl", "simulat"], capture_output=True, text=True, check=False
     )
@@ -98,7 +98,7 @@ def test_python_dash_m_runs_the_same_program() -> None:
     assert done.stdout.startswith("rigctl ")
 
 
-def test_unused_modules_of_scipy_are_loaded_only_on_request() -> None:
+def test_rarely_used_modules_of_numpy_are_loaded_on_first_use() -> None:
     program = (
         "import sys\n"
         "from rigctl.cli.late_modules import load_late\n"
