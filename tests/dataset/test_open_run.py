@@ -103,7 +103,7 @@ def test_running_and_unclosed_runs_are_distinguished(writer: RunWriter) -> None:
     assert open_run(writer.folder).info["status"] == "interrupted"
 
 
-def test_a_damaged_file_is_named(run: Run) -> None:
+def test_a_damaged_file_is_reported(run: Run) -> None:
     (run.folder / "samples.parquet").write_bytes(b"PAR1 nonsense PAR1")
     with pytest.raises(RigctlError, match="damaged") as caught:
         open_run(run.folder).samples()

@@ -34,7 +34,7 @@ def test_a_changed_byte_is_detected_with_its_file(make_run: RunMaker, name: str)
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_a_missing_file_is_named(make_run: RunMaker, name: str) -> None:
+def test_a_missing_file_is_reported(make_run: RunMaker, name: str) -> None:
     folder = make_run()
     (folder / name).unlink()
     verdict = verify(folder)

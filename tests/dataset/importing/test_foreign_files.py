@@ -80,7 +80,7 @@ def test_time_stamps_are_seconds_since_the_first(tmp_path: Path, rig: Rig) -> No
     assert run.record(0).channels["oil_temperature"][0] == pytest.approx(293.15)
 
 
-def test_a_group_without_time_is_left_out_and_named(tmp_path: Path, rig: Rig) -> None:
+def test_a_group_without_time_is_left_out_and_reported(tmp_path: Path, rig: Rig) -> None:
     path = tdms(
         tmp_path / "log.tdms",
         ("Log", "time", TIME, {"unit_string": "s"}),
@@ -299,7 +299,7 @@ def test_a_missing_file_is_reported(tmp_path: Path, rig: Rig, ending: str) -> No
 @pytest.mark.parametrize(
     ("ending", "module", "extra"), [("tdms", "nptdms", "tdms"), ("mf4", "asammdf", "mdf")]
 )
-def test_a_missing_extra_is_named(
+def test_a_missing_extra_is_reported(
     tmp_path: Path, rig: Rig, monkeypatch: pytest.MonkeyPatch, ending: str, module: str, extra: str
 ) -> None:
     monkeypatch.setitem(sys.modules, module, None)

@@ -114,7 +114,7 @@ def test_the_import_does_not_depend_on_the_size_of_the_pieces_read(
     assert run.records["end"].tolist() == pytest.approx([0.9, 0.9])
 
 
-def test_a_compressed_file_is_read_as_it_is(tmp_path: Path, board: Rig) -> None:
+def test_a_compressed_file_is_imported_directly(tmp_path: Path, board: Rig) -> None:
     path = tmp_path / "steps.csv.gz"
     path.write_bytes(gzip.compress(STEPS.encode("utf-8")))
     done = import_file(path, board, tmp_path / "runs")
@@ -141,7 +141,7 @@ def test_notes_on_suspicious_data_are_returned_and_kept_as_events(tmp_path: Path
     assert events[events["kind"] == "gap"]["message"].tolist() == ["no samples for 5 s from 14 s on"]
 
 
-def test_a_channel_without_any_value_is_named(tmp_path: Path, cylinder: Rig) -> None:
+def test_a_channel_without_any_value_is_reported(tmp_path: Path, cylinder: Rig) -> None:
     text = "time [s],position [mm],supply_pressure [bar]\n0,1,\n1,2,nan\n"
     done = import_file(write(tmp_path, text), cylinder, tmp_path / "runs")
     assert "supply_pressure: no value at all" in done.notes
