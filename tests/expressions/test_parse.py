@@ -133,12 +133,12 @@ def test_invalid_expressions_are_refused_with_message_value_and_location(
         assert caught.value.expected == expected
 
 
-def test_a_misspelt_function_is_named() -> None:
+def test_a_misspelt_function_is_reported() -> None:
     with pytest.raises(RigctlError, match=r"unknown function, got 'mox'; did you mean 'max'\?"):
         parse("mox(1, 2)")
 
 
-def test_a_misspelt_unit_is_named() -> None:
+def test_a_misspelt_unit_is_reported() -> None:
     with pytest.raises(RigctlError, match="did you mean 'degC'"):
         parse("a > 5 degc")
 
