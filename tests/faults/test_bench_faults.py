@@ -86,7 +86,7 @@ def test_a_heater_stuck_on_trips_the_over_temperature_interlock(do: Do) -> None:
     assert [e["name"] for e in done.events("alarm")] == ["oil_hot", "oil_too_hot"]
 
 
-def test_a_stuck_valve_fails_the_move(do: Do) -> None:
+def test_a_stuck_valve_fails_the_run_with_the_position_in_its_reason(do: Do) -> None:
     done = breaks(do, STROKES, "valve_stuck@5 s")
     assert done.outcome("extend") in ("timed_out", "complete", "tripped")
     assert "position" in done.result.reason

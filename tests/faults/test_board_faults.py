@@ -295,7 +295,7 @@ finally:
         (b"RIGCTL,RIG-UNO,0,2.", "the board's firmware speaks another protocol, got '2.1.0'"),
     ],
 )
-def test_wrong_firmware_is_named_before_anything_moves(
+def test_wrong_firmware_is_reported_before_anything_moves(
     board: BoardWorkshop, tmp_path: Path, identity: bytes, message: str
 ) -> None:
     image = tmp_path / "other.hex"

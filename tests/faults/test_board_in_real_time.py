@@ -190,7 +190,7 @@ def test_a_second_host_on_the_port_is_refused_and_switches_nothing(
     assert rigctl(project, "run", "heating.yaml", "--port", "ttyRIG", "--dry")[0] == ExitCode.DONE
 
 
-def test_a_wrong_baud_rate_is_named_and_moves_nothing(project: Path, emulation: Emulation) -> None:
+def test_a_wrong_baud_rate_is_reported_and_nothing_moves(project: Path, emulation: Emulation) -> None:
     text = (project / "bench.yaml").read_text(encoding="utf-8")
     (project / "bench.yaml").write_text(text.replace("baud: 115200", "baud: 9600"), encoding="utf-8")
     code, _, err = rigctl(project, "run", "heating.yaml", "--port", "ttyRIG")
