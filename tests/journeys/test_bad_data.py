@@ -248,7 +248,7 @@ def test_contradictory_selections_of_records_are_refused(command: str) -> None:
     )
 
 
-def test_a_misspelt_model_names_the_nearest() -> None:
+def test_a_misspelt_model_is_reported_with_the_nearest_name() -> None:
     said = refusal("compare", imported(), "--model", "models/hl32-textbok.yaml")
     assert (
         "there is no such file, got 'models/hl32-textbok.yaml'; did you mean 'models/hl32-textbook.yaml'?"

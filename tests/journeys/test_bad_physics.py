@@ -58,7 +58,7 @@ def test_an_unknown_slot_of_an_effect_is_reported_with_its_place() -> None:
     assert "friction" in said
 
 
-def test_a_parameter_without_influence_is_named_and_keeps_its_value() -> None:
+def test_a_parameter_without_influence_is_reported_and_keeps_its_value() -> None:
     """The heaters are off in these records: their lag has no influence; other parameters are not affected."""
     lag = "effects: {heater_lag: {lag: {value: 30 s, fit: true}}}"
     model = textbook_copy("lagged", ("effects: {}", lag))
