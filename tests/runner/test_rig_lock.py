@@ -121,7 +121,7 @@ def test_a_damaged_lock_file_does_not_prevent_locking(tmp_path: Path, content: s
         pass
 
 
-def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+def test_an_unwritable_lock_folder_is_reported(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("", encoding="utf-8")
     with pytest.raises(RigctlError, match="cannot lock the bench"):
