@@ -192,7 +192,7 @@ def test_a_set_point_is_checked_against_the_limits_of_its_channel(tmp_path: Path
         VirtualBench(tmp_path).plan(text, rig)
 
 
-def test_the_approach_to_the_first_value_respects_the_rate(tmp_path: Path) -> None:
+def test_the_approach_to_the_first_value_of_a_waveform_respects_the_rate_limit(tmp_path: Path) -> None:
     bench = VirtualBench(tmp_path, HEATERS)
     done = bench.run(
         waveform("steps: {levels: [40 %], each: 1 s}") + "  - waveform: {actuator: heater_1, "
