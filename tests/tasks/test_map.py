@@ -59,7 +59,7 @@ def test_a_worker_process_that_dies_loses_no_result(tmp_path: Path) -> None:
     assert found == {piece: piece * piece for piece in range(12)}
 
 
-def test_a_task_that_kills_every_worker_is_named(tmp_path: Path) -> None:
+def test_a_task_that_kills_every_worker_is_reported(tmp_path: Path) -> None:
     found = []
     with pytest.raises(RigctlError, match="killed, 3 times at the same piece"):
         for index, _ in map_tasks(partial(deadly, str(tmp_path), 99), range(12), Workers(2)):
