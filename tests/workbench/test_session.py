@@ -127,7 +127,7 @@ def test_effects_that_contradict_one_another_are_refused(textbook: Workbench) ->
         textbook.model_of(textbook.start.switched([one, other], on=True))
 
 
-def test_keeping_an_unchanged_state_writes_nothing(textbook: Workbench) -> None:
+def test_keeping_an_unchanged_state_is_refused(textbook: Workbench) -> None:
     assert textbook.command(textbook.start) == ""
     with pytest.raises(RigctlError, match="nothing differs"):
         textbook.keep(textbook.start)
