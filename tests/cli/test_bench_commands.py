@@ -110,10 +110,10 @@ def test_a_dry_run_moves_nothing(rigctl: Rigctl) -> None:
         (["run", "stroke.yaml", "--backend", "replay"], "which run is to be played"),
         (["run", "stroke.yaml", "--port", "COM3"], "takes no --port"),
         (["run", "stroke.yaml", "--answer", "room"], "name=value"),
-        (["run", "stroke.yaml", "--answer", "room=99 degC", "--speed", "max"], ""),
-        (["resume", "latest"], ""),
+        (["run", "stroke.yaml", "--answer", "room=99 degC", "--speed", "max"], "expected 10 degC to 40 degC"),
+        (["resume", "latest"], "there are no runs in"),
         (["pause"], "no run is in progress"),
-        (["abort", "20990101"], ""),
+        (["abort", "20990101"], "there are no runs in"),
         (["jog", "valv", "extend"], "did you mean 'valve'"),
         (["jog", "valve", "sideways"], "unknown position"),
         (["jog", "valve", "extend", "--speed", "max"], "nobody answers that fast"),
@@ -146,6 +146,15 @@ def test_resume_keeps_complete_records_and_repeats_the_failed_step(rigctl: Rigct
     assert done.exit_code == 1  # the same step fails again; the record stays as it is
     assert told(done)["records"] == 1
     assert "0 records left" in done.stderr
+
+
+def test_resume_finishes_a_run_that_failed_by_a_fault(rigctl: Rigctl) -> None:
+    assert rigctl("simulate", "stroke.yaml", "--fault", "samples_stop@0.5 s").exit_code == 1
+    done = rigctl("resume", "latest", "--json")
+    assert done.exit_code == 0, done.output
+    assert (told(done)["status"], told(done)["records"]) == ("finished", 1)
+    (run,) = told(rigctl("runs", "list", "--json"))["runs"]  # it continues in the same folder
+    assert run["status"] == "finished"
 
 
 def test_jog_and_off_leave_all_outputs_safe(rigctl: Rigctl) -> None:

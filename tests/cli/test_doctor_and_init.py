@@ -56,10 +56,12 @@ def test_doctor_passes_in_this_environment_and_lists_the_extras() -> None:
         assert extra["state"] == "ok" or extra["fix"] == f"pip install 'rigctl[{name}]'"
 
 
-def test_doctor_shows_what_to_type_in_full() -> None:
-    shown = CliRunner(env={"COLUMNS": "200"}).invoke(app, ["doctor"])
-    missing = [finding for finding in doctor.examine() if finding.fix]
-    assert all(finding.fix in shown.output for finding in missing)
+def test_doctor_shows_what_to_type_in_full(monkeypatch: pytest.MonkeyPatch) -> None:
+    fix = "pip install 'rigctl[tdms]'"
+    missing = doctor.Finding("tdms (extra)", "optional", "LabVIEW files cannot be read", fix)
+    monkeypatch.setattr(doctor, "examine", lambda ports: iter([missing]))
+    shown = CliRunner(env={"COLUMNS": "60"}).invoke(app, ["doctor"])
+    assert fix in shown.output
 
 
 def test_doctor_fails_when_something_is_broken(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -193,7 +193,10 @@ def test_mistakes_are_reported_and_no_family_is_written(empty: Path, arguments: 
 
 def test_an_existing_family_is_not_overwritten() -> None:
     told("family", "new", "x", "--template", "heater")
+    before = {path: path.read_bytes() for path in Path().rglob("*.yaml")}
+    assert before
     assert "already there" in refusal("family", "new", "x", "--template", "motor")
+    assert {path: path.read_bytes() for path in Path().rglob("*.yaml")} == before
 
 
 def test_dates_decimal_commas_and_german_headings_of_a_logger_are_read(empty: Path) -> None:

@@ -160,7 +160,9 @@ def test_an_empty_or_inconsistent_log_makes_a_run_broken(make_run: RunMaker) -> 
     (folder / "run.json").unlink()
     for content in (b"", b"{}\n", b'{"kind":"run","time":0}\n', b'{"header": {"layout": 3}}\n'):
         (folder / "log.jsonl").write_bytes(content)
-        assert verify(folder).condition is Condition.BROKEN
+        verdict = verify(folder)
+        assert verdict.condition is Condition.BROKEN
+        assert any("log.jsonl" in said for said in verdict.problems), verdict.problems
 
 
 def test_a_run_in_progress_is_not_touched(writer: RunWriter) -> None:

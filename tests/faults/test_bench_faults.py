@@ -88,8 +88,8 @@ def test_a_heater_stuck_on_trips_the_over_temperature_interlock(do: Do) -> None:
 
 def test_a_stuck_valve_fails_the_run_with_the_position_in_its_reason(do: Do) -> None:
     done = breaks(do, STROKES, "valve_stuck@5 s")
-    assert done.outcome("extend") in ("timed_out", "complete", "tripped")
-    assert "position" in done.result.reason
+    assert done.outcome("extend") == "complete"  # a timed move is not told that nothing moves; the next is
+    assert "'position < 1 mm' was not reached within 3 s; position was" in done.result.reason
     assert done.result.duration < 10.0
 
 

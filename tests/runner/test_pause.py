@@ -50,6 +50,14 @@ def test_a_timed_move_keeps_its_full_duration_when_a_pause_is_requested(do: Do) 
     assert [value for _, value in done.commands("valve")] == [1.0, 0.0]
     on, off = (time for time, _ in done.commands("valve"))
     assert off - on == pytest.approx(1.0, abs=1e-9)
+    assert "paused" in done.states
+
+
+def test_a_run_pauses_again_after_it_was_continued(do: Do) -> None:
+    person = Person([(1.0, Request.PAUSE), (1.5, Request.PAUSE)])
+    done = do("steps:\n  - wait: 5 s\n", control=person)
+    assert done.result.status == "finished"
+    assert done.states.count("paused") == 2
 
 
 def test_continuing_a_run_that_is_not_paused_is_answered_with_a_message(do: Do) -> None:

@@ -70,6 +70,8 @@ def test_words_and_conditions_select_runs(served: Served, cookie: str, two: tupl
     assert served.get("/api/runs?search=HL32+nothing", cookie)["found"] == 0
     assert served.get("/api/runs?search=%25", cookie)["found"] == 0  # a percent sign is no wildcard
     assert served.get("/api/runs?where=records+%3C+1", cookie)["found"] == 0
+    page = served.get(f"/api/runs?where=id+%3D+%27{two[0]}%27", cookie)
+    assert [run["id"] for run in page["runs"]] == [two[0]]
 
 
 @pytest.mark.parametrize(

@@ -127,7 +127,10 @@ def test_effects_that_contradict_one_another_are_refused(textbook: Workbench) ->
         textbook.model_of(textbook.start.switched([one, other], on=True))
 
 
-def test_keeping_an_unchanged_state_is_refused(textbook: Workbench) -> None:
+def test_keeping_an_unchanged_state_is_refused_and_writes_nothing(textbook: Workbench, project: Path) -> None:
+    before = {path: path.read_bytes() for path in (project / "models").rglob("*") if path.is_file()}
+    assert before
     assert textbook.command(textbook.start) == ""
     with pytest.raises(RigctlError, match="nothing differs"):
         textbook.keep(textbook.start)
+    assert {path: path.read_bytes() for path in (project / "models").rglob("*") if path.is_file()} == before
