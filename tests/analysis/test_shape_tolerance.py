@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rigctl.analysis.diagnosis_result import Verdict
-from rigctl.analysis.identity import levels_of, same_cause, wanted_elsewhere
+from rigctl.analysis.identity import levels_of, only_constants, same_cause, wanted_elsewhere
 from rigctl.analysis.shape_tolerance import FUNCTIONS, knots_of, prior_root
 from rigctl.effects.declaration import Effect
 from rigctl.effects.registry import find_effect
@@ -93,3 +93,7 @@ def test_remainders_unusual_sizes_and_constants_withdraw_levels_of_an_answer() -
     assert not wanted_elsewhere(drifts, "load")
     assert not wanted_elsewhere(drifts, "")
     assert not wanted_elsewhere([effects["spring_load"]], "flow_p_to_tank")
+    offset = find_effect("position_offset", FAMILY)
+    assert only_constants([effects["constant_load"], offset])
+    assert not only_constants(drifts)
+    assert not only_constants([offset])  # a single one is judged by its law

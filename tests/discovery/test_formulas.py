@@ -21,7 +21,7 @@ from rigctl.effects.writing import write_out
 from rigctl.engine.symbols import evaluate
 from rigctl.files.shipped import shipped
 from rigctl.model.load import load_model
-from rigctl.physics.families import find_family
+from rigctl.physics.families import find_family, using_families
 
 FAMILY = find_family("hydraulic_cylinder")
 FRICTION = FAMILY.slot("friction")
@@ -61,6 +61,22 @@ def test_the_formula_in_the_file_evaluates_to_the_scored_term(chosen: tuple[Fact
         )
         written = evaluate(expr, {**values, **scales, qualified(effect.name, "size"): 37.0})
         assert written == pytest.approx(truth, rel=2e-2, abs=0.1)
+
+
+def test_an_effect_of_a_family_given_by_the_caller_is_made_within_using_families() -> None:
+    """As 'rigctl discover --family FILE' does, in the same process."""
+    drag = Formula(FRICTION, every_factor()[0], gain=1.0, size=37.0, cost=0.0)
+    with using_families(replace(FAMILY, name="own_cylinder")):
+        family = find_family("own_cylinder")
+        assert effect_of(drag, family).own_family is family
+    assert effect_of(drag, family).own_family is family  # and outside
+
+
+def test_a_second_formula_of_one_form_has_an_effect_name_of_its_own() -> None:
+    drag = Formula(FRICTION, every_factor()[0], gain=1.0, size=37.0, cost=0.0)
+    second = replace(drag, number=2)
+    assert effect_of(second, FAMILY).name == second.name == f"{drag.name}_2"
+    assert second.key == drag.key
 
 
 def test_temperatures_are_written_relative_to_a_round_reference_in_degrees() -> None:

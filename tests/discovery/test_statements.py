@@ -11,7 +11,7 @@ import pytest
 from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.discovery.discover import _notes, _statement, _too_weak
 from rigctl.discovery.gate import gate_of
-from rigctl.discovery.locate import Located, Map
+from rigctl.discovery.locate import Located, Map, locate
 from rigctl.discovery.result import Discovery, FoundFormula
 from rigctl.effects.drivers import Driver
 from rigctl.physics.families import find_family
@@ -203,3 +203,11 @@ def test_a_large_class_of_locations_is_abbreviated_to_a_few_and_a_count() -> Non
         replace(located("friction", 400.0), alike=tuple(n for n in names if n != "friction")),
     )
     assert f"or {len(answer.where) - 6} more)" in _statement(answer)
+
+
+def test_where_no_term_would_be_visible_the_search_says_so() -> None:
+    opened = cast("Any", SimpleNamespace(slots=(), drivers=()))
+    found = locate(opened, 100.0)
+    assert not found.sure
+    assert found.most_wanted == ()
+    assert "would not be visible in these data at any location" in _too_weak(found)

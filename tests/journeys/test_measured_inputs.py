@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import rigctl
 from commands import answer, refusal, told
 from rigctl.cli.commands.init import create_project
+from rigctl.model.load import load_model
 
 Floats = NDArray[np.float64]
 
@@ -154,6 +156,45 @@ def test_unrecorded_inputs_are_unknown_and_not_zero(tmp_path: Path, monkeypatch:
     off = answer(*asked, "--assume", "heater_2=0")
     assert not off["adequate"]
     assert any("assumed" in note and "heater_2 0 %" in note for note in off["notes"])
+
+
+@pytest.fixture
+def half_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Two runs, of which only the first recorded heater 2; their ids."""
+    board(tmp_path, np.array([40.0, 60.0, 80.0, 0.0]), recorded=True, seed=4)
+    board(tmp_path / "other", np.array([30.0, 50.0, 10.0, 70.0]), recorded=False, seed=3)
+    monkeypatch.chdir(tmp_path)
+    ids = []
+    for log in ("log.csv", "other/log.csv"):
+        told("import", log, "--rig", "rigs/heater-board.yaml")
+        ids.append(answer("runs", "show", "latest")["id"])
+    return ids
+
+
+def test_an_input_recorded_in_some_records_is_used_there_and_unknown_in_the_others(
+    half_recorded: list[str],
+) -> None:
+    model = load_model("models/heater-board.yaml")
+    found = rigctl.fit([rigctl.open_run(run) for run in half_recorded], model)
+    problem = found.problem
+    assert [bool(record.unrecorded) for record in problem.records] == [False] * 4 + [True] * 4
+    # the same point, with the common value of the unrecorded input among the unknowns or not
+    free = problem.simulate(found.values, found.local).require()
+    base = problem.base.copy()
+    for unknown, value in zip(problem.shared, found.values, strict=True):
+        base[problem.compiled.system.parameter_names.index(unknown.name)] = value
+    held = problem.with_shared((), base).simulate(np.empty(0), found.local, ["record.heater_2"]).require()
+    for one, other in zip(free.outputs, held.outputs, strict=True):
+        np.testing.assert_array_equal(one, other)
+    moved = [bool(np.any(slopes)) for slopes in held.sensitivities]
+    assert moved == [False] * 4 + [True] * 4
+
+
+def test_records_with_and_without_an_input_are_diagnosed_together(half_recorded: list[str]) -> None:
+    found = answer("diagnose", *half_recorded, "--model", "models/heater-board.yaml")
+    assert found["verdict"] == "adequate", found["statement"]
+    (note,) = [note for note in found["notes"] if note.startswith("not recorded: heater_2")]
+    assert "in 4 of 8 records" in note
 
 
 def test_a_heater_off_in_all_records_is_estimated_as_off(

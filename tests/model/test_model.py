@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -162,3 +163,13 @@ def test_base_physics_that_a_model_has_is_not_added_again() -> None:
     without = own.without_effect("linear_friction")
     assert without.values["viscous_damping"] == 0.0
     assert without.with_effect("linear_friction", {}).values["viscous_damping"] > 0.0
+
+
+def test_two_families_of_one_name_are_two_benches() -> None:
+    """Inputs are passed by their order: those read for one family would drive another wrongly."""
+    path = shipped("models", "hl32-textbook.yaml")
+    model, again = load_model(path), load_model(path)
+    assert model.same_bench(again)
+    turned = replace(model.family, inputs=model.family.inputs[::-1])
+    assert not model.same_bench(replace(again, family=turned))
+    assert not model.same_bench(replace(again, rig=None))

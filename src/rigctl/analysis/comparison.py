@@ -58,12 +58,12 @@ def compare(
     notes: list[str] = []
     labels: tuple[str, ...] = ()
     choice = Choice()
-    read: dict[tuple[str, str], Data] = {}
+    read: list[tuple[Model, Data]] = []
     for model in models:
-        key = (model.family.name, model.rig.name if model.rig else "")
-        if key not in read:
-            read[key] = read_runs(model, runs, hold_out=hold_out, only=only, on_progress=said)
-        data = read[key]
+        data = next((known for other, known in read if other.same_bench(model)), None)
+        if data is None:
+            data = read_runs(model, runs, hold_out=hold_out, only=only, on_progress=said)
+            read.append((model, data))
         labels = tuple(data.measurements.records[k].label for k in data.held_out)
         choice = data.choice
         fitted = fit_to_data(model, data, refit=refit, on_progress=said)

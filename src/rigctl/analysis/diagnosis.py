@@ -473,12 +473,7 @@ def found_parameters(trial: RefittedSet, candidate: Candidate) -> dict[str, Foun
     refined = [name for name in _shapes(candidate) if name in fitted]
     for column in (*candidate.columns, *refined):
         declared = candidate.parameter(column)
-        value, std = trial.value(column)
-        unit = parse_unit(declared.unit)
-        offset = 0.0 if declared.difference else unit.offset
-        parameters[declared.name] = FoundParameter(
-            (value - offset) / unit.factor, declared.unit, std / unit.factor, declared.unusual(value)
-        )
+        parameters[declared.name] = FoundParameter.of(declared, *trial.value(column))
     return parameters
 
 
@@ -490,10 +485,7 @@ def _linear_parameters(candidate: Candidate, amplitudes: Sequence[float]) -> dic
     result = {}
     for column, amplitude in zip(candidate.columns, amplitudes, strict=True):
         declared = candidate.parameter(column)
-        factor = parse_unit(declared.unit).factor
-        result[declared.name] = FoundParameter(
-            (declared.at_null + amplitude) / factor, declared.unit, math.nan
-        )
+        result[declared.name] = FoundParameter.of(declared, declared.at_null + amplitude, math.nan)
     return result
 
 
@@ -590,7 +582,7 @@ def _drift(before: ModelComparison, best: RefittedSet) -> list[Drift]:
             continue
         declared = family.parameter(unknown.name)
         unit = parse_unit(declared.unit)
-        ends = unit.from_si(value), unit.from_si(after[unknown.name])
+        ends = unit.from_si(value), unit.from_si(after.get(unknown.name, value))
         stds = (one.std.get(unknown.name, math.nan) / unit.factor for one in (before.fit, best.fit))
         drifts.append(Drift(unknown.name, *ends, declared.unit, *stds))
     return drifts

@@ -14,9 +14,10 @@ from rigctl.analysis.identity import Levels
 from rigctl.analysis.laws.answer import LawAnswer
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
+from rigctl.effects.declaration import EffectParameter
 from rigctl.model.validity import Departure
 from rigctl.notebook import as_html, one_line
-from rigctl.units import with_uncertainty
+from rigctl.units import parse_unit, with_uncertainty
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -72,6 +73,13 @@ class FoundParameter:
     unit: str
     std: float
     unusual: bool = False
+
+    @classmethod
+    def of(cls, declared: EffectParameter, value: float, std: float) -> FoundParameter:
+        """A parameter with a value and its standard deviation, SI."""
+        unit = parse_unit(declared.unit)
+        shown = unit.from_si(value, difference=declared.difference)
+        return cls(shown, declared.unit, std / unit.factor, declared.unusual(value))
 
     def __str__(self) -> str:
         """As displayed, e.g. ``(4.00 ± 0.10)e-15 m^3``; an unknown standard deviation is left out."""

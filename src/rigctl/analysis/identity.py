@@ -7,7 +7,8 @@ through an orifice.
 What is missing need not be in the library, so the remainder counts too: a law that leaves anything is not the
 right law; a constant that leaves anything may not be one; a term that the data require to be constant does
 not depend on the variables of its effect; several effects that leave something at a slot where none of them
-acts may only resemble what is missing; and the law of an effect that needs an unusual size may be another.
+acts, or that are all constants, may only resemble what is missing; and the law of an effect that needs an
+unusual size may be another.
 """
 
 from __future__ import annotations
@@ -70,6 +71,11 @@ def same_cause(one: Effect, other: Effect) -> bool:
 def wanted_elsewhere(effects: Sequence[Effect], slot: str) -> bool:
     """Whether several effects leave something at a slot where none of them acts."""
     return len(effects) > 1 and slot != "" and not any(slot in effect.slots for effect in effects)
+
+
+def only_constants(effects: Sequence[Effect]) -> bool:
+    """Whether there are several effects, and none has an explanatory variable."""
+    return len(effects) > 1 and not any(driver_variables(effect) for effect in effects)
 
 
 def levels_of(

@@ -354,9 +354,11 @@ class KnownSlopes:
         self._found = point, slopes
 
     def take(self, point: object) -> Slopes | None:
-        """What was kept, if at this point; it is forgotten."""
-        found, self._found = self._found, None
-        return found[1] if found is not None and found[0] == point else None
+        """What was kept, if at this point; it is then forgotten."""
+        if self._found is None or self._found[0] != point:
+            return None
+        (_, slopes), self._found = self._found, None
+        return slopes
 
 
 def slopes_at(

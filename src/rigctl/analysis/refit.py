@@ -416,7 +416,7 @@ def _refined(fitted: FitResult, chosen: Sequence[Candidate], cost: float) -> tup
         }
         for effect, values in model.effects.items()
     }
-    problem = fitted.problem.rebuilt(replace(model, effects=free))
+    problem = _in_both_ranges(fitted.problem.rebuilt(replace(model, effects=free)), fitted.problem)
     problem = problem.with_shared(_started(problem, fitted))
     try:
         better = fit(problem, fitted.held_out, local=fitted.local, cost=cost, largest_step=STEP)
@@ -428,8 +428,7 @@ def _refined(fitted: FitResult, chosen: Sequence[Candidate], cost: float) -> tup
 
 
 def _cost(fitted: FitResult) -> float:
-    assert fitted.solution is not None  # noqa: S101 - there is something to fit
-    return 2.0 * fitted.solution.cost
+    return plain(fitted).chi2
 
 
 def _again(

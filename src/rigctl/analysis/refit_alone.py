@@ -13,7 +13,7 @@ import numpy as np
 
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.refit import COARSE, NEAR, ROOM, STEP, starting_values
+from rigctl.analysis.refit import COARSE, NEAR, ROOM, STEP, plain, starting_values
 from rigctl.effects.declaration import EffectParameter
 from rigctl.engine.least_squares import Options, Unknown
 from rigctl.errors import RigctlError
@@ -178,7 +178,8 @@ class _Beside:
             base[names.index(name)] = value
         at = {u.name: float(value) for u, value in zip(begin.problem.shared, begin.values, strict=True)}
         unknowns = self.before.fit.problem.shared
-        shared = [replace(u, start=min(max(at[u.name], u.lower), u.upper)) for u in unknowns]
+        # a parameter that acted on nothing in that fit is no unknown of it
+        shared = [replace(u, start=min(max(at.get(u.name, u.start), u.lower), u.upper)) for u in unknowns]
         problem = self.problem.with_shared([*shared, *free], base)
         cost, step = (_COARSE_HELD, Options.largest_step) if held else (COARSE, STEP)
         try:
@@ -195,5 +196,4 @@ class _Beside:
 
 
 def _left(fitted: FitResult) -> float:
-    assert fitted.solution is not None  # noqa: S101 - a diagnosis asks for parameters to fit
-    return 2.0 * fitted.solution.cost
+    return plain(fitted).chi2

@@ -329,7 +329,7 @@ class RefittedSets:
                 self.trials[key] = again
                 self._points.pop(key, None)
                 self._bends.pop(key, None)
-                self._rivals = {at: found for at, found in self._rivals.items() if at[0] != key}
+                self._rivals.clear()  # it may be a rival of others, or what they are compared with
         return self.trials[key]
 
     def _limiting_case(

@@ -190,7 +190,7 @@ def _within_chance(fit: FitResult, one: str, other: str) -> bool:
 def _aside(search: Search, best: RefittedSet, seen: Collection[str]) -> list[Rival]:
     """The better set that was put aside for an unusual size: always a rival, whatever its cosine."""
     trial = search.aside
-    if trial is None:
+    if trial is None or not best.effects:
         return []
     members = [name for name in best.effects if name not in trial.effects] or [*best.effects]
     return [

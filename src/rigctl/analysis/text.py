@@ -22,7 +22,7 @@ from rigctl.analysis.decision_levels import (
     TOLERANCE,
 )
 from rigctl.analysis.diagnosis_result import Drift, FoundParameter, Ranked, Verdict
-from rigctl.analysis.identity import wanted_elsewhere
+from rigctl.analysis.identity import only_constants, wanted_elsewhere
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder, share_text
 from rigctl.analysis.rivals import Differs, Rival
@@ -173,8 +173,9 @@ def against_identity(
     """Why the best set may not be what is missing, apart from its rivals; empty if nothing speaks against it.
 
     Reasons are: a parameter outside its usual range; an undetermined size; a failed cross-validation; noise
-    that differs from what the tests assume; a remainder of several effects at a slot where none of them acts;
-    a remainder of a single effect that is too small for another shape of its law to be visible.
+    that differs from what the tests assume; a remainder of several effects at a slot where none of them acts,
+    or of several without explanatory variables; a remainder of a single effect that is too small for another
+    shape of its law to be visible.
 
     Parameters
     ----------
@@ -195,6 +196,11 @@ def against_identity(
         )
     if left is not None and wanted_elsewhere([one.effect for one in best.candidates], left.slot):
         reasons.append(f"what they leave points to a term at {left.slot}, where none of them acts")
+    if left is not None and only_constants([one.effect for one in best.candidates]):
+        reasons.append(
+            "none of them depends on anything, and yet they leave something: together they may imitate a "
+            "term that varies"
+        )
     shape = SHAPE_TOLERANCE * math.sqrt(max(explained, 0.0))
     if left is not None and len(best.candidates) == 1 and shape < SEEN_IN_LIBRARY < left.size:
         reasons.append(

@@ -23,7 +23,6 @@ from rigctl.engine.least_squares import Unknown
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.model import Model
-from rigctl.units import parse_unit
 
 Floats = NDArray[np.float64]
 
@@ -235,6 +234,8 @@ def _between(diagnosis: Diagnosis, aim: Aim, names: Collection[str]) -> Question
         for j, other in enumerate(rivals)
         if i != j and {one.name, other.name} <= open_names and one.trial is not other.trial
     ]
+    if not pairs:  # all names are members of the best set: what remains open is its prediction
+        return _size_of_best(diagnosis)
     return Question(aim, rivals, tuple(pairs), _library(diagnosis), alike=_alike(diagnosis))
 
 
@@ -379,13 +380,5 @@ def _parameters(trial: RefittedSet) -> dict[str, FoundParameter]:
     found = {}
     for candidate in trial.candidates:
         for column in candidate.columns:
-            declared = candidate.parameter(column)
-            unit = parse_unit(declared.unit)
-            value, std = trial.value(column)
-            found[column] = FoundParameter(
-                unit.from_si(value, difference=declared.difference),
-                declared.unit,
-                std / unit.factor,
-                declared.unusual(value),
-            )
+            found[column] = FoundParameter.of(candidate.parameter(column), *trial.value(column))
     return found

@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 
 #: number of draws of the null distribution
 DRAWS = 20_000
-#: up to this number of records, random signs have no more than some dozens of outcomes
+#: with fewer records, random signs have no more than some dozens of outcomes
 _FEW_RECORDS = 7
 _BATCH = 2000
 #: directions of a set of columns that are shorter than this share of the longest are dropped

@@ -20,6 +20,7 @@ from rigctl.analysis.mbic import mbic
 from rigctl.discovery.grammar import DISTANCES, Argument, Form, argument, factors, forms
 from rigctl.discovery.locate import Located
 from rigctl.discovery.open_slots import OpenSlots, products_at, splines_at
+from rigctl.effects.registry import library
 from rigctl.engine.one_thread import one_thread
 from rigctl.engine.splines import SplineArgument
 from rigctl.physics.family import Slot
@@ -68,6 +69,7 @@ class Formula:
     size: in the slot's unit, SI; the term is size·Π factors.
     cost: its penalty less what it explains; less is better.
     same: other formulas that are equivalent for these data.
+    number: of its effect's name, above 1 if the model has another effect of this name already.
     """
 
     slot: Slot
@@ -76,6 +78,7 @@ class Formula:
     size: float
     cost: float
     same: tuple[Formula, ...] = field(default=(), repr=False)
+    number: int = 1
 
     @property
     def key(self) -> str:
@@ -86,7 +89,8 @@ class Formula:
     @property
     def name(self) -> str:
         """The name of its effect: ``friction_bump_of_position``."""
-        return re.sub(r"[^a-z0-9]+", "_", self.key.casefold())[:_LONGEST].strip("_")
+        name = re.sub(r"[^a-z0-9]+", "_", self.key.casefold())[:_LONGEST].strip("_")
+        return name if self.number == 1 else f"{name}_{self.number}"
 
     @property
     def over(self) -> tuple[str, ...]:
@@ -184,7 +188,12 @@ def score_formulas(opened: OpenSlots, located: Sequence[Located], samples: float
             if formula.gain > 0.0 and (known is None or formula.gain > known[0].gain):
                 best[formula.key] = (formula, basis)
 
+    model = opened.problem.model
+    taken = {*library(model.family), *model.effects, *(effect.name for effect in model.own_effects)}
+
     def priced(formula: Formula) -> Formula:
+        while formula.name in taken:
+            formula = replace(formula, number=formula.number + 1)
         return replace(formula, cost=formula.price(samples, tried) - formula.gain)
 
     scored = sorted(

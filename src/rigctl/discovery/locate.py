@@ -175,6 +175,8 @@ def locate(
         tried += _at_slots(opened, chosen, seen_at)
     singles = sorted(_one_place_each(tried), key=lambda one: one.cost(samples))
     seen = [one for one in singles if one.dof]
+    if not seen:
+        return Map((), tuple(singles), tests=len(singles), independent=0.0, needed=math.inf)
     on_progress("Testing two variables together")
     pairs = _pairs(opened, seen, samples)
     on_progress("Simulating the null distribution")

@@ -40,7 +40,7 @@ class OpenSlots:
     problem: these records with a constant term of 0 at each slot.
     slots: those on which some reading depends.
     drivers: states, inputs and differences of them that vary in these data.
-    found: the simulated records.
+    trajectories: the simulated records.
     """
 
     fit: FitResult = field(repr=False)

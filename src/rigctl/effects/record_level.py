@@ -104,6 +104,7 @@ class RecordLevel:
     starts: of the states that do not start at the family's usual values.
     setting: the quantity set by hand; in a table, all rows of one setting share its error (`with_settings`).
     settings: the values for which the effect has parameters of their own, SI.
+    inputs: not recorded in some record; the effect has a parameter for the value of each.
     """
 
     effect: Effect | None = None
@@ -111,6 +112,7 @@ class RecordLevel:
     starts: tuple[Start, ...] = ()
     setting: Setting | None = None
     settings: tuple[float, ...] = ()
+    inputs: tuple[str, ...] = ()
 
     @property
     def setting_names(self) -> tuple[str, ...]:
@@ -157,7 +159,8 @@ class RecordLevel:
             for item in family.inputs
             if item.name in inputs
         )
-        return replace(self, effect=replace(self.effect, parameters=(*self.effect.parameters, *parameters)))
+        effect = replace(self.effect, parameters=(*self.effect.parameters, *parameters))
+        return replace(self, effect=effect, inputs=tuple(one.name for one in parameters))
 
     @property
     def null(self) -> dict[str, dict[str, float]]:

@@ -101,6 +101,13 @@ class Model:
         users = {effect.name: effect for effect in self.own_effects}
         return users[name] if name in users else find_effect(name, self.family)
 
+    def same_bench(self, other: Model) -> bool:
+        """Whether both describe one bench: data read for one are those of the other.
+
+        Names do not decide: two versions of a family file may have one.
+        """
+        return self.rig == other.rig and (self.family is other.family or self.family == other.family)
+
     @property
     def with_laws(self) -> tuple[str, ...]:
         """The effects in the model with terms in its equations."""

@@ -71,6 +71,8 @@ _given: ContextVar[tuple[_Given, ...]] = ContextVar("given families", default=()
 def using_families(*families: ModelFamily, path: Path | None = None) -> Iterator[None]:
     """Let `find_family` know `families` by their names, and by `path` if they come from a file.
 
+    One that it knows already, the very same, stays as it is.
+
     Raises
     ------
     RigctlError
@@ -78,6 +80,8 @@ def using_families(*families: ModelFamily, path: Path | None = None) -> Iterator
     """
     known = _given.get()
     for family in families:
+        if any(given.family is family for given in known):
+            continue
         if family.name in FAMILIES or family.name in {given.family.name for given in known}:
             raise RigctlError("there is a model family of this name already", value=family.name)
         known = (*known, _Given(with_derived_slots(check_family(family)), path))

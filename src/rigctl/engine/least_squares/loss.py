@@ -2,7 +2,6 @@
 
 The cost of a residual r is ``c²/2 · rho((r/c)²)``, c being the threshold in standard deviations beyond which
 it counts less. As in B. Triggs et al., Bundle adjustment - a modern synthesis (2000), section 4.3, and in
-counts less. As in B. Triggs et al., Bundle adjustment - a modern synthesis (2000), section 4.3, and in
 scipy.optimize.least_squares.
 """
 

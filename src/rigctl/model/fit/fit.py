@@ -265,7 +265,13 @@ def _fitted(
         inside = _started(inner, begun)
         if plan.starts > 1:
             solution = multi_start(
-                inner.evaluate, inner.shared, inside, count=plan.starts, seed=plan.seed, options=plan.options
+                inner.evaluate,
+                inner.shared,
+                inside,
+                count=plan.starts,
+                seed=plan.seed,
+                options=plan.options,
+                progress=plan.progress,
             ).best
         elif local is None:
             solution = _from_afar(inner, inside, plan)

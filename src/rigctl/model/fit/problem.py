@@ -322,7 +322,8 @@ class Problem:
         if isinstance(found, Refused):
             return found
         if found.blocks:
-            self._recent.keep(point, 1 + len(self.shared) if derivatives else 0, found)
+            unknowns = len(self.shared) + len(self.local_names) + len(self.initial_names)
+            self._recent.keep(point, 1 + unknowns if derivatives else 0, found)
         return found.blocks
 
     def outputs_at(self, shared: Floats, local: Sequence[Floats]) -> tuple[Floats, ...]:
@@ -387,10 +388,10 @@ class Problem:
         record, system = self.records[index], self.compiled.system
         parameters, start = self.base.copy(), self.starts[index].copy()
         switching: dict[str, float] = {}
-        recorded = self._recorded(record)
         for unknown, value in zip(self.shared, shared, strict=True):
-            if unknown.name not in recorded:
-                parameters[self._index[unknown.name]] = value
+            parameters[self._index[unknown.name]] = value
+        for name in self._recorded(record):
+            parameters[self._index[name]] = 0.0  # the value is among the inputs
         for one, value in zip(self.local[index], values, strict=True):
             if one.kind == "start":
                 start[system.state_names.index(one.name)] = value
@@ -406,10 +407,8 @@ class Problem:
         )
 
     def _recorded(self, record: MeasuredRecord) -> list[str]:
-        """The unknowns of inputs that some records lack and this one has."""
-        shared = {unknown.name for unknown in self.shared}
-        inputs = [name for name in self.measurements.inputs if name not in record.unrecorded]
-        return [name for name in (qualified(RECORD, one) for one in inputs) if name in shared]
+        """The parameters of inputs that some records lack and this one has, fitted or not."""
+        return [qualified(RECORD, name) for name in self.level.inputs if name not in record.unrecorded]
 
     @cached_property
     def _index(self) -> dict[str, int]:

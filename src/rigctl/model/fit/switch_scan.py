@@ -45,7 +45,7 @@ def with_best_switches(problem: Problem, result: LeastSquaresResult, options: Op
 
     Parameters
     ----------
-    found: a fit of `problem`.
+    result: a fit of `problem`.
     options: of the fits made here.
     """
     if not any(one.kind == "switch" for record_local in problem.local for one in record_local):
