@@ -90,7 +90,10 @@ def test_a_given_family_is_known_within_its_context_only() -> None:
         assert find_family("own_board") is own
         assert "own_board" in family_names()
         with pytest.raises(RigctlError, match="there is a model family of this name already"):
-            using_families(own).__enter__()
+            using_families(replace(own, title="Another board")).__enter__()
+        with using_families(own):  # the very same
+            assert find_family("own_board") is own
+        assert find_family("own_board") is own
     assert family_names()[: len(FAMILIES)] == tuple(FAMILIES)
     with pytest.raises(RigctlError, match="unknown model family"):
         find_family("own_board")

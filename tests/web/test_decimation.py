@@ -35,7 +35,11 @@ def test_every_interval_keeps_its_lowest_and_highest_value(seed: int, count: int
                 assert not len(shown)
 
 
-@given(st.integers(0, 10_000), st.lists(st.integers(1, 40), min_size=1, max_size=20), st.floats(0.0, 1.0))
+@given(
+    st.integers(0, 10_000),
+    st.lists(st.integers(1, 40), min_size=1, max_size=20),
+    st.just(0.0) | st.floats(1e-6, 1.0),
+)
 def test_decimated_pieces_together_equal_the_decimated_whole(
     seed: int, sizes: list[int], stretch: float
 ) -> None:
