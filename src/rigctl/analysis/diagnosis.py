@@ -548,22 +548,24 @@ def _hidden_by_unrecorded(before: ModelComparison) -> list[tuple[str, str]]:
         return []
     inner = before.whole.only(fit.fitted)
     chosen = [lin.candidates[one.candidate] for one in suspects]
-    slopes = slopes_at(inner, fit, (), chosen, [fit.local[k] for k in fit.fitted])
+    count = sum(len(one.columns) for one in chosen) + len(inner.local_names) + len(inner.initial_names)
     ends = np.cumsum([len(one.columns) for one in chosen])[:-1]
     whole, taken = np.zeros(len(chosen)), np.zeros(len(chosen))
-    for k, whitener in enumerate(inner.whiteners):
-        unrecorded = [slopes.record_local[k][qualified(RECORD, name)] for name in inner.records[k].unrecorded]
-        white = whitener(slopes.signatures[k])
-        basis = (
-            np.linalg.qr(whitener(np.stack(unrecorded, axis=2)))[0]
-            if unrecorded
-            else np.empty((len(white), 0))
-        )
-        for index, columns in enumerate(np.split(white, ends, axis=1)):
-            whole[index] += float(np.square(columns).sum())
-            taken[index] += float(np.square(basis.T @ columns).sum())
-    names = " and ".join(inputs)
-    needs = f"a record of {names}: unrecorded, {'it' if len(inputs) == 1 else 'they'} can do nearly the same"
+    for part in inner.parts(count):
+        some = inner.only(part)
+        slopes = slopes_at(some, fit, (), chosen, [fit.local[fit.fitted[k]] for k in part])
+        for k, whitener in enumerate(some.whiteners):
+            names = [qualified(RECORD, name) for name in some.records[k].unrecorded]
+            white = whitener(slopes.signatures[k])
+            basis = np.empty((len(white), 0))
+            if names:
+                of_inputs = np.stack([slopes.record_local[k][name] for name in names], axis=2)
+                basis = np.linalg.qr(whitener(of_inputs))[0]
+            for index, columns in enumerate(np.split(white, ends, axis=1)):
+                whole[index] += float(np.square(columns).sum())
+                taken[index] += float(np.square(basis.T @ columns).sum())
+    needed = " and ".join(inputs)
+    needs = f"a record of {needed}: unrecorded, {'it' if len(inputs) == 1 else 'they'} can do nearly the same"
     return [
         (one.effect, needs)
         for one, share, all_of_it in zip(suspects, taken, whole, strict=True)
