@@ -328,7 +328,7 @@ class _Begun:
         if brought_back(self.problem.shared, start) is None and not records_far:
             return self._fit(self.problem.shared, self.known.local, held_out, cost, rival)
         better = self._fit(self.problem.shared, self.known.local, held_out, COARSE, rival)
-        if _cost(better) < min(_cost(self.known) - NEAR, _BEHIND * 2.0 * rival):
+        if chi2_of(better) < min(chi2_of(self.known) - NEAR, _BEHIND * 2.0 * rival):
             back = brought_back(better.problem.shared, better.values)
             if back is not None:
                 better = self._lower(better, back, better.local, held_out)
@@ -344,8 +344,8 @@ class _Begun:
     ) -> FitResult:
         """The better one of a fit and a coarse one from another start."""
         with suppress(RigctlError):  # the model cannot be simulated there
-            again = self._fit(shared, local, held_out, COARSE, 0.5 * _cost(better))
-            return again if _cost(again) < _cost(better) else better
+            again = self._fit(shared, local, held_out, COARSE, 0.5 * chi2_of(better))
+            return again if chi2_of(again) < chi2_of(better) else better
         return better
 
     def _records_back(self, local: Sequence[Floats]) -> list[Floats] | None:
@@ -423,11 +423,12 @@ def _refined(fitted: FitResult, chosen: Sequence[Candidate], cost: float) -> tup
     except RigctlError:
         return fitted, 0
     samples = sum(int(problem.ok[k].sum()) for k in fitted.fitted)
-    pays = _cost(fitted) - _cost(better) > len(names) * math.log(max(samples, 2))
+    pays = chi2_of(fitted) - chi2_of(better) > len(names) * math.log(max(samples, 2))
     return (better, len(names)) if pays else (fitted, 0)
 
 
-def _cost(fitted: FitResult) -> float:
+def chi2_of(fitted: FitResult) -> float:
+    """χ² that a fit leaves, including the priors'."""
     return plain(fitted).chi2
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.refit import COARSE, NEAR, ROOM, STEP, plain, starting_values
+from rigctl.analysis.refit import COARSE, NEAR, ROOM, STEP, chi2_of, starting_values
 from rigctl.effects.declaration import EffectParameter
 from rigctl.engine.least_squares import Options, Unknown
 from rigctl.errors import RigctlError
@@ -67,14 +67,16 @@ def alone(
         for column, declared in _declared(candidate).items()
     }
     fitted = beside.fitted(begin, before.fit)
-    if fitted is not None and _left(fitted) < _EXPLAINED * _left(before.fit):
-        return Alone(candidate, fitted, _left(fitted))
+    if fitted is not None and chi2_of(fitted) < _EXPLAINED * chi2_of(before.fit):
+        return Alone(candidate, fitted, chi2_of(fitted))
     held = beside.held_at_amplitudes(rival)
     if held:
-        amplitudes, nearest = min(held, key=lambda one: _left(one[1]))
-        if fitted is None or _left(nearest) < _BETTER * _left(fitted):
+        amplitudes, nearest = min(held, key=lambda one: chi2_of(one[1]))
+        if fitted is None or chi2_of(nearest) < _BETTER * chi2_of(fitted):
             fitted = beside.fitted(amplitudes, nearest)
-    return None if fitted is None else Alone(candidate, fitted, _left(fitted), tuple(one for _, one in held))
+    return (
+        None if fitted is None else Alone(candidate, fitted, chi2_of(fitted), tuple(one for _, one in held))
+    )
 
 
 def at_amplitudes(before: ModelComparison, tried: Alone, rival: float = math.inf) -> tuple[FitResult, ...]:
@@ -193,7 +195,3 @@ class _Beside:
             )
         except RigctlError:
             return None
-
-
-def _left(fitted: FitResult) -> float:
-    return plain(fitted).chi2
