@@ -152,10 +152,10 @@ def _left_open(diagnosis: Diagnosis) -> Question:
     if diagnosis.verdict is Verdict.ADEQUATE:
         return _unseen(diagnosis)
     if diagnosis.verdict is Verdict.OUTSIDE_LIBRARY and diagnosis.remainder is not None:
-        raise nothing_left(
-            diagnosis,
-            "'rigctl discover' looks for a formula; '--separate A,B' designs for two effects of your choice",
+        raise NothingLeft(
             "no effect of the library explains these data, so that a record would only tell wrong ones apart",
+            hint="'rigctl discover' looks for a formula; "
+            "'--separate A,B' designs for two effects of your choice",
         )
     likely = [one.effect for one in diagnosis.ranking if one.probability > 1.0 / ODDS]
     tried = {name for trial in diagnosis.trials for name in trial.effects}
@@ -276,14 +276,12 @@ def _unseen(diagnosis: Diagnosis) -> Question:
 
 
 def nothing_left(
-    diagnosis: Diagnosis,
-    hint: str = "'--separate A,B' designs for two effects of your choice",
-    reason: str = "",
+    diagnosis: Diagnosis, hint: str = "'--separate A,B' designs for two effects of your choice"
 ) -> NothingLeft:
-    """The refusal if a diagnosis leaves nothing open, or nothing that more records would answer."""
+    """The refusal if a diagnosis leaves nothing open."""
     return NothingLeft(
-        reason or f"nothing is left to tell apart: {diagnosis.title.lower()}",
-        value=None if reason else diagnosis.model,
+        f"nothing is left to tell apart: {diagnosis.title.lower()}",
+        value=diagnosis.model,
         hint=hint,
     )
 
