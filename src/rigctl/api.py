@@ -11,12 +11,13 @@ from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.model import Model
+from rigctl.plan import Plan
 from rigctl.procedure import expand, load_procedure
 from rigctl.project import find_project
 from rigctl.rig import load_rig
 from rigctl.runner.bench_access import UNREAL, bench_options, clock_for
 from rigctl.runner.launch import Launch, launch
-from rigctl.runner.operator import AutomaticOperator, Operator, ScriptedOperator
+from rigctl.runner.operator import AutomaticOperator, Operator, scripted
 from rigctl.runner.session import Observer, RunResult
 
 
@@ -103,7 +104,7 @@ def run(
         plan,
         Launch(
             runs=folder,
-            operator=operator or _answering(kind, answers),
+            operator=operator or _answering(plan, kind, answers),
             backend=kind,
             options=bench_options(kind, plan.rig, port=port, seed=seed, runs=folder),
             clock=clock_for(speed, kind),
@@ -117,9 +118,9 @@ def run(
     )
 
 
-def _answering(backend: str, answers: Mapping[str, str] | None) -> Operator:
+def _answering(plan: Plan, backend: str, answers: Mapping[str, str] | None) -> Operator:
     if answers is not None:
-        return ScriptedOperator(answers)
+        return scripted(plan, answers)
     if backend not in UNREAL:
         raise RigctlError(
             "somebody has to answer on a real bench",

@@ -40,7 +40,7 @@ def attended(
     from rigctl.live import view
     from rigctl.runner.console import Console
     from rigctl.runner.keys import HELP
-    from rigctl.runner.operator import AutomaticOperator, Operator, ScriptedOperator
+    from rigctl.runner.operator import AutomaticOperator, Operator, scripted
 
     kind = how.backend or plan.rig.backend.kind
     by_hand = kind not in _UNATTENDED and not answers
@@ -48,7 +48,7 @@ def attended(
     display = view(plan, hint=HELP if keys else "")
     how = replace(how, observer=display)
     if not by_hand and not keys:
-        unattended = ScriptedOperator(answers) if answers else AutomaticOperator()
+        unattended = scripted(plan, answers) if answers else AutomaticOperator()
         with display:
             yield replace(how, operator=unattended)
         return
@@ -56,7 +56,7 @@ def attended(
     with Console(how.person, None) if display.interactive else Console(how.person) as console, display:
         operator: Operator = console
         if not by_hand:
-            operator = ScriptedOperator(answers) if answers else AutomaticOperator()
+            operator = scripted(plan, answers) if answers else AutomaticOperator()
         yield replace(how, operator=operator, controls=(*how.controls, console))
 
 

@@ -7,8 +7,11 @@ import math
 from collections.abc import Mapping
 from typing import Protocol
 
-from rigctl.errors import RigctlError
+from rigctl.errors import RigctlError, unknown_name
+from rigctl.plan import Plan
 from rigctl.plan.behaviour import Answer, Question
+from rigctl.plan.tree import Leaf, all_nodes
+from rigctl.steps.prompt import Prompt
 from rigctl.units import describe, parse_unit, read_si, show
 
 
@@ -108,8 +111,40 @@ class ScriptedOperator:
             return Answer("done")
         name = str(question.name)
         if name not in self._answers:
-            raise RigctlError("no answer was given beforehand", value=name, expected=f"--answer {name}=VALUE")
+            raise _missing(name)
         return read_answer(question, self._answers[name])
 
     def withdraw(self, question: Question) -> None:
         """Nothing to take back."""
+
+
+def scripted(plan: Plan, answers: Mapping[str, str]) -> ScriptedOperator:
+    """The operator who answers from a table, checked against every prompt of the plan.
+
+    A prompt in a branch or a cleanup block needs its answer as well: it may be reached at night.
+
+    Raises
+    ------
+    RigctlError
+        a prompt has no answer, an answer does not fit a prompt with its name, or no prompt has its name.
+    """
+    operator = ScriptedOperator(answers)
+    asked: set[str] = set()
+    for node in all_nodes(plan):
+        if isinstance(node, Leaf) and isinstance(node.action, Prompt) and node.action.name is not None:
+            try:
+                operator.ask(node.action.asked())
+            except RigctlError as error:
+                if node.action.name in answers:
+                    error.what = f"the answer to '{node.action.name}' does not fit: {error.what}"
+                raise error.at(node.where) from None
+            asked.add(node.action.name)
+    for name in answers:
+        if name not in asked:
+            raise unknown_name("question of the procedure", name, sorted(asked))
+    return operator
+
+
+def _missing(name: str) -> RigctlError:
+    """The error of a prompt without an answer."""
+    return RigctlError("no answer was given beforehand", value=name, expected=f"--answer {name}=VALUE")

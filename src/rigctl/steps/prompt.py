@@ -88,6 +88,17 @@ class Prompt(Action):
     high: float | None = None  #: SI, included
     simulated: float | None = None  #: SI; answer of a simulated operator
 
+    def asked(self) -> Question:
+        """The question as the operator is asked it."""
+        return Question(
+            text=self.question,
+            name=self.name,
+            unit=self.unit,
+            low=self.low,
+            high=self.high,
+            simulated=self.simulated,
+        )
+
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
         """The time assumed for a person."""
         seconds = bench.operator_time(ANSWERING if self.name is None else TYPING)
@@ -96,15 +107,7 @@ class Prompt(Action):
 
     def carry_out(self, bench: Bench) -> Behaviour:
         """Wait for a confirmation or a value; sampling and interlocks continue meanwhile."""
-        question = Question(
-            text=self.question,
-            name=self.name,
-            unit=self.unit,
-            low=self.low,
-            high=self.high,
-            simulated=self.simulated,
-        )
-        answer = yield from bench.ask(question)
+        answer = yield from bench.ask(self.asked())
         if self.name is not None and answer.value is not None:
             answered = MeasuredValue(
                 self.name, answer.value, self.unit or "1", self.low, self.high, typed=True
