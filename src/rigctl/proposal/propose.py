@@ -10,7 +10,8 @@ import numpy as np
 from rigctl.errors import unknown_name
 from rigctl.proposal.columns import Column, Table
 from rigctl.proposal.draft import Draft
-from rigctl.proposal.templates import TEMPLATES, duration
+from rigctl.proposal.from_columns import duration
+from rigctl.proposal.templates import TEMPLATES
 from rigctl.proposal.write import family_text, model_text, procedure_text, rig_text
 
 
