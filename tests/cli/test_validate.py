@@ -54,7 +54,7 @@ def test_rates_are_printed_with_their_targets_and_the_mistaken_effects() -> None
     assert "accepted and wrong" in printed
     assert "at most 1.0 %: missed" in printed
     assert "pump_slip 1" in printed
-    assert "1 trials could not be made" in printed
+    assert "1 trial could not be made" in printed
     page = Path("validation/quick.md").read_text(encoding="utf-8")
     assert page.startswith("`rigctl validate --tier quick`: 3 trials")
     assert "| pressure_gain | 0 of 1 | pump_slip 1 |" in page

@@ -70,11 +70,10 @@ def left_out_text(figures: Figures) -> list[str]:
     found = []
     if untested:
         names = ", ".join(dict.fromkeys(effect for one in untested for effect in one.scenario.truth))
-        found.append(
-            f"{len(untested)} trials could not be made, because no amplitude has the size wanted: {names}."
-        )
+        made = _trials(len(untested), "could not be made")
+        found.append(f"{made}, because no amplitude has the size wanted: {names}.")
     if failed:
-        found.append(f"{len(failed)} trials failed and count against the tool: {failed[0].failure}")
+        found.append(f"{_trials(len(failed), 'failed')}, counted as wrong: {failed[0].failure}")
     return found
 
 
@@ -111,3 +110,8 @@ def _confused(figures: Figures) -> list[tuple[str, str, str]]:
 def _markdown(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     lines = ["| " + " | ".join(headings) + " |", "|" + "---|" * len(headings)]
     return lines + ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
+
+
+def _trials(count: int, what: str) -> str:
+    """So many trials, in the singular where it is one."""
+    return f"{count} {'trial' if count == 1 else 'trials'} {what}"
