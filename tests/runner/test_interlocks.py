@@ -105,6 +105,14 @@ def test_no_rate_is_computed_before_half_of_its_window(rig: Rig) -> None:
     assert feed(Interlocks(rig), rows) == []
 
 
+def test_a_rate_is_known_where_samples_are_further_apart_than_its_window() -> None:
+    """Read at 10 Hz by a clock that is 1 % slow, over a window of 0.1 s."""
+    rows = [row(0.101 * i, position=0.07 * i) for i in range(4)]
+    assert [a.name for a in feed(Interlocks(SHIPPED), rows)] == ["moves_too_fast"]
+    slow = [row(2.0 * i, position=0.12 * (i % 2)) for i in range(8)]
+    assert feed(Interlocks(SHIPPED), slow) == []
+
+
 def test_quantisation_noise_does_not_count_as_motion(rig: Rig) -> None:
     step = 0.00029325513
     rows = [row(0.01 * i, position=0.05 + step * (i % 3)) for i in range(500)]
@@ -138,7 +146,7 @@ def test_a_slow_rate_does_not_count_as_silence(rig: Rig) -> None:
 
 @given(st.lists(st.floats(0.0, 0.24), min_size=1, max_size=60), st.floats(278.2, 357.0))
 def test_values_within_all_limits_never_trip(positions: list[float], oil: float) -> None:
-    # 10 s apart: no rate is known over windows shorter than that
+    # 10 s apart: even the whole stroke is slow
     rows = [row(10.0 * i, oil=oil, position=x) for i, x in enumerate(positions)]
     assert [alarm for alarm in feed(Interlocks(SHIPPED), rows) if alarm.action == "stop"] == []
 

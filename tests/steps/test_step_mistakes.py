@@ -100,6 +100,12 @@ MISTAKES: list[tuple[str, str, list[str]]] = [
         "3:75",
         ["'ignore'", "fail or continue"],
     ),
+    (
+        "- heat: {to: 30 degC, timeout: 1 min}",
+        "3:34",
+        ["before the reading can settle", "settling time, 60 s"],
+    ),
+    ("- set_pressure: {to: 30 bar, settle: 9 s, timeout: 5 s}", "3:54", ["'5 s'", "settling time, 9 s"]),
     ("- prompt: {question: hi, name: t}", "3:13", ["a typed answer needs a unit"]),
     ("- prompt: {question: hi, low: 1 s}", "3:33", ["only a named answer has this"]),
     ("- prompt: {question: hi, name: t, unit: sek}", "3:43", ["unknown unit", "'sek'"]),

@@ -115,13 +115,15 @@ class Watch:
         return cleared
 
     def _rate(self, time: float, value: float) -> float:
-        """Change per second over the window; NaN until half of it has been seen."""
+        """Change per second over the window, or since the previous value if the window is shorter than that;
+        NaN until half of it has been seen."""
         window = self.window or 0.0
         past = self._past
         if math.isnan(value):
             return math.nan
         past.append((time, value))
-        while time - past[0][0] > window + _SLACK:
+        # the previous value stays: a bench that is read more slowly than the window has a rate as well
+        while len(past) > 2 and time - past[0][0] > window + _SLACK:
             past.popleft()
         then, old = past[0]
         span = time - then

@@ -16,8 +16,15 @@ _INTERRUPT = ("SIGINT",)
 _TERMINATE = ("SIGTERM", "SIGHUP", "SIGBREAK")
 
 
+def _ignored_on_purpose(name: str, number: int) -> bool:
+    """Whether the program was started to survive the end of its terminal: by `nohup`."""
+    return name == "SIGHUP" and signal.getsignal(number) is signal.SIG_IGN
+
+
 class Signals:
     """Counts the signals that ask for the end, while it is entered; restores the old handlers afterwards.
+
+    A SIGHUP that is ignored when it is entered, as under `nohup`, stays ignored.
 
     Outside the main thread, where Python allows no handlers, it does nothing.
     """
@@ -33,7 +40,7 @@ class Signals:
             for names, code in ((_INTERRUPT, ExitCode.INTERRUPTED), (_TERMINATE, ExitCode.TERMINATED)):
                 for name in names:
                     number = getattr(signal, name, None)
-                    if number is not None:
+                    if number is not None and not _ignored_on_purpose(name, number):
                         self._before[number] = signal.signal(number, self._handler(name, code))
         return self
 

@@ -27,7 +27,7 @@ from rigctl.plan.values import (
     Temperature,
     TemperatureTolerance,
 )
-from rigctl.steps.settling import Settling
+from rigctl.steps.settling import Settling, check_settling
 from rigctl.units import show
 
 
@@ -66,6 +66,7 @@ class HeatStep(Step):
             settle=context.si(fields.settle, "heat", "settle"),
             timeout=context.si(fields.timeout, "heat", "timeout"),
         )
+        check_settling(context, "heat", action.settle, action.timeout)
         unit = context.rig.channels[role.channel].unit
         label = (
             f"heat to {show(action.to, unit)} ± {show(action.within, 'K', difference=True)}, "

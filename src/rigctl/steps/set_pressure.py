@@ -27,7 +27,7 @@ from rigctl.plan.values import (
     Value,
 )
 from rigctl.steps.readings import reading
-from rigctl.steps.settling import Settling
+from rigctl.steps.settling import Settling, check_settling
 from rigctl.units import show
 
 #: s for a driven level, in addition to the settling time
@@ -73,6 +73,7 @@ class SetPressureStep(Step):
         with context.located("set_pressure", "to"):
             check_level(context.rig, role.actuator, action.to)
             check_set_point(context.rig, role.channel, action.to)
+        check_settling(context, "set_pressure", action.settle, action.timeout)
         unit = context.rig.channels[role.channel].unit
         by_hand = context.rig.actuators[role.actuator].by == "operator"
         label = (

@@ -5,11 +5,31 @@ from __future__ import annotations
 import math
 from collections import deque
 
+from rigctl.errors import RigctlError
 from rigctl.plan.behaviour import Bench
+from rigctl.plan.context import Context
+from rigctl.plan.shown import shown_time
 from rigctl.steps.readings import reading
 
 #: s, longest average of a reading before it is compared with a tolerance
 LONGEST = 1.0
+
+
+def check_settling(context: Context, verb: str, settle: float, timeout: float) -> None:
+    """Refuse a step that fails before its reading can have been within the tolerance for `settle` s.
+
+    Raises
+    ------
+    RigctlError
+        `timeout` is not longer than `settle`.
+    """
+    if timeout <= settle:
+        with context.located(verb, "timeout"):
+            raise RigctlError(
+                "the step fails before the reading can settle",
+                value=shown_time(timeout),
+                expected=f"more than the settling time, {shown_time(settle)}",
+            )
 
 
 class MovingMean:
