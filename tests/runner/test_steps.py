@@ -44,6 +44,20 @@ def test_a_timed_move_has_its_exact_duration_between_samples(do: Do) -> None:
     assert done.result.duration == pytest.approx(off, abs=1e-9)
 
 
+def test_outputs_set_for_a_time_begin_together_when_all_have_rested(do: Do) -> None:
+    """The heater, just switched off, may be switched on again only after 2 s."""
+    done = do(
+        "steps:\n  - set: {heater: on}\n  - set: {heater: off}\n"
+        "  - set: {values: {valve: extend, heater: on}, for: 0.5 s}\n"
+    )
+    assert done.result.status == "finished", done.result.reason
+    (opened, _), (closed, _) = done.commands("valve")
+    assert closed - opened == pytest.approx(0.5, abs=1e-9)
+    (on, _), (off, _) = done.commands("heater")[2:]
+    assert off - on == pytest.approx(0.5, abs=1e-9)
+    assert on == pytest.approx(opened, abs=0.05)
+
+
 def test_a_move_until_a_condition_stops_there(do: Do) -> None:
     done = do("steps:\n  - extend: {until: position > 50 mm, timeout: 5 s}\n")
     assert [value for _, value in done.commands("valve")] == [1.0, 0.0]

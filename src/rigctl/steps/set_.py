@@ -124,15 +124,19 @@ class Set(Action):
 
         For an actuator that is turned by hand the operator is asked, and has to confirm.
         """
+        ends: dict[str, float] = {}
+        if self.duration is not None:  # none may be over, or last longer, while another one still rests
+            while bench.now < (ready := max(bench.rested_at(*each) for each in self.values.items())):
+                yield Until(ready)
         for name, value in self.values.items():
-            yield from bench.command(name, value, self.duration)
+            receipt = yield from bench.command(name, value, self.duration)
+            ends[name] = receipt.time + (self.duration or 0.0)
             actuator = bench.rig.actuators[name]
             if actuator.by == "operator":
                 yield from bench.ask(Question(f"Set {name} to {actuator.show(value)}"))
         if self.duration is not None:
-            end = max(bench.pulses[name].end for name in self.values)
-            yield Until(end, on_pause=OnPause.DEFER)
-            for name in self.values:
+            for name in sorted(ends, key=lambda name: ends[name]):
+                yield Until(ends[name], on_pause=OnPause.DEFER)
                 yield from bench.finish_pulse(name)
         return Outcome.COMPLETE
 
