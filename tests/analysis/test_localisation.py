@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from made_fit import SIZE, made_fit, made_noise
-from rigctl.analysis.localisation import CellMap, Place, ranges, worst_stretches
+from rigctl.analysis.localisation import CellMap, Place, _cells, _conditions, ranges, worst_stretches
 from rigctl.noise import ChannelNoise, NoiseModel
 
 TRIALS = 150
@@ -86,3 +89,22 @@ def test_a_place_with_a_misfit_is_significant(drawn: bool) -> None:
     assert cells.p_value(here) < 1e-6
     assert cells.p_value(~here) > 0.05
     assert cells.p_value(np.zeros_like(here)) == 1.0
+
+
+def made_regions() -> tuple[Any, CellMap]:
+    """Twelve records in as many groups at two temperatures, with phases that are not told apart."""
+    fit = made_fit(made_noise(), 3, in_hold(0.4))
+    records = [replace(one, condition={"oil": 293.15 + (k > 0)}) for k, one in enumerate(fit.problem.records)]
+    fit.problem.records = tuple(records)  # type: ignore[misc]
+    regions = SimpleNamespace(labels=(("all", "position"), ("all", "pressure")), groups=tuple(range(12)))
+    return SimpleNamespace(fit=fit, regions=regions), CellMap(np.full((12, 2), 5.0), np.empty((0, 24)))
+
+
+def test_a_cell_of_all_phases_together_is_named_by_its_channel() -> None:
+    assert [place.label for place in _cells(*made_regions())] == ["position", "pressure"]
+
+
+def test_conditions_with_the_same_text_are_named_with_their_records() -> None:
+    labels = [place.label for place in _conditions(*made_regions())]
+    assert labels[:3] == ["oil 20 degC", "oil 21 degC (r/2)", "oil 21 degC (r/3)"]
+    assert len(set(labels)) == 12

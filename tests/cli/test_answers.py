@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
+from commands import create_project, told
+from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.cli.progress import _thinned, telling
 from rigctl.cli.views.answer import show_answer
 from rigctl.cli.views.model import show_errors
+from rigctl.errors import RigctlError
 from rigctl.model.history.change import ModelError
 from rigctl.report.answer import Answer
+from rigctl.report.diagnosis_answer import _fits, _not_distinguished
 
 
 def test_numbered_progress_messages_are_thinned_and_others_are_all_shown() -> None:
@@ -53,3 +61,36 @@ def test_error_bars_show_the_error_beyond_the_noise(capsys: pytest.CaptureFixtur
     _, first, second, floor = capsys.readouterr().out.splitlines()
     assert (first.count("█"), second.count("█"), floor.count("█")) == (40, 0, 0)
     assert [line.split()[-1] for line in (first, second, floor)] == ["0.158", "0.127", "0.127"]
+
+
+def test_additions_that_other_effects_could_replace_are_stated_once() -> None:
+    ambiguous: Any = SimpleNamespace(
+        verdict=Verdict.AMBIGUOUS, effects=("friction", "leak"), classes=(("leak", "gain", "lag"),)
+    )
+    clear: Any = SimpleNamespace(verdict=Verdict.MISSING_EFFECT, effects=("lag",), classes=(("lag",),))
+    steps: list[Any] = [SimpleNamespace(diagnosis=one) for one in (ambiguous, ambiguous, clear)]
+    text = "these data cannot distinguish friction and leak from gain or lag"
+    assert _not_distinguished(steps) == text
+    assert _not_distinguished(steps[2:]) == ""
+
+
+def test_a_diagnosis_that_adds_no_effect_states_one_error() -> None:
+    before, best = SimpleNamespace(fit="fit"), SimpleNamespace(fit="fit", candidates=())
+    found: Any = SimpleNamespace(before=before, best=best)
+    assert _fits(found) == ["fit"]
+
+
+def test_an_interrupted_survey_without_reuse_has_kept_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    create_project(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("rigctl.cli.commands.survey._opened", interrupt)
+    command = ("survey", "--model", "models/hl32-textbook.yaml")
+    with pytest.raises(RigctlError, match="what was read is kept"):
+        told(*command)
+    with pytest.raises(RigctlError, match="nothing was saved"):
+        told(*command, "--no-cache")

@@ -136,6 +136,7 @@ def test_a_dry_run_moves_nothing(rigctl: Rigctl) -> None:
         (["jog", "valve", "extend", "--speed", "max"], "nobody answers that fast"),
         (["jog", "heater", "on", "--for", "5 bar"], "wrong dimension"),
         (["monitor", "--for", "soon"], "not a quantity"),
+        (["monitor", "--for=-1 s"], "expected more than zero"),
     ],
 )
 def test_a_mistake_is_reported_without_a_traceback(

@@ -171,3 +171,12 @@ def test_an_actuator_without_influence_is_refused_as_set_point(tmp_path: Path) -
         wanted = ("--keep", "final = 40 degC", "--vary", "heater_2", "--over", "heater_1")
         model = ("--model", "models/heater-board.yaml")  # without coupling of the two heaters
         assert "does not change 'final'" in refusal("compensate", "latest", *model, *wanted)
+
+
+def test_a_run_without_measures_is_refused_before_a_fit(tmp_path: Path) -> None:
+    create_project(tmp_path)
+    with chdir(tmp_path):
+        told("import", "data/unknown-bench.csv", "--rig", "rigs/hl32-bench.yaml")
+        said = refusal("compensate", "latest", "--model", MODEL, *WANTED)
+    assert "took no measure" in said
+    assert "a 'measure' step" in said

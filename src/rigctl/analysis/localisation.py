@@ -224,15 +224,27 @@ def _conditions(lin: Linearisation, cells: CellMap) -> list[Place]:
     normalised = list(map(fit.normalised_error, fit.fitted))
     units = variable_units(fit.problem.measurements)
     places = []
-    for group in dict.fromkeys(groups.tolist()):
+    names = list(dict.fromkeys(groups.tolist()))
+    firsts = [fit.problem.records[fit.fitted[int(np.argmax(groups == group))]] for group in names]
+    labels = _distinct(
+        [condition_text(one.condition, units) for one in firsts], [one.label for one in firsts]
+    )
+    for group, label in zip(names, labels, strict=True):
         chosen = np.zeros(cells.z.shape, dtype=bool)
         chosen[groups == group] = True
         members = [k for k in range(len(groups)) if groups[k] == group]
-        record = fit.problem.records[fit.fitted[members[0]]]
-        label = condition_text(record.condition, units) or record.label
         values = np.concatenate([normalised[k].ravel() for k in members])
         places.append(Place("condition", label, cells.share(chosen), _rms(values), cells.p_value(chosen)))
     return places
+
+
+def _distinct(conditions: Sequence[str], records: Sequence[str]) -> list[str]:
+    """The text of each condition, with its first record where another condition has the same text: records
+    may also differ in commands that no condition states."""
+    return [
+        record if not text else f"{text} ({record})" if conditions.count(text) > 1 else text
+        for text, record in zip(conditions, records, strict=True)
+    ]
 
 
 def _regions(lin: Linearisation, cells: CellMap, part: int) -> list[Place]:
@@ -271,7 +283,7 @@ def _cells(lin: Linearisation, cells: CellMap) -> list[Place]:
         chosen[:, column] = True
         if (chosen & cells.here).any():
             rmse = _rms(_of_region(lin, phase, channel))
-            label = f"{channel} in {phase}"
+            label = channel if phase == "all" else f"{channel} in {phase}"
             places.append(Place("cell", label, cells.share(chosen), rmse, cells.p_value(chosen)))
     return places
 

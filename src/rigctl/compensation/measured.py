@@ -89,18 +89,34 @@ class TakenMeasure:
         return float(self.measure.expression.evaluate({**known, DURATION: self.at - first}))
 
 
+def require_measure(runs: Sequence[Run], name: str) -> None:
+    """Check that each run took a measure of that name.
+
+    Raises
+    ------
+    RigctlError
+        a run took none, or none of that name.
+    """
+    for run in runs:
+        named = sorted({str(one) for one in run.info["measures"]} | _measures_of_records(run))
+        if not named:
+            raise RigctlError(
+                f"the run {run.id} took no measure",
+                value=name,
+                expected="a run of a procedure whose records have a 'measure' step",
+            )
+        if name not in named:
+            raise unknown_name(f"measure of the run {run.id}", name, named)
+
+
 def find_measure(runs: Sequence[Run], rig: Rig, target: Target) -> TakenMeasure:
     """The measure with that name, from the procedure by which the runs were made.
 
     Raises
     ------
     RigctlError
-        the runs have no such measure, or their procedure no longer exists or has changed.
+        no record takes the measure, or their procedure no longer exists or has changed.
     """
-    for run in runs:
-        named = sorted({str(one) for one in run.info["measures"]} | _measures_of_records(run))
-        if target.name not in named:
-            raise unknown_name(f"measure of the run {run.id}", target.name, named)
     arguments: dict[tuple[str, int], Mapping[str, str]] = {}
     found: list[tuple[Measure, Path]] = []
     for run in runs:

@@ -19,7 +19,7 @@ from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.fitting import OnProgress, no_progress
 from rigctl.compensation.check_text import procedure_text
 from rigctl.compensation.levers import Lever, lever, levers_of
-from rigctl.compensation.measured import TakenMeasure, Target, find_measure
+from rigctl.compensation.measured import TakenMeasure, Target, find_measure, require_measure
 from rigctl.compensation.prediction import Predictor
 from rigctl.compensation.result import Row, Schedule
 from rigctl.dataset.run import Run
@@ -68,6 +68,7 @@ def compensate(
     """
     said = on_progress or no_progress
     target = Target.read(keep)
+    require_measure(runs, target.name)  # before a fit of minutes
     compared = compare(runs, [model], on_progress=on_progress)
     (judged,) = compared.models
     fit = judged.fit

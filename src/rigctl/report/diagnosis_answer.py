@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter, Ranked, Verdict
-from rigctl.analysis.improve import Improvement, ImprovementEnd
+from rigctl.analysis.improve import Improvement, ImprovementEnd, Step
 from rigctl.analysis.remainder import share_text
+from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
 from rigctl.report.answer import Answer, Tone, error_text, said
 from rigctl.report.everyday_units import everyday
@@ -34,13 +35,18 @@ def diagnosis_answer(found: Diagnosis) -> Answer:
         facts = [
             (_size_head(found), _sizes(found)),
             ("how sure", _sureness(found)),
-            ("error", error_text(falls([found.before.fit, found.best.fit], left_of_diagnosis(found)))),
+            ("error", error_text(falls(_fits(found), left_of_diagnosis(found)))),
             ("left", _left(found)),
         ]
     laws = [one.statement for one in found.laws if one.differs]
     facts.append(("its law", laws[0] if laws else ""))
     tone: Tone = "warn" if found.doubt else _TONES[found.verdict]
     return Answer(tone, found.title, _sentence(found), said(facts))
+
+
+def _fits(found: Diagnosis) -> list[FitResult]:
+    """The model's fit, and that with the effects of the best set if there are any."""
+    return [found.before.fit, *([found.best.fit] if found.best.candidates else [])]
 
 
 def improvement_answer(found: Improvement) -> Answer:
@@ -52,6 +58,7 @@ def improvement_answer(found: Improvement) -> Answer:
             (f"version {step.version.number}", _added(found.steps[number].diagnosis, step.effects))
             for number, step in enumerate(found.steps)
         ),
+        ("ambiguous", _not_distinguished(found.steps)),
         ("error", error_text(falls(fits, left_of(found.last.before)))),
         *(("no fit saw", one.sentences[0]) for one in found.unseen),
     ]
@@ -67,19 +74,31 @@ def _sentence(found: Diagnosis) -> str:
         return f"{found.doubt}: these data cannot tell whether anything is missing"
     if found.verdict is Verdict.ADEQUATE:
         return found.statement
-    names = " and ".join(found.effects)
     if found.verdict is Verdict.MISSING_EFFECT:
         return ". ".join(one.effect.summary.rstrip(".") for one in found.best.candidates)
-    close = next((group for group in found.classes if len(group) > 1), ())
-    if found.verdict is Verdict.AMBIGUOUS and close:
-        others = [name for name in close if name not in found.effects]
-        return f"something is missing, and these data cannot distinguish {names} from {_listed(others)}"
+    if alike := _alike(found):
+        return f"something is missing, and {alike}"
     said = found.statement.partition(": ")[0]
     nearest = " and ".join(found.best.effects)
     said = said.replace("in the library is this", f"in the library is {nearest}")
     return said.replace("as well as this", f"as well as {nearest}").replace(
         "The nearest is this", f"The nearest is {nearest}"
     )
+
+
+def _alike(found: Diagnosis) -> str:
+    """What the data cannot distinguish from the effects of an ambiguous verdict; "" if it is not that."""
+    close = next((group for group in found.classes if len(group) > 1), ())
+    if found.verdict is not Verdict.AMBIGUOUS or not close:
+        return ""
+    others = [name for name in close if name not in found.effects]
+    return f"these data cannot distinguish {' and '.join(found.effects)} from {_listed(others)}"
+
+
+def _not_distinguished(steps: Sequence[Step]) -> str:
+    """Which of the additions other effects could replace: the most probable was added."""
+    texts = dict.fromkeys(_alike(step.diagnosis) for step in steps)
+    return "; ".join(text for text in texts if text)
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -143,6 +143,8 @@ def monitor(
 
     bench = open_rig(rig)
     end = read_si(duration, "s") if duration is not None else None
+    if end is not None and end <= 0.0:
+        raise RigctlError("--for: too small", value=duration, expected="more than zero")
     say_guards()
     readings = watch(bench, access_of(bench, backend, port, speed), rate or bench.monitor_rate)
     first: float | None = None

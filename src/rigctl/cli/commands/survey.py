@@ -127,7 +127,8 @@ def survey(
     if junit is not None:
         require_output(junit, force=force)
     (opened,) = open_models([model])
-    with telling("what was read is kept, and the same command goes on with it") as on_progress:
+    kept = "nothing was saved" if no_cache else "what was read is kept, and the same command goes on with it"
+    with telling(kept) as on_progress:
         measured, damaged = _opened(runs or ["all"], where)
         found = surveyed(
             measured,

@@ -79,8 +79,16 @@ def show_comparison(found: Comparison, *, verbose: bool = False) -> None:
 
 #: a note on the spikes of one channel
 _SPIKES = re.compile(r"^\d+ spikes? of \w+ (was|were) masked: ")
-#: how the notes begin, or what is in those, that every comparison has of how its data were taken
-_ROUTINE = ("Noise: ", "Noise of ", "assumed of ", "Commands were written down", " masked: ")
+#: how the notes begin, or what is in those, that every comparison has of how its data were taken, or that
+#: repeat the line on the error
+_ROUTINE = (
+    "Noise: ",
+    "Noise of ",
+    "assumed of ",
+    "Commands were written down",
+    " masked: ",
+    " is only guessed: ",
+)
 
 
 def routine(notes: Sequence[str]) -> list[str]:
