@@ -72,6 +72,16 @@ def _amount(
         yield from _refused(keys, lambda: amount.check(unit, difference=difference))
 
 
+def _reading(keys: tuple[str | int, ...], amount: Amount, channel: Channel) -> Iterator[Problem]:
+    """An amount that is compared with readings of a channel: 5 degC is no temperature difference."""
+    yield from _amount(keys, amount, channel.unit)
+    if channel.difference and amount.unit.offset:
+        error = RigctlError(
+            "the channel is a temperature difference", value=amount.text, expected="kelvin, e.g. '5 K'"
+        )
+        yield Problem(keys, error)
+
+
 def _names(rig: Rig) -> Iterator[Problem]:
     for part, names in (("channels", rig.channels), ("actuators", rig.actuators)):
         for name in names:
@@ -102,7 +112,7 @@ def _channel(keys: tuple[str | int, ...], channel: Channel) -> Iterator[Problem]
     uncertainty = channel.calibration.uncertainty
     yield from _amount((*keys, "calibration", "uncertainty"), uncertainty, channel.unit, difference=True)
     for index, end in enumerate(channel.range or ()):
-        yield from _amount((*keys, "range", index), end, channel.unit)
+        yield from _reading((*keys, "range", index), end, channel)
     if channel.range and channel.range[0] >= channel.range[1]:
         yield Problem((*keys, "range"), RigctlError("range: the lower end is not below the upper one"))
     yield from _converter(keys, channel)
@@ -218,8 +228,10 @@ def _limits(rig: Rig) -> Iterator[Problem]:
             continue
         unit = rig.channels[limit.channel].unit
         bound: Amount = getattr(limit, limit.bound)
-        per_second = f"{unit}/s" if unit not in ("", "1") else "1/s"
-        yield from _amount((*keys, limit.bound), bound, per_second if limit.of_rate else unit)
+        if not limit.of_rate:
+            yield from _reading((*keys, limit.bound), bound, rig.channels[limit.channel])
+            continue
+        yield from _amount((*keys, limit.bound), bound, f"{unit}/s" if unit not in ("", "1") else "1/s")
 
 
 def _safe_state(rig: Rig) -> Iterator[Problem]:
