@@ -135,6 +135,14 @@ def test_a_mistake_is_reported_with_its_place(
         assert piece in message
 
 
+def test_an_actuator_turned_by_hand_is_not_set_for_a_time(planned: Callable[..., Plan]) -> None:
+    """The others would stay on until the operator answers."""
+    rig = parse_rig(RIG.replace("\n  heater: off\n", "\n  heater: off\n  relief_valve: 10 bar\n"))
+    step = "- set: {values: {heater: on, relief_valve: 20 bar}, for: 2 s}"
+    with pytest.raises(RigctlError, match=r"test.yaml:3:46: .*turned by hand.*'relief_valve'.*without 'for'"):
+        planned(f"steps:\n  {step}\n", rig)
+
+
 def test_all_mistakes_of_a_file_are_reported_together(planned: Callable[..., Plan]) -> None:
     with pytest.raises(RigctlError) as caught:
         planned("steps:\n  - heet: 1\n  - wait: 3\n  - heat: {to: 3 bar}\n")

@@ -75,9 +75,16 @@ class SetStep(Step):
         duration = context.optional_si(fields.for_, "set", "for")
         if duration is not None:
             for name in values:
-                if name not in context.rig.safe_state:
-                    with context.located("set", "values", name):
+                with context.located("set", "values", name):
+                    if name not in context.rig.safe_state:
                         raise RigctlError("this actuator has no safe value to return to", value=name)
+                    if actuators[name].by == "operator":
+                        # the others would stay on until the operator answers, and nobody turns this one back
+                        raise RigctlError(
+                            "this actuator is turned by hand, and cannot be set for a time",
+                            value=name,
+                            expected="a driven one, or 'set' without 'for'",
+                        )
         shown = ", ".join(f"{name} {actuators[name].show(value)}" for name, value in values.items())
         label = f"set {shown}" + (f" for {shown_time(duration)}" if duration else "")
         return context.leaf(label, Set(values, duration))
@@ -122,7 +129,8 @@ class Set(Action):
     def carry_out(self, bench: Bench) -> Behaviour:
         """Command every actuator; with a duration, wait until they have returned to their safe values.
 
-        For an actuator that is turned by hand the operator is asked, and has to confirm.
+        For an actuator that is turned by hand the operator is asked, and has to confirm; such a one is never
+        set for a time.
         """
         ends: dict[str, float] = {}
         if self.duration is not None:  # none may be over, or last longer, while another one still rests
