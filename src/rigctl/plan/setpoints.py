@@ -16,13 +16,16 @@ def check_set_point(rig: Rig, channel: str, value: float) -> None:
         outside the channel's physical range, or past a limit whose action is stop; names the limit.
     """
     described = rig.channels[channel]
-    shown = show(value, described.unit, difference=described.difference)
+
+    def shown(value: float) -> str:
+        return show(value, described.unit, difference=described.difference)
+
     if not described.possible(value):
         low, high = described.range or (value, value)
         raise RigctlError(
             f"outside the range of the channel '{channel}'",
-            value=shown,
-            expected=f"{show(low, described.unit)} to {show(high, described.unit)}",
+            value=shown(value),
+            expected=f"{shown(low)} to {shown(high)}",
         )
     for name, limit in rig.limits.items():
         if limit.channel != channel or limit.action != "stop" or not limit.of_value:
@@ -32,8 +35,8 @@ def check_set_point(rig: Rig, channel: str, value: float) -> None:
             side = "at most" if limit.bound == "above" else "at least"
             raise RigctlError(
                 f"this set-point would trip the limit '{name}' of '{channel}'",
-                value=shown,
-                expected=f"{side} {show(bound, described.unit)}",
+                value=shown(value),
+                expected=f"{side} {shown(bound)}",
             )
 
 

@@ -273,7 +273,7 @@ def _simulation(rig: Rig) -> Iterator[Problem]:
         if name not in rig.channels:
             yield Problem(keys, unknown_name("channel", name, rig.channels), of_key=True)
         else:
-            yield from _amount(keys, amount, rig.channels[name].unit)
+            yield from _reading(keys, amount, rig.channels[name])
     for name in rig.simulation.scatter:
         if name not in rig.actuators:
             error = unknown_name("actuator", name, rig.actuators)

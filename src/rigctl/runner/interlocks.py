@@ -361,7 +361,8 @@ def _of_limits(rig: Rig, columns: Mapping[str, int]) -> list[Watch]:
 def _impossible(name: str, channel: Channel, value: float) -> str:
     if math.isnan(value):
         return f"{name} gives no value: sensor or line broken"
-    return f"{name} reads {show(value, channel.unit)}, which is impossible: sensor or line broken"
+    found = show(value, channel.unit, difference=channel.difference)
+    return f"{name} reads {found}, which is impossible: sensor or line broken"
 
 
 def _stands_still(limit: Limit, channel: Channel, value: float) -> str:

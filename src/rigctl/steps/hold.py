@@ -42,13 +42,13 @@ class HoldStep(Step):
         """A `Hold`."""
         fields = self.hold
         channel = context.channel(fields.channel, "hold", "channel")
-        at = context.optional_si(fields.at, "hold", "at", unit=channel.unit)
+        at = context.optional_si(fields.at, "hold", "at", unit=channel.unit, difference=channel.difference)
         if at is not None:
             with context.located("hold", "at"):
                 check_set_point(context.rig, fields.channel, at)
         within = context.si(fields.within, "hold", "within", unit=channel.unit)
         action = Hold(context.si(fields.for_, "hold", "for"), fields.channel, at, within)
-        around = f"at {show(at, channel.unit)} " if at is not None else ""
+        around = f"at {show(at, channel.unit, difference=channel.difference)} " if at is not None else ""
         label = (
             f"hold {fields.channel} {around}± {show(within, channel.unit, difference=True)} "
             f"for {shown_time(action.duration)}"

@@ -118,8 +118,10 @@ def _channel_findings(rig: Rig, reading: OneReading, url: str) -> Iterator[Findi
 
 
 def _shown(rig: Rig, name: str, value: float) -> str:
+    from rigctl.units import show
+
     channel = rig.channels[name]
-    return f"{channel.display.from_si(value):.6g} {channel.unit}"
+    return show(value, channel.unit, difference=channel.difference, digits=6)
 
 
 def _other_order(rig: Rig, impossible: Sequence[str], url: str) -> str:

@@ -155,7 +155,8 @@ class _Builder:
     def leaf(self) -> Leaf:
         """The plan's node."""
         context, fields = self._context, self._fields
-        to = context.si(fields.to, "control", "to", unit=self._channel.unit)
+        channel = self._channel
+        to = context.si(fields.to, "control", "to", unit=channel.unit, difference=channel.difference)
         with context.located("control", "to"):
             check_set_point(context.rig, fields.channel, to)
         period = 1.0 / context.si(fields.rate, "control", "rate")
@@ -183,7 +184,7 @@ class _Builder:
             action = ControlOnBoard(**given, required=fields.where == "board")
         for name, unit in KEPT.items():
             context.learn(f"{fields.name}_{name}", unit, "control", "name")
-        shown = show(to, self._channel.unit, difference=self._channel.difference)
+        shown = show(to, channel.unit, difference=channel.difference)
         return context.leaf(
             f"control {fields.channel} to {shown} by {fields.actuator} for {shown_time(action.longest)}",
             action,
