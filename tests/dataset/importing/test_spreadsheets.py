@@ -119,3 +119,28 @@ def test_damaged_and_empty_spreadsheets_are_refused(
         for name, content in parts.items():
             made.writestr(name, bomb if name.endswith("sheet1.xml") else content)
     assert "log.xlsx: " in refusal(path, board)
+
+
+def test_a_cell_merged_over_both_rows_of_a_heading_names_its_column(tmp_path: Path, board: Rig) -> None:
+    rows = [
+        ["time [s]", "Temperatures", None],
+        [None, T1, "temperature_2 [degC]"],
+        [0.0, 20, 30],
+        [0.5, 21, 31],
+    ]
+    run = run_of(saved(tmp_path / "merged.xlsx", {"log": rows}), board)
+    assert run.records["record"].tolist() == [0]
+    assert run.samples["time"].tolist() == [0.0, 0.5]
+
+
+def test_a_column_with_values_but_no_name_is_reported(tmp_path: Path, board: Rig) -> None:
+    rows = [["time [s]", T1, None], [0.0, 20, 30], [0.5, 21, 31]]
+    path = saved(tmp_path / "unnamed.xlsx", {"log": rows})
+    done = import_file(path, board, tmp_path / "runs")
+    assert "column C of sheet 'log' has no name above its values and is left out" in done.notes
+
+
+def test_a_sheet_with_two_columns_of_one_name_is_refused(tmp_path: Path, board: Rig) -> None:
+    rows = [["time [s]", T1, T1], [0.0, 20, 30], [0.5, 21, 31]]
+    said = refusal(saved(tmp_path / "twice.xlsx", {"log": rows}), board)
+    assert "the column is there twice, got 'temperature_1'" in said

@@ -178,7 +178,7 @@ def open_groups(
         if not groups:
             raise RigctlError("the file has no data", where=Location(path))
         merged = _check_alike(path, groups, options, noun)
-        headings = _headings(path, groups, noun)
+        headings = _headings(path, groups, options, noun)
         headings, clock = _find_clock(groups, headings, options)
     chosen = _chosen(reading, {group.name for group in groups})
     return GroupedFile(
@@ -244,9 +244,20 @@ def _check_alike(path: Path, groups: Sequence[Group], options: Options, noun: st
     return parts
 
 
-def _headings(path: Path, groups: Sequence[Group], noun: str) -> tuple[Heading, ...]:
+def _headings(path: Path, groups: Sequence[Group], options: Options, noun: str) -> tuple[Heading, ...]:
     units: dict[str, tuple[str | None, str]] = {}
     for group in groups:
+        names = [column.name for column in group.columns if options.ours(column.name) != "-"]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:  # a group's columns are found by name: the second would never be read
+            where = f"in {noun} '{group.name}': " if group.name else ""
+            raise RigctlError(
+                f"{where}the column is there twice",
+                value=twice,
+                expected="different names",
+                hint=f"Rename one of them in the file, or leave both out: --columns '{twice}=-'",
+                where=Location(path),
+            )
         for column in group.columns:
             unit, first = units.setdefault(column.name, (column.unit, group.name))
             if unit != column.unit:

@@ -72,6 +72,7 @@ def _groups(file: Any) -> list[Group]:
             _column(file, index, channel) for channel in range(len(group.channels)) if channel != master
         ]
         if master is not None:
+            columns = [column for column in columns if column.name != "time"]  # the master is the time
             columns.insert(0, Column("time", "s", _master(file, index)))
         found.append(Group(_name(group, index, {other.name for other in found}), rows, tuple(columns)))
     return found

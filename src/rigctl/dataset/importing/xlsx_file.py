@@ -1,14 +1,14 @@
-"""Spreadsheets (XLSX): a table on each sheet, with the first row of names as its heading.
+"""Spreadsheets (XLSX): a table on each sheet, with the last row of names above the values as its heading.
 
-Formulas are never evaluated: the values stored by the program that saved the file are read. Dates are cells
+A cell that is merged with the one below it names its column too. Formulas are never evaluated: the values stored by the program that saved the file are read. Dates are cells
 with a date format.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -62,7 +62,8 @@ def open_xlsx(path: Path, options: Options) -> GroupedFile:
             where=Location(path),
         )
     groups = [_group(path, sheet, options, alone=len(tables) == 1) for sheet in tables]
-    return open_groups(path, lambda: nullcontext(groups), options, noun="sheet")
+    found = open_groups(path, lambda: nullcontext(groups), options, noun="sheet")
+    return replace(found, remarks=(*found.remarks, *(said for sheet in tables for said in _unnamed(sheet))))
 
 
 def _read(sheet: Any) -> _Sheet | None:
@@ -72,19 +73,45 @@ def _read(sheet: Any) -> _Sheet | None:
     rows = enumerate(sheet.iter_rows(values_only=True), start=1)
     heading: tuple[int, Sequence[Any]] | None = None
     units: Sequence[Any] = ()
+    above: dict[int, Any] = {}
     for number, cells in rows:
         filled = [cell for cell in cells if not _blank(cell)]
         if filled and all(isinstance(cell, str) for cell in filled):
             if heading is not None and number == heading[0] + 1 and _are_units(filled):
                 units = cells
             else:
+                adjoins = heading is not None and number == heading[0] + 1
+                above = _named({**above, **_named(heading[1])}, without=cells) if adjoins and heading else {}
                 heading, units = (number, cells), ()
         elif filled and heading is not None:
-            names = _names(heading[1], units)
-            return _Sheet(sheet.title, names, number, _below([cells, *(cells for _, cells in rows)]))
+            below = _below([cells, *(cells for _, cells in rows)])
+            merged = {index: cell for index, cell in above.items() if _filled(below, index)}
+            names = _names({**merged, **_named(heading[1])}, units)
+            return _Sheet(sheet.title, names, number, below)
         if number > _HEAD:
             return None
     return None
+
+
+def _named(cells: Sequence[Any] | Mapping[int, Any], without: Sequence[Any] = ()) -> dict[int, Any]:
+    """Return the cells with a content by column, except for columns with one in `without`."""
+    items = cells.items() if isinstance(cells, Mapping) else enumerate(cells)
+    other = {index for index, cell in enumerate(without) if not _blank(cell)}
+    return {index: cell for index, cell in items if not _blank(cell) and index not in other}
+
+
+def _filled(rows: Sequence[Sequence[Any]], index: int) -> bool:
+    return any(index < len(row) and not _blank(row[index]) for row in rows)
+
+
+def _unnamed(sheet: _Sheet) -> Iterator[str]:
+    """Yield a remark on each column that has values but no name."""
+    from openpyxl.utils import get_column_letter
+
+    for index in range(max(map(len, sheet.rows), default=0)):
+        if index not in sheet.names and _filled(sheet.rows, index):
+            letter = get_column_letter(index + 1)
+            yield f"column {letter} of sheet '{sheet.name}' has no name above its values and is left out"
 
 
 def _blank(cell: Any) -> bool:
@@ -95,11 +122,9 @@ def _are_units(cells: Sequence[str]) -> bool:
     return all(is_unit(cell.strip().strip("[]()")) for cell in cells)
 
 
-def _names(heading: Sequence[Any], units: Sequence[Any]) -> dict[int, tuple[str, str | None]]:
+def _names(heading: Mapping[int, Any], units: Sequence[Any]) -> dict[int, tuple[str, str | None]]:
     found = {}
-    for index, cell in enumerate(heading):
-        if _blank(cell):
-            continue
+    for index, cell in sorted(heading.items()):
         name, unit = split_heading(str(cell))
         below = units[index] if index < len(units) and not _blank(units[index]) else None
         found[index] = (
