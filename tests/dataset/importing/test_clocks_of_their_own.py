@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from asammdf import MDF, Signal
 from hypothesis import given, settings
@@ -137,3 +139,43 @@ def test_a_gap_is_not_bridged(tmp_path: Path, board: Rig) -> None:
     ):
         with pytest.raises(RigctlError, match=said):
             run_of(path, board, resample=step)
+
+
+def test_a_clock_that_starts_again_is_refused_and_never_sorted(tmp_path: Path, board: Rig) -> None:
+    path = tmp_path / "again.csv"
+    rows = [f"{t},20" for t in range(5)] + [f"{t + 0.5},80" for t in range(5)]
+    path.write_text("\n".join(["time [s],temperature_1 [degC]", *rows]), encoding="utf-8")
+    with pytest.raises(RigctlError, match=r"again.csv:7: time: it does not increase within a record"):
+        run_of(path, board, resample="500 ms")
+    run = run_of(path, board, resample="500 ms", times="drop")
+    assert celsius(run, "temperature_1").tolist()[:9] == pytest.approx([20.0] * 9)
+
+
+def test_a_second_value_at_a_time_never_replaces_the_first_in_long_format(tmp_path: Path, board: Rig) -> None:
+    path = tmp_path / "twice.csv"
+    path.write_text("time [s],sensor,reading\n0,T1,20\n1,T1,21\n1,T1,99\n2,T1,22\n", encoding="utf-8")
+    columns = {name: ours for name, ours in LONG.items() if name != "T2"}
+    with pytest.raises(RigctlError, match=r"twice.csv:4: time: it does not increase"):
+        run_of(path, board, columns=columns)
+    run = run_of(path, board, columns=columns, times="drop")
+    assert celsius(run, "temperature_1") == pytest.approx([20.0, 21.0, 22.0])
+
+
+def test_marks_of_missing_values_are_found_among_32_bit_numbers(tmp_path: Path, board: Rig) -> None:
+    path = tmp_path / "single.parquet"
+    values = pa.array([20.0, 9.9e37, -999.9, 22.0], pa.float32())
+    pq.write_table(pa.table({"time [s]": [0.0, 1.0, 2.0, 3.0], "temperature_1 [degC]": values}), path)
+    run = run_of(path, board, missing=("-999.9",))
+    assert celsius(run, "temperature_1") == pytest.approx([20.0, np.nan, np.nan, 22.0], nan_ok=True)
+
+
+def test_marks_of_missing_values_are_found_in_a_table_of_observations(tmp_path: Path) -> None:
+    path = tmp_path / "table.parquet"
+    table = {
+        "oil_temperature [degC]": [20.0, 30.0, 40.0],
+        "kinematic_viscosity [mm^2/s]": [85.0, -9999.0, 9.9e37],
+    }
+    pq.write_table(pa.table(table), path)
+    done = import_file(path, None, tmp_path / "runs", options=Options(missing=("-9999",)))
+    found = open_run(done.path).records["kinematic_viscosity"]
+    assert np.isfinite(found).tolist() == [True, False, False]

@@ -375,6 +375,8 @@ def test_times_that_do_not_increase_are_refused_dropped_spread_or_split_as_chose
     assert "2 rows whose time does not increase were dropped, the first of them on line 4" in desk.notes
     run = desk.run(rows_of([0, 0, 1, 1, 2, 2]), times="spread")
     assert run.signals("time").tolist() == [0, 0.5, 1, 1.5, 2, 2.5]
+    run = desk.run(rows_of([0, 0, 1, 1, 2, 2, 1000, 1000, 1001, 1001]), times="spread")  # with a pause
+    assert run.signals("time").tolist() == [0, 0.5, 1, 1.5, 2, 2.5, 1000, 1000.5, 1001, 1001.5]
     run = desk.run(rows_of([0, 1, 2, 0, 1, 5, 6]), times="split")
     assert run.signals("record").tolist() == [0, 0, 0, 1, 1, 1, 1]
 

@@ -197,7 +197,7 @@ def take(
                 expected="a column 'time', or one that is mapped to it: --columns 'NAME=time [s]'",
                 where=Location(paths[0]),
             )
-        return take_observations(source, assigned)
+        return take_observations(source, assigned, options.missing_numbers)
     return take_samples(source, assigned, rig, options, keep_good=keep_good)
 
 

@@ -61,7 +61,7 @@ class Checker:
     """
 
     def __init__(self, assigned: Sequence[Assigned], layout: Layout, missing: Sequence[float] = ()) -> None:
-        self._missing = np.array([*NO_NUMBER, *missing])
+        self._missing = marks_of(missing)
         self._columns = [column for column in assigned if column.kind not in ("record", "clock")]
         self._layout = layout
         self.book = LabelBook()
@@ -92,13 +92,7 @@ class Checker:
     def _values(self, column: Assigned, part: Part) -> NDArray[np.float64]:
         """Return a column in SI, with marks of missing values as NaN."""
         written = part.columns[column.index]
-        if column.kind != "time" and len(written):
-            extreme = np.nanmax(np.abs(written), initial=0.0)
-            if extreme >= np.abs(self._missing).min():
-                marked = np.isin(written, self._missing)
-                if marked.any():
-                    written = np.where(marked, np.nan, written)
-        return to_si(column, written)
+        return to_si(column, written if column.kind == "time" else without_marks(written, self._missing))
 
     def _stretch(self, label: int, start: int, stop: int) -> Stretch:
         """Return a stretch of valid rows, and the record that they begin or continue."""
@@ -215,6 +209,22 @@ def _equal(ids: NDArray[np.int64]) -> list[tuple[int, int]]:
         return []
     edges = np.flatnonzero(ids[1:] != ids[:-1]) + 1
     return list(pairwise([0, *edges.tolist(), len(ids)]))
+
+
+def marks_of(missing: Iterable[float]) -> NDArray[np.float64]:
+    """Return the numbers that mark missing values, also as a file of 32-bit numbers stores them."""
+    marks = np.array([*NO_NUMBER, *missing])
+    with np.errstate(over="ignore"):
+        stored = marks.astype(np.float32).astype(np.float64)
+    return np.unique(np.concatenate([marks, stored[np.isfinite(stored)]]))
+
+
+def without_marks(values: NDArray[np.float64], marks: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return values as written in the file, NaN for those that are marks."""
+    if not len(values) or np.nanmax(np.abs(values), initial=0.0) < np.abs(marks).min():
+        return values
+    marked = np.isin(values, marks)
+    return np.where(marked, np.nan, values) if marked.any() else values
 
 
 def to_si(column: Assigned, values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rigctl.dataset.importing.headings import split_heading
 from rigctl.dataset.importing.options import Options
-from rigctl.dataset.importing.table import Fault, Heading, Part, Source
+from rigctl.dataset.importing.table import KEPT_FAULTS, NOT_INCREASING, Fault, Heading, Part, Source
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -90,11 +90,21 @@ def open_long(source: Source, options: Options) -> LongFile:
     where = np.concatenate(lines) if lines else np.zeros(0, dtype=np.int64)
     moments, first, inverse = np.unique(every, return_index=True, return_inverse=True)
     table = []
-    for code in names.values():
+    remarks = list(source.remarks)
+    for name, code in names.items():
         column = np.full(len(moments), np.nan)
-        here = which == code
-        column[inverse[here]] = found[here]
+        here = np.flatnonzero((which == code) & ~np.isnan(found) & ~np.isnan(every))
+        # a second value at a time would replace the first, and a clock that starts again mix two measurements
+        rising = every[here] > np.maximum.accumulate(np.concatenate([[-np.inf], every[here]]))[:-1]
+        column[inverse[here[rising]]] = found[here[rising]]
         table.append(column)
+        back = here[~rising].tolist()
+        if back and options.times == "drop":
+            remarks.append(f"{name}: {len(back)} values whose time does not increase were dropped")
+        elif back:
+            faults += [Fault(int(where[row]), NOT_INCREASING, name) for row in back[:KEPT_FAULTS]]
+            more += max(len(back) - KEPT_FAULTS, 0)
+    faults.sort(key=lambda fault: fault.line)
     heading = source.headings[time]
     unit = options.unit_of(source.headings[value].name) or source.headings[value].unit
     headings = [heading]
@@ -110,5 +120,5 @@ def open_long(source: Source, options: Options) -> LongFile:
         where[first],
         tuple(faults),
         more,
-        source.remarks,
+        tuple(remarks),
     )

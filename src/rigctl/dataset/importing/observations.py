@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from rigctl.dataset.importing.checks import marks_of, without_marks
 from rigctl.dataset.importing.columns import Assigned, places_of
 from rigctl.dataset.importing.first_pass import Survey
 from rigctl.dataset.importing.labels import read_label
@@ -74,8 +75,11 @@ class Observations:
         writer.close_record(0.0, "complete")
 
 
-def take_observations(source: Source, assigned: Sequence[Assigned]) -> Observations:
-    """Turn a table without ``time`` into observations."""
+def take_observations(
+    source: Source, assigned: Sequence[Assigned], missing: Sequence[float] = ()
+) -> Observations:
+    """Turn a table without ``time`` into observations; `missing` are numbers that mark missing values."""
+    marks = marks_of(missing)
     found = Survey()
     parts = []
     more = 0
@@ -84,7 +88,7 @@ def take_observations(source: Source, assigned: Sequence[Assigned]) -> Observati
         faults = [Fault(int(part.lines[row]), "not a finite number", group=part.group) for row in sorted(bad)]
         good = np.array([row not in bad for row in range(len(part.lines))], dtype=bool)
         labels = part.labels and type(part.labels)(part.labels.codes[good], part.labels.texts)
-        columns = {index: column[good] for index, column in part.columns.items()}
+        columns = {index: without_marks(column[good], marks) for index, column in part.columns.items()}
         parts.append(Part(columns, part.lines[good], labels, group=part.group))
         found.rows += int(good.sum())
         found.faults += [*part.faults, *faults]

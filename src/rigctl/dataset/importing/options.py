@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, Literal, get_args
 
 from rigctl.dataset.importing.headings import plain_name
+from rigctl.dataset.importing.numbers import read_number
 from rigctl.errors import RigctlError, nearest_name
 
 #: which of two numbers in a date is the day; ``iso`` requires dates that begin with the year
@@ -67,6 +68,12 @@ class Options:
                 "missing": tuple(dict.fromkeys((*other.missing, *self.missing))),
             },
         )
+
+    @property
+    def missing_numbers(self) -> tuple[float, ...]:
+        """The marks of missing values that are numbers."""
+        values = (read_number(text, ".", ()) for text in self.missing)
+        return tuple(value for value in values if value is not None)
 
     def ours(self, name: str) -> str:
         """Return our name of a column, without its unit."""

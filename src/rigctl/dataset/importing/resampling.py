@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.importing.columns import Assigned
 from rigctl.dataset.importing.splitting import stretches
-from rigctl.dataset.importing.table import Labels, Part
+from rigctl.dataset.importing.table import KEPT_FAULTS, NOT_INCREASING, Fault, Labels, Part
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.units import parse_quantity, read_si
 
@@ -28,11 +28,16 @@ _MOST_ROWS: Final = 50_000_000
 
 @dataclass(frozen=True)
 class _Series:
-    """The samples of one column: increasing times, values, and their lines in the file."""
+    """The samples of one column: increasing times, values, and their lines in the file.
+
+    `back` and `back_lines` are the times that do not increase, and their lines.
+    """
 
     times: NDArray[np.float64]
     values: NDArray[np.float64]
     lines: NDArray[np.int64]
+    back: NDArray[np.float64]
+    back_lines: NDArray[np.int64]
 
     @property
     def step(self) -> float:
@@ -42,12 +47,15 @@ class _Series:
         return float(np.median(np.diff(self.times))) if len(self.times) > 1 else float("inf")
 
 
-def resample(part: Part, assigned: Sequence[Assigned], to: str) -> tuple[Part, list[str]]:
+def resample(
+    part: Part, assigned: Sequence[Assigned], to: str, *, drop: bool = False
+) -> tuple[Part, list[str]]:
     """Return the rows of a whole file at common times, and remarks.
 
     Parameters
     ----------
     to: a time step, ``10 ms``, or the name of the column whose times are used.
+    drop: leave out values of a channel whose time does not increase; otherwise they are faults.
 
     Raises
     ------
@@ -72,9 +80,15 @@ def resample(part: Part, assigned: Sequence[Assigned], to: str) -> tuple[Part, l
     codes: list[NDArray[np.int64]] = []
     texts: list[str] = []
     usual: dict[str, float] = {}
+    back: dict[int, float] = {}
     for start, stop, text in stretches(part):
         series = {c.name: _series(part, slice(start, stop), c, time, clocks) for c in known}
         usual |= {name: one.step for name, one in series.items() if len(one.times) > 1}
+        back |= {
+            line: moment * scale
+            for one in series.values()
+            for line, moment in zip(one.back_lines.tolist(), one.back.tolist(), strict=True)
+        }
         grid = series[leading.name].times if leading is not None else _grid(series, step or 0.0)
         piece = {c.index: _at(grid, series[c.name], hold=c.kind == "command") for c in known}
         piece[time.index] = grid
@@ -87,15 +101,30 @@ def resample(part: Part, assigned: Sequence[Assigned], to: str) -> tuple[Part, l
         return part, []
     columns = {index: np.concatenate([piece[index] for piece in pieces]) for index in part.columns}
     named = part.labels is not None and part.labels.named
+    faults = (
+        ()
+        if drop
+        else tuple(
+            Fault(line, NOT_INCREASING, f"{moment:.9g} s", group=part.group, path=part.path)
+            for line, moment in sorted(back.items())[:KEPT_FAULTS]
+        )
+    )
     made = replace(
         part,
+        faults=(*part.faults, *faults),
+        more_faults=part.more_faults + (0 if drop else len(back) - len(faults)),
         columns=columns,
         lines=np.concatenate(lines) if lines else np.zeros(0, dtype=np.int64),
         labels=None if part.labels is None else Labels(np.concatenate(codes), tuple(texts), named),
     )
     slow = [f"{name} (usually every {usual[name] * scale:.4g} s)" for name in usual]
     where = f"those of {leading.name}" if leading is not None else f"every {to}"
-    return made, [f"brought to common times, {where}, interpolated between samples: {', '.join(slow)}"]
+    remarks = [f"brought to common times, {where}, interpolated between samples: {', '.join(slow)}"]
+    if drop and back:
+        remarks.append(
+            f"{len(back)} rows whose time does not increase were dropped, the first on line {min(back)}"
+        )
+    return made, remarks
 
 
 def _leading(to: str, known: Sequence[Assigned]) -> Assigned | None:
@@ -121,10 +150,10 @@ def _series(
         times = times * (clock.unit.factor / time.unit.factor)
     values, lines = part.columns[column.index][rows], part.lines[rows]
     good = ~(np.isnan(times) | np.isnan(values))
-    order = np.argsort(times[good], kind="stable")
-    times, values, lines = times[good][order], values[good][order], lines[good][order]
-    rising = np.concatenate([[True], np.diff(times) > 0.0]) if len(times) else np.zeros(0, dtype=bool)
-    return _Series(times[rising], values[rising], lines[rising])
+    times, values, lines = times[good], values[good], lines[good]
+    # never sorted: a clock that starts again would mix two measurements
+    rising = times > np.maximum.accumulate(np.concatenate([[-np.inf], times]))[:-1]
+    return _Series(times[rising], values[rising], lines[rising], times[~rising], lines[~rising])
 
 
 def _grid(series: Mapping[str, _Series], step: float) -> NDArray[np.float64]:

@@ -13,7 +13,6 @@ from rigctl.dataset.importing.columns import Assigned, layout_of
 from rigctl.dataset.importing.conditions import conditions_of
 from rigctl.dataset.importing.first_pass import RecordFacts, Survey, survey
 from rigctl.dataset.importing.labels import describe_label
-from rigctl.dataset.importing.numbers import read_number
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.stages import Stages
 from rigctl.dataset.importing.table import Source
@@ -70,8 +69,7 @@ class Samples:
 
 
 def _checker(assigned: Sequence[Assigned], layout: Layout, options: Options) -> Checker:
-    marks = [value for text in options.missing if (value := read_number(text, ".", ())) is not None]
-    return Checker(assigned, layout, marks)
+    return Checker(assigned, layout, options.missing_numbers)
 
 
 def take_samples(

@@ -1,7 +1,7 @@
 """Spreadsheets (XLSX): a table on each sheet, with the last row of names above the values as its heading.
 
-A cell that is merged with the one below it names its column too. Formulas are never evaluated: the values stored by the program that saved the file are read. Dates are cells
-with a date format.
+A cell that is merged with the one below it names its column too. Formulas are never evaluated: the values
+stored by the program that saved the file are read. Dates are cells with a date format.
 """
 
 from __future__ import annotations
