@@ -129,8 +129,7 @@ def test_a_cell_merged_over_both_rows_of_a_heading_names_its_column(tmp_path: Pa
         [0.5, 21, 31],
     ]
     run = run_of(saved(tmp_path / "merged.xlsx", {"log": rows}), board)
-    assert run.records["record"].tolist() == [0]
-    assert run.samples["time"].tolist() == [0.0, 0.5]
+    assert run.signals("time").tolist() == [0.0, 0.5]
 
 
 def test_a_column_with_values_but_no_name_is_reported(tmp_path: Path, board: Rig) -> None:
