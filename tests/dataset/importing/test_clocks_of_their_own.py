@@ -145,20 +145,48 @@ def test_a_clock_that_starts_again_is_refused_and_never_sorted(tmp_path: Path, b
     path = tmp_path / "again.csv"
     rows = [f"{t},20" for t in range(5)] + [f"{t + 0.5},80" for t in range(5)]
     path.write_text("\n".join(["time [s],temperature_1 [degC]", *rows]), encoding="utf-8")
-    with pytest.raises(RigctlError, match=r"again.csv:7: time: it does not increase within a record"):
+    with pytest.raises(RigctlError, match=r"again.csv:7: time: it goes back within a channel, got '0.5 s'"):
         run_of(path, board, resample="500 ms")
     run = run_of(path, board, resample="500 ms", times="drop")
     assert celsius(run, "temperature_1").tolist()[:9] == pytest.approx([20.0] * 9)
 
 
-def test_a_second_value_at_a_time_never_replaces_the_first_in_long_format(tmp_path: Path, board: Rig) -> None:
+def test_values_that_repeat_a_time_in_long_format_are_told_or_spread(tmp_path: Path, board: Rig) -> None:
     path = tmp_path / "twice.csv"
     path.write_text("time [s],sensor,reading\n0,T1,20\n1,T1,21\n1,T1,99\n2,T1,22\n", encoding="utf-8")
     columns = {name: ours for name, ours in LONG.items() if name != "T2"}
-    with pytest.raises(RigctlError, match=r"twice.csv:4: time: it does not increase"):
+    options = Options(columns=columns)
+    done = import_file(path, board, tmp_path / "first", options=options)
+    assert any(
+        "T1: 1 values have the time of an earlier one" in note and "line 4" in note for note in done.notes
+    )
+    assert celsius(open_run(done.path), "temperature_1") == pytest.approx([20.0, 21.0, 22.0])
+    run = run_of(path, board, columns=columns, times="spread")
+    assert run.signals("time").tolist() == [0.0, 1.0, 1.5, 2.0]
+    assert celsius(run, "temperature_1") == pytest.approx([20.0, 21.0, 99.0, 22.0])
+
+
+def test_a_time_that_goes_back_in_long_format_is_refused_or_dropped(tmp_path: Path, board: Rig) -> None:
+    path = tmp_path / "back.csv"
+    path.write_text("time [s],sensor,reading\n0,T1,20\n1,T1,21\n0.5,T1,99\n2,T1,22\n", encoding="utf-8")
+    columns = {name: ours for name, ours in LONG.items() if name != "T2"}
+    with pytest.raises(RigctlError, match=r"back.csv:4: time: it goes back within a channel"):
         run_of(path, board, columns=columns)
     run = run_of(path, board, columns=columns, times="drop")
-    assert celsius(run, "temperature_1") == pytest.approx([20.0, 21.0, 22.0])
+    assert celsius(run, "temperature_1")[~np.isnan(celsius(run, "temperature_1"))] == pytest.approx(
+        [20.0, 21.0, 22.0]
+    )
+
+
+def test_values_that_repeat_a_time_are_told_or_spread_when_resampled(tmp_path: Path, board: Rig) -> None:
+    path = tmp_path / "bus.csv"
+    rows = ["0,20", "1,30", "1,40", "2,50"]
+    path.write_text("\n".join(["time [s],temperature_1 [degC]", *rows]), encoding="utf-8")
+    done = import_file(path, board, tmp_path / "runs", options=Options(resample="500 ms"))
+    assert any("temperature_1: 1 values have the time of an earlier one" in note for note in done.notes)
+    assert celsius(open_run(done.path), "temperature_1") == pytest.approx([20.0, 25.0, 30.0, 40.0, 50.0])
+    run = run_of(path, board, resample="500 ms", times="spread")
+    assert celsius(run, "temperature_1") == pytest.approx([20.0, 25.0, 30.0, 40.0, 50.0])
 
 
 def test_marks_of_missing_values_are_found_among_32_bit_numbers(tmp_path: Path, board: Rig) -> None:

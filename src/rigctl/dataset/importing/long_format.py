@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rigctl.dataset.importing.headings import split_heading
+from rigctl.dataset.importing.increasing import order_of, repeated
 from rigctl.dataset.importing.options import Options
-from rigctl.dataset.importing.table import KEPT_FAULTS, NOT_INCREASING, Fault, Heading, Part, Source
+from rigctl.dataset.importing.table import GOES_BACK, KEPT_FAULTS, Fault, Heading, Part, Source
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -88,22 +89,27 @@ def open_long(source: Source, options: Options) -> LongFile:
     which = np.concatenate(codes) if codes else np.zeros(0, dtype=np.int64)
     found = np.concatenate(values) if values else np.zeros(0)
     where = np.concatenate(lines) if lines else np.zeros(0, dtype=np.int64)
+    remarks = list(source.remarks)
+    own = []
+    for name, code in names.items():
+        here = np.flatnonzero((which == code) & ~np.isnan(found) & ~np.isnan(every))
+        order = order_of(every[here], options.times)
+        every[here] = order.times
+        own.append(here[order.rising])
+        back, again = here[order.back].tolist(), here[~order.rising & ~order.back].tolist()
+        if again:
+            remarks.append(repeated(name, len(again), line=int(where[again[0]])))
+        if back and options.times == "drop":
+            remarks.append(f"{name}: {len(back)} values whose time goes back were dropped")
+        elif back:
+            faults += [Fault(int(where[row]), GOES_BACK, name) for row in back[:KEPT_FAULTS]]
+            more += max(len(back) - KEPT_FAULTS, 0)
     moments, first, inverse = np.unique(every, return_index=True, return_inverse=True)
     table = []
-    remarks = list(source.remarks)
-    for name, code in names.items():
+    for rows in own:
         column = np.full(len(moments), np.nan)
-        here = np.flatnonzero((which == code) & ~np.isnan(found) & ~np.isnan(every))
-        # a second value at a time would replace the first, and a clock that starts again mix two measurements
-        rising = every[here] > np.maximum.accumulate(np.concatenate([[-np.inf], every[here]]))[:-1]
-        column[inverse[here[rising]]] = found[here[rising]]
+        column[inverse[rows]] = found[rows]
         table.append(column)
-        back = here[~rising].tolist()
-        if back and options.times == "drop":
-            remarks.append(f"{name}: {len(back)} values whose time does not increase were dropped")
-        elif back:
-            faults += [Fault(int(where[row]), NOT_INCREASING, name) for row in back[:KEPT_FAULTS]]
-            more += max(len(back) - KEPT_FAULTS, 0)
     faults.sort(key=lambda fault: fault.line)
     heading = source.headings[time]
     unit = options.unit_of(source.headings[value].name) or source.headings[value].unit

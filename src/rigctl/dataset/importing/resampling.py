@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.importing.columns import Assigned
+from rigctl.dataset.importing.increasing import order_of, repeated
+from rigctl.dataset.importing.options import TimePolicy
 from rigctl.dataset.importing.splitting import stretches
-from rigctl.dataset.importing.table import KEPT_FAULTS, NOT_INCREASING, Fault, Labels, Part
+from rigctl.dataset.importing.table import GOES_BACK, KEPT_FAULTS, Fault, Labels, Part
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.units import parse_quantity, read_si
 
@@ -30,7 +32,8 @@ _MOST_ROWS: Final = 50_000_000
 class _Series:
     """The samples of one column: increasing times, values, and their lines in the file.
 
-    `back` and `back_lines` are the times that do not increase, and their lines.
+    `back` and `back_lines` are the times that go back, and their lines; `again` are the lines of values left
+    out because they repeat a time.
     """
 
     times: NDArray[np.float64]
@@ -38,6 +41,7 @@ class _Series:
     lines: NDArray[np.int64]
     back: NDArray[np.float64]
     back_lines: NDArray[np.int64]
+    again: NDArray[np.int64]
 
     @property
     def step(self) -> float:
@@ -48,14 +52,15 @@ class _Series:
 
 
 def resample(
-    part: Part, assigned: Sequence[Assigned], to: str, *, drop: bool = False
+    part: Part, assigned: Sequence[Assigned], to: str, policy: TimePolicy = "refuse"
 ) -> tuple[Part, list[str]]:
     """Return the rows of a whole file at common times, and remarks.
 
     Parameters
     ----------
     to: a time step, ``10 ms``, or the name of the column whose times are used.
-    drop: leave out values of a channel whose time does not increase; otherwise they are faults.
+    policy: with ``drop``, values of a channel whose time goes back are left out, otherwise they are faults;
+        with ``spread``, equal times of a channel are spread, otherwise the first of their values is used.
 
     Raises
     ------
@@ -81,14 +86,17 @@ def resample(
     texts: list[str] = []
     usual: dict[str, float] = {}
     back: dict[int, float] = {}
+    again: dict[str, list[int]] = {}
     for start, stop, text in stretches(part):
-        series = {c.name: _series(part, slice(start, stop), c, time, clocks) for c in known}
+        series = {c.name: _series(part, slice(start, stop), c, time, clocks, policy) for c in known}
         usual |= {name: one.step for name, one in series.items() if len(one.times) > 1}
         back |= {
             line: moment * scale
             for one in series.values()
             for line, moment in zip(one.back_lines.tolist(), one.back.tolist(), strict=True)
         }
+        for name, one in series.items():
+            again.setdefault(name, []).extend(one.again.tolist())
         grid = series[leading.name].times if leading is not None else _grid(series, step or 0.0)
         piece = {c.index: _at(grid, series[c.name], hold=c.kind == "command") for c in known}
         piece[time.index] = grid
@@ -101,13 +109,10 @@ def resample(
         return part, []
     columns = {index: np.concatenate([piece[index] for piece in pieces]) for index in part.columns}
     named = part.labels is not None and part.labels.named
-    faults = (
-        ()
-        if drop
-        else tuple(
-            Fault(line, NOT_INCREASING, f"{moment:.9g} s", group=part.group, path=part.path)
-            for line, moment in sorted(back.items())[:KEPT_FAULTS]
-        )
+    drop = policy == "drop"
+    faults = tuple(
+        Fault(line, GOES_BACK, f"{moment:.9g} s", group=part.group, path=part.path)
+        for line, moment in (() if drop else sorted(back.items())[:KEPT_FAULTS])
     )
     made = replace(
         part,
@@ -122,8 +127,9 @@ def resample(
     remarks = [f"brought to common times, {where}, interpolated between samples: {', '.join(slow)}"]
     if drop and back:
         remarks.append(
-            f"{len(back)} rows whose time does not increase were dropped, the first on line {min(back)}"
+            f"{len(back)} rows whose time goes back were dropped, the first of them on line {min(back)}"
         )
+    remarks += [repeated(name, len(rows), line=rows[0]) for name, rows in again.items() if rows]
     return made, remarks
 
 
@@ -140,7 +146,12 @@ def _leading(to: str, known: Sequence[Assigned]) -> Assigned | None:
 
 
 def _series(
-    part: Part, rows: slice, column: Assigned, time: Assigned, clocks: Mapping[str, Assigned]
+    part: Part,
+    rows: slice,
+    column: Assigned,
+    time: Assigned,
+    clocks: Mapping[str, Assigned],
+    policy: TimePolicy,
 ) -> _Series:
     import numpy as np
 
@@ -151,9 +162,9 @@ def _series(
     values, lines = part.columns[column.index][rows], part.lines[rows]
     good = ~(np.isnan(times) | np.isnan(values))
     times, values, lines = times[good], values[good], lines[good]
-    # never sorted: a clock that starts again would mix two measurements
-    rising = times > np.maximum.accumulate(np.concatenate([[-np.inf], times]))[:-1]
-    return _Series(times[rising], values[rising], lines[rising], times[~rising], lines[~rising])
+    order = order_of(times, policy)
+    times, on, back = order.times, order.rising, order.back
+    return _Series(times[on], values[on], lines[on], times[back], lines[back], lines[~on & ~back])
 
 
 def _grid(series: Mapping[str, _Series], step: float) -> NDArray[np.float64]:

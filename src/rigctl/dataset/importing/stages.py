@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.importing.columns import Assigned, places_of
 from rigctl.dataset.importing.groups import GroupedFile
+from rigctl.dataset.importing.increasing import spread
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.resampling import resample
-from rigctl.dataset.importing.splitting import GAP, read_split, split_at_restarts, split_rows, stretches
+from rigctl.dataset.importing.splitting import read_split, split_at_restarts, split_rows, stretches
 from rigctl.dataset.importing.table import PART_ROWS, Labels, Part, Source
 from rigctl.errors import Location, RigctlError
 
@@ -90,7 +90,7 @@ class Stages:
             if to is None:
                 yield whole
                 continue
-            made, remarks = resample(whole, self.assigned, to, drop=self.options.times == "drop")
+            made, remarks = resample(whole, self.assigned, to, self.options.times)
             self.remarks += [remark for remark in remarks if remark not in self.remarks]
             yield made
 
@@ -117,33 +117,6 @@ class Stages:
             part = cut(part, good)
             times = times[good]
         return replace(part, columns={**part.columns, time: times})
-
-
-def spread(times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Spread equal consecutive times evenly up to the next one; the last ones, and those before a gap, by the
-    previous step.
-
-    For loggers that write whole seconds at 10 Hz, for example.
-    """
-    import numpy as np
-
-    if len(times) < 2:
-        return times
-    edges = [0, *(np.flatnonzero(times[1:] != times[:-1]) + 1).tolist(), len(times)]
-    found = times.copy()
-    forward = np.diff(times[edges[:-1]])
-    usual = float(np.median(forward[forward > 0.0])) if (forward > 0.0).any() else 0.0
-    step = 0.0
-    for (start, stop), following in zip(pairwise(edges), [*edges[2:], None], strict=True):
-        count = stop - start
-        ahead = times[stop] - times[start] if following is not None else step * count
-        if ahead > GAP * usual > 0.0:  # the logger paused: its last samples do not last until it went on
-            ahead = step * count or usual
-        if count > 1 and ahead > 0.0:
-            found[start:stop] = times[start] + ahead * np.arange(count) / count
-        if ahead > 0.0:
-            step = ahead / count
-    return found
 
 
 def cut(part: Part, rows: NDArray[np.bool_] | slice) -> Part:

@@ -19,6 +19,8 @@ KEPT_FAULTS: Final = 1000
 _LISTED: Final = 20
 #: what is wrong with a row at or before the time of the previous row
 NOT_INCREASING: Final = "time: it does not increase within a record"
+#: what is wrong with a value before the time of the previous value of its channel
+GOES_BACK: Final = "time: it goes back within a channel"
 #: rows of a part: many for speed, but few enough for files of any length
 PART_ROWS: Final = 1 << 17
 
@@ -158,6 +160,8 @@ def refuse(path: Path, faults: Sequence[Fault], count: int) -> RigctlError:
     hint = "'--keep-good' imports the other rows"
     if any(fault.what == NOT_INCREASING for fault in faults):
         hint += "; '--times drop', 'spread' or 'split' deals with these times"
+    elif any(fault.what == GOES_BACK for fault in faults):
+        hint += "; '--times drop' leaves these values out, with a remark"
     more = count - len(listed)
     rest = f"{count} bad row{'' if count == 1 else 's'}" + (f", {more} of them not listed" if more else "")
     listed.append(
