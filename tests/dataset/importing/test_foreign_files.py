@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
 from rigctl.dataset import Run, open_run
-from rigctl.dataset.importing import formats, import_file
+from rigctl.dataset.importing import Options, formats, import_file
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig, load_rig
 
@@ -142,6 +143,24 @@ def test_unreadable_tdms_files_are_reported(tmp_path: Path, rig: Rig) -> None:
     assert "position: the column holds no numbers, got 'text'" in refusal(path, rig)
 
 
+def test_channels_of_a_group_that_start_at_different_times_are_refused(tmp_path: Path, rig: Rig) -> None:
+    def wave(unit: str, start: str) -> dict[str, Any]:
+        return {"unit_string": unit, "wf_increment": 0.01, "wf_start_time": np.datetime64(start, "us")}
+
+    channels = (
+        ("a", "position", POSITION, wave("mm", "2026-04-03T12:00:00")),
+        ("a", "supply_pressure", POSITION, wave("bar", "2026-04-03T12:00:02")),
+    )
+    path = tdms(tmp_path / "log.tdms", *channels)
+    said = refusal(path, rig)
+    assert (
+        "in group 'a': its channels start at different times, got 'supply_pressure at 2026-04-03T12:00:02"
+        in said
+    )
+    run = run_of(path, rig, options=Options(columns={"supply_pressure": "-"}))
+    assert run.header.started == datetime(2026, 4, 3, 12, tzinfo=UTC)
+
+
 def test_bad_rows_are_counted_in_their_group(tmp_path: Path, rig: Rig) -> None:
     back = TIME.copy()
     back[5] = 0.0
@@ -195,6 +214,32 @@ def test_rasters_of_one_measurement_are_not_records(tmp_path: Path, rig: Rig) ->
         mdf.append([Signal(POSITION[:5], TIME[:5], name="supply_pressure", unit="bar")])
         mdf.save(tmp_path / "log.mf4")
     assert "its channel groups have no channel in common" in refusal(tmp_path / "log.mf4", rig)
+
+
+@pytest.mark.parametrize("version", ["4.10", "3.10"])
+def test_a_start_in_local_time_follows_the_zone_that_is_said(tmp_path: Path, rig: Rig, version: str) -> None:
+    began = datetime(2026, 7, 3, 14)  # noqa: DTZ001 - the file stores a local time
+    with MDF(version=version) as mdf:
+        mdf.append([Signal(POSITION, TIME, name="position", unit="mm")])
+        mdf.start_time = began
+        path = Path(mdf.save(tmp_path / "log"))
+    done = import_file(path, rig, tmp_path / "utc")
+    assert open_run(done.path).header.started == began.replace(tzinfo=UTC)
+    assert "its start names no time zone; it is taken as UTC (--zone says otherwise)" in done.notes
+    done = import_file(path, rig, tmp_path / "zone", options=Options(zone="America/New_York"))
+    assert open_run(done.path).header.started == datetime(2026, 7, 3, 18, tzinfo=UTC)
+    assert not any("time zone" in note for note in done.notes)
+
+
+def test_a_channel_named_time_beside_the_master_is_reported(tmp_path: Path, rig: Rig) -> None:
+    with MDF(version="4.10") as mdf:
+        position = Signal(POSITION, TIME, name="position", unit="mm")
+        mdf.append([position, Signal(TIME * 2.0, TIME, name="time", unit="s")], acq_name="a")
+        mdf.save(tmp_path / "log.mf4")
+    done = import_file(tmp_path / "log.mf4", rig, tmp_path / "runs")
+    said = "channel group 'a': the channel 'time' is left out, its master channel is the time"
+    assert said in done.notes
+    assert open_run(done.path).record(0).time == pytest.approx(TIME)
 
 
 # --- MAT

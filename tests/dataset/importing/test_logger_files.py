@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rigctl.dataset import Run, open_run
 from rigctl.dataset.importing import Options, import_file, import_files, read_table
+from rigctl.dataset.importing.table import PART_ROWS
 from rigctl.errors import RigctlError, SeveralErrors
 from rigctl.rig import Rig, load_rig
 
@@ -101,6 +104,35 @@ def test_a_repeated_hour_is_resolved_by_the_file_order(desk: Desk) -> None:
     rows = "".join(f"2026-10-25 {stamp},20\n" for stamp in stamps)
     run = desk.run(f"time,{T1}\n{rows}", zone="Europe/Berlin")
     assert run.signals("time").tolist() == [0.0, 1799.0, 1800.0, 3600.0, 5400.0]
+
+
+def test_the_repeated_hour_of_a_second_autumn_begins_with_its_first_again(tmp_path: Path) -> None:
+    hours = ["01:30", "02:15", "02:45", "02:15", "02:45", "03:15"]
+    rows = "".join(f"{day} {hour},20\n" for day in ("2025-10-26", "2026-10-25") for hour in hours)
+    (tmp_path / "log.csv").write_text(f"time,{T1}\n{rows}", encoding="utf-8")
+    steps = np.diff(read_table(tmp_path / "log.csv", Options(zone="Europe/Berlin")).columns[0].values)
+    assert steps[:5].tolist() == steps[6:].tolist() == [2700.0, 1800.0, 1800.0, 1800.0, 1800.0]
+
+
+def test_rows_slightly_out_of_order_do_not_begin_the_second_hour(tmp_path: Path) -> None:
+    rows = "".join(f"2026-10-25 02:10:{second},20\n" for second in ("00", "01", "03", "02", "04"))
+    (tmp_path / "log.csv").write_text(f"time,{T1}\n{rows}", encoding="utf-8")
+    table = read_table(tmp_path / "log.csv", Options(zone="Europe/Berlin"))
+    assert table.columns[0].values.tolist() == [0.0, 1.0, 3.0, 2.0, 4.0]
+
+
+def test_a_repeated_hour_longer_than_a_part_of_the_file_is_read_whole(tmp_path: Path) -> None:
+    first = np.datetime64("2026-10-24T23:59:00", "ns")  # 01:59 in summer, to 03:01 in winter; 20 Hz
+    moments = first + np.arange(20 * 7320) * np.timedelta64(50, "ms")
+    ends = np.datetime64("2026-10-25T01:00:00", "ns")
+    local = moments + np.where(moments < ends, 2, 1) * np.timedelta64(1, "h")
+    pq.write_table(pa.table({"time": local, T1: np.full(len(local), 20.0)}), tmp_path / "log.parquet")
+    texts = np.datetime_as_string(local, unit="ms")
+    (tmp_path / "log.csv").write_text(f"time,{T1}\n" + "".join(f"{text},20\n" for text in texts))
+    assert len(local) > PART_ROWS
+    for name in ("log.parquet", "log.csv"):
+        table = read_table(tmp_path / name, Options(zone="Europe/Berlin"))
+        assert np.abs(table.columns[0].values - 0.05 * np.arange(len(local))).max() < 1e-6
 
 
 @pytest.mark.parametrize(

@@ -90,12 +90,12 @@ def open_long(source: Source, options: Options) -> LongFile:
     found = np.concatenate(values) if values else np.zeros(0)
     where = np.concatenate(lines) if lines else np.zeros(0, dtype=np.int64)
     remarks = list(source.remarks)
-    own = []
+    rising = []
     for name, code in names.items():
         here = np.flatnonzero((which == code) & ~np.isnan(found) & ~np.isnan(every))
         order = order_of(every[here], options.times)
         every[here] = order.times
-        own.append(here[order.rising])
+        rising.append(here[order.rising])
         back, again = here[order.back].tolist(), here[~order.rising & ~order.back].tolist()
         if again:
             remarks.append(repeated(name, len(again), line=int(where[again[0]])))
@@ -106,7 +106,7 @@ def open_long(source: Source, options: Options) -> LongFile:
             more += max(len(back) - KEPT_FAULTS, 0)
     moments, first, inverse = np.unique(every, return_index=True, return_inverse=True)
     table = []
-    for rows in own:
+    for rows in rising:
         column = np.full(len(moments), np.nan)
         column[inverse[rows]] = found[rows]
         table.append(column)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,7 @@ from rigctl.dataset.importing.groups import (
     telling,
 )
 from rigctl.dataset.importing.headings import split_heading, unit_of
+from rigctl.dataset.importing.local_time import LocalTime
 from rigctl.dataset.importing.options import Options
 
 if TYPE_CHECKING:
@@ -42,13 +43,14 @@ def open_mdf(path: Path, options: Options) -> GroupedFile:
 
     said: list[str] = []
     origins: list[int | None] = []
+    remarks: list[str] = []
 
     @contextmanager
     def reading() -> Iterator[Sequence[Group]]:
         # opened here, since the library creates a missing file and leaves damaged ones open
         with telling(path, "MDF"), overheard("asammdf", said), path.open("rb") as raw, MDF(raw) as file:
-            origins.append(_started(file))
-            yield _groups(file)
+            origins.append(_started(file, options, remarks))
+            yield _groups(file, remarks)
 
     with telling(path, "MDF"):
         small = path.stat().st_size <= LARGE
@@ -58,10 +60,10 @@ def open_mdf(path: Path, options: Options) -> GroupedFile:
         found = open_groups(path, lambda: nullcontext(kept), options, "channel group", said)
     else:
         found = open_groups(path, reading, options, "channel group", said)
-    return replace(found, began=origins[0])
+    return replace(found, began=origins[0], remarks=(*found.remarks, *dict.fromkeys(remarks)))
 
 
-def _groups(file: Any) -> list[Group]:
+def _groups(file: Any, remarks: list[str]) -> list[Group]:
     found: list[Group] = []
     for index, group in enumerate(file.groups):
         rows = int(group.channel_group.cycles_nr)
@@ -71,10 +73,15 @@ def _groups(file: Any) -> list[Group]:
         columns = [
             _column(file, index, channel) for channel in range(len(group.channels)) if channel != master
         ]
+        name = _name(group, index, {other.name for other in found})
         if master is not None:
-            columns = [column for column in columns if column.name != "time"]  # the master is the time
-            columns.insert(0, Column("time", "s", _master(file, index)))
-        found.append(Group(_name(group, index, {other.name for other in found}), rows, tuple(columns)))
+            others = [column for column in columns if column.name != "time"]
+            if len(others) < len(columns):
+                remarks.append(
+                    f"channel group '{name}': the channel 'time' is left out, its master channel is the time"
+                )
+            columns = [Column("time", "s", _master(file, index)), *others]
+        found.append(Group(name, rows, tuple(columns)))
     return found
 
 
@@ -122,9 +129,28 @@ def _master(file: Any, group: int) -> Callable[[int, int], NDArray[Any]]:
     )
 
 
-def _started(file: Any) -> int | None:
-    """Return the nanoseconds from 1970 UTC to time zero of the file."""
-    began = getattr(file.header, "start_time", None)
-    if not isinstance(began, datetime):
+def _started(file: Any, options: Options, remarks: list[str]) -> int | None:
+    """Return the nanoseconds from 1970 UTC to time zero of the file; local times by `options`."""
+    import numpy as np
+
+    began = _start_of(file.header)
+    if began is None:
         return None
-    return round(began.astimezone(UTC).timestamp() * 1e6) * 1000
+    if began.tzinfo is not None:
+        return round(began.timestamp() * 1e6) * 1000
+    if options.zone is None:
+        remarks.append("its start names no time zone; it is taken as UTC (--zone says otherwise)")
+    local = np.array([began], dtype="datetime64[ns]")
+    return int(LocalTime(options.zone).to_utc(local).astype(np.int64)[0])
+
+
+def _start_of(header: Any) -> datetime | None:
+    """Return the start as stored in the file, without a zone if it is a local time."""
+    if getattr(header, "abs_time", 0) or not hasattr(header, "date"):
+        began = getattr(header, "start_time", None)
+        return began if isinstance(began, datetime) else None
+    try:  # of MDF 3, by a local date; the library takes the zone of this computer, or the present
+        text = f"{header.date.decode('ascii')} {header.time.decode('ascii')}"
+        return datetime.strptime(text.strip("\0 "), "%d:%m:%Y %H:%M:%S")  # noqa: DTZ007 - a local time
+    except (ValueError, AttributeError):
+        return None

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from rigctl.dataset.importing.csv_file import labels_of_dictionary
 from rigctl.dataset.importing.headings import split_heading, unit_of
+from rigctl.dataset.importing.local_time import LocalTime
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import PART_ROWS, Heading, Labels, Part, labels_of_numbers
-from rigctl.dataset.importing.times import ArrayClock, array_clock, to_utc
+from rigctl.dataset.importing.times import ArrayClock, array_clock
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -43,33 +44,34 @@ class ParquetFile:
         import numpy as np
 
         indices = [*wanted] if record is None else [*wanted, record]
+        local = LocalTime(self.zone)
         with _reading(self.path) as file:
             line = 1
             for batch in file.iter_batches(PART_ROWS, columns=[self.names[index] for index in indices]):
-                columns = {index: self._numbers(batch[self.names[index]], index) for index in wanted}
-                labels = None if record is None else self._labels(batch[self.names[record]], record)
+                columns = {index: self._numbers(batch[self.names[index]], index, local) for index in wanted}
+                labels = None if record is None else self._labels(batch[self.names[record]], record, local)
                 yield Part(columns, np.arange(line, line + len(batch), dtype=np.int64), labels)
                 line += len(batch)
 
-    def _numbers(self, column: pa.Array, index: int) -> NDArray[np.float64]:
+    def _numbers(self, column: pa.Array, index: int, local: LocalTime) -> NDArray[np.float64]:
         import pyarrow as pa
 
         if self.clock is not None and self.headings[index].seconds:
-            return self.clock.seconds(_times(column, self.zone))
+            return self.clock.seconds(_times(column, local))
         try:
             numbers: NDArray[np.float64] = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
         except pa.ArrowException as problem:
             raise no_numbers(self.path, self.headings[index].name, str(column.type)) from problem
         return numbers
 
-    def _labels(self, column: pa.Array, index: int) -> Labels:
+    def _labels(self, column: pa.Array, index: int, local: LocalTime) -> Labels:
         import pyarrow as pa
 
         if pa.types.is_dictionary(column.type):
             column = column.dictionary_decode()
         if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
             return labels_of_dictionary(pa.chunked_array([column.dictionary_encode()]))
-        return labels_of_numbers(self._numbers(column, index))
+        return labels_of_numbers(self._numbers(column, index, local))
 
 
 def open_parquet_file(path: Path, options: Options) -> ParquetFile:
@@ -104,10 +106,10 @@ def _find_clock(path: Path, name: str, heading: Heading, options: Options) -> Ar
     with _reading(path) as file:
         batch = next(file.iter_batches(PART_ROWS, columns=[name]), None)
     unit = options.unit_of(heading.name) or heading.unit
-    return None if batch is None else array_clock([_times(batch[name], options.zone)], unit)
+    return None if batch is None else array_clock([_times(batch[name], LocalTime(options.zone))], unit)
 
 
-def _times(column: pa.Array, zone: str | None) -> NDArray[Any]:
+def _times(column: pa.Array, local: LocalTime) -> NDArray[Any]:
     """Return time stamps or numbers as a NumPy array."""
     import numpy as np
     import pyarrow as pa
@@ -116,7 +118,7 @@ def _times(column: pa.Array, zone: str | None) -> NDArray[Any]:
         column = column.cast(pa.timestamp("ns"))
     if pa.types.is_timestamp(column.type):
         stamps = np.asarray(column.cast(pa.timestamp("ns")).to_numpy(zero_copy_only=False))
-        return stamps if column.type.tz is not None else to_utc(stamps, zone)
+        return stamps if column.type.tz is not None else local.to_utc(stamps)
     return np.asarray(column.to_numpy(zero_copy_only=False))
 
 

@@ -33,6 +33,10 @@ if TYPE_CHECKING:
 _UNITS: Final = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 
 
+#: starts of channels that differ by less than this part of a step are the same
+_SAME: Final = 0.1
+
+
 def open_tdms(path: Path, options: Options) -> GroupedFile:
     """Read a TDMS file.
 
@@ -74,8 +78,9 @@ def _group(path: Path, group: Any, options: Options, damage: Sequence[str]) -> G
     lengths = {_heading(channel)[0]: len(channel) for channel in channels}
     rows = min(lengths.values(), default=0) if damage else common_length(path, where, lengths, options)
     columns = [Column(*_heading(channel), _reader(channel)) for channel in channels]
+    used = [channel for channel in channels if options.ours(_heading(channel)[0]) != "-"]
     timed = any(options.ours(name) == "time" for name in lengths)
-    if not timed and (clock := _waveform_time(path, where, channels)) is not None:
+    if not timed and (clock := _waveform_time(path, where, used)) is not None:
         columns.insert(0, Column("time", "s", clock))
     return Group(group.name, rows, tuple(columns))
 
@@ -101,7 +106,7 @@ def _waveform_time(
     Raises
     ------
     RigctlError
-        the channels have different steps.
+        the channels have different steps, or start at different times.
     """
     import numpy as np
 
@@ -120,12 +125,26 @@ def _waveform_time(
             where=Location(path),
         )
     ((step, offset),) = steps
-    began = next((c.properties["wf_start_time"] for c in channels if c.properties.get("wf_start_time")), None)
+    starts = {
+        channel.name: np.datetime64(channel.properties["wf_start_time"], "ns")
+        for channel in channels
+        if channel.properties.get("wf_start_time")
+    }
+    began = next(iter(starts.values()), None)
+    for name, start in starts.items():
+        if began is not None and abs((start - began) / np.timedelta64(1, "s")) > _SAME * step:
+            raise RigctlError(
+                f"in {where}: its channels start at different times",
+                value=f"{name} at {np.datetime_as_string(start, unit='us')}",
+                expected=f"{np.datetime_as_string(began, unit='us')} as of {next(iter(starts))}",
+                hint=f"Leave it out: --columns '{name}=-'",
+                where=Location(path),
+            )
 
     def times(start: int, stop: int) -> NDArray[Any]:
         seconds = offset + step * np.arange(start, stop)
         if began is None:
             return np.asarray(seconds, dtype=np.float64)
-        return np.datetime64(began, "ns") + np.round(seconds * 1e9).astype("timedelta64[ns]")
+        return began + np.round(seconds * 1e9).astype("timedelta64[ns]")
 
     return times

@@ -9,10 +9,11 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta, tzinfo
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
+from rigctl.dataset.importing.local_time import LocalState, LocalTime, zone_info
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -117,15 +118,16 @@ class TimeReader:
         self.origin = origin
         self._latest = -1.0
         self._days = 0.0
+        self._local = LocalTime(form.zone)
 
     @property
-    def state(self) -> tuple[int | None, float, float]:
+    def state(self) -> tuple[int | None, float, float, LocalState]:
         """The state reached by the texts so far."""
-        return self.origin, self._latest, self._days
+        return self.origin, self._latest, self._days, self._local.state
 
     @state.setter
-    def state(self, state: tuple[int | None, float, float]) -> None:
-        self.origin, self._latest, self._days = state
+    def state(self, state: tuple[int | None, float, float, LocalState]) -> None:
+        self.origin, self._latest, self._days, self._local.state = state
 
     def read(self, texts: pa.Array) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return the seconds of each text, NaN for none, and which texts are invalid, shape (n,) each."""
@@ -138,7 +140,8 @@ class TimeReader:
             seconds, good = _clock(texts, minutes=self.form.minutes)
             seconds = self._past_midnight(seconds, good)
         else:
-            found, good = _epoch(texts, self.form) if self.form.kind == "epoch" else _dates(texts, self.form)
+            epoch = self.form.kind == "epoch"
+            found, good = _epoch(texts, self.form) if epoch else _dates(texts, self.form, self._local)
             if self.origin is None and good.any():
                 self.origin = int(found[good][0])
             seconds = (found - (self.origin or 0)) / 1e9
@@ -178,19 +181,6 @@ class ArrayClock:
 
         absent = np.isnat(values) if values.dtype.kind == "M" else ~np.isfinite(values.astype(np.float64))
         return np.where(absent, np.nan, (_nanoseconds(values, absent, self.epoch) - self.origin) / 1e9)
-
-
-def to_utc(stamps: NDArray[Any], zone: str | None) -> NDArray[Any]:
-    """Convert time stamps without a zone to UTC."""
-    import numpy as np
-
-    local = zone_info(zone)
-    if local is UTC:
-        return stamps
-    whole = stamps.astype("datetime64[ns]")
-    good = ~np.isnat(whole)
-    since = np.where(good, whole.astype(np.int64), 0) // _SECOND
-    return np.asarray(whole - _local_offsets(since, good, local).astype("timedelta64[s]"))
 
 
 def array_clock(first: Sequence[NDArray[Any]], unit: str | None) -> ArrayClock | None:
@@ -276,32 +266,6 @@ def checked_zone(name: str | None) -> str | None:
     if name is not None:
         zone_info(name)
     return name
-
-
-def zone_info(name: str | None) -> tzinfo:
-    """Return the time zone of that name; UTC for none.
-
-    Raises
-    ------
-    RigctlError
-        there is none of that name.
-    """
-    from zoneinfo import ZoneInfo, available_timezones
-
-    from rigctl.errors import nearest_name
-
-    if name is None or name.upper() in ("UTC", "Z"):
-        return UTC
-    try:
-        return ZoneInfo(name)
-    except (KeyError, ValueError, OSError) as problem:
-        raise RigctlError(
-            "unknown time zone",
-            value=name,
-            expected="a name such as Europe/Berlin, or UTC",
-            nearest=nearest_name(name, available_timezones()),
-            hint=None if available_timezones() else "This system has no time zones: pip install tzdata",
-        ) from problem
 
 
 def instant(nanoseconds: int, zone: str | None) -> datetime:
@@ -475,7 +439,9 @@ def _sparse(texts: pa.Array) -> list[str]:
     return [str(text) for text in texts.to_pylist()]
 
 
-def _dates(texts: pa.Array, form: TimeFormat) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def _dates(
+    texts: pa.Array, form: TimeFormat, local: LocalTime
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Return nanoseconds since 1970 UTC of dates and times."""
     import numpy as np
     import pyarrow as pa
@@ -505,9 +471,8 @@ def _dates(texts: pa.Array, form: TimeFormat) -> tuple[NDArray[np.int64], NDArra
     good &= part["matched"] & (hours < 24) & (minutes < 60) & (seconds <= 60)
     since = days * 86400 + hours * 3600 + minutes * 60 + seconds
     shift, named = _offsets(part["z"])
-    local = None if form.zone is None else zone_info(form.zone)
-    if local is not None and local is not UTC and not named.all():
-        shift = np.where(named, shift, _local_offsets(since, good, local))
+    if not named.all():
+        shift = np.where(named, shift, local.offsets(since, good & ~named))
     return (since - shift) * _SECOND + _fraction(part["f"]), good
 
 
@@ -562,24 +527,3 @@ def _offset(text: str) -> int:
     digits = text[1:].replace(":", "").ljust(4, "0")
     seconds = int(digits[:2]) * 3600 + int(digits[2:]) * 60
     return -seconds if text[0] == "-" else seconds
-
-
-def _local_offsets(since: NDArray[np.int64], good: NDArray[np.bool_], zone: tzinfo) -> NDArray[np.int64]:
-    """Return the offsets of local times from UTC, in s; a repeated hour is resolved by the file's order."""
-    import numpy as np
-
-    quarters, inverse = np.unique(np.where(good, since, 0) // 900, return_inverse=True)
-    start = datetime(1970, 1, 1)  # noqa: DTZ001 - local times have no zone yet
-    moments = [start + timedelta(seconds=int(quarter) * 900) for quarter in quarters.tolist()]
-
-    def offsets(fold: int) -> NDArray[np.int64]:
-        found = [moment.replace(tzinfo=zone, fold=fold).utcoffset() for moment in moments]
-        return np.array([int(o.total_seconds()) if o else 0 for o in found], dtype=np.int64)[inverse]
-
-    early, late = offsets(0), offsets(1)
-    twice = early > late
-    if not twice.any():
-        return early
-    back = np.diff(since, prepend=since[:1]) < 0
-    second = np.cumsum(back) > 0  # from the first step back on
-    return np.where(twice & second, late, early)

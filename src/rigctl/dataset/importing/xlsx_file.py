@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.dataset.importing.groups import Column, Group, GroupedFile, missing_extra, open_groups, telling
 from rigctl.dataset.importing.headings import is_unit, split_heading, unit_of
+from rigctl.dataset.importing.local_time import LocalTime
 from rigctl.dataset.importing.missing_values import NO_VALUE
 from rigctl.dataset.importing.numbers import read_number
 from rigctl.dataset.importing.options import Options
-from rigctl.dataset.importing.times import to_utc
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -177,7 +177,7 @@ def _values(
     ]
     if present and all(isinstance(cell, date) for cell in present):
         stamps = np.array([_stamp(cell) for cell in cells], dtype="datetime64[ns]")
-        return to_utc(stamps, options.zone), "s"
+        return LocalTime(options.zone).to_utc(stamps), "s"
     texts = sum(isinstance(cell, str) for cell in present)
     if 2 * texts > len(present):
         return np.array(["" if cell is None else str(cell) for cell in cells], dtype=object), None
