@@ -130,13 +130,13 @@ def _waveform_time(
         for channel in channels
         if channel.properties.get("wf_start_time")
     }
-    began = next(iter(starts.values()), None)
+    first, began = next(iter(starts.items()), ("", None))
     for name, start in starts.items():
         if began is not None and abs((start - began) / np.timedelta64(1, "s")) > _SAME * step:
             raise RigctlError(
                 f"in {where}: its channels start at different times",
                 value=f"{name} at {np.datetime_as_string(start, unit='us')}",
-                expected=f"{np.datetime_as_string(began, unit='us')} as of {next(iter(starts))}",
+                expected=f"{np.datetime_as_string(began, unit='us')} as of {first}",
                 hint=f"Leave it out: --columns '{name}=-'",
                 where=Location(path),
             )
