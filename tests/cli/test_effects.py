@@ -42,6 +42,46 @@ def test_slots_list_the_variables_of_a_term() -> None:
     assert {"name": "viscosity", "unit": "Pa*s", "meaning": "oil in the cylinder"} in family["variables"]
 
 
+SPINDLE = """
+family: spindle
+states:
+  speed: {start: 0 rpm, scale: 1 rpm, rate: (gain*command + friction)/inertia}
+inputs:
+  command: {value: 0 percent}
+parameters:
+  gain: {value: 1 N*m, bounds: [0 N*m, 10 N*m]}
+constants: {inertia: 1e-3 kg*m^2}
+slots:
+  friction: {unit: N*cm, meaning: at the bearing}
+  speed_error: {unit: rpm, kind: sensor, meaning: of the tachometer}
+  drift: {unit: degC, kind: sensor, meaning: of the thermometer}
+outputs:
+  speed: {unit: rpm, formula: speed + speed_error}
+  housing: {unit: degC, formula: 20 degC + drift}
+"""
+
+
+def test_slots_have_the_units_of_the_family_file(tmp_path: Path) -> None:
+    """A speed declared in rpm was listed in rad/s; a term in degC is an interval, so in K."""
+    file = tmp_path / "spindle.yaml"
+    file.write_text(SPINDLE, encoding="utf-8")
+    (family,) = answer("list", "--slots", "--family", str(file))["families"]
+    units = {slot["name"]: slot["unit"] for slot in family["slots"]}
+    assert units == {"friction": "N*cm", "speed_error": "rpm", "drift": "K"}
+    head, _, tail = SPINDLE.partition("slots:")
+    without = head + "outputs:" + tail.partition("outputs:")[2]
+    for term in (" + friction", " + speed_error", " + drift"):
+        without = without.replace(term, "")
+    file.write_text(without, encoding="utf-8")
+    (family,) = answer("list", "--slots", "--family", str(file))["families"]
+    units = {slot["name"]: slot["unit"] for slot in family["slots"]}
+    assert {units["command_input"], units["speed_reading"], units["housing_reading"]} == {
+        "percent",
+        "rpm",
+        "K",
+    }
+
+
 def test_an_effect_is_shown_with_its_picture() -> None:
     text = said("effects", "show", "piston_leakage")
     for piece in (

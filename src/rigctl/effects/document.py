@@ -83,7 +83,7 @@ def family_document(family: ModelFamily) -> dict[str, Any]:
         "slots": [
             {
                 "name": slot.name,
-                "unit": slot.unit,
+                "unit": slot.shown_unit,
                 "combine": slot.combine,
                 "kind": slot.kind,
                 "meaning": slot.meaning,

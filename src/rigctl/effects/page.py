@@ -105,7 +105,7 @@ def _slots(family: ModelFamily) -> Iterator[str]:
     yield "| slot | unit | | meaning | its own variables |\n|---|---|---|---|---|"
     for slot in family.slots:
         local = ", ".join(f"`{name}` [{unit}]" for name, unit in slot.local)
-        yield f"| `{slot.name}` | {slot.unit} | {slot.combine} | {_plain(slot.meaning)} | {local} |"
+        yield f"| `{slot.name}` | {slot.shown_unit} | {slot.combine} | {_plain(slot.meaning)} | {local} |"
     yield ""
 
 

@@ -17,9 +17,9 @@ from typing import cast
 
 from rigctl.engine.symbols import Expr, Graph, Scalar, variables_of
 from rigctl.errors import RigctlError
-from rigctl.physics.family import Formula, InputVariable, ModelFamily, Slot
+from rigctl.physics.family import Formula, InputVariable, ModelFamily, OutputVariable, Slot
 from rigctl.physics.scope import Scope
-from rigctl.physics.units import si_unit
+from rigctl.physics.units import interval_unit, si_unit
 from rigctl.units import parse_unit
 
 
@@ -61,15 +61,24 @@ def with_derived_slots(family: ModelFamily) -> ModelFamily:
             Slot(rate_slot(state.name), per_second(state.unit), f"at the balance of {state.name}")
             for state in balances
         ),
-        *(Slot(input_slot(item.name), item.unit, f"beside what {item.name} is") for item in inputs),
+        *(
+            Slot(input_slot(item.name), item.unit, f"beside what {item.name} is", shown=_shown(item))
+            for item in inputs
+        ),
         *(
             Slot(delay_slot(item.name), "s", f"until {item.name} acts", kind="command")
             for item in inputs
             if item.delay is None and family.states
         ),
         *(
-            Slot(reading_slot(output.name), output.unit, f"beside what {output.name} is", kind="sensor")
-            for output in family.outputs
+            Slot(
+                reading_slot(item.name),
+                item.unit,
+                f"beside what {item.name} is",
+                kind="sensor",
+                shown=_shown(item),
+            )
+            for item in family.outputs
         ),
     )
     names = {slot.name for slot in slots}
@@ -94,6 +103,10 @@ def with_derived_slots(family: ModelFamily) -> ModelFamily:
         ),
         inputs=tuple(_delayed(item) if delay_slot(item.name) in names else item for item in family.inputs),
     )
+
+
+def _shown(item: InputVariable | OutputVariable) -> str:
+    return interval_unit(item.shown) if item.shown else ""
 
 
 def per_second(unit: str) -> str:

@@ -113,6 +113,7 @@ class Slot:
     combine: "sum" adds the terms to the base, "product" multiplies it.
     kind: of the process, of a sensor, or of the time at which a command acts.
     local: names that a term at this slot may use besides the family's variables.
+    shown: the unit that the author of the family writes; that of an interval, so never degC.
     """
 
     name: str
@@ -121,6 +122,12 @@ class Slot:
     combine: Literal["sum", "product"] = "sum"
     kind: Literal["process", "sensor", "command"] = "process"
     local: tuple[tuple[str, str], ...] = ()
+    shown: str = ""
+
+    @property
+    def shown_unit(self) -> str:
+        """The unit of a term in lists of slots."""
+        return self.shown or self.unit
 
 
 @dataclass(frozen=True)

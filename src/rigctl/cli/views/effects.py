@@ -48,7 +48,7 @@ def offer_documents(family: ModelFamily) -> list[dict[str, Any]]:
         {
             "family": family.name,
             "slot": offer.role.slot.name,
-            "unit": offer.role.slot.unit,
+            "unit": offer.role.slot.shown_unit,
             "effects": [effect.name for effect in offer.effects],
             "why_not": offer.why_not,
         }
@@ -91,7 +91,7 @@ def show_effect(effect: Effect) -> None:
     for slot, term, _ in term_texts(effect, family):
         declared = family.slot(slot)
         how = "multiplies" if declared.combine == "product" else "adds"
-        out.print(f"  {how} at {slot} \\[{declared.unit}]: {escape(term)}")
+        out.print(f"  {how} at {slot} \\[{declared.shown_unit}]: {escape(term)}")
     if effect.curve is not None:
         out.print(_points(effect.curve))
     if effect.base:

@@ -27,11 +27,6 @@ def quotient(above: str, *below: str) -> str:
     return si_unit_of(dimension)
 
 
-def interval(unit: str) -> str:
-    """The display unit of a difference of values shown in `unit`."""
-    return "K" if parse_unit(unit).absolute_temperature else unit
-
-
 def shown_quotient(above: str, *below: str) -> str:
     """``above/(below*...)`` in the units that are given: ``l/min/bar^2`` for 'l/min', 'bar' and 'bar'."""
     written = above

@@ -9,7 +9,6 @@ from rigctl.effects.generic.common import (
     CORNER,
     beyond,
     either_sign,
-    interval,
     one_sign,
     placed,
     shape,
@@ -28,6 +27,7 @@ from rigctl.effects.lag import reading_error
 from rigctl.engine.symbols import Scalar, absolute, constant_like, positive_part
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
+from rigctl.physics.units import interval_unit
 
 _RESOLUTION = 1e-3
 _TAO = "Tao & Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities"
@@ -73,7 +73,7 @@ class _Made:
         self.name = role.input.name
         self.unit = role.slot.unit
         self.shown = role.input.shown or self.unit
-        self.interval = interval(self.shown)
+        self.interval = interval_unit(self.shown)
         self.span = sizes.input(self.name)
         outputs = {output.name for output in family.outputs}
         self.label = f"{self.name}_input" if self.name in outputs else self.name

@@ -10,7 +10,6 @@ from rigctl.effects.generic.common import (
     SENSORS,
     beyond,
     either_sign,
-    interval,
     one_sign,
     placed,
     shape,
@@ -29,6 +28,7 @@ from rigctl.effects.lag import deviation_rate, reading_error
 from rigctl.engine.symbols import Scalar, absolute, constant_like, power
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
+from rigctl.physics.units import interval_unit
 from rigctl.units import show
 
 #: resolution of a lag, as a share of the family's shortest time
@@ -58,7 +58,7 @@ class _Made:
         self.name = role.output.name
         self.unit = role.slot.unit
         self.shown = role.output.shown or self.unit
-        self.interval = interval(self.shown)
+        self.interval = interval_unit(self.shown)
         self.span = sum(abs(slope) * sizes.state(state) for state, slope in role.slopes.items()) or (
             sizes.reading(self.name) or 1.0
         )
@@ -229,7 +229,7 @@ class _Made:
         """Dependences of a steady-state value on a setting that may be missing."""
         item = {item.name: item for item in self.family.inputs}[name]
         unit, point = item.shown or item.unit, is_point_on_scale(item)
-        per = interval(unit)
+        per = interval_unit(unit)
         span = self.sizes.input(name)
         label = self.role.label
         reference = point_of_reference(item)

@@ -21,7 +21,7 @@ from rigctl.physics.family import (
 from rigctl.physics.formulas import reserved_names
 from rigctl.physics.interpolation import Curve
 from rigctl.physics.scope import Scope
-from rigctl.physics.units import si_unit
+from rigctl.physics.units import interval_unit, si_unit
 from rigctl.physics.user.formula import AFTER, BEFORE, unwritten
 from rigctl.physics.user.schema import (
     ConstantField,
@@ -159,4 +159,5 @@ def _table(name: str, field: TableField) -> Curve:
 def _slot(name: str, field: SlotField) -> Slot:
     if field.combine == "product" and not parse_unit(field.unit).dimension.dimensionless:
         raise RigctlError("a factor has no unit", value=field.unit, expected="'combine: sum', or no unit")
-    return Slot(name, si_unit(field.unit), field.meaning, field.combine, field.kind)
+    shown = interval_unit(field.unit)
+    return Slot(name, si_unit(field.unit), field.meaning, field.combine, field.kind, shown=shown)
