@@ -14,7 +14,10 @@ from typing import Any
 import pytest
 
 from commands import MODEL, answer, call, create_project, refusal, told
+from rigctl.compensation.schedule import compensate
+from rigctl.dataset import open_run
 from rigctl.errors import RigctlError
+from rigctl.model import load_model
 
 pytestmark = pytest.mark.usefixtures("shared_results")
 
@@ -133,6 +136,23 @@ def test_invalid_requests_are_refused_with_their_reason(
     wanted = dict(zip(WANTED[::2], WANTED[1::2], strict=True)) | changed
     words = [word for pair in wanted.items() for word in pair]
     assert said in refusal("compensate", bench, "--model", MODEL, *words)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"--keep": "stroke = 95 bar"}, "another dimension"),
+        ({"--vary": "suply_pressure"}, "did you mean 'supply_pressure'"),
+        ({"--over": "position"}, "unknown quantity of the operating point for --over"),
+    ],
+)
+def test_a_wrong_option_is_refused_before_the_fit(bench: str, changed: dict[str, str], said: str) -> None:
+    wanted = dict(zip(WANTED[::2], WANTED[1::2], strict=True)) | changed
+    options = {name.removeprefix("--"): value for name, value in wanted.items()}
+    done: list[str] = []
+    with pytest.raises(RigctlError, match=said):
+        compensate([open_run(bench)], load_model(MODEL), **options, on_progress=done.append)  # type: ignore[arg-type]
+    assert done == []
 
 
 def test_the_schedule_ends_where_the_rig_reaches_its_limit(bench: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,8 @@ from rigctl.design.recipe import Recipe, Stage
 from rigctl.design.scheme import schemes_of
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.model.measured.record import MeasuredRecord
+from rigctl.physics.family import ModelFamily
+from rigctl.rig.rig import Rig
 
 Floats = NDArray[np.float64]
 
@@ -106,6 +108,23 @@ def _shown(stage: Stage) -> list[tuple[str, str]]:
     return [(name, channel.unit) for name, channel in stage.rig.channels.items()]
 
 
+def require_levers(rig: Rig, family: ModelFamily, wanted: Mapping[str, str]) -> None:
+    """Check without a fit that the names of `wanted`, by option, may be quantities of the operating point.
+
+    Raises
+    ------
+    RigctlError
+        one is neither, as `levers_of` has it, a channel that is set, an actuator nor an input of the model.
+    """
+    roles = [role for role in (rig.roles.heat, rig.roles.set_pressure) if role is not None]
+    moves = {role.actuator for role in (rig.roles.extend, rig.roles.retract) if role is not None}
+    names = {role.channel for role in roles} | (set(rig.actuators) - moves)
+    names |= {item.name for item in family.inputs}
+    for option, name in wanted.items():
+        if name not in names:
+            raise _unknown(name, option, names)
+
+
 def lever(known: Mapping[str, Lever], name: str, option: str) -> Lever:
     """The requested quantity.
 
@@ -117,5 +136,9 @@ def lever(known: Mapping[str, Lever], name: str, option: str) -> Lever:
     if name not in known:
         if not known:
             raise RigctlError("nothing of this rig's operating point can be set", value=name)
-        raise unknown_name(f"quantity of the operating point for {option}", name, list(known))
+        raise _unknown(name, option, known)
     return known[name]
+
+
+def _unknown(name: str, option: str, known: Iterable[str]) -> RigctlError:
+    return unknown_name(f"quantity of the operating point for {option}", name, known)

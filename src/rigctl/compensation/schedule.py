@@ -18,7 +18,7 @@ from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.fitting import OnProgress, no_progress
 from rigctl.compensation.check_text import procedure_text
-from rigctl.compensation.levers import Lever, lever, levers_of
+from rigctl.compensation.levers import Lever, lever, levers_of, require_levers
 from rigctl.compensation.measured import TakenMeasure, Target, find_measure, require_measure
 from rigctl.compensation.prediction import Predictor
 from rigctl.compensation.result import Row, Schedule
@@ -26,6 +26,7 @@ from rigctl.dataset.run import Run
 from rigctl.design.scheme import stage_of
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
+from rigctl.model.measured.rigs import rig_of
 from rigctl.model.model import Model
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit, show
@@ -68,14 +69,16 @@ def compensate(
     """
     said = on_progress or no_progress
     target = Target.read(keep)
-    require_measure(runs, target.name)  # before a fit of minutes
+    require_measure(runs, target.name)  # this and what follows before a fit of minutes
+    rig = rig_of(model, runs) or model.rig
+    if rig is None:
+        raise RigctlError("these runs are of no rig, so that nothing can be set", value=runs[0].id)
+    require_levers(rig, model.family, {"--vary": vary, "--over": over})
+    measure = find_measure(runs, rig, target)
+    _require_dimension(measure, target)
     compared = compare(runs, [model], on_progress=on_progress)
     (judged,) = compared.models
     fit = judged.fit
-    rig = fit.problem.measurements.rig or model.rig
-    if rig is None:
-        raise RigctlError("these runs are of no rig, so that nothing can be set", value=runs[0].id)
-    measure = find_measure(runs, rig, target)
     _require_predicted(measure, target, fit)
     said("Computing the set-points")
     predictor = _predictor(fit, rig, measure, vary, over)
@@ -113,6 +116,9 @@ def _require_predicted(measure: TakenMeasure, target: Target, fit: FitResult) ->
                 value=channel,
                 expected=f"a measure of {', '.join(outputs)}",
             )
+
+
+def _require_dimension(measure: TakenMeasure, target: Target) -> None:
     unit = parse_unit(measure.measure.unit)
     if unit.dimension != parse_unit(target.unit).dimension:
         raise RigctlError(
