@@ -55,6 +55,16 @@ def test_an_unknown_run_is_reported_with_the_nearest(three: list[Path], runs: Pa
     assert caught.value.nearest == "20261120-080000-heat"
 
 
+def test_a_wrong_start_or_procedure_names_the_newest_that_is_near(three: list[Path], runs: Path) -> None:
+    for ref, nearest in (("20261129", "20261121-093000-stroke-2"), ("haet", "20261120-080000-heat")):
+        with pytest.raises(RigctlError, match="no such run") as caught:
+            find_run(ref, runs)
+        assert caught.value.nearest == nearest
+    with pytest.raises(RigctlError) as caught:
+        find_run("nothing like it", runs)
+    assert caught.value.nearest is None
+
+
 @pytest.mark.parametrize("ref", ["latest", "", "x"])
 def test_without_runs_the_message_says_how_to_make_one(runs: Path, ref: str) -> None:
     with pytest.raises(RigctlError, match="there are no runs"):

@@ -60,8 +60,16 @@ def chosen_id(ref: str, ids: Sequence[str], *, shown: str = "") -> str:
         "no such run",
         value=shown or ref,
         expected=f"an id such as {ids[-1]}, the start of one, a path, or '{LATEST}'",
-        nearest=nearest_name(ref, ids),
+        nearest=_nearest_id(ref, ids),
     )
+
+
+def _nearest_id(ref: str, ids: Sequence[str]) -> str | None:
+    """The newest id that is nearest to `ref`: as a whole, by its start, or by its procedure."""
+    meant = {one[: len(ref)]: one for one in ids} | {one.split("-", 2)[-1]: one for one in ids}
+    meant |= {one: one for one in ids}
+    near = nearest_name(ref, meant)
+    return None if near is None else meant[near]
 
 
 def new_run_id(name: str, when: datetime, runs: Path) -> str:
