@@ -30,6 +30,7 @@ from rigctl.units import (
     read_si,
     registry,
     show,
+    significant,
     with_uncertainty,
 )
 
@@ -271,6 +272,22 @@ def test_a_value_has_the_digits_that_its_uncertainty_allows(
     value: float, std: float, unit: str, shown: str
 ) -> None:
     assert with_uncertainty(value, std, unit) == shown
+
+
+def test_a_number_below_a_million_is_written_without_a_power_of_ten() -> None:
+    """A speed was shown as 2.09e+03 rpm."""
+    assert show(219.326, "rpm", digits=3) == "2090 rpm"
+    assert show(1e7, "Pa", digits=3) == "1e+07 Pa"
+    assert show(120.0, "degC", difference=True, digits=2) == "120 K"
+    assert significant(-123456.0, 3, sign=True) == "-123000"
+    assert significant(100.4, 2, sign=True) == "+100"
+    assert significant(1.5e-5, 2) == "1.5e-05"
+    assert with_uncertainty(48542.0, math.nan, "N") == "48540 N"
+
+
+@given(st.floats(-1e20, 1e20), st.integers(1, 7))
+def test_a_shown_number_has_the_value_of_its_digits(value: float, digits: int) -> None:
+    assert float(significant(value, digits)) == float(f"{value:.{digits}g}")
 
 
 @given(st.floats(-1e20, 1e20), st.floats(1e-20, 1e20))

@@ -11,8 +11,8 @@ from __future__ import annotations
 #: raised by one when a verdict may come out differently
 METHOD_VERSION = 29
 #: of the deciding code of this version, as ``tools/method_version.py`` works it out
-FINGERPRINT = "a8107a627140"
+FINGERPRINT = "6f43dd851f54"
 #: raised by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 3
 #: of the code of this version of the search
-DISCOVERY_FINGERPRINT = "4f101034686f"
+DISCOVERY_FINGERPRINT = "8a00e2f3d02d"

@@ -472,19 +472,30 @@ def convert(value: float, from_unit: str, to_unit: str, *, difference: bool = Fa
     return target.from_si(source.to_si(value, difference=difference), difference=difference)
 
 
+#: values of this order and beyond are written with a power of ten
+_SMALL, _LARGE = -4, 6
+
+
+def significant(value: float, digits: int = 4, *, sign: bool = False) -> str:
+    """A value in significant digits: ``2090`` rather than ``2.09e+03``, a power of ten only from 1e6 on and
+    below 1e-4; with `sign` also that of a positive one.
+    """
+    text = f"{value:+.{digits}g}" if sign else f"{value:.{digits}g}"
+    if "e+" not in text or abs(rounded := float(text)) >= 10.0**_LARGE:
+        return text
+    return f"{rounded:+.0f}" if sign else f"{rounded:.0f}"
+
+
 def show(si: float, unit: str, *, difference: bool = False, digits: int = 4) -> str:
     """An SI value as text in a unit, e.g. ``show(3e6, 'bar')`` is ``30 bar``.
 
     An interval on a scale with an offset is shown in kelvin: ``0.5 degC`` would read as a point on it.
     """
     if difference and parse_unit(unit).absolute_temperature:
-        return f"{si:.{digits}g} K"
+        return f"{significant(si, digits)} K"
     value = parse_unit(unit).from_si(si, difference=difference)
-    return f"{value:.{digits}g} {unit}" if unit != "1" else f"{value:.{digits}g}"
-
-
-#: values of this order and beyond are written with a power of ten
-_SMALL, _LARGE = -4, 6
+    text = significant(value, digits)
+    return f"{text} {unit}" if unit != "1" else text
 
 
 def known_digits(value: float, std: float) -> tuple[str, str]:
@@ -497,7 +508,7 @@ def known_digits(value: float, std: float) -> tuple[str, str]:
     Source: JCGM 100 (GUM), 7.2.6.
     """
     if not (math.isfinite(value) and math.isfinite(std) and std > 0.0):
-        return f"{value:.4g}", ""
+        return significant(value), ""
     last = math.floor(math.log10(float(f"{std:.1e}"))) - 1  # the power of ten of the last digit
     order = max(math.floor(math.log10(abs(value))) if value else last, last + 1)
     if _SMALL < order < _LARGE:

@@ -11,7 +11,15 @@ import numpy as np
 import pytest
 
 from made_fit import SIZE, made_fit, made_noise
-from rigctl.analysis.localisation import CellMap, Place, _cells, _conditions, ranges, worst_stretches
+from rigctl.analysis.localisation import (
+    CellMap,
+    Place,
+    _cells,
+    _conditions,
+    localise,
+    ranges,
+    worst_stretches,
+)
 from rigctl.noise import ChannelNoise, NoiseModel
 
 TRIALS = 150
@@ -108,3 +116,8 @@ def test_conditions_with_the_same_text_are_named_with_their_records() -> None:
     labels = [place.label for place in _conditions(*made_regions())]
     assert labels[:3] == ["oil 20 degC", "oil 21 degC (r/2)", "oil 21 degC (r/3)"]
     assert len(set(labels)) == 12
+
+
+def test_a_single_phase_is_no_place() -> None:
+    """It was listed with all of the error."""
+    assert {place.by for place in localise(*made_regions())} == {"channel", "cell", "condition", "state"}

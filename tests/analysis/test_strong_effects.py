@@ -39,7 +39,7 @@ def test_a_bound_on_the_usual_size_does_not_decide_for_a_rival() -> None:
     found = diagnosed([("viscous_friction", 6e4)])
     assert found.verdict is Verdict.AMBIGUOUS
     assert "viscous_friction" in {name for names in found.classes for name in names}
-    assert "its coefficient beyond its usual range (0 m to 2e+04 m)" in found.statement
+    assert "its coefficient beyond its usual range (0 m to 20000 m)" in found.statement
     (level,) = found.levels  # no rival at any size and no remainder: only the law is doubtful
     assert (level.place_sure, level.driver_sure, level.law_sure) == (True, True, False)
     by_name = {one.effect: one for one in found.ranking}

@@ -216,7 +216,7 @@ def test_a_law_is_not_distinguished_from_its_limit() -> None:
 
 
 def test_values_beyond_the_usual_range_are_reported() -> None:
-    beyond = "coefficient beyond its usual range (0 m to 2e+04 m)"
+    beyond = "coefficient beyond its usual range (0 m to 20000 m)"
     assert f"(cos 0.94) with its {beyond}" in rival_text(replace(RIVAL, unusual=beyond))
     known = library(find_family("hydraulic_cylinder"))["viscous_friction"]
     chosen: Any = [(SimpleNamespace(effect=known), SimpleNamespace(parameters={}))]

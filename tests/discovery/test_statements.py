@@ -74,6 +74,10 @@ def test_a_refused_search_gives_its_reason(
     assert not gate.open
     assert gate.reason == reason
     assert words in gate.statement
+    found = Discovery((), "", gate, None, (), (), 0, gate.statement, (), cast("Any", None))
+    head, sentence = found.headed  # it was printed as "No formula: No search was made: ..."
+    assert f"{head}: {sentence}" == gate.statement
+    assert head.startswith(("No search was made", "There is nothing to discover"))
 
 
 def test_the_search_starts_if_no_library_effect_is_certain() -> None:

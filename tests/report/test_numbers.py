@@ -34,7 +34,8 @@ def test_units_are_printed_with_typographic_symbols(unit: str, printed: str) -> 
         (float("nan"), "–"),
         (1.2e-7, "1.2·10⁻⁷"),
         (-2.5e9, "−2.5·10⁹"),
-        (123456.0, "1.235·10⁵"),
+        (123456.0, "123500"),
+        (1234567.0, "1.235·10⁶"),
     ],
 )
 def test_numbers_are_printed_with_few_digits_and_powers_of_ten(value: float | None, printed: str) -> None:

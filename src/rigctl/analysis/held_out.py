@@ -24,7 +24,7 @@ from rigctl.model.fit.errors import ChannelError, whitened_residual
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.measured.conditions import condition_text
 from rigctl.model.measured.record import MeasuredRecord
-from rigctl.units import parse_unit, show
+from rigctl.units import parse_unit, show, significant
 
 Floats = NDArray[np.float64]
 
@@ -98,7 +98,7 @@ def course_text(fit: FitResult, stretches: Sequence[Stretch]) -> str:
         whole = one.start <= 0.0 and one.end >= 0.999 * end
         when = "all the time" if whole else f"from {_seconds(one.start)} to {_seconds(one.end)} s"
         again = parts and one.peak * before > 0.0
-        deviation = f"by up to {abs(one.peak) / unit.factor:.2g} {shown} {when}"
+        deviation = f"by up to {significant(abs(one.peak) / unit.factor, 2)} {shown} {when}"
         text, before = deviation if again else f"too {side} {deviation}", one.peak
         parts.append(text + (_dependence(fit, one, unit.factor, shown) if one is largest else ""))
     return f"in {channel} the model is {', then '.join(parts)}"
@@ -178,7 +178,7 @@ def _dependence(fit: FitResult, stretch: Stretch, factor: float, shown: str) -> 
             if abs(stretch.by_record[high] - stretch.by_record[low]) < _CHANGES * abs(stretch.peak):
                 continue
             ends = (
-                f"{stretch.by_record[at] / factor:+.2g} {shown} at {name} "
+                f"{significant(stretch.by_record[at] / factor, 2, sign=True)} {shown} at {name} "
                 f"{show(float(values[at]), units[name], digits=3)}"
                 for at in (low, high)
             )

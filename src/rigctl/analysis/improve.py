@@ -216,7 +216,7 @@ def improve(
             ended = ImprovementEnd.NOT_SURE if this.unsure and not diagnosis.doubt else _why(diagnosis, room)
             return Improvement(path, tuple(steps), diagnosis, ended, elsewhere)
         for chosen in this.plan:
-            said(f"Adding {', '.join(chosen.effects)}")
+            said(f"Adding {' and '.join(chosen.effects)}")
             after = _compared(here, chosen.trial, excluded, said)
             step = _saved(diagnosis, chosen, here, after, source, compared.choice)
             steps.append(step)

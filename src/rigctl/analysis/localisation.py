@@ -178,8 +178,10 @@ def localise(linearisation: Linearisation, cells: CellMap) -> tuple[Place, ...]:
     if fit.problem.measurements.table:  # no phases, each row is a stretch of its own
         places = _conditions(linearisation, cells) + _regions(linearisation, cells, 1)
         return tuple(sorted(places, key=lambda place: (_ORDER[place.by], -place.share_of_error)))
-    places = _conditions(linearisation, cells) + _regions(linearisation, cells, 0)
-    places += _regions(linearisation, cells, 1) + _cells(linearisation, cells) + ranges(fit)
+    places = _conditions(linearisation, cells) + _regions(linearisation, cells, 1)
+    if len({phase for phase, _ in linearisation.regions.labels}) > 1:  # a single one has all of the error
+        places += _regions(linearisation, cells, 0)
+    places += _cells(linearisation, cells) + ranges(fit)
     return tuple(sorted(places, key=lambda place: (_ORDER[place.by], -place.share_of_error)))
 
 

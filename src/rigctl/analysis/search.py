@@ -238,7 +238,7 @@ class Search(RefittedSets):
         for score in sorted(here.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
             if score.gain > WORTH:
                 candidate = here.linearisation.candidates[score.candidate]
-                self.on_progress(f"Refitting with {', '.join([*best.effects, candidate.name])}")
+                self.on_progress(f"Refitting with {' and '.join([*best.effects, candidate.name])}")
                 tried.append(self.refitted((*best.candidates, candidate), best))
         return self.least([one for one in tried if one is not None]) if any(tried) else None
 

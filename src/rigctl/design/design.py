@@ -40,7 +40,7 @@ from rigctl.model.measured.record import MeasuredRecord
 from rigctl.model.model import Model
 from rigctl.rig.rig import Rig
 from rigctl.tasks import Workers
-from rigctl.units import parse_unit
+from rigctl.units import parse_unit, significant
 
 #: default number of records in a set
 MOST_RECORDS = 4
@@ -279,7 +279,7 @@ class _Design:
         if least > budget:
             raise TooLittleTime(
                 "the budget is too small for any record",
-                value=f"{budget / 60.0:.3g} min",
+                value=f"{significant(budget / 60.0, 3)} min",
                 expected=f"at least {math.ceil(least / 6.0) / 10.0:g} min, which the quickest record takes",
             )
 

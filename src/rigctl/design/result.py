@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter
 from rigctl.notebook import as_html, one_line
+from rigctl.units import significant
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -359,7 +360,7 @@ class DesignResult:
         lines = [self.statement]
         lines += [
             f"  {', '.join(f'{name} {value}' for name, value in one.settings.items())}: "
-            f"D {one.separation:.3g}, of a repeat {one.of_repeat:.3g}"
+            f"D {significant(one.separation, 3)}, of a repeat {significant(one.of_repeat, 3)}"
             for one in self.records
         ]
         return "\n".join(lines)

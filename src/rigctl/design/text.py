@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from rigctl.design.result import DesignResult, Outlook, SensorSet
 from rigctl.planning.outline import clock_time
+from rigctl.units import significant
 
 #: a set with a lower probability than this is no answer
 HALF = 0.5
@@ -100,7 +101,8 @@ def _precision(found: DesignResult) -> str:
     if not found.records:
         return f"{begun}no record that this bench can make improves the estimate of the size of {name}"
     gains = ", ".join(
-        f"{one.name.partition('.')[2]} ± {one.before:.3g} {one.unit} becomes ± {one.after:.3g} {one.unit}"
+        f"{one.name.partition('.')[2]} ± {significant(one.before, 3)} {one.unit} becomes "
+        f"± {significant(one.after, 3)} {one.unit}"
         for one in found.sharpened
     )
     improves = "improves" if len(found.records) == 1 else "improve"
@@ -125,7 +127,7 @@ def outlook_text(one: Outlook) -> str:
     """The prediction for one pair."""
     return (
         f"If {one.truth} is right, it is distinguished from {one.rival} with {share(one.after)}: "
-        f"expected gain D = {one.separation:.3g} ± {one.spread:.2g}."
+        f"expected gain D = {significant(one.separation, 3)} ± {significant(one.spread, 2)}."
     )
 
 
@@ -142,8 +144,8 @@ def reason(found: DesignResult, number: int) -> list[str]:
 def added(separation: float, of_repeat: float, *, precision: bool) -> str:
     """What a record adds, compared with a repeat of an earlier one."""
     what = "the logarithm of the precision of the size" if precision else "D"
-    repeat = f"the best repeat of an earlier record would add {of_repeat:.3g}"
-    return f"{what} increases by {separation:.3g}; {repeat}"
+    repeat = f"the best repeat of an earlier record would add {significant(of_repeat, 3)}"
+    return f"{what} increases by {significant(separation, 3)}; {repeat}"
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rigctl.effects.declaration import qualified
 from rigctl.effects.measured_curve import SHIFT
 from rigctl.model.fit.fit import FitResult
-from rigctl.units import parse_unit, show
+from rigctl.units import parse_unit, show, significant
 
 Floats = NDArray[np.float64]
 
@@ -55,7 +55,8 @@ class CurveBand:
         when = "" if self.row else f" at {self.time:.3g} s"
         return (
             f"the band of the curve {self.effect} leaves {self.channel} uncertain by up to ±{largest} (in "
-            f"{self.record}{when}; root mean square {rms}), {self.largest / self.noise:.2g} times its noise"
+            f"{self.record}{when}; root mean square {rms}), "
+            f"{significant(self.largest / self.noise, 2)} times its noise"
         )
 
     def document(self) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.model.fit.fit import FitResult
 from rigctl.report.numbers import plural
 from rigctl.report.systematic import ChannelFall, falls, left_of
+from rigctl.units import significant
 
 Tone = Literal["good", "warn", "bad"]
 
@@ -120,9 +121,9 @@ def held_out_text(fits: Sequence[FitResult]) -> str:
     for name, error in first.items():
         after = last[name].nrmse
         if len(fits) == 1:
-            parts.append(f"{name} {error.nrmse:.3g}")
+            parts.append(f"{name} {significant(error.nrmse, 3)}")
         elif abs(error.nrmse - after) > _CHANGED * error.nrmse:
-            parts.append(f"{name} {error.nrmse:.3g} to {after:.3g}")
+            parts.append(f"{name} {significant(error.nrmse, 3)} to {significant(after, 3)}")
     if not parts:
         return ""
     records = plural(len(fits[0].held_out), "record")

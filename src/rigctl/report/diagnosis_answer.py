@@ -15,7 +15,7 @@ from rigctl.model.fit.problem import Problem
 from rigctl.report.answer import Answer, Tone, error_text, said
 from rigctl.report.everyday_units import everyday
 from rigctl.report.systematic import falls, left_of, left_of_diagnosis
-from rigctl.units import parse_unit
+from rigctl.units import parse_unit, significant
 
 _TONES: dict[Verdict, Tone] = {
     Verdict.ADEQUATE: "good",
@@ -140,9 +140,8 @@ def _sureness(found: Diagnosis) -> str:
     first = max(members, key=lambda one: one.size)
     parts = [f"stands out from the noise by {first.size:.0f} sigma"]
     if math.isfinite(first.heldout_before):
-        parts.append(
-            f"left-out conditions: error {first.heldout_before:.3g} to {first.heldout_after:.3g} of the noise"
-        )
+        before, after = (significant(one, 3) for one in (first.heldout_before, first.heldout_after))
+        parts.append(f"left-out conditions: error {before} to {after} of the noise")
     others = [one for one in found.ranking if one.effect not in found.best.effects]
     if others:
         parts.append(f"next best {others[0].effect}, {100.0 * others[0].probability:.1f} %")

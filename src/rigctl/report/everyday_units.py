@@ -7,7 +7,7 @@ import math
 from rigctl.analysis.diagnosis_result import FoundParameter
 from rigctl.effects.declaration import Effect
 from rigctl.model.fit.problem import Problem
-from rigctl.units import parse_unit
+from rigctl.units import parse_unit, significant
 
 #: N of one kilogram's weight
 _WEIGHT = 9.81
@@ -27,9 +27,9 @@ def everyday(effect: Effect, name: str, found: FoundParameter, problem: Problem)
     if name == "conductance" and unit.dimension == parse_unit("m^3").dimension:
         return _leak(value, problem)
     if unit.dimension == parse_unit("1/K").dimension and unit.dimension != parse_unit("1").dimension:
-        return f"about {100.0 * value * _WARMER:.2g} % for each {_WARMER:g} K"
+        return f"about {significant(100.0 * value * _WARMER, 2)} % for each {_WARMER:g} K"
     if unit.dimension == parse_unit("N").dimension and abs(value) > _LEAST_FORCE:
-        return f"about the weight of {value / _WEIGHT:.2g} kg"
+        return f"about the weight of {significant(value / _WEIGHT, 2)} kg"
     return ""
 
 
@@ -43,9 +43,9 @@ def _leak(conductance: float, problem: Problem) -> str:
     a, b, c = (float(one or 0.0) for one in constants)
     flow = conductance * pressure / (a * math.exp(b / (temperature - c)))
     shown = parse_unit("l/min").from_si(flow)
-    text = f"{shown:.2g} l/min"
+    text = f"{significant(shown, 2)} l/min"
     if abs(shown) < 1e-3:
-        text = f"{parse_unit('ml/min').from_si(flow):.2g} ml/min"
+        text = f"{significant(parse_unit('ml/min').from_si(flow), 2)} ml/min"
     bar, celsius = parse_unit("bar").from_si(pressure), parse_unit("degC").from_si(temperature)
     return f"about {text} at {bar:.0f} bar, {celsius:.0f} degC"
 

@@ -7,6 +7,8 @@ import re
 from collections.abc import Iterable
 from datetime import datetime
 
+from rigctl.units import significant
+
 MISSING = "–"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _WORDS = {"degC": "°C", "degF": "°F", "1": "", "percent": "%", "um": "µm", "uPa": "µPa"}
@@ -55,7 +57,7 @@ def number(value: float | None, digits: int = 4) -> str:
     """A value to `digits` significant digits; a dash when it is missing."""
     if value is None or not math.isfinite(value):
         return MISSING
-    text = f"{value:.{digits}g}"
+    text = significant(value, digits)
     if "e" in text:
         mantissa, exponent = text.split("e")
         text = f"{mantissa}·10{str(int(exponent)).translate(_SUPERSCRIPT)}"

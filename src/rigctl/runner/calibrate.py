@@ -15,6 +15,7 @@ from rigctl.rig.calibration_fit import Point
 from rigctl.runner.bench_access import Access
 from rigctl.runner.manual import Reading, watch
 from rigctl.runner.operator import Operator, read_answer
+from rigctl.units import significant
 
 #: what the operator may type instead of a value, to discard the last point
 UNDO = "undo"
@@ -77,7 +78,7 @@ class _Series:
         raw, unit = self.channel.raw, self.channel.raw_unit
         text = f"point {len(self.points)}: {point.reference:g} {self.channel.unit} at {point.mean:.6g} {unit}"
         if point.scatter is not None:
-            text += f" ± {point.scatter:.2g} ({len(point.raw)} readings)"
+            text += f" ± {significant(point.scatter, 2)} ({len(point.raw)} readings)"
         if raw is not None and min(point.mean - raw.low, raw.high - point.mean) < _AT_END * raw.step:
             text += "; the converter is at its end, this point is worth nothing"
         return text

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.errors import RigctlError
-from rigctl.units import parse_unit
+from rigctl.units import parse_unit, significant
 
 if TYPE_CHECKING:
     import numpy as np
@@ -78,7 +78,7 @@ def _label(key: Key, units: Mapping[str, str]) -> str:
     for variable, value in values:
         unit = units.get(variable, "")
         number = parse_unit(unit).from_si(value) if unit else value
-        told.append(f"{variable} {number:.4g} {unit}".removesuffix(" 1").rstrip())
+        told.append(f"{variable} {significant(number)} {unit}".removesuffix(" 1").rstrip())
     return ", ".join([name, *told])
 
 

@@ -12,6 +12,7 @@ import typer
 from rigctl.cli.commands.manual import Backend, Port, RigFile, Speed
 from rigctl.cli.echo import echo, echo_json
 from rigctl.errors import RigctlError, unknown_name
+from rigctl.units import significant
 
 if TYPE_CHECKING:
     from rigctl.rig import Channel, Rig
@@ -254,12 +255,16 @@ def _show(name: str, channel: Channel, fit: CalibrationFit) -> None:
         f"{value:+.7g}{term}" for value, term in zip(fit.coefficients, terms, strict=False)
     ).removeprefix("+")
     echo(f"{name} [{channel.unit}] = {formula}")
-    spread = f", residuals {interval(channel, fit.residual_std):.3g}" if fit.residual_std is not None else ""
+    spread = (
+        f", residuals {significant(interval(channel, fit.residual_std), 3)}"
+        if fit.residual_std is not None
+        else ""
+    )
     change = interval(channel, fit.largest_change(channel.calibration.coefficients))
     unit = channel.interval_unit
     echo(
-        f"uncertainty {interval(channel, fit.uncertainty):.3g} {unit} (95 %{spread}); "
-        f"up to {change:.3g} {unit} from the calibration before"
+        f"uncertainty {significant(interval(channel, fit.uncertainty), 3)} {unit} (95 %{spread}); "
+        f"up to {significant(change, 3)} {unit} from the calibration before"
     )
     for remark in _remarks(channel, fit):
         echo(f"note: {remark}")

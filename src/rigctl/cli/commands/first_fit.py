@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rigctl.errors import RigctlError
+from rigctl.units import significant
 
 if TYPE_CHECKING:
     from rigctl.model.fit.fit import FitResult
@@ -38,7 +39,7 @@ class FirstFit:
     def lines(self) -> list[str]:
         """What a person reads."""
         found = [
-            f"first fit: {name} within {f'{value:.3g} {self.units[name]}'.strip()} (RMSE), "
+            f"first fit: {name} within {f'{significant(value, 3)} {self.units[name]}'.strip()} (RMSE), "
             f"{value / self.span[name]:.1%} of its range"
             for name, value in self.rmse.items()
             if self.span[name] > 0.0

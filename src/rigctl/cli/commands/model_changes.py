@@ -24,6 +24,7 @@ from rigctl.effects.user import is_effect_file
 from rigctl.model import Model, StatedValue, load_model, stated_values
 from rigctl.project import find_file
 from rigctl.report.answer import Answer
+from rigctl.units import significant
 
 #: fitted parameters that the answer tells
 _NAMED = 4
@@ -84,7 +85,9 @@ def _show(changed: Changed, *, verbose: bool) -> None:
     show_answer(answer, title="-", more=[] if verbose else more)
     if verbose and done.before is not None and done.after is not None:
         show_errors([(old, done.before), (new, done.after)])
-        echo(f"  reduced χ²: {done.before.chi2_reduced:.4g} {old}, {done.after.chi2_reduced:.4g} {new}")
+        if done.before.chi2_reduced is not None and done.after.chi2_reduced is not None:
+            before, after = significant(done.before.chi2_reduced), significant(done.after.chi2_reduced)
+            echo(f"  reduced χ²: {before} {old}, {after} {new}")
         _show_values(changed.model)
     show_departures(changed.outside)
     echo(f"Version {version.parent} is kept: rigctl model diff {head}@{version.parent} {head}")

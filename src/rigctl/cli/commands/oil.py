@@ -11,7 +11,7 @@ import typer
 from rigctl.cli.echo import echo_json
 from rigctl.cli.options.quantities import read_quantities
 from rigctl.errors import RigctlError
-from rigctl.units import convert, parse_quantity, parse_unit, read_si
+from rigctl.units import convert, parse_quantity, parse_unit, read_si, significant
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -167,7 +167,7 @@ def _show(oil: Oil, model: str, rows: tuple[OilRow, ...], errors: tuple[Misfit, 
     console.print(f"[bold]{oil.name}[/], {oil.description}")
     console.print(
         f"density {oil.density_15:g} kg/m³ at 15 degC, expansion {oil.thermal_expansion:g} 1/K; "
-        f"Vogel a = {vogel.a:.5g} Pa*s, b = {vogel.b:.7g} K, c = {vogel.c:.7g} K",
+        f"Vogel a = {significant(vogel.a, 5)} Pa*s, b = {vogel.b:.7g} K, c = {vogel.c:.7g} K",
         soft_wrap=True,
     )
     console.print(f"[dim]{oil.source}[/]", soft_wrap=True)
@@ -187,8 +187,8 @@ def _table_of_rows(rows: tuple[OilRow, ...]) -> Table:
     table = _table("T [degC]", "p [bar]", "density [kg/m³]", "ν [cSt]", "µ [Pa*s]")
     for row in rows:
         table.add_row(
-            f"{convert(row.temperature, 'K', 'degC'):.5g}",
-            f"{row.pressure / _BAR:.4g}",
+            significant(convert(row.temperature, "K", "degC"), 5),
+            significant(row.pressure / _BAR),
             f"{row.density:.2f}",
             f"{row.kinematic_viscosity / _CENTISTOKES:.4f}",
             f"{row.dynamic_viscosity:.7f}",

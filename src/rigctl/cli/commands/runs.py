@@ -11,6 +11,7 @@ import typer
 from rigctl.cli.echo import echo, echo_json
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.printable import printable
+from rigctl.units import significant
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -431,7 +432,7 @@ def _cell(value: object) -> str:
 
 def _reading(value: object) -> str:
     """A measured value: four digits are what a bench is good for; '--json' has them all."""
-    return f"{value:.4g}" if isinstance(value, float) else _cell(value)
+    return significant(value) if isinstance(value, float) else _cell(value)
 
 
 def _instant(text: str) -> str:

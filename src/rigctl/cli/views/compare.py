@@ -19,6 +19,7 @@ from rigctl.model.validity import Departure
 from rigctl.report.answer import models_answer
 from rigctl.report.numbers import resolved
 from rigctl.report.terminal_bars import draw_bar
+from rigctl.units import significant
 
 _ASKS = {
     "score": "does any effect of the library stand out?",
@@ -51,7 +52,7 @@ def show_fmu_rivals(rivals: Sequence[FmuRival]) -> None:
             out.print(f"  {escape(rival.name)} cannot be started at {escape(name)}: its own value is used")
         shown = table("channel", "RMSE/noise of the FMU", "of the model")
         for name, error in rival.channels.items():
-            shown.add_row(name, f"{error.nrmse:.3g}", f"{rival.beside[name].nrmse:.3g}")
+            shown.add_row(name, significant(error.nrmse, 3), significant(rival.beside[name].nrmse, 3))
         out.print(shown)
 
 
@@ -190,11 +191,11 @@ def _channels(model: ModelComparison) -> Table:
         share = one["noise_share"]
         made.add_row(
             titles.get(name, name),
-            f"{one['rmse']:.4g}",
+            significant(one["rmse"]),
             *rest,
-            f"{resolved(one['bias'], one['rmse']):+.2g}",
-            f"{one['max']:+.3g}",
-            f"{100 * share:.2g} %" if share else f"{one['noise']:.3g}",
+            significant(resolved(one["bias"], one["rmse"]), 2, sign=True),
+            significant(one["max"], 3, sign=True),
+            f"{significant(100 * share, 2)} %" if share else significant(one["noise"], 3),
             escape(one["unit"]),
             f"{one['nrmse']:.3f}",
             f"{one['chi2_reduced']:.3f}",
@@ -220,11 +221,11 @@ def _side_by_side(models: Sequence[ModelComparison]) -> Table:
             units = [own[name]["unit"] if name in own else "" for own in channels]
             if any(cell is not None for cell in cells):
                 shown = [
-                    "" if cell is None else f"{cell:.4g} {escape(unit)}"
+                    "" if cell is None else f"{significant(cell)} {escape(unit)}"
                     for cell, unit in zip(cells, units, strict=True)
                 ]
                 made.add_row(f"  {label}", *shown)
-    made.add_row("reduced χ²", *(f"{model.fit.chi2_reduced:.4g}" for model in models))
+    made.add_row("reduced χ²", *(significant(model.fit.chi2_reduced) for model in models))
     for test in _ASKS:
         tests = [model.adequacy.tests.get(test) for model in models]
         if any(tests):
@@ -244,7 +245,7 @@ def _tests(model: ModelComparison) -> Table:
     made = table("test", "what it asks", "statistic", "dof", "p")
     for name, test in model.adequacy.tests.items():
         dof = str(test.dof) if test.dof else ""
-        made.add_row(name, _ASKS.get(name, ""), f"{test.statistic:.4g}", dof, chance(test.p_value))
+        made.add_row(name, _ASKS.get(name, ""), significant(test.statistic), dof, chance(test.p_value))
     made.add_row(
         "all", "Holm: the smallest p, corrected for three tests", "", "", chance(model.adequacy.p_value)
     )
@@ -256,6 +257,8 @@ def _places(places: Sequence[Place]) -> Table:
     made = table("where it fails", "share of the error", "", "error/noise", "p")
     made.columns[2].justify = "right"
     kinds = list(dict.fromkeys(place.by for place in places))
+    if "phase" not in kinds:  # of a single phase, each of its channels is that channel
+        kinds = [kind for kind in kinds if kind != "cell"]
     for kind in kinds:
         own = [place for place in places if place.by == kind]
         made.add_row(f"[dim]by {_KINDS[kind]}[/]")
@@ -295,4 +298,6 @@ def _show_slots(model: ModelComparison) -> None:
     width = max(len(slot.slot) for slot in shown)
     for slot in shown:
         bar = draw_bar(slot.log_evidence, shown[0].log_evidence, width=2 * _BAR)
-        out.print(f"  {escape(slot.slot):<{width}}  [cyan]{bar}[/] {slot.log_evidence:.4g}", soft_wrap=True)
+        out.print(
+            f"  {escape(slot.slot):<{width}}  [cyan]{bar}[/] {significant(slot.log_evidence)}", soft_wrap=True
+        )

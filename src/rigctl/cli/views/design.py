@@ -13,6 +13,7 @@ from rigctl.design.text import share, title
 from rigctl.planning.outline import clock_time
 from rigctl.report.answer import Answer
 from rigctl.report.terminal_bars import draw_bar
+from rigctl.units import significant
 
 _WIDTH = 12
 #: a probability from which two count as distinguished
@@ -103,8 +104,8 @@ def _outlooks(found: DesignResult) -> Table:
             escape(one.truth),
             escape(one.rival),
             f"{one.margin:+.1f}",
-            f"{one.separation:.3g}",
-            f"{one.spread:.2g}",
+            significant(one.separation, 3),
+            significant(one.spread, 2),
             share(one.before),
             share(one.after),
         )
@@ -115,7 +116,9 @@ def _sharpened(found: DesignResult) -> Table:
     made = table("parameter", "± now", "± then", "unit")
     made.columns[1].justify = made.columns[2].justify = "right"
     for one in found.sharpened:
-        made.add_row(escape(one.name), f"{one.before:.3g}", f"{one.after:.3g}", escape(one.unit))
+        made.add_row(
+            escape(one.name), significant(one.before, 3), significant(one.after, 3), escape(one.unit)
+        )
     return made
 
 
@@ -130,8 +133,8 @@ def _records(found: DesignResult) -> Table:
         made.add_row(
             str(number),
             escape(settings),
-            f"{one.separation:.3g}",
-            f"{one.of_repeat:.2g}",
+            significant(one.separation, 3),
+            significant(one.of_repeat, 2),
             "" if precise else share(one.before),
             "" if precise else share(one.after),
             clock_time(one.duration) if one.duration else "",
@@ -156,7 +159,7 @@ def _sensors(found: DesignResult) -> Table:
             escape(" and ".join(one.channels)),
             price_text(one),
             f"{one.told} of {one.of}",
-            f"{one.separation:.3g}",
+            significant(one.separation, 3),
             share(one.probability),
         )
     return made

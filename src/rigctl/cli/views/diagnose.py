@@ -21,7 +21,7 @@ from rigctl.cli.views.compare import routine, show_departures, show_notes, show_
 from rigctl.cli.views.model import show_errors
 from rigctl.report.diagnosis_answer import diagnosis_answer, improvement_answer
 from rigctl.report.terminal_bars import draw_bar
-from rigctl.units import known_digits, parse_unit
+from rigctl.units import known_digits, parse_unit, significant
 
 _COLOURS = {
     Verdict.ADEQUATE: "green",
@@ -167,7 +167,7 @@ def _ranking(found: Diagnosis) -> Table:
 def _held_out(one: Ranked) -> str:
     if not math.isfinite(one.heldout_before):
         return ""
-    return f"{one.heldout_before:.4g} to {one.heldout_after:.4g}"
+    return f"{significant(one.heldout_before)} to {significant(one.heldout_after)}"
 
 
 def _show_evidence(evidence: Sequence[str]) -> None:
@@ -197,7 +197,7 @@ def _drift(found: Sequence[Drift]) -> Table:
 def _change(one: Drift) -> str:
     """In per cent; for a temperature in kelvin, since a share of degrees Celsius is meaningless."""
     if parse_unit(one.unit).absolute_temperature:
-        return f"{(one.after - one.before) * parse_unit(one.unit).factor:+.2g} K"
+        return f"{significant((one.after - one.before) * parse_unit(one.unit).factor, 2, sign=True)} K"
     return f"{100 * (one.after / one.before - 1):+.1f} %" if one.before else ""
 
 

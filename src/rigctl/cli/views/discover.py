@@ -17,7 +17,7 @@ from rigctl.discovery.result import Discovery, FoundFormula
 from rigctl.report.answer import Answer, Tone
 from rigctl.report.braille import draw_curve
 from rigctl.report.terminal_bars import draw_bar
-from rigctl.units import show
+from rigctl.units import show, significant
 
 #: places, and lines of a curve, that are shown
 _PLACES, _LINES, _WIDTH = 6, 6, 56
@@ -28,10 +28,10 @@ _FORMULAS = 3
 def show_discovery(found: Discovery, *, verbose: bool = False) -> None:
     """Show the statement, the location, the size, and each formula in a line; with `verbose` the evidence."""
     tone: Tone = "good" if found.gate.reason == "adequate" else "warn"
-    title = "Discovery" if found.gate.open else "No formula"
+    title, sentence = found.headed
     left = [*counted(len(found.located[:_PLACES]), "place"), *counted(len(found.curves[:1]), "curve")]
     left += [*counted(len(found.formulas), "formula"), *counted(len(found.notes), "note")]
-    show_answer(Answer(tone, title, found.statement, tuple(_facts(found))), more=() if verbose else left)
+    show_answer(Answer(tone, title, sentence, tuple(_facts(found))), more=() if verbose else left)
     if verbose:
         _show_evidence(found)
         return
@@ -137,7 +137,7 @@ def _held_out(one: FoundFormula) -> str:
     check = one.check
     if check is None or not math.isfinite(check.before):
         return ""
-    return f"{check.before:.4g} to {check.after:.4g}"
+    return f"{significant(check.before)} to {significant(check.after)}"
 
 
 def _show_formula(one: FoundFormula) -> None:

@@ -21,7 +21,7 @@ from rigctl.physics.family import ModelFamily
 from rigctl.report.braille import draw_curve
 from rigctl.report.effect_figure import shown_unit
 from rigctl.rig.rig import Rig
-from rigctl.units import parse_unit, show
+from rigctl.units import parse_unit, show, significant
 
 #: share of a reading below which a change is rounding of the integration
 _ROUNDING = 1e-8
@@ -120,7 +120,7 @@ def _points(curve: MeasuredCurve) -> Table:
     made = table(f"{escape(curve.of)} {over}", f"value {unit}", *(["lowest", "highest"] if banded else []))
     rows = [document[name] for name in ("x", "y", *(("low", "high") if banded else ()))]
     for row in zip(*rows, strict=True):
-        made.add_row(*(f"{value:.5g}" for value in row))
+        made.add_row(*(significant(value, 5) for value in row))
     return made
 
 
@@ -162,12 +162,12 @@ def show_signature(seen: Signature, rig: Rig | None) -> None:
             continue
         peak = int(np.argmax(np.abs(change)))
         low, high = min(float(change.min()), 0.0), max(float(change.max()), 0.0)
-        said = f"{change[peak]:+.3g} {unit} at {seen.times[peak]:g} s"
+        said = f"{significant(change[peak], 3, sign=True)} {unit} at {seen.times[peak]:g} s"
         out.print(f"  {name}: largest {said}{_in_noise(seen, index, rig)}")
         lines = draw_curve(change.tolist(), low=low, high=high)
         # what is nothing beside the rest of the picture is rounding of the integration
         top, bottom = (end if abs(end) > 1e-3 * (high - low) else 0.0 for end in (high, low))
-        labels = [f"{top:.3g}", *[""] * (len(lines) - 2), f"{bottom:.3g}"]
+        labels = [significant(top, 3), *[""] * (len(lines) - 2), significant(bottom, 3)]
         for label, line in zip(labels, lines, strict=True):
             out.print(f"  {label:>9} │{line}")
     if seen.silent:
@@ -183,7 +183,7 @@ def _in_noise(seen: Signature, index: int, rig: Rig | None) -> str:
     noise = rig.channels[seen.output_names[index]].noise if rig is not None else None
     if not noise:
         return ""
-    return f", {np.abs(seen.difference[:, index]).max() / noise:.2g} times the noise"
+    return f", {significant(np.abs(seen.difference[:, index]).max() / noise, 2)} times the noise"
 
 
 def signature_document(seen: Signature, rig: Rig | None) -> dict[str, Any]:
@@ -219,7 +219,9 @@ def show_trial(trial: Trial, rig: Rig | None) -> None:
         if _changes(seen, index):
             unit = shown_unit(name, seen.output_units[index], rig)
             largest = float(np.abs(seen.difference[:, index]).max()) / parse_unit(unit).factor
-            out.print(f"  changes {name} by up to {largest:.3g} {unit}{_in_noise(seen, index, rig)}")
+            out.print(
+                f"  changes {name} by up to {significant(largest, 3)} {unit}{_in_noise(seen, index, rig)}"
+            )
     alike = ", ".join(f"{each.name} ({each.likeness:.3f})" for each in trial.alike[:_FEW])
     if alike:
         out.print(f"  most like it in the library, 1 being the same: {alike}")

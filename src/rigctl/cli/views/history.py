@@ -15,6 +15,7 @@ from rigctl.model import Version, VersionError, version_errors
 from rigctl.model.history.change import Change, ModelError
 from rigctl.report.answer import Answer
 from rigctl.report.numbers import number, symbol
+from rigctl.units import significant
 
 #: versions that the answer names, the last ones
 _NAMED = 6
@@ -114,7 +115,7 @@ def error_change(before: ModelError, after: ModelError) -> str:
     slight = "beside the noise of one reading no channel's error changes"
     if before.chi2_reduced is None or after.chi2_reduced is None:
         return said or slight
-    chi2 = f"reduced χ² {before.chi2_reduced:.4g} to {after.chi2_reduced:.4g}"
+    chi2 = f"reduced χ² {significant(before.chi2_reduced)} to {significant(after.chi2_reduced)}"
     return f"{chi2}; {said or slight}"
 
 
@@ -127,7 +128,7 @@ def held_out_change(before: ModelError, after: ModelError) -> str:
 
 
 def _chi2(error: ModelError) -> str:
-    return "" if error.chi2_reduced is None else f"; reduced χ² {error.chi2_reduced:.4g}"
+    return "" if error.chi2_reduced is None else f"; reduced χ² {significant(error.chi2_reduced)}"
 
 
 def _show_versions(versions: Sequence[Version], current: Version) -> None:
@@ -142,7 +143,7 @@ def _show_versions(versions: Sequence[Version], current: Version) -> None:
             escape(f"{version.done}{'' if version.kept or version.parent is None else ', not kept yet'}"),
             escape(_fitted_to(version.done)),
             escape(version.done.hold_out),
-            "" if after is None or after.chi2_reduced is None else f"{after.chi2_reduced:.4g}",
+            "" if after is None or after.chi2_reduced is None else significant(after.chi2_reduced),
         )
     out.print(made)
     for version in versions:

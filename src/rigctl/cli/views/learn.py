@@ -13,6 +13,7 @@ from rigctl.design.text import share
 from rigctl.learning.ending import LearningEnd
 from rigctl.learning.result import Learned, Round, round_text
 from rigctl.planning.outline import clock_time
+from rigctl.units import significant
 
 
 def show_proposal(one: Round, design: DesignResult, *, quiet: bool = False, verbose: bool = False) -> None:
@@ -53,8 +54,8 @@ def show_learned(learned: Learned, folder: Path, page: Path) -> None:
             gained = min(one.came_out.gains.values(), default=None)
             made.add_row(
                 str(one.number),
-                f"{min(one.came_out.expected.values(), default=one.promised.separation):.3g}",
-                "–" if gained is None else f"{gained:.3g}",
+                significant(min(one.came_out.expected.values(), default=one.promised.separation), 3),
+                "–" if gained is None else significant(gained, 3),
                 share(one.promised.probability),
                 "yes" if one.came_out.told else "no",
             )

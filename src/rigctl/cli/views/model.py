@@ -15,7 +15,7 @@ from rigctl.model import Model, StatedValue, Version, stated_values
 from rigctl.model.difference import ModelDifference, ValueDifference
 from rigctl.model.history.change import ModelError
 from rigctl.report.terminal_bars import draw_bar
-from rigctl.units import known_digits, with_uncertainty
+from rigctl.units import known_digits, significant, with_uncertainty
 
 #: the source of a value that the model file does not explain
 _SAID_BY = {
@@ -171,8 +171,8 @@ def _row(found: ValueDifference) -> tuple[str, ...]:
         _side(found.before),
         _side(found.after),
         unit,
-        "" if change is None else f"{100.0 * change:+.3g} %",
-        "" if deviations is None else f"{deviations:.2g}",
+        "" if change is None else f"{significant(100.0 * change, 3, sign=True)} %",
+        "" if deviations is None else significant(deviations, 2),
     )
 
 
@@ -222,7 +222,10 @@ def show_errors(steps: Sequence[tuple[str, ModelError]]) -> None:
         for (label, kind, value), size in zip(bars, sizes, strict=True):
             colour = {"fitted": "cyan", "held out": "yellow"}.get(kind, "dim")
             bar = draw_bar(size, max(sizes))
-            out.print(f"  {escape(label):<{width}}  {kind:<8} [{colour}]{bar}[/] {value:.4g}", soft_wrap=True)
+            out.print(
+                f"  {escape(label):<{width}}  {kind:<8} [{colour}]{bar}[/] {significant(value)}",
+                soft_wrap=True,
+            )
 
 
 def _bars(steps: Sequence[tuple[str, ModelError]], channel: str) -> list[tuple[str, str, float]]:

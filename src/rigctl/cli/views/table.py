@@ -10,6 +10,7 @@ from rich.markup import escape
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.single_values.rows import TableRow, shows_unfitted
 from rigctl.cli.tables import console, table
+from rigctl.units import significant
 
 #: standard deviations beyond which a value is marked
 _FAR = 3.0
@@ -39,16 +40,18 @@ def _show_quantity(rows: Sequence[TableRow]) -> None:
     for row in rows:
         cells = [
             escape(row.condition if row.fitted else f"{row.condition} (held out)"),
-            f"{row.measured:.5g}",
-            f"{row.noise:.2g}",
-            f"{row.predicted:.5g}",
+            significant(row.measured, 5),
+            significant(row.noise, 2),
+            significant(row.predicted, 5),
             f"{100 * row.share(row.predicted):+.2f} %" if row.measured else "",
             _sigmas(row.z),
         ]
         if fitted:
             unfitted = math.nan if row.unfitted is None else row.unfitted
-            cells += [f"{unfitted:.5g}", _sigmas(row.z_unfitted or 0.0)]
-        made.add_row(*cells, *(f"{row.beside[name]:.5g}" if name in row.beside else "" for name in beside))
+            cells += [significant(unfitted, 5), _sigmas(row.z_unfitted or 0.0)]
+        made.add_row(
+            *cells, *(significant(row.beside[name], 5) if name in row.beside else "" for name in beside)
+        )
     console().print(made)
 
 

@@ -35,10 +35,12 @@ def discovery_sections(found: Discovery) -> list[Section]:
     for one in found.located:
         for name in (one.slot.name, *one.alike):
             shares[name] = max(shares.get(name, 0.0), one.share)
+    head, sentence = found.headed
     body = render(
         "discovery.html",
         found=found,
-        heading="Discovery" if found.gate.open else "No formula",
+        head=head,
+        sentence=sentence,
         slots=_slots(family, shares) if found.located else Markup(),
         places=found.located[:_PLACES],
         curves=[plot_slot(plot) for plot in plots],

@@ -13,6 +13,7 @@ from rigctl.report.numbers import symbol
 from rigctl.report.plot import Plot
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
+from rigctl.units import significant
 
 
 def unseen_sections(found: Sequence[Unseen]) -> list[Section]:
@@ -43,7 +44,10 @@ def _bars(name: str, values: dict[str, object]) -> object:
     sizes.append(("the noise alone", values["noise"], 7))
     known = [(label, float(str(size)), colour) for label, size, colour in sizes if size is not None]
     largest = max(size for _, size, _ in known) or 1.0
-    shown = [Bar(label, size / largest, f"{size:.3g} {unit}", "", colour) for label, size, colour in known]
+    shown = [
+        Bar(label, size / largest, f"{significant(size, 3)} {unit}", "", colour)
+        for label, size, colour in known
+    ]
     return bars(f"Error of the {plain_name(name)} (RMSE)", shown)
 
 

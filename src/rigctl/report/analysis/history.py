@@ -19,6 +19,7 @@ from rigctl.report.heat_map import HeatMap, heat_map_table
 from rigctl.report.numbers import symbol
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
+from rigctl.units import significant
 
 #: a smaller excess over the noise can come from noise that was estimated from a part of the data
 _AT_NOISE = 1.05
@@ -95,17 +96,18 @@ def _waterfall(channel: str, steps: Sequence[tuple[str, ModelError]]) -> Markup:
             label,
             size / largest,
             _told(size, noise, unit),
-            f"{what}; RMSE {rmse:.3g} {unit}".rstrip(),
+            f"{what}; RMSE {significant(rmse, 3)} {unit}".rstrip(),
             colour,
         )
         for (label, rmse, what, colour), size in zip(rows, sizes, strict=True)
     ]
     if not noise:
         return bars(f"{plain_name(channel)}: error by version (RMSE)", shown)
-    said = f"systematic error by version; the noise of {noise:.3g} {unit} is taken off".replace("  ", " ")
+    size = f"{significant(noise, 3)} {unit}".rstrip()
+    said = f"systematic error by version; the noise of {size} is taken off"
     return bars(f"{plain_name(channel)}: {said}", shown)
 
 
 def _told(size: float, noise: float, unit: str) -> str:
     """A size as text, or that it is within the noise."""
-    return "within the noise" if size < _WITHIN * noise else f"{size:.2g} {unit}".rstrip()
+    return "within the noise" if size < _WITHIN * noise else f"{significant(size, 2)} {unit}".rstrip()

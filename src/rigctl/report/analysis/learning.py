@@ -21,6 +21,7 @@ from rigctl.report.numbers import words
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
+from rigctl.units import significant
 
 #: effects that are drawn, those with the highest maximum probability first
 _DRAWN = 6
@@ -138,8 +139,8 @@ def _promises(learned: Learned) -> Markup:
         for rival, gain in one.came_out.gains.items():
             expected = one.came_out.expected[rival]
             against = f"{plain_name(one.came_out.winner)} over {plain_name(rival)}"
-            shown.append(Bar(label, expected / largest, f"{expected:.3g}", f"predicted: {against}", 7))
-            shown.append(Bar("achieved", max(gain, 0.0) / largest, f"{gain:.3g}", "", 0))
+            shown.append(Bar(label, expected / largest, significant(expected, 3), f"predicted: {against}", 7))
+            shown.append(Bar("achieved", max(gain, 0.0) / largest, significant(gain, 3), "", 0))
     if not shown:
         return Markup()
     return bars("Growth of the log-likelihood ratio 2·ln L: predicted and achieved", shown)

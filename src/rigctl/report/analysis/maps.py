@@ -14,7 +14,7 @@ from rigctl.analysis.localisation import variable_units, whitened_errors
 from rigctl.report.heat_map import HeatMap
 from rigctl.report.numbers import symbol
 from rigctl.report.signals import plain_name
-from rigctl.units import parse_unit
+from rigctl.units import parse_unit, significant
 
 Floats = NDArray[np.float64]
 
@@ -156,4 +156,4 @@ def _title(name: str, units: dict[str, str]) -> str:
 
 
 def _shown(value: float, name: str, units: dict[str, str]) -> str:
-    return f"{parse_unit(units.get(name, '1')).from_si(value):.3g}"
+    return significant(parse_unit(units.get(name, "1")).from_si(value), 3)

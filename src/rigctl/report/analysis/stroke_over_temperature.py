@@ -12,7 +12,7 @@ from rigctl.model.fit.problem import Problem
 from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.signals import plain_name
-from rigctl.units import parse_unit
+from rigctl.units import parse_unit, significant
 
 
 def stroke_plot(models: Sequence[ModelComparison], key: str = "model-stroke") -> Plot | None:
@@ -56,7 +56,7 @@ def _groups(problem: Problem, hot: str, units: dict[str, str]) -> list[tuple[str
     return [
         (
             ", ".join(
-                f"{parse_unit(units[name]).from_si(value):.4g} {symbol(units[name])}"
+                f"{significant(parse_unit(units[name]).from_si(value))} {symbol(units[name])}"
                 for name, value in zip(rest, key, strict=True)
             ),
             places,

@@ -16,7 +16,7 @@ from rigctl.report.numbers import MISSING, prose, symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import plot_slot, render
 from rigctl.report.signals import plain_name
-from rigctl.units import parse_unit
+from rigctl.units import parse_unit, significant
 
 Floats = NDArray[np.float64]
 
@@ -216,11 +216,11 @@ def _text(
     rows = []
     for row in own:
         cells = [prose(row.condition) + ("" if row.fitted else ", held out")]
-        cells += [f"{row.measured:.5g}", f"{row.noise:.2g}"]
+        cells += [significant(row.measured, 5), significant(row.noise, 2)]
         for found in by_model:
             one = found[row.record]
             share = _shown(100.0 * one.share(one.predicted), "+.2f", " %")
-            cells += [f"{one.predicted:.5g}", share, f"{one.z:+.1f}"]
+            cells += [significant(one.predicted, 5), share, f"{one.z:+.1f}"]
         if fitted and len(models) == 1:
             cells += [_shown(row.unfitted, ".5g"), _shown(row.z_unfitted, "+.1f")]
         cells += [_shown(row.beside.get(name), ".5g") for name in beside]

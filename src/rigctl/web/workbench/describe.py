@@ -17,7 +17,7 @@ from rigctl.model.measured.table import curve_variable, curves
 from rigctl.report.decimation import thin
 from rigctl.report.numbers import symbol
 from rigctl.report.signals import plain_name
-from rigctl.units import parse_unit
+from rigctl.units import parse_unit, significant
 from rigctl.web.workbench.frames import frame
 from rigctl.workbench import Picture, State, Workbench
 
@@ -98,7 +98,7 @@ def _axes(problem: Problem) -> dict[str, Any]:
     axes = []
     for name in names:
         values = sorted({_rounded(record.condition.get(name, math.nan)) for record in problem.records})
-        shown = [f"{parse_unit(units[name]).from_si(value):.4g}" for value in values]
+        shown = [significant(parse_unit(units[name]).from_si(value)) for value in values]
         axes.append(
             {"title": plain_name(name), "unit": symbol(units[name]), "values": values, "shown": shown}
         )
