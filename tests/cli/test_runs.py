@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +111,38 @@ def test_sql_queries_records_and_runs(project: Path) -> None:
     assert document["columns"] == ["run", "s", "t", "n"]
     assert document["rows"][0][:2] == [FIRST, 3]
     assert FIRST in text("sql", "SELECT id FROM runs")
+
+
+LONG_ANSWER = "SELECT range AS number, 'a' || range AS name FROM range(3000)"
+
+
+def test_a_long_answer_is_whole_in_a_pipe(project: Path) -> None:
+    lines = text("sql", LONG_ANSWER).splitlines()
+    assert (lines[0], lines[1], lines[-1]) == ("number  name", "0       a0", "2999    a2999")
+    assert len(lines) == 3001
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="has no pseudo-terminals")
+def test_a_terminal_shows_the_first_rows_of_a_long_answer(project: Path) -> None:
+    ours, theirs = os.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-m", "rigctl", "runs", "sql", LONG_ANSWER],
+        cwd=project,
+        stdin=subprocess.DEVNULL,
+        stdout=theirs,
+        stderr=subprocess.PIPE,
+    ) as process:
+        os.close(theirs)
+        shown = b""
+        with suppress(OSError):  # Linux ends the output of a closed terminal with an error
+            while piece := os.read(ours, 65536):
+                shown += piece
+        os.close(ours)
+        assert process.stderr is not None
+        said = process.stderr.read()
+    assert b"a999" in shown
+    assert b"a1000" not in shown
+    assert b"The first 1000 of 3000 rows are shown. Redirect the output, or use '--json', to get all." in said
 
 
 @pytest.mark.parametrize(("statement", "code"), [("SELECT count(*) FROM samples", 0), ("SELEC", 2)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Annotated, Any
@@ -39,6 +40,8 @@ Where = Annotated[
 ]
 #: runs in a row for which a storage does not answer, after which no more are sent
 _SILENT_RUNS = 2
+#: rows of a query that a terminal shows
+_SHOWN_ROWS = 1000
 #: default number of listed runs
 SHOWN = 100
 Ref = Annotated[str, typer.Argument(metavar="RUN", help="Id, start of an id, path, or 'latest'.")]
@@ -275,7 +278,28 @@ def sql(
         rows = [[_plain_cell(value) for value in row] for row in answer.rows]
         _print_json({"columns": list(answer.columns), "rows": rows})
     else:
-        _print_table(_table(answer.columns, [[_cell(value) for value in row] for row in answer.rows]))
+        _print_rows(answer.columns, answer.rows)
+
+
+def _print_rows(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+    """Print the rows of a query: of many, a terminal shows the first, a pipe gets all.
+
+    These are aligned here, since a table that can be folded takes minutes for them.
+    """
+    if len(rows) <= _SHOWN_ROWS or sys.stdout.isatty():
+        _print_table(_table(columns, [[_cell(value) for value in row] for row in rows[:_SHOWN_ROWS]]))
+        if len(rows) > _SHOWN_ROWS:
+            said = f"The first {_SHOWN_ROWS} of {len(rows)} rows are shown."
+            echo(f"{said} Redirect the output, or use '--json', to get all.", err=True)
+        return
+    cells = ([_cell(value) for value in row] for row in rows)
+    lines = [[printable(cell) for cell in row] for row in (columns, *cells)]
+    widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
+    echo("\n".join(_laid_out(line, widths) for line in lines))
+
+
+def _laid_out(cells: Sequence[str], widths: Sequence[int]) -> str:
+    return "  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip()
 
 
 def _runs_table(runs: Sequence[RunSummary]) -> Table:
