@@ -88,6 +88,26 @@ def test_epochs_of_spreadsheets_labview_and_matlab_are_recognised(desk: Desk) ->
         assert run.header.started == datetime(2026, 4, 3, 12, tzinfo=UTC)
 
 
+@pytest.mark.parametrize(
+    ("unit", "count"),
+    [
+        ("\N{MICRO SIGN}s", "1775217600000000"),
+        ("\N{GREEK SMALL LETTER MU}s", "1775217600000000"),
+        ("msec", "1775217600000"),
+        ("seconds", "1775217600"),
+        ("d", "46115.5"),
+    ],
+)
+def test_epochs_are_recognised_in_other_spellings_of_their_unit(desk: Desk, unit: str, count: str) -> None:
+    assert desk.run(f"time [{unit}],{T1}\n{count},20\n").header.started == datetime(
+        2026, 4, 3, 12, tzinfo=UTC
+    )
+    frame = pa.table({f"time [{unit}]": [float(count)], T1: [20.0]})
+    pq.write_table(frame, desk.folder / "log.parquet")
+    done = import_file(desk.folder / "log.parquet", desk.rig, desk.folder / "runs")
+    assert open_run(done.path).header.started == noon
+
+
 def test_dates_in_their_own_column_and_clocks_passing_midnight_are_read(desk: Desk) -> None:
     rows = "31.12.2025;23:59:59,5;20\n01.01.2026;00:00:00,5;21\n"
     run = desk.run(f"Date;Time;{T1}\n{rows}")

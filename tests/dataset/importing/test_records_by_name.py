@@ -53,6 +53,18 @@ def test_a_record_keeps_the_name_that_the_file_gives_it(tmp_path: Path, board: R
     assert [switch.record for switch in run.switches] == [1]
 
 
+def test_names_of_digits_and_large_numbers_are_records_of_their_own(tmp_path: Path, board: Rig) -> None:
+    labels = ["1_1", "11", "9007199254740992", "9007199254740993", "1234567", "1234568"]
+    rows = "".join(f"{time},{label},20\n" for label in labels for time in (0, 1))
+    path = write(tmp_path, f"time [s],record,temperature_1 [degC]\n{rows}")
+    run = open_run(import_file(path, board, tmp_path / "runs").path)
+    assert run.records["path"].tolist() == [f"record {label}" for label in labels]
+    columns = {"time [s]": [0.0, 1.0] * 2, "record": [2**53] * 2 + [2**53 + 1] * 2}
+    pq.write_table(pa.table({**columns, "temperature_1 [degC]": [20.0] * 4}), tmp_path / "large.parquet")
+    run = open_run(import_file(tmp_path / "large.parquet", board, tmp_path / "runs").path)
+    assert run.records["path"].tolist() == ["record 9007199254740992", "record 9007199254740993"]
+
+
 def test_all_records_can_be_given_one_name(tmp_path: Path, board: Rig) -> None:
     run = open_run(import_file(write(tmp_path, STEPS), board, tmp_path / "runs", name="step").path)
     assert run.records["name"].tolist() == ["step", "step", "step"]

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from rigctl.dataset.importing.labels import LARGEST
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import (
     PART_ROWS,
@@ -151,6 +152,8 @@ class GroupedFile:
         values = column.read(start, stop)
         if is_text(values):
             return labels_of_texts([_as_text(value) for value in values])
+        if values.dtype.kind in "iu" and len(values) and np.abs(values.astype(np.float64)).max() > LARGEST:
+            return labels_of_texts([str(value) for value in values.tolist()])
         return labels_of_numbers(as_numbers(self.path, column.name, values))
 
 

@@ -11,6 +11,9 @@ from rigctl.dataset.importing.missing_values import MISSING
 BETWEEN: Final = -1
 IMPOSSIBLE: Final = -2
 
+#: whole numbers up to this one differ from each other in floating point
+LARGEST: Final = 2.0**53 - 1.0
+
 #: number of a record, or its name
 Label = float | str
 
@@ -41,19 +44,26 @@ class LabelBook:
 
 
 def read_label(text: str) -> Label | None:
-    """Return a number if the text is one, so that ``1`` and ``01`` are one record; None without a label."""
+    """Return a number if the text is one, so that ``1`` and ``01`` are one record; None without a label.
+
+    ``1_1`` is a name, and so is a number too large for its neighbours to differ from it.
+    """
     written = text.strip()
     if written in MISSING:
         return None
+    if "_" in written:  # which Python accepts between digits
+        return written
     try:
         number = float(written)
     except ValueError:
         return written
     if math.isnan(number) or number < 0.0:
         return None
-    return number if math.isfinite(number) else 0.5
+    if not math.isfinite(number):
+        return 0.5
+    return number if number <= LARGEST else written
 
 
 def describe_label(label: Label) -> str:
     """Describe a record by its label: ``record 4``, ``record H1_000_010``."""
-    return f"record {label:g}" if isinstance(label, float) else f"record {label}"
+    return f"record {label:.0f}" if isinstance(label, float) else f"record {label}"

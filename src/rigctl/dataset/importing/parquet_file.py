@@ -69,6 +69,8 @@ class ParquetFile:
 
         if pa.types.is_dictionary(column.type):
             column = column.dictionary_decode()
+        if pa.types.is_integer(column.type):  # of any size
+            column = column.cast(pa.string())
         if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
             return labels_of_dictionary(pa.chunked_array([column.dictionary_encode()]))
         return labels_of_numbers(self._numbers(column, index, local))

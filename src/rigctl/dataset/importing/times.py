@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 from rigctl.dataset.importing.local_time import LocalState, LocalTime, zone_info
 from rigctl.errors import Location, RigctlError
+from rigctl.units import parse_unit
 
 if TYPE_CHECKING:
     import numpy as np
@@ -279,10 +280,21 @@ def epoch_of(values: Sequence[float], unit: str | None) -> tuple[str, int, int] 
     if not values:
         return None
     low, high = min(values), max(values)
+    length = None if unit is None else _length_of(unit)
     for name, scale, offset, least, most in _EPOCHS:
-        if least <= low and high <= most and (unit == name or (unit is None and name != "day")):
+        fits = name != "day" if unit is None else length == scale
+        if least <= low and high <= most and fits:
             return name, scale, offset
     return None
+
+
+def _length_of(unit: str) -> int | None:
+    """Return the nanoseconds of a unit of time in any spelling, ``µs`` or ``usec``; None for others."""
+    try:
+        found = parse_unit(unit)
+    except RigctlError:
+        return None
+    return round(found.factor * _SECOND) if found.dimension == parse_unit("s").dimension else None
 
 
 def _number_format(cells: Sequence[str], unit: str | None) -> TimeFormat:
