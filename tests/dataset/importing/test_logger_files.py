@@ -99,9 +99,8 @@ def test_epochs_of_spreadsheets_labview_and_matlab_are_recognised(desk: Desk) ->
     ],
 )
 def test_epochs_are_recognised_in_other_spellings_of_their_unit(desk: Desk, unit: str, count: str) -> None:
-    assert desk.run(f"time [{unit}],{T1}\n{count},20\n").header.started == datetime(
-        2026, 4, 3, 12, tzinfo=UTC
-    )
+    noon = datetime(2026, 4, 3, 12, tzinfo=UTC)
+    assert desk.run(f"time [{unit}],{T1}\n{count},20\n").header.started == noon
     frame = pa.table({f"time [{unit}]": [float(count)], T1: [20.0]})
     pq.write_table(frame, desk.folder / "log.parquet")
     done = import_file(desk.folder / "log.parquet", desk.rig, desk.folder / "runs")
