@@ -135,7 +135,10 @@ def test_a_dry_run_moves_nothing(rigctl: Rigctl) -> None:
         (["jog", "valve", "sideways"], "unknown position"),
         (["jog", "valve", "extend", "--speed", "max"], "nobody answers that fast"),
         (["jog", "heater", "on", "--for", "5 bar"], "wrong dimension"),
-        (["monitor", "--for", "soon"], "not a quantity"),
+        (["monitor", "--for", "soon"], "--for: not a quantity"),
+        (["monitor", "--for", "5 bar"], "expected a time in s, ms, min, h or day"),
+        (["calibrate", "supply_pressure", "--valid-for", "1 bar"], "--valid-for: wrong dimension"),
+        (["calibrate", "supply_pressure", "--valid-for=-1 day"], "--valid-for: too small"),
         (["monitor", "--for=-1 s"], "expected more than zero"),
     ],
 )

@@ -59,6 +59,12 @@ def test_dynamic_or_kinematic_viscosities_give_vogels_constants() -> None:
         (["--temperature", "-200 degC"], "Vogel's law has no value"),
         (["--points", "20 degC"], "not a measured point"),
         (["--points", "20 degC=1 Pa*s"], "three points"),
+        (["--points", "20 s=1 Pa*s"], "--points: wrong dimension, got '20 s'; expected a temperature in K"),
+        (
+            ["--points", "20 degC=1"],
+            "--points: the unit is missing, got '1'; expected a dynamic viscosity in Pa*s or mPa*s or a "
+            "kinematic viscosity in m^2/s or cSt",
+        ),
         (["--model", "barius"], "did you mean 'barus'"),
     ],
 )

@@ -79,6 +79,7 @@ def calibrate(
     """
     from rigctl.cli.attended_run import typing_possible
     from rigctl.cli.commands.manual import open_rig
+    from rigctl.cli.options.quantities import read_option
     from rigctl.rig.calibration_fit import fit_calibration
     from rigctl.rig.calibration_points import read_points
     from rigctl.units import read_si
@@ -90,13 +91,12 @@ def calibrate(
         raise unknown_name("channel", channel, bench.channels)
     part = bench.channels[channel]
     on = _date(day)
-    if valid_for is not None and read_si(valid_for, "s") <= 0.0:
-        raise RigctlError("--valid-for: must be greater than zero", value=valid_for)
-    of_reference = (
-        part.display.from_si(read_si(reference_uncertainty, part.unit, difference=True), difference=True)
-        if reference_uncertainty
-        else 0.0
-    )
+    if valid_for is not None:
+        read_option("--valid-for", valid_for, "s", above_zero=True)
+    of_reference = 0.0
+    if reference_uncertainty:
+        given = read_option("--reference-uncertainty", reference_uncertainty, part.unit, difference=True)
+        of_reference = part.display.from_si(read_si(given, part.unit, difference=True), difference=True)
     taken: Sequence[Point]
     if points is not None:
         taken = read_points(points, part)

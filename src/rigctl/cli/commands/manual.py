@@ -102,6 +102,7 @@ def jog(
     Example: rigctl jog valve extend --for "0.5 s"
     """
     from rigctl.cli.attended_run import report_end
+    from rigctl.cli.options.quantities import read_option
     from rigctl.runner.console import Console
     from rigctl.runner.launch import operated
     from rigctl.runner.manual import jog as carry_out
@@ -109,6 +110,8 @@ def jog(
     from rigctl.runner.operator import AutomaticOperator
 
     bench = open_rig(rig)
+    if duration is not None:
+        read_option("--for", duration, "s")
     access = access_of(bench, backend, port, speed)
     by_person = needs_person(bench, actuator, duration, access)
     if by_person and speed == "max":
@@ -138,13 +141,11 @@ def monitor(
 
     Example: rigctl monitor --count 1 --json
     """
+    from rigctl.cli.options.quantities import read_option
     from rigctl.runner.manual import watch
-    from rigctl.units import read_si
 
     bench = open_rig(rig)
-    end = read_si(duration, "s") if duration is not None else None
-    if end is not None and end <= 0.0:
-        raise RigctlError("--for: too small", value=duration, expected="more than zero")
+    end = read_option("--for", duration, "s", above_zero=True).si if duration is not None else None
     say_guards()
     readings = watch(bench, access_of(bench, backend, port, speed), rate or bench.monitor_rate)
     first: float | None = None

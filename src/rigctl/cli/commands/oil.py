@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rigctl.cli.echo import echo_json
-from rigctl.cli.options.quantities import read_quantities
+from rigctl.cli.options.quantities import read_option, read_quantities
 from rigctl.errors import RigctlError
-from rigctl.units import convert, parse_quantity, parse_unit, read_si, significant
+from rigctl.units import convert, parse_unit, significant
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -84,11 +84,10 @@ def _through_points(oil: Oil, text: str) -> Oil:
                 value=item.strip(),
                 expected="'temperature=viscosity', e.g. 20 degC=85.19 cSt",
             )
-        temperature = read_si(left, "K")
-        kinematic = parse_quantity(right).unit.dimension == parse_unit("m^2/s").dimension
-        viscosity = (
-            read_si(right, "m^2/s") * oil.density(temperature) if kinematic else read_si(right, "Pa*s")
-        )
+        temperature = read_option("--points", left, "K").si
+        given = read_option("--points", right, "Pa*s", "m^2/s")
+        kinematic = given.unit.dimension == parse_unit("m^2/s").dimension
+        viscosity = given.si * oil.density(temperature) if kinematic else given.si
         pairs.append((temperature, viscosity))
     return replace(oil, vogel=vogel_from_points(pairs), source="Vogel constants solved from the given points")
 

@@ -5,9 +5,52 @@ from __future__ import annotations
 import math
 
 from rigctl.errors import RigctlError
-from rigctl.units import parse_quantity, read_si
+from rigctl.units import UNITS_OF, Quantity, describe, parse_quantity, parse_unit, read_si
 
 _MOST = 100_000
+
+
+def read_option(
+    option: str, text: str, *units: str, difference: bool = False, above_zero: bool = False
+) -> Quantity:
+    """Read the value of an option, or a part of it, of one of the dimensions of `units`.
+
+    Parameters
+    ----------
+    difference: a temperature is an interval.
+    above_zero: zero and negative values are refused.
+
+    Raises
+    ------
+    RigctlError
+        it is none; names the option, and every unit that is allowed.
+    """
+    expected = " or ".join(_allowed(unit, difference=difference) for unit in units)
+    try:
+        quantity = parse_quantity(text.strip())
+    except RigctlError as error:
+        raise RigctlError(
+            f"{option}: {error.what}", value=text, expected=expected, nearest=error.nearest
+        ) from error
+    if all(quantity.unit.dimension != parse_unit(unit).dimension for unit in units):
+        missing = quantity.unit.text == ""
+        what = "the unit is missing" if missing else "wrong dimension"
+        raise RigctlError(f"{option}: {what}", value=text, expected=expected)
+    if above_zero and quantity.value <= 0.0:
+        raise RigctlError(f"{option}: too small", value=text, expected="more than zero")
+    return quantity
+
+
+def _allowed(unit: str, *, difference: bool) -> str:
+    """``a time in s, ms, min, h or day``."""
+    dimension = parse_unit(unit).dimension
+    for quantity, units in UNITS_OF.items():
+        if parse_unit(units[0]).dimension == dimension:
+            if difference and quantity == "temperature":
+                quantity, units = "temperature difference", ("K",)  # noqa: PLW2901 - of an interval
+            listed = units[0] if len(units) == 1 else f"{', '.join(units[:-1])} or {units[-1]}"
+            return f"a{'n' * (quantity[0] in 'aeio')} {quantity} in {listed}"
+    return describe(unit, difference=difference)
 
 
 def read_quantities(text: str, unit: str) -> list[float]:
