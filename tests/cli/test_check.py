@@ -64,7 +64,7 @@ def test_shipped_procedures_are_found_by_their_short_path(
         ([CAMPAIGN, "--arg", "repeats"], "--arg: no assignment, got 'repeats'; expected name=value"),
         ([CAMPAIGN, "--arg", "repeat=1"], "did you mean 'repeats'?"),
         ([CAMPAIGN, "--arg", "pressures=60 bar"], "at most 50 bar"),
-        ([CAMPAIGN, "--rig", CAMPAIGN], "unknown field"),
+        ([CAMPAIGN, "--rig", CAMPAIGN], "this is a procedure file; expected a rig file"),
     ],
 )
 def test_mistakes_exit_with_2_and_a_message_without_a_traceback(

@@ -8,12 +8,19 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from rigctl.effects.user.load import load_effect
 from rigctl.errors import Location, RigctlError, SeveralErrors
 from rigctl.files.quantity import AnyQuantity, Q
 from rigctl.files.refusal import refusal
 from rigctl.files.validate import validate
 from rigctl.files.yaml import parse_document
-from rigctl.rig import load_rig
+from rigctl.model import load_model
+from rigctl.model.schema import ModelFile
+from rigctl.physics.user.load import load_family
+from rigctl.procedure import load_procedure
+from rigctl.rig import Rig, load_rig
+
+ROOT = Path(__file__).parents[2]
 
 
 class Strict(BaseModel):
@@ -178,3 +185,37 @@ def test_the_content_of_a_file_of_another_kind_is_not_quoted(tmp_path: Path, tex
         load_rig(path)
     assert "SECRET" not in str(caught.value)
     assert "other.yaml:1:1" in str(caught.value)
+
+
+OURS = {
+    "procedure": ("procedures/quick-check.yaml", load_procedure),
+    "rig": ("rigs/hl32-bench.yaml", load_rig),
+    "model": ("models/hl32-textbook.yaml", load_model),
+    "family": ("models/families/water-tank.yaml", load_family),
+    "effect": ("models/effects/piston-leakage-eccentric.yaml", load_effect),
+}
+
+
+@pytest.mark.parametrize("given", OURS)
+@pytest.mark.parametrize("wanted", OURS)
+def test_a_file_of_another_kind_of_rigctl_is_named_in_one_message(given: str, wanted: str) -> None:
+    """A rig file given as a model had a message for each of its keys."""
+    path, read = ROOT / OURS[given][0], OURS[wanted][1]
+    if given == wanted:
+        read(path)
+        return
+    with pytest.raises(RigctlError, match=rf"this is an? {given} file; expected an? {wanted} file$"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("model: hydraulic_cylinder\nchannels: {}\n", "unknown field, got 'channels'"),
+        ("name: bench\nmodel: hydraulic_cylinder\n", "the field 'channels' is missing"),
+    ],
+)
+def test_a_file_that_is_only_a_little_off_is_told_its_mistake(text: str, said: str) -> None:
+    document = parse_document(text, Path("it.yaml"))
+    with pytest.raises(RigctlError, match=said):
+        validate(document, Rig if "name" in text else ModelFile)

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 from rigctl.errors import RigctlError, SeveralErrors, nearest_name, unknown_name
 from rigctl.files import refusal
 from rigctl.files.fields import field_names, types_at
+from rigctl.files.kinds import file_of, other_kind
 from rigctl.files.nodes import Key, known_keys
 from rigctl.files.yaml import Document
 
@@ -86,6 +87,10 @@ def _require_kind(value: Any, document: Document, model: type[BaseModel]) -> Non
     valid = field_names(types_at(model, ()))
     if isinstance(value, dict):
         names = [str(name) for name in value]
+        other = other_kind(names, valid)
+        if other is not None:
+            found, wanted = map(file_of, other)
+            raise RigctlError(f"this is {found}", expected=wanted, where=document.locate())
         if not names or any(name in valid or nearest_name(name, valid) for name in names):
             return
         found = f"{len(names)} other fields"

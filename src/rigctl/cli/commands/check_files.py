@@ -11,17 +11,6 @@ from rigctl.errors import Location, RigctlError
 if TYPE_CHECKING:
     from rigctl.physics.family import ModelFamily
 
-#: the key that identifies a kind of file; in this order, since a rig file also has `model`
-_KEYS: Mapping[str, str] = {
-    "effect": "effect",  # it names its family too
-    "family": "family",
-    "procedure": "procedure",
-    "steps": "procedure",
-    "channels": "rig",
-    "actuators": "rig",
-    "model": "model",
-}
-
 
 def kind_of(path: Path) -> str:
     """The kind of a file: procedure, rig, model, family or effect.
@@ -31,15 +20,16 @@ def kind_of(path: Path) -> str:
     RigctlError
         the file cannot be read, or is none of these.
     """
+    from rigctl.files.kinds import kind_of_keys
     from rigctl.files.yaml import read_document
 
     if path.suffix.casefold() not in (".yaml", ".yml") and "@" not in path.name:
         raise _none_of_ours(path, path.suffix or path.name)
     content = read_document(path.with_name(path.name.partition("@")[0])).data
     keys = list(content) if isinstance(content, Mapping) else []
-    for key, kind in _KEYS.items():
-        if key in keys:
-            return kind
+    kind = kind_of_keys(keys)
+    if kind is not None:
+        return kind
     raise _none_of_ours(path, ", ".join(map(str, keys[:5])) or "nothing")
 
 

@@ -1,0 +1,43 @@
+"""The kinds of files a user writes, told apart by their keys."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+#: the key that identifies a kind of file; in this order, since a rig file also has `model`
+_KEYS: Mapping[str, str] = {
+    "effect": "effect",  # it names its family too
+    "family": "family",
+    "procedure": "procedure",
+    "steps": "procedure",
+    "channels": "rig",
+    "actuators": "rig",
+    "model": "model",
+}
+
+
+def kind_of_keys(keys: Collection[object]) -> str | None:
+    """The kind of a file with these keys: procedure, rig, model, family or effect; None if it is none."""
+    return next((kind for key, kind in _KEYS.items() if key in keys), None)
+
+
+def file_of(kind: str) -> str:
+    """``a rig file``, ``an effect file``."""
+    return f"{'an' if kind == 'effect' else 'a'} {kind} file"
+
+
+def other_kind(keys: Collection[str], fields: Collection[str]) -> tuple[str, str] | None:
+    """The kind of a file with these keys and the kind that has the `fields`, where they differ.
+
+    None also where the file is only a little off: it has what identifies the expected kind, and at most one
+    key that this has not.
+    """
+    found, expected = kind_of_keys(keys), kind_of_keys(fields)
+    if found is None or expected is None or found == expected:
+        return None
+    identified = any(_KEYS.get(key) == expected for key in keys)
+    if identified and len(set(keys) - set(fields)) < 2:
+        return None
+    if found == "model" and "name" in keys:  # a rig that lacks its channels: no other kind has a name
+        return None
+    return found, expected
