@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zipfile
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, date, datetime, time, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +91,31 @@ def test_times_of_day_and_time_spans_are_read_as_times(tmp_path: Path, board: Ri
     clocks = [[datetime(2026, 4, 3, 12, 0, second).time(), 20] for second in range(3)]  # noqa: DTZ001
     run = run_of(saved(tmp_path / "b.xlsx", {"Log": [["Time", T1], *clocks]}), board)
     assert np.diff(run.signals("time")) == pytest.approx([1.0, 1.0])
+
+
+def test_times_are_read_as_in_a_text_file(
+    tmp_path: Path, board: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def log(name: str, head: list[str], *rows: list[Any]) -> Path:
+        return saved(tmp_path / name, {"Log": [[*head, T1], *([*row, 20] for row in rows)]})
+
+    late, early = time(23, 59, 59), time(0, 0, 1)
+    texts = log("iso.xlsx", ["time"], ["2026-04-03T14:00:00"], ["2026-04-03T14:00:00.5"])
+    run = run_of(texts, board, zone="Europe/Berlin")
+    assert run.header.started == datetime(2026, 4, 3, 12, tzinfo=UTC)
+    assert run.signals("time").tolist() == [0.0, 0.5]
+    monkeypatch.setattr(formats, "isolated", True)
+    run = run_of(log("a.xlsx", ["Date", "Time"], [date(2026, 4, 3), late], [date(2026, 4, 4), early]), board)
+    assert run.header.started == datetime(2026, 4, 3, 23, 59, 59, tzinfo=UTC)
+    assert run.signals("time").tolist() == [0.0, 2.0]
+    monkeypatch.setattr(formats, "isolated", False)
+    run = run_of(log("b.xlsx", ["Time"], [late], [early]), board)
+    assert np.diff(run.signals("time")).tolist() == [2.0]
+    beyond = datetime(1900, 1, 1, 0, 0, 1)  # noqa: DTZ001 - as a time of day past 24 h is stored
+    run = run_of(log("c.xlsx", ["Time"], [late], [beyond]), board)
+    assert np.diff(run.signals("time")).tolist() == [2.0]
+    wrong = log("d.xlsx", ["time"], ["2026-04-03 14:00"], ["noon"], ["2026-04-03 14:01"])
+    assert "d.xlsx:3:1: time: not a time, got 'noon'; expected a date and time" in refusal(wrong, board)
 
 
 def test_a_cell_that_is_not_a_number_is_reported_with_its_place(tmp_path: Path, board: Rig) -> None:

@@ -183,7 +183,7 @@ def _hand_over(found: GroupedFile, folder: Path) -> dict[str, Any]:
             groups.append({**facts, "columns": columns})
     return {
         "groups": groups,
-        "headings": [[heading.name, heading.unit, heading.seconds] for heading in found.headings],
+        "headings": [[one.name, one.unit, one.seconds, one.spent] for one in found.headings],
         "noun": found.noun,
         "remarks": list(found.remarks),
         "damage": list(found.damage),
@@ -250,7 +250,7 @@ def _opened(path: Path, folder: Path) -> GroupedFile:
     clock = facts["clock"]
     found = GroupedFile(
         path,
-        tuple(Heading(name, unit, Location(path), seconds) for name, unit, seconds in facts["headings"]),
+        tuple(Heading(name, unit, Location(path), *marks) for name, unit, *marks in facts["headings"]),
         reading,
         facts["noun"],
         tuple(facts["remarks"]),

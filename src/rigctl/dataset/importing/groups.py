@@ -40,11 +40,16 @@ LARGE: Final = 1 << 28
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a group: `read` returns the values from one row to another, as in the file."""
+    """One column of a group: `read` returns the values from one row to another, as in the file.
+
+    `seconds` and `spent` are those of its `Heading`.
+    """
 
     name: str
     unit: str | None
     read: Callable[[int, int], NDArray[Any]]
+    seconds: bool = False
+    spent: bool = False
 
 
 @dataclass(frozen=True)
@@ -69,7 +74,7 @@ def held(group: Group) -> Group:
 
     def kept(column: Column) -> Column:
         values = column.read(0, group.rows)
-        return Column(column.name, column.unit, lambda start, stop: values[start:stop])
+        return replace(column, read=lambda start, stop: values[start:stop])
 
     return Group(group.name, group.rows, tuple(kept(column) for column in group.columns))
 
@@ -270,7 +275,13 @@ def _headings(path: Path, groups: Sequence[Group], options: Options, noun: str) 
                     expected=f"{unit or 'no unit'} as in '{first}'",
                     where=Location(path),
                 )
-    return tuple(Heading(name, unit, Location(path)) for name, (unit, _) in units.items())
+    columns = [column for group in groups for column in group.columns]
+    seconds = {column.name for column in columns if column.seconds}
+    spent = {column.name for column in columns if column.spent}
+    return tuple(
+        Heading(name, unit, Location(path), name in seconds, name in spent)
+        for name, (unit, _) in units.items()
+    )
 
 
 def common_length(path: Path, where: str, lengths: Mapping[str, int], options: Options) -> int:

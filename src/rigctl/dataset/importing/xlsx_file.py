@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from datetime import date, datetime, time, timedelta
+from datetime import date, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -19,6 +19,7 @@ from rigctl.dataset.importing.local_time import LocalTime
 from rigctl.dataset.importing.missing_values import NO_VALUE
 from rigctl.dataset.importing.numbers import read_number
 from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.xlsx_times import read_times
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -36,6 +37,10 @@ class _Sheet:
     names: dict[int, tuple[str, str | None]]
     first: int  #: row of the first cells, from 1
     rows: list[Sequence[Any]]
+
+    def column(self, index: int) -> list[Any]:
+        """Return the cells of a column; None where a row is too short."""
+        return [row[index] if index < len(row) else None for row in self.rows]
 
 
 def open_xlsx(path: Path, options: Options) -> GroupedFile:
@@ -144,15 +149,30 @@ def _below(rows: list[Sequence[Any]]) -> list[Sequence[Any]]:
 def _group(path: Path, sheet: _Sheet, options: Options, *, alone: bool) -> Group:
     import numpy as np
 
-    columns = []
-    for index, (name, unit) in sheet.names.items():
-        cells = [row[index] if index < len(row) else None for row in sheet.rows]
-        if options.ours(name) == "-":  # with any content
-            columns.append(Column(name, unit, _reader(np.full(len(cells), "", dtype=object))))
+    columns: dict[int, Column] = {}
+    ours = {index: options.ours(name) for index, (name, _) in sheet.names.items()}
+    day = next((index for index, name in ours.items() if name == "date"), None)
+    unread = _reader(np.full(len(sheet.rows), "", dtype=object))
+    for index in sorted(sheet.names, key=lambda index: ours[index] != "time"):  # which decides on the date
+        name, unit = sheet.names[index]
+        cells = sheet.column(index)
+        if ours[index] == "-":  # with any content
+            columns[index] = Column(name, unit, unread)
             continue
-        values, found = _values(path, sheet, index, name, cells, options)
-        columns.append(Column(name, found or unit, _reader(values)))
-    return Group("" if alone else sheet.name, len(sheet.rows), tuple(columns), sheet.first)
+        if ours[index] == "time":
+            where = Location(path, sheet.first, index + 1)
+            dates = None if day is None else sheet.column(day)
+            written = read_times(path, cells, dates, options.unit_of(name) or unit, options, where)
+            if written is not None:
+                columns[index] = Column(name, "s", _reader(written.values), seconds=True)
+                if day is not None and written.dated:
+                    columns[day] = Column(*sheet.names[day], unread, spent=True)
+                continue
+        if index not in columns:
+            values, found = _values(path, sheet, index, name, cells, options)
+            columns[index] = Column(name, found or unit, _reader(values))
+    ordered = tuple(columns[index] for index in sheet.names)
+    return Group("" if alone else sheet.name, len(sheet.rows), ordered, sheet.first)
 
 
 def _reader(values: NDArray[Any]) -> Callable[[int, int], NDArray[Any]]:
@@ -181,7 +201,7 @@ def _values(
     texts = sum(isinstance(cell, str) for cell in present)
     if 2 * texts > len(present):
         return np.array(["" if cell is None else str(cell) for cell in cells], dtype=object), None
-    spans = any(isinstance(cell, time | timedelta) for cell in present)
+    spans = any(isinstance(cell, timedelta) for cell in present)
     numbers = list(_numbers(path, sheet, index, name, cells, marks))
     return np.array(numbers, dtype=np.float64), "s" if spans else None
 
@@ -200,8 +220,6 @@ def _numbers(
         value: float | None = float("nan")
         if isinstance(cell, timedelta):
             value = cell.total_seconds()
-        elif isinstance(cell, time):
-            value = cell.hour * 3600.0 + cell.minute * 60.0 + cell.second + cell.microsecond / 1e6
         elif isinstance(cell, str):
             value = read_number(cell.strip(), ".", marks)
         elif isinstance(cell, int | float):
