@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from rigctl.errors import RigctlError
 from rigctl.rig.actuator import Actuator
 from rigctl.rig.channel import Channel
 from rigctl.rig.client_lines import client_problems
-from rigctl.rig.modbus import BITS, WRITABLE, Modbus, Register
+from rigctl.rig.modbus import BITS, WRITABLE, Modbus, Register, WrittenRegister
 from rigctl.rig.problem import Problem
+from rigctl.rig.setting import POSITIONS, Setting
+from rigctl.units import parse_unit
 
+#: smallest and largest number of each type that has no fractions
+_INTEGERS: Mapping[str, tuple[int, int]] = {
+    "bool": (0, 1),
+    **{f"int{bits}": (-(1 << bits - 1), (1 << bits - 1) - 1) for bits in (16, 32, 64)},
+    **{f"uint{bits}": (0, (1 << bits) - 1) for bits in (16, 32, 64)},
+}
 _AT = ("backend", "modbus")
 
 
 def register_problems(
-    modbus: Modbus, channels: dict[str, Channel], actuators: dict[str, Actuator]
+    modbus: Modbus,
+    channels: Mapping[str, Channel],
+    actuators: Mapping[str, Actuator],
+    safe_state: Mapping[str, Setting],
 ) -> Iterator[Problem]:
     """Everything wrong with a register map that the rest of the rig file shows."""
     written = {name: part.values for name, part in modbus.actuators.items()}
@@ -25,6 +36,8 @@ def register_problems(
     for name, part in modbus.actuators.items():
         keys = (*_AT, "actuators", name)
         yield from _written(part, keys)
+        if name in actuators and part.scale != 0.0:
+            yield from _fits(name, actuators[name], part, safe_state.get(name))
         if isinstance(part.readback, Register):
             yield from _register(part.readback, (*keys, "readback"))
     if modbus.identify is not None:
@@ -40,6 +53,41 @@ def _written(register: Register, keys: tuple[str, ...]) -> Iterator[Problem]:
             "table: this one can only be read", value=register.table, expected=" or ".join(WRITABLE)
         )
         yield Problem((*keys, "table"), error)
+
+
+def _fits(name: str, actuator: Actuator, part: WrittenRegister, safe: Setting | None) -> Iterator[Problem]:
+    """What the actuator may be set to can be written.
+
+    A command that does not fit would fail in the middle of a run, or make nothing safe.
+    """
+    ends = _INTEGERS.get(part.number_type)
+    if ends is None:
+        return
+    numbers: list[tuple[tuple[str, ...], float, str]]
+    positions = POSITIONS.get(actuator.kind)
+    if positions is not None:
+        place = (*_AT, "actuators", name, "values")
+        numbers = [(place, number, f"{number:g}") for number in (part.values or positions).values()]
+    else:
+        ends_of = (("low", actuator.low), ("high", actuator.high))
+        levels = [
+            *((("actuators", name, end), level) for end, level in ends_of),
+            (("safe_state", name), safe),
+        ]
+        unit = parse_unit(actuator.display_unit)
+        numbers = [
+            (keys, unit.from_si(float(level)), level.text) for keys, level in levels if level is not None
+        ]
+    shown = actuator.display_unit if positions is None and actuator.display_unit != "1" else ""
+    low, high = sorted(end * part.scale + part.offset for end in ends)
+    for keys, number, text in numbers:
+        if not ends[0] <= round((number - part.offset) / part.scale) <= ends[1]:
+            error = RigctlError(
+                f"{keys[-1]}: does not fit into the {part.number_type} of its register",
+                value=text,
+                expected=f"{low:g} to {high:g} {shown}".rstrip(),
+            )
+            yield Problem(keys, error)
 
 
 def _register(register: Register, keys: tuple[str, ...]) -> Iterator[Problem]:
