@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from rigctl.backends.protocol import Sample
+from rigctl.dataset import RunWriter
 from rigctl.dataset.run import open_run
 from rigctl.errors import ExitCode
 from rigctl.runner.requests import Request
@@ -183,6 +184,49 @@ def test_a_dry_run_reads_and_moves_nothing(do: Do) -> None:
     assert done.result.status == "finished"
     assert done.events("command") == []
     assert len(open_run(done.result.folder).samples()) == 3
+
+
+class Unclosable:
+    """A backend that fails when it is closed."""
+
+    def __init__(self, backend: Any) -> None:
+        self._backend = backend
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._backend, name)
+
+    def close(self) -> None:
+        raise OSError("the port is gone")
+
+
+class Unwritable:
+    """A recorder that fails when it is closed."""
+
+    def __init__(self, writer: Any) -> None:
+        self._writer = writer
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._writer, name)
+
+    def close(self, *facts: Any) -> None:
+        raise ValueError("no such column")
+
+
+def test_a_bench_that_cannot_be_closed_leaves_no_run_open(do: Do, workshop: Any) -> None:
+    done = do("steps:\n  - wait: 1 s\n", backend=Unclosable(workshop.backend(workshop.rig())))
+    assert done.result.status == "finished"
+    assert open_run(done.result.folder).info["status"] == "finished"
+    assert "the port is gone" in "".join(done.messages("fault"))
+
+
+def test_data_that_cannot_be_closed_are_reported_without_a_traceback(do: Do, workshop: Any) -> None:
+    plan = workshop.plan("steps:\n  - wait: 1 s\n")
+    backend = workshop.backend(plan.rig)
+    writer = RunWriter.create(workshop.folder / "runs", workshop.header(plan, backend))
+    done = do("steps:\n  - wait: 1 s\n", backend=backend, writer=Unwritable(writer))
+    assert (done.result.status, done.result.exit_code) == ("failed", ExitCode.FAILED)
+    assert "the data could not be closed: ValueError('no such column')" in str(done.result.reason)
+    writer.close("failed", done.result.reason, None)
 
 
 class Faulty:

@@ -218,18 +218,23 @@ class _Session:
             if status == "finished":
                 status, event = "failed", "fail"
             self._bench.event("fault", told)
-        self._backend.close()
+        try:
+            self._backend.close()
+        except Exception as error:  # noqa: BLE001 - the data have to be closed whatever happens to the bench
+            self._bench.event("fault", f"the bench could not be let go: {error or repr(error)}")
         self._message = reason or ""
         self._lifecycle.send(event)
         try:
             self._writer.close(status, reason, unconfirmed)
-        except RigctlError as error:
+        except Exception as error:  # noqa: BLE001 - how the run ended is reported whatever happens to its data
+            why = str(error) if isinstance(error, RigctlError) else f"the data could not be closed: {error!r}"
             told = reason or ""  # a full disk is reported once
-            reason = told if str(error) in told else "; ".join(filter(None, (told, str(error))))
+            reason = told if why in told else "; ".join(filter(None, (told, why)))
             status, code = "failed" if status == "finished" else status, code or ExitCode.FAILED
         self._tick()
         for control in self._controls:
-            control.close()
+            with suppress(Exception):
+                control.close()
         if self._watching is not None:
             self._watching.close()
         records, folder = self._progress.records_done, self._writer.folder
