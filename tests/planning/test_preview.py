@@ -200,7 +200,7 @@ def test_cleanup_blocks_are_shown_without_a_duration(previewed: See) -> None:
 
 LOOP = """\
 steps:
-  - control: {actuator: relief_valve, channel: supply_pressure, to: 30 bar, gain: 1, rate: 100 Hz, for: 1 s,
+  - control: {actuator: relief_valve, channel: supply_pressure, to: 30 bar, gain: 1, rate: 50 Hz, for: 1 s,
       where: board}
 """
 

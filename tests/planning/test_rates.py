@@ -13,6 +13,16 @@ from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import load_rig
 
 
+def test_a_loop_between_records_that_is_too_fast_is_refused() -> None:
+    """It used to be refused when its turn came, with the steps before it done."""
+    rig = load_rig(shipped("rigs", "tclab-board.yaml"))
+    loop = "{actuator: heater_1, channel: temperature_1, to: 50 degC, gain: 4 %/K, rate: RATE, for: 1 min}"
+    text = f"procedure: p\nsteps:\n  - wait: 1 s\n  - control: {loop}\n"
+    refuse_rates(expand(parse_procedure(text.replace("RATE", "10 Hz")), rig, {}))
+    with pytest.raises(RigctlError, match="20 Hz is more than the device can be asked for: 10 Hz"):
+        refuse_rates(expand(parse_procedure(text.replace("RATE", "20 Hz")), rig, {}))
+
+
 @pytest.mark.parametrize("block", ["on_failure", "on_abort", "finally"])
 @pytest.mark.parametrize("nested", [False, True])
 def test_a_record_that_is_too_fast_in_a_cleanup_block_is_refused(block: str, *, nested: bool) -> None:

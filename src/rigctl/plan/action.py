@@ -51,6 +51,11 @@ class Action(ABC):
             it could not be done; the message reports what was observed.
         """
 
+    @property
+    def needed_rate(self) -> float:
+        """The sampling rate that it cannot do without between records, Hz; 0 where any will do."""
+        return 0.0
+
     def refusal(self, bench: Bench) -> RigctlError | None:
         """Why this bench cannot do it, asked before anything moves; None where it can."""
         return None

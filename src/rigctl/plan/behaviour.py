@@ -129,7 +129,6 @@ class Bench(Protocol):
     columns: Mapping[str, int]  #: index in a row, by channel or command
     newest: Row | None
     rate: float  #: sampling rate, Hz
-    needed_rate: float  #: lowest sampling rate that the step in progress needs between records, Hz
     commanded: dict[str, float]
     pulses: dict[str, Pulse]
     missed: list[str]  #: measures that were outside their limits while the procedure continued
@@ -146,8 +145,8 @@ class Bench(Protocol):
         """True while a record is open."""
         ...
 
-    def start(self, rate: float) -> None:
-        """Sample at `rate` Hz from now on."""
+    def need_rate(self, rate: float) -> None:
+        """Between records, sample at no less than `rate` Hz from now on; 0: as the rig file says."""
         ...
 
     def fresh(self) -> Generator[Until, Row | None, Row]:

@@ -184,7 +184,9 @@ class _Walker(Visitor[PreviewNode]):
             expected.basis,
             records=0,
             samples=0,
-            warning=expected.warning or not_on_board(self.bench.rig, node.action),
+            warning=expected.warning
+            or not_on_board(self.bench.rig, node.action)
+            or too_fast(self.bench.rig, node.action.needed_rate),
         )
 
     def group(self, node: Group, *, counted: bool = True) -> PreviewNode:

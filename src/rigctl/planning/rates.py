@@ -1,9 +1,9 @@
-"""Records with a sampling rate that a device cannot deliver."""
+"""Records, and control loops between them, with a sampling rate that a device cannot deliver."""
 
 from __future__ import annotations
 
 from rigctl.errors import RigctlError
-from rigctl.plan import Plan, RecordNode, all_nodes
+from rigctl.plan import Leaf, Plan, RecordNode, all_nodes
 from rigctl.rig import Rig
 
 _ROUNDING = 1e-9
@@ -11,14 +11,13 @@ _ROUNDING = 1e-9
 
 def too_fast(rig: Rig, rate: float) -> str | None:
     """What is wrong with a sampling rate (Hz) on the rig's real bench, or None."""
-    fastest = rig.lines.fastest if rig.lines is not None else None
-    if fastest is None or rate <= fastest * (1.0 + _ROUNDING):
+    if rate <= rig.fastest * (1.0 + _ROUNDING):
         return None
-    return f"{rate:g} Hz is more than the device can be asked for: {fastest:g} Hz"
+    return f"{rate:g} Hz is more than the device can be asked for: {rig.fastest:g} Hz"
 
 
 def refuse_rates(plan: Plan) -> None:
-    """Refuse a plan with such a record, also in a cleanup block, before anything moves.
+    """Refuse a plan with such a record or loop, also in a cleanup block, before anything moves.
 
     Raises
     ------
@@ -26,7 +25,9 @@ def refuse_rates(plan: Plan) -> None:
         there is one; with the location of the first.
     """
     for node in all_nodes(plan):
-        if isinstance(node, RecordNode):
-            message = too_fast(plan.rig, node.rate)
-            if message is not None:
-                raise RigctlError(f"{node.label}: {message}", where=node.where)
+        rate = node.rate if isinstance(node, RecordNode) else 0.0
+        if isinstance(node, Leaf):
+            rate = node.action.needed_rate
+        message = too_fast(plan.rig, rate)
+        if message is not None:
+            raise RigctlError(f"{node.label}: {message}", where=node.where)

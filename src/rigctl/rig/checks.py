@@ -43,17 +43,33 @@ def problems(rig: Rig) -> Iterator[Problem]:
     if rig.backend.lines is not None:
         yield from line_problems(rig, rig.backend.lines)
     if rig.backend.modbus is not None:
-        yield from register_problems(rig.backend.modbus, rig.channels, rig.actuators)
+        yield from register_problems(rig.backend.modbus, rig.channels, rig.actuators, rig.safe_state)
     elif rig.backend.kind == "modbus":
         yield Problem(("backend",), RigctlError("nothing says where its registers are", expected="'modbus:'"))
     if rig.backend.opcua is not None:
         yield from node_problems(rig.backend.opcua, rig.channels, rig.actuators)
     elif rig.backend.kind == "opcua":
         yield Problem(("backend",), RigctlError("nothing says where its nodes are", expected="'opcua:'"))
+    yield from _rates(rig)
     if rig.backend.kind == "visa" and rig.backend.lines is None:
         yield Problem(
             ("backend",), RigctlError("nothing says what the instrument is sent", expected="'lines:'")
         )
+
+
+def _rates(rig: Rig) -> Iterator[Problem]:
+    """The rates at which the bench is read between records can be kept."""
+    moving = any(part.kind == "directional_valve" and part.by == "driven" for part in rig.actuators.values())
+    part = next((name for name in ("lines", "modbus", "opcua") if getattr(rig.backend, name) is not None), "")
+    for name in ("monitor_rate", "moving_rate") if moving else ("monitor_rate",):
+        rate = getattr(rig, name)
+        if rate > rig.fastest:
+            error = RigctlError(
+                f"{name}: more than the device can be asked for",
+                value=f"{rate:g} Hz",
+                expected=f"at most {rig.fastest:g} Hz, as backend.{part}.fastest says",
+            )
+            yield Problem((name,), error)
 
 
 def _refused(keys: tuple[str | int, ...], check: Callable[[], object]) -> Iterator[Problem]:

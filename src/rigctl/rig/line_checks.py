@@ -33,21 +33,6 @@ def line_problems(rig: Rig, lines: Lines) -> Iterator[Problem]:
         else:
             yield from _actuator(rig, name, part, keys)
     yield from _fixed(lines)
-    yield from _rates(rig, lines)
-
-
-def _rates(rig: Rig, lines: Lines) -> Iterator[Problem]:
-    """The rates at which the bench is read between records can be kept."""
-    moving = any(part.kind == "directional_valve" and part.by == "driven" for part in rig.actuators.values())
-    for name in ("monitor_rate", "moving_rate") if moving else ("monitor_rate",):
-        rate = getattr(rig, name)
-        if lines.fastest is not None and rate > lines.fastest:
-            error = RigctlError(
-                f"{name}: more than the device can be asked for",
-                value=f"{rate:g} Hz",
-                expected=f"at most {lines.fastest:g} Hz, as backend.lines.fastest says",
-            )
-            yield Problem((name,), error)
 
 
 def _queries(rig: Rig, lines: Lines) -> Iterator[Problem]:

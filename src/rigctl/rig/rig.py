@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from datetime import date
 from functools import cached_property
@@ -168,6 +169,12 @@ class Rig(Part):
         if backend.lines is not None and backend.kind == "visa":
             return backend.lines.of_a_client
         return backend.lines
+
+    @property
+    def fastest(self) -> float:
+        """The highest rate at which its device can be asked, Hz; infinite where nothing says it."""
+        device = self.backend.lines or self.backend.modbus or self.backend.opcua
+        return math.inf if device is None or device.fastest is None else device.fastest
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Rig:
         """A copy with some fields changed; computed properties are discarded."""

@@ -94,8 +94,8 @@ class Bench:
 
     def start(self, rate: float) -> None:
         """Sample at `rate` Hz from now on."""
-        self.rate = rate
         self.backend.start(rate)
+        self.rate = rate
 
     @property
     def watching_rate(self) -> float:
@@ -107,6 +107,23 @@ class Bench:
         moving = any(known.get(name, rest) != rest for name, rest in self._resting.items())
         rate = max(self.rig.monitor_rate, self.rig.moving_rate) if moving else self.rig.monitor_rate
         return max(rate, self.needed_rate)
+
+    def need_rate(self, rate: float) -> None:
+        """Between records, sample at no less than `rate` Hz from now on; 0: as the rig file says.
+
+        Raises
+        ------
+        RigctlError
+            the bench cannot be read so often; nothing has changed.
+        """
+        before, self.needed_rate = self.needed_rate, rate
+        if not self.reachable:
+            return
+        try:
+            self._keep_watch()
+        except RigctlError:
+            self.needed_rate = before
+            raise
 
     def _keep_watch(self) -> None:
         """Between records, read as often as the present commands require."""

@@ -12,7 +12,7 @@ from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.steps.readings import reading
 from rigctl.steps.settling import MovingMean
 
-#: Hz, lowest sampling rate of the position; between records the bench is temporarily read faster
+#: Hz, lowest sampling rate of the position where the bench can be read so often, also between records
 _RATE = 100.0
 #: s that the position is watched before it counts as at rest
 _REST = 0.3
@@ -76,21 +76,16 @@ def approach(action: MoveTo, bench: Bench) -> Behaviour:
     StepFailed
         it is not at rest there within `timeout` s, or it has to go back and the rig has no role for that.
     """
-    slower = bench.rate if bench.rate < _RATE and not bench.recording else None
-    if slower is not None:
-        bench.needed_rate = _RATE
-        bench.start(_RATE)
     drive = _Drive(action, bench)
     try:
+        bench.need_rate(min(_RATE, bench.rig.fastest))
         position = yield from drive.rest()
         while abs(drive.target - position) > drive.within:
             yield from drive.towards(position)
             position = yield from drive.rest()
     finally:
-        bench.needed_rate = 0.0
         drive.stop()
-        if slower is not None and bench.reachable:
-            bench.start(slower)
+        bench.need_rate(0.0)
     return Outcome.COMPLETE
 
 

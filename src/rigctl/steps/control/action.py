@@ -54,6 +54,11 @@ class Control(Action):
         """The longest time that it can take, s."""
         return self.duration if self.duration is not None else self.timeout or 0.0
 
+    @property
+    def needed_rate(self) -> float:
+        """The loop's own rate, Hz."""
+        return 1.0 / self.period
+
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
         """The time as written; if it ends by settling, its timeout."""
         basis = Basis.TIMED if self.duration is not None else Basis.AT_MOST
@@ -73,24 +78,19 @@ class Control(Action):
         StepFailed
             the reading has not settled in time, the loop oscillates, or its feed-forward has no value.
         """
-        slower = bench.rate if not bench.recording else None
-        if slower is not None:
-            bench.needed_rate = 1.0 / self.period
-            bench.start(bench.needed_rate)
-        bench.regulated.add(self.actuator)
         timing = Timing(self.period)
         watch = Watch(self, bench)
         try:
+            bench.need_rate(self.needed_rate)
+            bench.regulated.add(self.actuator)
             yield from self._loop(bench, watch, timing)
         finally:
             bench.regulated.discard(self.actuator)
-            bench.needed_rate = 0.0
+            bench.need_rate(0.0)
             self.keep(bench, timing.values())
             watch.tell_of_undefined()
             if timing.missed:
                 bench.event("note", f"{timing.missed} readings of {self.channel} could not be used")
-            if slower is not None and bench.reachable:
-                bench.start(slower)
         if not self.stay:
             bench.release(self.actuator)
         return Outcome.COMPLETE

@@ -90,24 +90,19 @@ class ControlOnBoard(Control):
         if reason:
             bench.event("note", f"the loop runs on the host: {reason}")
             return (yield from Control.carry_out(self, bench))
-        slower = bench.rate if not bench.recording else None
-        if slower is not None:
-            bench.needed_rate = min(1.0 / self.period, _WATCHED)
-            bench.start(bench.needed_rate)
-        bench.regulated.add(self.actuator)
         state = LoopState(False, None)
         watch = Watch(self, bench)
         try:
+            bench.need_rate(min(self.needed_rate, _WATCHED))
+            bench.regulated.add(self.actuator)
             yield from self._look_on(bench, watch)
             yield from bench.stop_regulating(self.actuator)
         finally:  # whatever else ends it has made the outputs safe, and so ended the loop
             state = bench.loop_state()
             bench.regulated.discard(self.actuator)
-            bench.needed_rate = 0.0
+            bench.need_rate(0.0)
             self._keep_figures(bench, state)
             watch.tell_of_undefined()
-            if slower is not None and bench.reachable:
-                bench.start(slower)
         if not self.stay:
             bench.release(self.actuator)
         return Outcome.COMPLETE
