@@ -3,7 +3,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Barrier
 from typing import Any
 
 import numpy as np
@@ -333,6 +335,21 @@ def test_a_file_being_written_is_refused(
 
 def test_two_imports_within_one_second_are_two_runs(importer: Importer) -> None:
     assert importer.bring_in(STROKES).run != importer.bring_in(STROKES).run
+
+
+def test_imports_of_one_file_at_the_same_time_are_runs_of_their_own(importer: Importer) -> None:
+    file = importer.folder / "strokes.csv"
+    file.write_text(STROKES, encoding="utf-8")
+    start = Barrier(6)
+
+    def bring_in(_: int) -> Path:
+        start.wait()
+        return import_file(file, importer.rig, importer.runs).path
+
+    with ThreadPoolExecutor(6) as pool:
+        folders = list(pool.map(bring_in, range(6)))
+    assert len(set(folders)) == 6
+    assert [open_run(folder).info["id"] for folder in folders] == [folder.name for folder in folders]
 
 
 @given(

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.header import RunHeader, Source, calibrations_of, current_versions, source_of_rig
 from rigctl.dataset.importing.assume import assumed_values
@@ -19,7 +19,7 @@ from rigctl.dataset.importing.notes import notes
 from rigctl.dataset.importing.observations import Observations, take_observations
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.samples import Samples, take_samples
-from rigctl.dataset.importing.staging import publish, staged
+from rigctl.dataset.importing.staging import NameTakenError, publish, staged
 from rigctl.dataset.importing.table import KEPT_FAULTS, Fault, refuse
 from rigctl.dataset.importing.times import instant
 from rigctl.dataset.run_id import new_run_id
@@ -29,6 +29,10 @@ from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
     from rigctl.rig import Rig
+
+
+#: attempts at a name that other imports of the same file take at the same time
+_TRIES: Final = 20
 
 
 @dataclass(frozen=True)
@@ -108,22 +112,41 @@ def import_files(
     if not taken.rows:
         raise RigctlError("there is nothing to import", expected="rows of values", where=Location(paths[0]))
     said = remarks_of(taken, rig, options)
-    header = _header(paths, rig, taken, runs, operator, options)
+    for left in reversed(range(_TRIES)):
+        header = _header(paths, rig, taken, runs, operator, options)
+        try:
+            folder, records = _write(taken, header, runs, paths, before, said, name)
+            break
+        except NameTakenError:  # by an import at the same time
+            if not left:
+                raise
+    upload_if_wanted(folder)
+    return Imported(folder.name, folder, records, taken.rows, found.bad_rows, tuple(found.faults), said)
+
+
+def _write(
+    taken: Samples | Observations,
+    header: RunHeader,
+    runs: Path,
+    paths: Sequence[Path],
+    before: Sequence[object],
+    said: Sequence[str],
+    name: str | None,
+) -> tuple[Path, int]:
+    """Write the run, and return its folder and the number of records; after a failure there is none."""
     with staged(runs) as hidden:
         writer = RunWriter.create(hidden, header)
         try:
-            _say(writer, said, found, paths[0])
+            _say(writer, said, taken.found, paths[0])
             records = taken.write(writer, name, stem_of(paths[0]))
             whole = writer.close("finished")
             _check_unchanged(paths, before)
-            folder = publish(whole, runs)
+            return publish(whole, runs), records
         except BaseException as problem:
             writer.discard()
             if isinstance(problem, Exception):
                 _check_unchanged(paths, before, problem)
             raise
-    upload_if_wanted(folder)
-    return Imported(folder.name, folder, records, taken.rows, found.bad_rows, tuple(found.faults), said)
 
 
 def remarks_of(taken: Samples | Observations, rig: Rig | None, options: Options) -> tuple[str, ...]:

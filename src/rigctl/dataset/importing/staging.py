@@ -24,6 +24,10 @@ _PREFIX: Final = ".import-"
 _LEFT_BEHIND: Final = 3600.0
 
 
+class NameTakenError(RigctlError):
+    """Another import has taken the name of a run in the same second."""
+
+
 @contextmanager
 def staged(runs: Path) -> Iterator[Path]:
     """Provide a folder in `runs` in which to make the run; what is left in it is removed.
@@ -54,19 +58,23 @@ def publish(folder: Path, runs: Path) -> Path:
 
     Raises
     ------
-    RigctlError
+    NameTakenError
         another import has taken the name in the same second.
+    RigctlError
+        the run cannot be moved there.
     """
     place = folder_for(runs, folder.name) / folder.name
     try:
         place.parent.mkdir(exist_ok=True)
+        if place.exists():  # an empty folder would be replaced
+            raise FileExistsError(place)
         return folder.rename(place)
     except OSError as problem:
         if not place.exists():
             raise RigctlError(
                 f"cannot put the run in its place: {problem.strerror}", where=Location(place)
             ) from problem
-        raise RigctlError(
+        raise NameTakenError(
             "another import took this name in the same second", where=Location(place), hint="Try again"
         ) from problem
 
