@@ -65,3 +65,14 @@ def test_the_keyboard_reaches_the_content_first(window: Window) -> None:
     links = page.locator("nav[aria-label=Parts] a")
     assert links.all_inner_texts() == ["Runs", "Live", "Workbench", "Procedure", "Report", "Docs"]
     assert page.locator("nav [aria-current=page]").inner_text() == "Runs"
+
+
+@pytest.mark.parametrize("width", [320, 400, 640, 800])
+def test_every_link_of_the_navigation_is_on_the_screen(window: Window, width: int) -> None:
+    """At 400 pixels the last one was beyond the right edge, in a row that scrolled without a scroll bar."""
+    page = window.open("/runs")
+    page.set_viewport_size({"width": width, "height": 800})
+    for link in page.locator("nav[aria-label=Parts] a").all():
+        box = link.bounding_box()
+        assert box is not None
+        assert 0.0 <= box["x"] < box["x"] + box["width"] <= width, link.inner_text()
