@@ -12,6 +12,7 @@ from contextlib import ExitStack
 import pytest
 
 from rigctl.web.access_control import Gate, Keys, Message, Receive, Scope, Send, set_cookie
+from rigctl.web.request_handling import Asked, post
 from web.serving import Served, Window
 
 HOSTILE_HOSTS = [
@@ -56,7 +57,14 @@ def test_another_origin_is_refused(served: Served, cookie: str, origin: str) -> 
 
 def test_silent_connections_are_closed(served: Served) -> None:
     """The number of connections is limited: silent ones would keep others out, even from stopping a run."""
-    parts = (b"", b"GET / HTTP/1.1\r\nHost: 127", b"GET / HTTP/1.1\r\nHost: x\r\n\r\nGET / HT")
+    known = f"Host: {served.host}\r\nOrigin: {served.base}\r\nContent-Length: 90\r\n\r\n{{".encode()
+    parts = (
+        b"",
+        b"GET / HTTP/1.1\r\nHost: 127",
+        b"GET / HTTP/1.1\r\nHost: x\r\n\r\nGET / HT",
+        b"POST /api/session HTTP/1.1\r\n" + known,  # whose body never ends
+        b"POST /api/live/off HTTP/1.1\r\n" + known,
+    )
     with ExitStack() as lines:
         silent = []
         for asked in parts:
@@ -219,10 +227,37 @@ def test_an_invalid_request_only_ends_its_connection(served: Served, cookie: str
     assert served.get("/api/status", cookie)["there"] is True
 
 
-def test_a_body_that_is_not_a_json_object_is_refused_with_one_message(served: Served, cookie: str) -> None:
-    status, answer = served.post("/api/session", ["x"], cookie)
+def test_a_client_that_goes_away_is_no_fault_of_the_server(caplog: pytest.LogCaptureFixture) -> None:
+    """The server's output had a traceback for each."""
+
+    async def gone() -> Message:
+        return {"type": "http.disconnect"}
+
+    async def sent(_: Message) -> None:
+        pass
+
+    def unreached(_: Asked) -> None:
+        pytest.fail("carried out although the request is not complete")
+
+    scope = {"type": "http", "method": "POST", "path": "/x", "headers": [], "query_string": b""}
+    asyncio.run(post("/x", unreached).handle(scope, gone, sent))
+    assert caplog.messages == []
+
+
+@pytest.mark.parametrize("body", [["x"], "x" * 5000, 3])
+def test_a_body_that_is_not_a_json_object_is_refused_with_one_message(
+    served: Served, cookie: str, body: object
+) -> None:
+    status, answer = served.post("/api/session", body, cookie)
     assert status == 401
     assert "changes with every start" in answer["error"]["message"]
+
+
+def test_a_deeply_nested_body_is_refused_without_a_traceback(served: Served) -> None:
+    head = f"POST /api/session HTTP/1.1\r\nHost: {served.host}\r\nOrigin: {served.base}\r\n"
+    with socket.create_connection(("127.0.0.1", served.port), timeout=120) as line:
+        line.sendall(f"{head}Content-Length: 1000\r\n\r\n{'[' * 1000}".encode())
+        assert line.recv(100).startswith(b"HTTP/1.1 401")
 
 
 def test_a_browser_is_authenticated_once(window: Window) -> None:

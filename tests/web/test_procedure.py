@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,12 @@ import pytest
 from rigctl.dataset import open_run
 from rigctl.dataset.catalogue import page_of_runs
 from rigctl.dataset.writer_lock import read_state
+from rigctl.errors import RigctlError
+from rigctl.project import Project
+from rigctl.web.jobs import Jobs
+from rigctl.web.procedure import Procedures
+from rigctl.web.request_handling import Asked
+from rigctl.web.server_state import Site
 from web.serving import Served, Window
 from web.watched import wait_for
 
@@ -99,6 +106,25 @@ def test_a_file_changed_meanwhile_is_not_overwritten(served: Served, cookie: str
             served.ask("GET", f"/api/procedure/file?path={path}".replace("\0", "%00"), cookie=cookie)[0]
             == 400
         )
+
+
+def test_of_windows_that_save_at_once_one_succeeds(tmp_path: Path) -> None:
+    """Each had compared the file with what it knew before any of them wrote."""
+    (tmp_path / "procedures").mkdir()
+    procedures = Procedures(Site(Project(tmp_path, tmp_path / "runs"), Jobs(tmp_path)))
+
+    def save(text: str) -> str:
+        try:
+            procedures.save(Asked({}, {}, {"path": "procedures/new.yaml", "text": text}))
+        except RigctlError as error:
+            return error.what
+        return text
+
+    texts = [f"procedure: {number}\n" for number in range(16)]
+    with ThreadPoolExecutor(16) as windows:
+        done = set(windows.map(save, texts))
+    (saved,) = done - {"the file has changed since it was read"}
+    assert (tmp_path / "procedures" / "new.yaml").read_text("utf-8") == saved
 
 
 @pytest.mark.parametrize("path", ["../elsewhere.yaml", "/etc/x.yaml", "procedures/a\0b.yaml", ""])

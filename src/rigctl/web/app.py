@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Collection
 from contextlib import asynccontextmanager
 from functools import lru_cache
@@ -12,15 +13,17 @@ from string import Template
 from typing import TYPE_CHECKING, Any, Final
 
 from starlette.applications import Starlette
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from rigctl.errors import RigctlError
 from rigctl.web.access_control import SESSION_PATH, App, Gate, Keys, set_cookie
 from rigctl.web.new_project import fill, is_empty
 from rigctl.web.parts import PARTS
-from rigctl.web.request_handling import delete, get, post, refusal_text
+from rigctl.web.request_handling import delete, get, post, read_fields, refusal_text
+from rigctl.web.request_timeout import PATIENCE
 from rigctl.web.server_state import Part, Site
 
 if TYPE_CHECKING:
@@ -84,21 +87,16 @@ def installed_version() -> str:
 
 def _session(keys: Keys) -> Any:
     async def endpoint(request: Request) -> Response:
-        import json
-
-        content = bytearray()
-        async for part in request.stream():
-            content += part[: _MOST_TOKEN + 1]
-            if len(content) > _MOST_TOKEN:
-                break
         try:
-            token = json.loads(content[: _MOST_TOKEN + 1])["token"]
-        except (ValueError, TypeError, KeyError):
+            async with asyncio.timeout(PATIENCE):  # whoever is not known yet may not hold a connection
+                token = (await read_fields(request, _MOST_TOKEN)).get("token")
+        except (RigctlError, TimeoutError, ClientDisconnect):
             token = None
         session = keys.exchange(token) if isinstance(token, str) else None
         if session is None:
             text = "this is not the address that the server has printed; it changes with every start"
-            return Response(refusal_text(text), 401, media_type="application/json")
+            closing = {"connection": "close"}  # the rest of its body is not waited for
+            return Response(refusal_text(text), 401, closing, media_type="application/json")
         return Response(status_code=204, headers={"set-cookie": set_cookie(request.scope, session)})
 
     return endpoint

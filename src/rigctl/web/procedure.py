@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import subprocess
 import sys
 import threading
@@ -47,6 +48,7 @@ class Procedures:
 
     def __init__(self, site: Site) -> None:
         self._site = site
+        self._saving = threading.Lock()
 
     def files(self, asked: Asked) -> dict[str, Any]:
         """What there is."""
@@ -91,16 +93,17 @@ class Procedures:
 
         root = self._site.require_project()
         path, text = self._writable(root, asked.text("path")), asked.text("text")
-        there = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else None
-        known = asked.text("sha256", "")
-        if there is not None and _hash(there) != known:
-            raise RigctlError(
-                "the file has changed since it was read",
-                value=asked.text("path"),
-                hint="Copy your text, read the file again, and put it in there",
-                exit_code=ExitCode.FAILED,
-            )
-        write_text(path, text)
+        with self._saving:  # of two windows that save at once, the second is refused
+            there = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else None
+            known = asked.text("sha256", "")
+            if there is not None and _hash(there) != known:
+                raise RigctlError(
+                    "the file has changed since it was read",
+                    value=asked.text("path"),
+                    hint="Copy your text, read the file again, and put it in there",
+                    exit_code=ExitCode.FAILED,
+                )
+            write_text(path, text)
         return {"path": asked.text("path"), "sha256": _hash(text)}
 
     def start(self, asked: Asked) -> dict[str, Any]:
@@ -129,7 +132,7 @@ class Procedures:
         for name in ("operator", "serial_number", "part"):
             if value := asked.text(name, "").strip():
                 command += [f"--{name.replace('_', '-')}={value}"]
-        return {"run": self._begin(command), "command": f"rigctl {' '.join(command)}"}
+        return {"run": self._begin(command), "command": f"rigctl {shlex.join(command)}"}
 
     def _begin(self, command: Sequence[str]) -> str:
         """The id of the run that a command has started.

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import html
 import re
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
+from secrets import token_hex
 from typing import TYPE_CHECKING, Any, Final
 
 from starlette.responses import HTMLResponse, Response
@@ -52,15 +54,13 @@ class Pages:
             raise RigctlError("runs: how many is wrong", value=str(len(runs)), expected=f"1 to {_MOST}")
         told = [*runs]
         for model in asked.texts("models"):
-            told += ["--model", inside(root, model).relative_to(root).as_posix()]
+            told += ["--model", inside(root, model).relative_to(root.resolve()).as_posix()]
         if asked.body.get("diagnose") is True:
             told.append("--diagnose")
-        page = self._site.jobs.scratch / f"{len(list(self._site.jobs.scratch.iterdir()))}.html"
-        while page.exists():
-            page = page.with_name(f"{page.stem}+.html")
+        page = self._site.jobs.scratch / f"{token_hex(8)}.html"  # two windows may ask at once
         page.touch(0o600)
         job = self._site.jobs.start_command("Report", ["report", *told, "-o", str(page), "--force"])
-        job.command = " ".join(["rigctl report", *told])
+        job.command = f"rigctl report {shlex.join(told)}"
         return job.document()
 
     def show(self, asked: Asked) -> Response:

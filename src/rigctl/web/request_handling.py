@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, cast
 
 from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 from starlette.routing import Route
 
@@ -109,6 +109,8 @@ def _endpoint(work: Work) -> Callable[[Request], Any]:
             if isinstance(found, Response):
                 return found
             return _json(to_json(found), 200)
+        except ClientDisconnect:  # nobody reads the answer
+            return _json(refusal_text("the request has ended before its end"), 400)
         except RigctlError as error:
             failed = error.exit_code is ExitCode.FAILED
             return _json(json.dumps({"error": error.as_dict()}), 409 if failed else 400)
@@ -126,14 +128,27 @@ def _endpoint(work: Work) -> Callable[[Request], Any]:
 async def _read(request: Request) -> Asked:
     body: Mapping[str, Any] = {}
     if request.method not in ("GET", "HEAD"):
-        content = bytearray()
-        async for part in request.stream():
-            content += part
-            if len(content) > _MOST_BYTES:
-                raise RigctlError(f"more than {_MOST_BYTES // 1_000_000} MB are not taken at once")
-        body = _fields(bytes(content))
+        body = await read_fields(request, _MOST_BYTES)
     viewer = request.headers.get("x-rigctl-viewer", "")[:64]
     return Asked(dict(request.path_params), dict(request.query_params), body, viewer)
+
+
+async def read_fields(request: Request, most: int) -> Mapping[str, Any]:
+    """The JSON object that is a request's body, of at most so many bytes.
+
+    Raises
+    ------
+    RigctlError
+        it is longer, or no JSON object.
+    ClientDisconnect
+        the client has gone before its end.
+    """
+    content = bytearray()
+    async for part in request.stream():
+        content += part
+        if len(content) > most:
+            raise RigctlError(f"more than {most} bytes are not taken at once")
+    return _fields(bytes(content))
 
 
 def _fields(content: bytes) -> Mapping[str, Any]:
