@@ -1,12 +1,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from pathlib import Path
+from threading import Barrier
+from time import sleep
 
 import pytest
 
 from dataset.strokes import measure_strokes
-from rigctl.dataset import RunWriter, annotate, exclude, include, list_runs, open_run, verify
+from rigctl.dataset import RunWriter, annotate, exclude, finalise, include, list_runs, open_run, verify
+from rigctl.dataset.annotations import append_annotations, read_annotations, say
+from rigctl.dataset.writer_lock import try_lock
 from rigctl.errors import RigctlError
 
 RunMaker = Callable[..., Path]
@@ -71,3 +77,66 @@ def test_a_note_on_a_run_in_progress_appears_when_it_ends(writer: RunWriter) -> 
     run = open_run(writer.close("finished"))
     assert [note["text"] for note in run.info["annotations"]] == ["watch the seal", "door open"]
     assert run.usable == (1, 2)
+
+
+def test_annotations_of_several_programs_at_once_are_all_kept(make_run: RunMaker) -> None:
+    folder = make_run()
+
+    def note(program: int) -> None:
+        for number in range(30):
+            append_annotations(folder, [say("note", f"{program}, {number}")])
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(note, range(4)))
+    assert len({said.text for said in read_annotations(folder)}) == 120
+    assert not list(folder.glob("*.lock"))
+
+
+def test_exclusions_of_several_programs_at_once_are_all_in_the_tables(make_run: RunMaker) -> None:
+    for _ in range(5):
+        folder = make_run()
+        start = Barrier(3)
+
+        def act(record: int, folder: Path = folder, start: Barrier = start) -> None:
+            start.wait()
+            exclude(folder, [record], "reason")
+
+        with ThreadPoolExecutor(3) as pool:
+            list(pool.map(act, range(3)))
+        assert open_run(folder).usable == ()
+        assert verify(folder).condition.value == "whole"
+
+
+def test_an_exclusion_while_the_tables_are_made_is_in_them(
+    make_run: RunMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = make_run()
+    left = [say("exclude", "air in the oil", 1)]
+
+    def write_table(path: Path, table: object) -> None:
+        if path.name == "records.parquet" and left:
+            append_annotations(folder, [left.pop()])
+        write(path, table)  # type: ignore[arg-type]
+
+    write = finalise.write_table
+    monkeypatch.setattr(finalise, "write_table", write_table)
+    exclude(folder, [0], "doubtful")
+    assert open_run(folder).usable == (2,)
+
+
+def test_a_lock_is_held_by_one_program_at_a_time(tmp_path: Path) -> None:
+    holders: list[int] = []
+
+    def hold(program: int) -> bool:
+        alone = True
+        for _ in range(200):
+            with try_lock(tmp_path) or nullcontext(None) as lock:
+                if lock is not None:
+                    holders.append(program)
+                    sleep(0.0002)
+                    alone &= holders == [program]
+                    holders.remove(program)
+        return alone
+
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(hold, range(4)))

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from rigctl.dataset.log import LogWriter, read_lines
+from rigctl.dataset.writer_lock import lock_annotations
 from rigctl.errors import ExitCode, Location, RigctlError
 
 NAME: Final = "annotations.jsonl"
@@ -69,14 +70,15 @@ def append_annotations(folder: Path, annotations: Iterable[Annotation]) -> None:
     """Append annotations to a run's file; the tables follow with `rigctl.dataset.curate`."""
     path = folder / NAME
     try:
-        writer = LogWriter(path)
-        try:
-            for said in annotations:
-                writer.append(asdict(said))
-            writer.flush()
-            writer.sync()
-        finally:
-            writer.close()
+        with lock_annotations(folder):
+            writer = LogWriter(path)
+            try:
+                for said in annotations:
+                    writer.append(asdict(said))
+                writer.flush()
+                writer.sync()
+            finally:
+                writer.close()
     except OSError as problem:
         raise RigctlError(
             f"cannot write the annotation: {problem.strerror}",

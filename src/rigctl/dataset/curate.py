@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Final
 
+from rigctl.dataset import journal
 from rigctl.dataset.annotations import Annotation, append_annotations, say
 from rigctl.dataset.finalise import finalise
 from rigctl.dataset.history import read_history
-from rigctl.dataset.writer_lock import try_lock
+from rigctl.dataset.run_json import RUNNING, read_info
+from rigctl.dataset.writer_lock import PATIENCE, try_lock
 from rigctl.errors import RigctlError
+
+#: s between two attempts at the lock of a run
+_PAUSE: Final = 0.02
 
 
 def annotate(folder: Path, text: str, *, record: int | None = None) -> None:
@@ -49,10 +56,20 @@ def _state(folder: Path, said: Sequence[Annotation]) -> None:
                 value=str(statement.record),
                 expected=f"0 to {count - 1}" if count else "none, for it has no records",
             )
-    lock = try_lock(folder)
-    if lock is None:
-        append_annotations(folder, said)
-        return
+    append_annotations(folder, said)
+    give_up = time.monotonic() + PATIENCE
+    while (lock := try_lock(folder)) is None:
+        # a run in progress makes its tables when it ends; a program that annotates may have made them before
+        if _in_progress(folder) or time.monotonic() > give_up:
+            return
+        time.sleep(_PAUSE)
     with lock:
-        append_annotations(folder, said)
         finalise(folder)
+
+
+def _in_progress(folder: Path) -> bool:
+    """Return whether the program that has the lock is recording the run."""
+    try:
+        return read_info(folder)["status"] == RUNNING or (folder / journal.NAME).exists()
+    except RigctlError:
+        return False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -48,19 +48,28 @@ def finalise(folder: Path) -> dict[str, Any]:
     facts = write_samples(folder, history.header, number, offset)
     _end_interrupted(history, facts)
     missing = _mark_damaged(history, facts)
-    said = read_annotations(folder)
-    write_table(
-        folder / records_file.RECORDS, records_file.records_table(history.records, excluded_records(said))
-    )
     by_time = history.header.source != "import"
     write_table(folder / records_file.EVENTS, records_file.events_table(history.events, by_time=by_time))
-    files = {name: run_json.file_facts(folder / name) for name in CHECKED if (folder / name).exists()}
+    while True:
+        known = _files(folder, (ANNOTATIONS,))
+        said = read_annotations(folder)
+        write_table(
+            folder / records_file.RECORDS, records_file.records_table(history.records, excluded_records(said))
+        )
+        files = _files(folder, CHECKED)
+        if files.get(ANNOTATIONS) == known.get(ANNOTATIONS):
+            break  # otherwise one has just been added by another program, and is not in the table
     info = {**_summary(history, facts, missing), "annotations": as_data(said), "files": files}
     run_json.write_info(folder, info)
     cut_short = any(entry.outcome == DAMAGED for entry in history.records if entry.session == number)
     lost = number in facts.losses and facts.losses[number].rows > 0
     set_aside_journal(folder, number, misses=cut_short or lost)
     return info
+
+
+def _files(folder: Path, names: Iterable[str]) -> dict[str, Any]:
+    """Return the sizes and checksums of the files that exist."""
+    return {name: run_json.file_facts(folder / name) for name in names if (folder / name).exists()}
 
 
 def recovered_history(folder: Path) -> History:

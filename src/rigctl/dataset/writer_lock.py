@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import platform
 import time
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Self
@@ -18,7 +20,14 @@ if TYPE_CHECKING:
     from filelock import FileLock
 
 LOCK_NAME: Final = "run.lock"
+ANNOTATIONS_LOCK_NAME: Final = "annotations.lock"
 STATE_NAME: Final = "state.json"
+#: how long to wait for a program that annotates a run, s
+PATIENCE: Final = 10.0
+#: s between two attempts
+_PAUSE: Final = 0.01
+#: attempts at a lock that is just being released
+_TRIES: Final = 5
 #: age from which a heartbeat of another computer means that its program has ended, s
 FRESH: Final = 5.0
 
@@ -34,9 +43,19 @@ class FolderLock:
         self._lock = lock
 
     def release(self) -> None:
-        """Release the lock and remove the file; idempotent, never raises."""
+        """Release the lock and remove the file; idempotent, never raises.
+
+        The file is removed before the release, or another program could have locked it in between, and a
+        third one lock a new file. Windows removes no open file, so that a file locked meanwhile remains.
+        """
+        if os.name == "posix" and self._lock.is_locked:
+            self._remove()
         with suppress(OSError):
             self._lock.release(force=True)
+        if os.name != "posix":
+            self._remove()
+
+    def _remove(self) -> None:
         with suppress(OSError):
             Path(self._lock.lock_file).unlink(missing_ok=True)
 
@@ -61,9 +80,13 @@ def try_lock(folder: Path) -> FolderLock | None:
         return None
     lock = FileLock(folder / LOCK_NAME, thread_local=False)
     try:
-        lock.acquire(timeout=0)
-    except Timeout:
-        return None
+        for left in reversed(range(_TRIES)):
+            try:
+                lock.acquire(timeout=0)
+                break
+            except Timeout:
+                if not left or (folder / LOCK_NAME).exists():
+                    return None  # otherwise it has just been released
     except OSError as problem:
         raise RigctlError(
             f"cannot write to the run's folder: {problem.strerror}",
@@ -71,6 +94,26 @@ def try_lock(folder: Path) -> FolderLock | None:
             exit_code=ExitCode.FAILED,
         ) from problem
     return FolderLock(lock)
+
+
+@contextmanager
+def lock_annotations(folder: Path) -> Iterator[None]:
+    """Lock the annotations of a run, which are also appended while the run is in progress; wait for others.
+
+    Raises
+    ------
+    OSError
+        the folder cannot be written to, or another program has the lock for long.
+    """
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(folder / ANNOTATIONS_LOCK_NAME, thread_local=False)
+    try:
+        lock.acquire(timeout=PATIENCE, poll_interval=_PAUSE)
+    except Timeout as problem:
+        raise OSError(errno.EBUSY, os.strerror(errno.EBUSY), lock.lock_file) from problem
+    with FolderLock(lock):
+        yield
 
 
 def lock_folder(folder: Path) -> FolderLock:

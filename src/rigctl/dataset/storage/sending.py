@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from rigctl.dataset import journal, run_json
 from rigctl.dataset.storage.store import StorageSilent, Store, StoredFile, StoredFolder
-from rigctl.dataset.writer_lock import LOCK_NAME, STATE_NAME, in_progress
+from rigctl.dataset.writer_lock import ANNOTATIONS_LOCK_NAME, LOCK_NAME, STATE_NAME, in_progress
 from rigctl.errors import ExitCode, Location, RigctlError
 
 logger = logging.getLogger(__name__)
@@ -22,7 +22,7 @@ logger = logging.getLogger(__name__)
 _ATTEMPTS: Final = 3
 _PAUSE: Final = 0.5
 #: files that are local to the computer that wrote the run
-_LEFT: Final = (LOCK_NAME, STATE_NAME)
+_LEFT: Final = (LOCK_NAME, ANNOTATIONS_LOCK_NAME, STATE_NAME)
 #: fields by which a run in storage is recognised as an earlier state of the same run
 _SAME: Final = ("id", "started", "plan_digest", "backend", "layout")
 #: object with the SHA-256 of these fields: sent first, so that only one run is sent to a folder
