@@ -137,6 +137,13 @@ def test_a_real_bench_needs_an_operator(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_an_unknown_backend_is_named_with_the_nearest(tmp_path: Path) -> None:
+    """It was taken for a real bench that needs an operator."""
+    with pytest.raises(rigctl.RigctlError, match="did you mean 'simulated'") as caught:
+        rigctl.run(ROOT / "procedures" / "quick-check.yaml", backend="simulatd", runs=tmp_path)
+    assert caught.value.what == "unknown backend"
+
+
 def test_a_simulated_bench_runs_from_python(tmp_path: Path) -> None:
     result = rigctl.run(
         ROOT / "procedures" / "quick-check.yaml", backend="simulated", speed="max", runs=tmp_path

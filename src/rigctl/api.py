@@ -6,9 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from rigctl.analysis.fitting import fit_to_data, read_runs, require_free_parameters
+from rigctl.backends.registry import backend_names
 from rigctl.dataset import Run, RunSummary, list_runs
 from rigctl.engine.one_thread import one_thread
-from rigctl.errors import RigctlError
+from rigctl.errors import RigctlError, unknown_name
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.model import Model
 from rigctl.plan import Plan
@@ -99,6 +100,8 @@ def run(
     read = load_procedure(Path(procedure))
     plan = expand(read, load_rig(Path(rig) if rig is not None else read.rig_path), dict(arguments or {}))
     kind = backend or plan.rig.backend_named()
+    if kind not in backend_names():
+        raise unknown_name("backend", kind, backend_names())
     folder = Path(runs) if runs is not None else find_project().runs
     return launch(
         plan,

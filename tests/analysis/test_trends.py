@@ -59,3 +59,12 @@ def test_the_trend_of_a_quantity_with_a_true_zero_is_in_percent() -> None:
     assert (trend.unit, trend.measured) == ("1", pytest.approx(0.2))
     assert "measured flow rises 20 % from " in trend.text
     assert trend.text.endswith("the model says it stays the same")
+
+
+def test_changes_that_differ_are_shown_with_the_digits_in_which_they_do() -> None:
+    """ "rises 50 %, the model says it rises 50 %" stood beside 4 sigma."""
+    (trend,) = trends(fitted("flow", "m^3/s", (1.0, 1.1, 1.2), (1.0, 1.1005, 1.201)))
+    assert "measured flow rises 20 % from " in trend.text
+    assert trend.text.endswith("the model says it rises 20.1 %")
+    (trend,) = trends(fitted("flow", "m^3/s", (1.0, 1.1111, 1.2222), (1.0, 1.1111, 1.2222)))
+    assert trend.text.endswith("the model says it rises 22 %")

@@ -70,6 +70,10 @@ def test_show_prints_user_text_without_interpreting_markup(project: Path) -> Non
     document = answer("show", FIRST)
     assert document["status"] == "finished"
     assert [record["oil"] for record in document["records"]] == [20.0, 30.0, 40.0]
+    assert {name: document["record_units"][name] for name in ("oil", "stroke")} == {
+        "oil": "degC",
+        "stroke": "mm",
+    }
 
 
 def test_verify_reports_broken_runs_with_exit_code_1(project: Path) -> None:

@@ -144,6 +144,7 @@ def test_one_or_two_runs_give_no_verdict(year: Path) -> None:
         for few in ([ids[0]], [ids[0], ids[-1]]):
             found = answer("survey", *few, *SHARED)
             assert found["verdict"] == "cannot_tell"
+            assert "0 quantities" not in found["statement"]
             assert _one(found, "slip")["p_value"] is None
             assert _one(found, "slip")["between_runs"] is None
         evidence = told("survey", *few, *SHARED, "-v")

@@ -154,6 +154,7 @@ class RecordQuantity:
             "p_value": _finite(self.p_value),
             "over": self.over or None,
             "over_p_value": _finite(self.over_p_value),
+            "tests": self.count,
             "evidence": self.exceeds or self.follows,
             "statement": self.statement,
         }

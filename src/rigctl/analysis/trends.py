@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.localisation import variable_units
 from rigctl.model.fit.fit import FitResult
-from rigctl.units import parse_unit, show
+from rigctl.units import parse_unit, show, significant
 
 Floats = NDArray[np.float64]
 
@@ -155,16 +155,20 @@ def _trend(
         return None
     share, predicted_share = change / abs(base), said / abs(base)
     ends = f"from {show(low, units[variable], digits=3)} to {show(high, units[variable], digits=3)}"
-    moves, predicted_moves = (_moves(one, kelvin=kelvin) for one in (share, predicted_share))
+    for digits in (2, 3, 4, 2):  # as many as show the difference, unless none do
+        moves, predicted_moves = (_moves(one, digits, kelvin=kelvin) for one in (share, predicted_share))
+        if moves != predicted_moves:
+            break
     text = f"measured {quantity} {moves} {ends}, the model says it {predicted_moves}"
     unit = "K" if kelvin else "1"
     return Trend(quantity, variable, low, high, share, predicted_share, (said - change) / error, text, unit)
 
 
-def _moves(change: float, *, kelvin: bool = False) -> str:
+def _moves(change: float, digits: int, *, kelvin: bool = False) -> str:
     """``rises 4.8 %``, or ``rises 3.2 K``: percentages of an absolute temperature have no meaning."""
-    least, shown = (5e-3, f"{abs(change):.2g} K") if kelvin else (5e-4, f"{abs(change) * 100:.2g} %")
-    return "stays the same" if abs(change) < least else f"{'rises' if change > 0.0 else 'falls'} {shown}"
+    least, size, unit = (5e-3, abs(change), "K") if kelvin else (5e-4, abs(change) * 100, "%")
+    moves = "rises" if change > 0.0 else "falls"
+    return "stays the same" if abs(change) < least else f"{moves} {significant(size, digits)} {unit}"
 
 
 def sentence(seen: Sequence[Trend], notable: float = 5.0) -> str:

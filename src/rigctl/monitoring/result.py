@@ -106,7 +106,9 @@ class Survey:
         """The findings, in one or more sentences."""
         count = len(self.read)
         tests = sum(one.found is not None for one in self.judged.tested)
-        what = f"{count} run{'' if count == 1 else 's'}, {tests} quantit{'y' if tests == 1 else 'ies'}"
+        what = f"{count} run{'' if count == 1 else 's'}"
+        if tests:  # otherwise it is the number of runs that is too small
+            what += f", {tests} quantit{'y' if tests == 1 else 'ies'}"
         if self.changes:
             return ". ".join(self.sentence(change) for change in self.changes)
         if not self.judged.enough:

@@ -109,7 +109,8 @@ def show(run: Ref = "latest", *, as_json: Json = False) -> None:
     open_still = info["status"] in ("running", "unclosed")
     records, facts = ([], {}) if open_still else _records(folder)
     if as_json:
-        _print_json({**info, "records": records})
+        units = {name: fact["unit"] for name, fact in facts.items() if fact.get("unit")}
+        _print_json({**info, "records": records, "record_units": units})
         return
     _print_table(_facts_table(info))
     if records:
