@@ -132,6 +132,8 @@ def test_an_invalid_or_wrong_quantity_is_refused_with_its_message(text: str, uni
         "degC degC",
         "é",
         "1bar",
+        "1*degC",  # a point on the scale, or an interval
+        "degC^1",
     ],
 )
 def test_an_unknown_or_malformed_unit_is_refused(text: str) -> None:
@@ -236,6 +238,11 @@ def test_a_value_off_its_bound_only_by_rounding_is_put_on_the_bound() -> None:
 @pytest.mark.parametrize("quantity", sorted(UNITS_OF))
 def test_the_units_listed_for_a_quantity_have_one_dimension(quantity: str) -> None:
     assert len({parse_unit(unit).dimension for unit in UNITS_OF[quantity]}) == 1
+
+
+@pytest.mark.parametrize("written", ["(degC)", "( °C )"])
+def test_a_scale_of_temperature_in_parentheses_keeps_its_offset(written: str) -> None:
+    assert parse_unit(written).to_si(20.0) == pytest.approx(293.15)
 
 
 @pytest.mark.parametrize(("written", "read"), SPELLINGS.items())

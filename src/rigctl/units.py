@@ -273,11 +273,21 @@ def parse_unit(text: str) -> Unit:
         raise _unknown_unit(text)
     if not tokens:
         return replace(_name_to_unit("1"), text="")
+    if tokens[0] == "(" and tokens[-1] == ")" and len(tokens) == 3:
+        tokens = tokens[1:-1]  # '(degC)' is a scale too
     factor, dimension, rest = _read_product(tokens, text)
     if rest:
         raise _unknown_unit(text)
-    offset = _name_to_unit(tokens[0]).offset if len(tokens) == 1 else 0.0
-    return Unit(text, dimension, factor, offset)
+    if len(tokens) == 1:
+        return Unit(text, dimension, factor, _name_to_unit(tokens[0]).offset)
+    if dimension == _name_to_unit("K").dimension and any(map(_on_scale, tokens)):
+        raise _unknown_unit(text)  # '1*degC': a point on the scale, or an interval
+    return Unit(text, dimension, factor, 0.0)
+
+
+def _on_scale(token: str) -> bool:
+    """Whether a token names a scale of temperature with an offset."""
+    return _is_name(token) and _name_to_unit(token).offset != 0.0
 
 
 def _plain_spelling(text: str) -> str:
@@ -335,7 +345,7 @@ def _name_to_unit(name: str) -> Unit:
         return Unit(name, Dimension(tuple(Fraction(e) for e in exponents)), factor, offset)
     import pint
 
-    if not re.fullmatch(r"[^\W\d]\w*|%|°[CF]", name):
+    if not _is_name(name):
         raise _unknown_unit(name)
     units = registry()
     try:
@@ -345,6 +355,10 @@ def _name_to_unit(name: str) -> Unit:
     except (pint.errors.PintError, AttributeError, ValueError, TypeError) as problem:
         raise _unknown_unit(name) from problem
     return Unit(name, _dimension(dict(parsed.dimensionality)), one - zero, zero)
+
+
+def _is_name(token: str) -> bool:
+    return re.fullmatch(r"[^\W\d]\w*|%|°[CF]", token) is not None
 
 
 def is_speed_of_rotation(text: str) -> bool:
