@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from rigctl.dataset import Run, open_run
-from rigctl.dataset.importing import Options, formats, import_file
+from rigctl.dataset.importing import Options, formats, import_file, read_table
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig, load_rig
 
@@ -116,6 +116,12 @@ def test_times_are_read_as_in_a_text_file(
     assert np.diff(run.signals("time")).tolist() == [2.0]
     wrong = log("d.xlsx", ["time"], ["2026-04-03 14:00"], ["noon"], ["2026-04-03 14:01"])
     assert "d.xlsx:3:1: time: not a time, got 'noon'; expected a date and time" in refusal(wrong, board)
+
+
+def test_times_of_day_under_another_name_are_seconds(tmp_path: Path) -> None:
+    rows = [["Uhrzeit", T1], [time(12, 0, 1), 20], [time(12, 0, 2), 21]]
+    table = read_table(saved(tmp_path / "log.xlsx", {"Log": rows}))
+    assert table.columns[0].values.tolist() == [43201.0, 43202.0]
 
 
 def test_a_cell_that_is_not_a_number_is_reported_with_its_place(tmp_path: Path, board: Rig) -> None:

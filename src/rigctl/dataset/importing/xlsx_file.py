@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from datetime import date, datetime, timedelta
+from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -201,7 +201,7 @@ def _values(
     texts = sum(isinstance(cell, str) for cell in present)
     if 2 * texts > len(present):
         return np.array(["" if cell is None else str(cell) for cell in cells], dtype=object), None
-    spans = any(isinstance(cell, timedelta) for cell in present)
+    spans = any(isinstance(cell, time | timedelta) for cell in present)
     numbers = list(_numbers(path, sheet, index, name, cells, marks))
     return np.array(numbers, dtype=np.float64), "s" if spans else None
 
@@ -220,6 +220,8 @@ def _numbers(
         value: float | None = float("nan")
         if isinstance(cell, timedelta):
             value = cell.total_seconds()
+        elif isinstance(cell, time):
+            value = cell.hour * 3600.0 + cell.minute * 60.0 + cell.second + cell.microsecond / 1e6
         elif isinstance(cell, str):
             value = read_number(cell.strip(), ".", marks)
         elif isinstance(cell, int | float):
