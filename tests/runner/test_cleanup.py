@@ -170,6 +170,17 @@ def test_a_tripped_interlock_stops_the_run_before_the_next_step(do: Do) -> None:
     assert done.outcome("extend") == "tripped"
 
 
+def test_cleanup_that_drives_towards_the_limit_that_stopped_the_run_is_stopped_too(do: Do) -> None:
+    """The rod is at its limit of travel, and cleanup would hold it there for 40 s."""
+    steps = "steps:\n  - extend: {for: 5 s}\nfinally:\n  - extend: {for: 40 s}\n  - prompt: never\n"
+    done = do(steps)
+    assert asked(done) == []
+    assert [value for _, value in done.commands("valve")] == [1.0, 0.0, 1.0, 0.0]
+    (_, _, (opened, _), (closed, _)) = done.commands("valve")
+    assert closed - opened == pytest.approx(10.0, abs=0.5)
+    assert "does not return while an output is on" in "".join(done.messages("alarm"))
+
+
 def test_an_exceeded_limit_prevents_arming(do: Do, workshop: Any) -> None:
     rig = workshop.rig("position: 0 mm}", "position: 250 mm}")
     done = do("steps:\n  - extend: {for: 1 s}\n", rig=rig)

@@ -69,6 +69,24 @@ def test_an_alarm_that_recurs_is_cleared_only_after_its_last_cause(rig: Rig) -> 
     assert [(alarm.time, alarm.active) for alarm in raised] == [(2.0, True), (10.5 + REARM, False)]
 
 
+@pytest.mark.parametrize("heater", [0.0, 1.0])
+def test_a_tripped_limit_trips_again_while_an_output_drives_past_it(rig: Rig, heater: float) -> None:
+    """Cleanup may drive an output, but not on and on while the reading moves away from the limit."""
+    locks = Interlocks(rig)
+    rows = [(0.1 * i, -1.0, HOT + 0.01 * i, PRESSURE, POSITION, heater, 0.0, 20e5) for i in range(300)]
+    alarms = [alarm for alarm in feed(locks, rows) if alarm.name == "oil_too_hot"]
+    assert [alarm.active for alarm in alarms] == [True] * len(alarms)
+    again = [alarm.time for alarm in alarms[1:]]
+    assert again[:1] == ([] if heater == 0.0 else [pytest.approx(0.6 + 10.0, abs=0.3)])
+    assert all("does not return while an output is on" in alarm.message for alarm in alarms[1:])
+
+
+def test_a_tripped_limit_lets_an_output_drive_back_to_it(rig: Rig) -> None:
+    locks = Interlocks(rig)
+    rows = [(0.1 * i, -1.0, WARM, PRESSURE, 0.248 - 2e-5 * i, 0.0, -1.0, 20e5) for i in range(300)]
+    assert [alarm.name for alarm in feed(locks, rows) if alarm.action == "stop"] == ["over_travel"]
+
+
 def test_a_warning_is_cleared_when_its_cause_has_been_gone_long_enough(rig: Rig) -> None:
     locks = Interlocks(rig)
     warm = 273.15 + 86.0

@@ -19,6 +19,10 @@ from rigctl.units import show
 #: a latched alarm can be raised again only after this many seconds without its cause
 REARM = 10.0
 
+#: s over each of which the readings have to come nearer to the limit that has stopped the run, on average,
+#: while cleanup drives an output
+_RETURN = 5.0
+
 #: number of samples from which the noise of a channel is judged, and the ratio to the expected noise that is
 #: too large
 _NOISE_SAMPLES = 32
@@ -70,6 +74,7 @@ class Watch:
     outside_since: float | None = None
     inside_since: float | None = None
     raised: Alarm | None = None
+    excess: float = 0.0  #: how far outside the newest value outside was, SI
     _past: deque[tuple[float, float]] = field(default_factory=deque)
 
     def outside(self, value: float) -> bool:
@@ -98,6 +103,7 @@ class Watch:
 
     def _outside(self, time: float, value: float) -> Alarm | None:
         self.inside_since = None
+        self.excess = max(value - self.high, self.low - value)
         if self.outside_since is None:
             self.outside_since = time
         if self.raised is not None or time - self.outside_since < self.persistence - _SLACK:
@@ -128,6 +134,39 @@ class Watch:
         then, old = past[0]
         span = time - then
         return (value - old) / span if span >= 0.5 * window else math.nan
+
+
+@dataclass(slots=True)
+class Return:
+    """Whether a reading returns to the limit that has stopped the run, while cleanup drives an output.
+
+    A tripped limit does not trip again, so that cleanup can drive away from it. Where the mean excess over
+    `_RETURN` s has not become smaller than over the `_RETURN` s before, the output does not do that.
+    """
+
+    watch: Watch
+    _since: float = math.nan  # s, when the mean in progress began
+    _sum: float = 0.0
+    _count: int = 0
+    _before: float = math.inf  # the last mean
+
+    def update(self, time: float, value: float, *, driven: bool) -> Alarm | None:
+        """Take the next sample, of which the limit's watch has been told; `driven`: an output is not safe."""
+        watch = self.watch
+        if watch.raised is None or watch.outside_since is None or not driven:
+            self._before, self._count = math.inf, 0
+            return None
+        if not self._count:
+            self._since, self._sum = time, 0.0
+        self._sum, self._count = self._sum + watch.excess, self._count + 1
+        if time - self._since < _RETURN - _SLACK:
+            return None
+        mean, before = self._sum / self._count, self._before
+        self._before, self._count = mean, 0
+        if mean < before:
+            return None
+        told = f"{watch.raised.message}; it does not return while an output is on"
+        return replace(watch.raised, time=time, message=told, value=value)
 
 
 @dataclass(slots=True)
@@ -216,11 +255,31 @@ class Interlocks:
         self._bands = _narrowest(self._values)
         self._noise = _disturbances(rig, columns)
         self._still = _standstills(rig, columns)
+        self._returns = [
+            Return(watch) for watch in self._watches if watch.action == "stop" and not watch.missing
+        ]
+        self._safe = [
+            (columns[name], float(rig.safe_state.get(name, 0.0)))
+            for name, actuator in rig.actuators.items()
+            if actuator.by == "driven"
+        ]
         self._busy = False
+        self._tripped = False  # a limit that stops has done so
         self._silent = False
 
     def check(self, row: Sequence[float]) -> Sequence[Alarm]:
         """The alarms that this row raises or clears; almost always none."""
+        alarms = self._check(row)
+        if self._tripped:
+            driven = any(row[column] != safe for column, safe in self._safe)
+            found = (one.update(row[0], row[one.watch.column], driven=driven) for one in self._returns)
+            return [*alarms, *(alarm for alarm in found if alarm is not None)]
+        if alarms:
+            self._tripped = any(alarm.active and alarm.action == "stop" for alarm in alarms)
+        return alarms
+
+    def _check(self, row: Sequence[float]) -> Sequence[Alarm]:
+        """The same without what cleanup does after a trip."""
         self._silent = False
         noisy = [
             alarm for watch in self._noise if (alarm := watch.update(row[0], row[watch.column])) is not None
