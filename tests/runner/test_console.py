@@ -6,15 +6,21 @@ import io
 import os
 import sys
 import time
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+from rigctl.cli.attended_run import attended
 from rigctl.errors import RigctlError
 from rigctl.plan.behaviour import Question
 from rigctl.runner.console import Console
-from rigctl.runner.keys import _PosixKeys, open_keys
+from rigctl.runner.keys import _PosixKeys, nothing_comes, open_keys
+from rigctl.runner.launch import Launch
 from rigctl.runner.operator import AutomaticOperator, ScriptedOperator, read_answer
 from rigctl.runner.requests import Request
+from run_workshop import Workshop
 
 TIME = Question("Flow time?", name="flow_time", unit="s", low=1.0, high=600.0)
 
@@ -105,6 +111,49 @@ def test_a_question_without_a_possible_answer_is_an_error() -> None:
         with pytest.raises(RigctlError, match=r"nobody can answer 'Flow time\?'"):
             while time.monotonic() < give_up:
                 assert console.ask(TIME) is None
+
+
+def test_an_input_from_which_nothing_comes_is_recognised(tmp_path: Path) -> None:
+    file = tmp_path / "answers"
+    file.write_text("12 s\n", encoding="utf-8")
+    with file.open(encoding="utf-8") as answers, Path(os.devnull).open(encoding="utf-8") as null:
+        assert not nothing_comes(answers)
+        assert nothing_comes(null)
+    assert nothing_comes(answers)  # closed
+    file.write_text("", encoding="utf-8")
+    with file.open(encoding="utf-8") as answers:
+        assert nothing_comes(answers)
+    there, here = os.pipe()  # somebody may still write to it
+    with os.fdopen(there, encoding="utf-8") as pipe, os.fdopen(here, "w"):
+        assert not nothing_comes(pipe)
+
+
+@pytest.mark.parametrize(
+    ("steps", "place"),
+    [
+        ("steps:\n  - wait: 1 s\n  - prompt: Is the guard closed?\n", "4:5"),
+        ("steps:\n  - wait: 1 s\nfinally:\n  - prompt: Is it cold?\n", "5:5"),
+        ("steps:\n  - set: {relief_valve: 20 bar}\n", "3:5"),
+        ("steps:\n  - set_pressure: 20 bar\n  - set: {heater: on}\n", None),
+    ],
+)
+def test_questions_that_nobody_can_answer_are_refused_before_the_run(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, workshop: Workshop, steps: str, place: str | None
+) -> None:
+    """At the first of them the run had begun, at night."""
+    plan = workshop.plan(steps)
+    how = Launch(runs=tmp_path, operator=AutomaticOperator(), backend="serial")
+    with Path(os.devnull).open(encoding="utf-8") as null:
+        monkeypatch.setattr(sys, "stdin", null)
+        refused = nullcontext() if place is None else pytest.raises(RigctlError, match="nobody can answer")
+        with refused as error, attended(how, plan, {}):
+            pass
+        if error is not None:
+            assert f":{place}: " in f":{error.value}"
+        with attended(replace(how, backend="simulated"), plan, {}):  # its operator is simulated too
+            pass
+        with attended(replace(how, dry=True), plan, {}):  # asks nothing
+            pass
 
 
 def test_bare_numbers_are_read_in_the_unit_of_the_question() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import queue
+import stat
 import sys
 import threading
 from collections.abc import Callable
@@ -46,6 +47,21 @@ def open_keys(stream: TextIO | None = None) -> Keys:
     if _in_foreground(source.fileno()):
         return _PosixKeys(source.fileno())
     return _Lines(None)
+
+
+def nothing_comes(stream: TextIO | None = None) -> bool:
+    """Whether no line can be read: of a closed input, of the null device, at the end of a file."""
+    source = stream or sys.stdin
+    if source is None or source.closed:
+        return True
+    try:
+        descriptor = source.fileno()
+        found = os.fstat(descriptor)
+        if stat.S_ISREG(found.st_mode):
+            return os.lseek(descriptor, 0, os.SEEK_CUR) >= found.st_size
+        return stat.S_ISCHR(found.st_mode) and os.path.samestat(found, os.stat(os.devnull))  # noqa: PTH116
+    except (OSError, ValueError):  # no file of the system
+        return False
 
 
 def _in_foreground(descriptor: int) -> bool:

@@ -12,6 +12,7 @@ from rigctl.plan import Plan
 from rigctl.plan.behaviour import Answer, Question
 from rigctl.plan.tree import Leaf, all_nodes
 from rigctl.steps.prompt import Prompt
+from rigctl.steps.set_ import Set
 from rigctl.units import describe, parse_unit, read_si, show
 
 
@@ -143,6 +144,33 @@ def scripted(plan: Plan, answers: Mapping[str, str]) -> ScriptedOperator:
         if name not in asked:
             raise unknown_name("question of the procedure", name, sorted(asked))
     return operator
+
+
+def refuse_questions(plan: Plan) -> None:
+    """Refuse a plan that asks something where nobody can answer, also in a branch or a cleanup block.
+
+    Raises
+    ------
+    RigctlError
+        it asks something; with the location of the first question.
+    """
+    for node in all_nodes(plan):
+        if isinstance(node, Leaf) and (question := _asks(plan, node)) is not None:
+            raise RigctlError(
+                f"nobody can answer '{question}': the input is empty",
+                hint="Call it in a terminal, or answer with --answer or --answer-in-browser",
+                where=node.where,
+            )
+
+
+def _asks(plan: Plan, leaf: Leaf) -> str | None:
+    """What a step waits for an answer to; None if it asks nothing."""
+    if isinstance(leaf.action, Prompt):
+        return leaf.action.question
+    if isinstance(leaf.action, Set):
+        by_hand = [name for name in leaf.action.values if plan.rig.actuators[name].by == "operator"]
+        return leaf.label if by_hand else None
+    return None
 
 
 def _missing(name: str) -> RigctlError:
