@@ -4,7 +4,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from pathlib import Path
-from threading import Barrier
+from threading import Barrier, Event
 from time import sleep
 
 import pytest
@@ -12,7 +12,7 @@ import pytest
 from dataset.strokes import measure_strokes
 from rigctl.dataset import RunWriter, annotate, exclude, finalise, include, list_runs, open_run, verify
 from rigctl.dataset.annotations import append_annotations, read_annotations, say
-from rigctl.dataset.writer_lock import try_lock
+from rigctl.dataset.writer_lock import in_progress, lock_folder, try_lock
 from rigctl.errors import RigctlError
 
 RunMaker = Callable[..., Path]
@@ -141,3 +141,22 @@ def test_a_lock_is_held_by_one_program_at_a_time(tmp_path: Path) -> None:
 
     with ThreadPoolExecutor(4) as pool:
         assert all(pool.map(hold, range(4)))
+
+
+def test_a_look_at_the_status_does_not_keep_a_run_from_being_written(tmp_path: Path) -> None:
+    done = Event()
+
+    def look() -> None:
+        while not done.is_set():
+            in_progress(tmp_path)
+
+    with ThreadPoolExecutor(3) as pool:
+        looks = [pool.submit(look) for _ in range(3)]
+        try:
+            for _ in range(300):
+                with lock_folder(tmp_path):
+                    pass
+        finally:
+            done.set()
+        for one in looks:
+            one.result()

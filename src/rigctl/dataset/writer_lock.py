@@ -24,6 +24,8 @@ ANNOTATIONS_LOCK_NAME: Final = "annotations.lock"
 STATE_NAME: Final = "state.json"
 #: how long to wait for a program that annotates a run, s
 PATIENCE: Final = 10.0
+#: how long a program that only looks whether the run is in progress may have the lock, s
+_BRIEF: Final = 0.2
 #: s between two attempts
 _PAUSE: Final = 0.01
 #: attempts at a lock that is just being released
@@ -124,14 +126,16 @@ def lock_folder(folder: Path) -> FolderLock:
     RigctlError
         a running program has the lock, or the folder is not writable.
     """
-    lock = try_lock(folder)
-    if lock is None:
-        raise RigctlError(
-            "the run is in progress",
-            value=folder.name,
-            hint="Wait until it ends, or end it with 'rigctl abort'",
-            exit_code=ExitCode.FAILED,
-        )
+    give_up = time.monotonic() + _BRIEF
+    while (lock := try_lock(folder)) is None:
+        if time.monotonic() > give_up:
+            raise RigctlError(
+                "the run is in progress",
+                value=folder.name,
+                hint="Wait until it ends, or end it with 'rigctl abort'",
+                exit_code=ExitCode.FAILED,
+            )
+        time.sleep(_PAUSE)
     return lock
 
 
