@@ -36,7 +36,7 @@ def test_conditions_are_checked_and_compiled_for_the_columns(small: str) -> None
 
 def test_a_channel_of_temperature_differences_has_that_type(small: str) -> None:
     text = small.replace("temperature: {unit: degC,", "temperature: {unit: degC, difference: true,")
-    text = text.replace("above: 90 degC", "above: 90 K")
+    text = text.replace("above: 90 degC", "above: 90 K").replace("temperature: 20 degC", "temperature: 20 K")
     layout = parse_rig(text).layout
     assert layout.types()["temperature"] == type_of_unit("K", difference=True)
     assert layout.types()["position"] == type_of_unit("mm")
