@@ -7,7 +7,6 @@ progress. It shares no state with the server: it opens runs and models itself, a
 from __future__ import annotations
 
 import multiprocessing
-import shlex
 import subprocess
 import sys
 import threading
@@ -23,6 +22,7 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import IO, Any, Final, Literal
 
+from rigctl.command_line import command
 from rigctl.errors import ExitCode, RigctlError
 
 State = Literal["working", "done", "failed", "stopped", "died"]
@@ -144,7 +144,7 @@ class Jobs:
         """
         with self._lock:
             self._require_room()
-            job = Job(name, "rigctl " + shlex.join(arguments))
+            job = Job(name, command(arguments))
             process = subprocess.Popen(  # noqa: S603 - this program, no shell
                 [sys.executable, "-m", "rigctl", *arguments, "--json"],
                 cwd=self._folder,

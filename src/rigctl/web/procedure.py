@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import subprocess
 import sys
 import threading
@@ -14,6 +13,7 @@ from pathlib import Path
 from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any, Final
 
+from rigctl.command_line import command
 from rigctl.errors import ExitCode, RigctlError, SeveralErrors
 from rigctl.web.report import inside, project_files
 from rigctl.web.request_handling import Asked, get, post
@@ -119,23 +119,23 @@ class Procedures:
             speed = asked.text("speed", "1x")
             if speed not in _SPEEDS:
                 raise RigctlError("not a speed", value=speed, expected=", ".join(_SPEEDS))
-            command = ["simulate", told, "--speed", speed]
+            words = ["simulate", told, "--speed", speed]
             if asked.body.get("seed") is not None:
-                command += ["--seed", str(asked.whole("seed", 0, 0, 1 << 31))]
+                words += ["--seed", str(asked.whole("seed", 0, 0, 1 << 31))]
         else:
             if asked.text("rig", "").strip() != plan.rig.name:
                 raise RigctlError(
                     "the real bench is asked for by its name",
                     expected=f"'{plan.rig.name}', typed as it stands",
                 )
-            command = ["run", told, "--answer-in-browser"]
+            words = ["run", told, "--answer-in-browser"]
         for name in ("operator", "serial_number", "part"):
             if value := asked.text(name, "").strip():
-                command += [f"--{name.replace('_', '-')}={value}"]
-        return {"run": self._begin(command), "command": f"rigctl {shlex.join(command)}"}
+                words += [f"--{name.replace('_', '-')}={value}"]
+        return {"run": self._begin(words), "command": command(words)}
 
-    def _begin(self, command: Sequence[str]) -> str:
-        """The id of the run that a command has started.
+    def _begin(self, words: Sequence[str]) -> str:
+        """The id of the run that a command of these words has started.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class Procedures:
         group = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
         alone: dict[str, Any] = {"creationflags": group} if group else {"start_new_session": True}
         process = subprocess.Popen(  # noqa: S603 - this program, no shell
-            [sys.executable, "-m", "rigctl", *command],
+            [sys.executable, "-m", "rigctl", *words],
             cwd=self._site.project.root,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,

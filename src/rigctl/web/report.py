@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import re
-import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from secrets import token_hex
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from starlette.responses import HTMLResponse, Response
 
+from rigctl.command_line import command
 from rigctl.errors import RigctlError
 from rigctl.web.request_handling import Asked, get, post
 from rigctl.web.runs import plain_id
@@ -60,7 +60,7 @@ class Pages:
         page = self._site.jobs.scratch / f"{token_hex(8)}.html"  # two windows may ask at once
         page.touch(0o600)
         job = self._site.jobs.start_command("Report", ["report", *told, "-o", str(page), "--force"])
-        job.command = f"rigctl report {shlex.join(told)}"
+        job.command = command(["report", *told])
         return job.document()
 
     def show(self, asked: Asked) -> Response:
