@@ -178,7 +178,7 @@ def test_cleanup_that_drives_towards_the_limit_that_stopped_the_run_is_stopped_t
     assert [value for _, value in done.commands("valve")] == [1.0, 0.0, 1.0, 0.0]
     (_, _, (opened, _), (closed, _)) = done.commands("valve")
     assert closed - opened == pytest.approx(10.0, abs=0.5)
-    assert "does not return while an output is on" in "".join(done.messages("alarm"))
+    assert "does not return while an output is on again" in "".join(done.messages("alarm"))
 
 
 def test_an_exceeded_limit_prevents_arming(do: Do, workshop: Any) -> None:

@@ -20,7 +20,7 @@ from rigctl.units import show
 REARM = 10.0
 
 #: s over each of which the readings have to come nearer to the limit that has stopped the run, on average,
-#: while cleanup drives an output
+#: while cleanup drives an output on that was on when the limit tripped
 _RETURN = 5.0
 
 #: number of samples from which the noise of a channel is judged, and the ratio to the expected noise that is
@@ -138,7 +138,7 @@ class Watch:
 
 @dataclass(slots=True)
 class Return:
-    """Whether a reading returns to the limit that has stopped the run, while cleanup drives an output.
+    """Whether a reading returns to the limit that has stopped the run, while an output is driven on.
 
     A tripped limit does not trip again, so that cleanup can drive away from it. Where the mean excess over
     `_RETURN` s has not become smaller than over the `_RETURN` s before, the output does not do that.
@@ -151,7 +151,8 @@ class Return:
     _before: float = math.inf  # the last mean
 
     def update(self, time: float, value: float, *, driven: bool) -> Alarm | None:
-        """Take the next sample, of which the limit's watch has been told; `driven`: an output is not safe."""
+        """Take the next sample, of which the watch has been told; `driven`: an output is on again that was on
+        when the limit tripped."""
         watch = self.watch
         if watch.raised is None or watch.outside_since is None or not driven:
             self._before, self._count = math.inf, 0
@@ -165,7 +166,7 @@ class Return:
         self._before, self._count = mean, 0
         if mean < before:
             return None
-        told = f"{watch.raised.message}; it does not return while an output is on"
+        told = f"{watch.raised.message}; it does not return while an output is on again"
         return replace(watch.raised, time=time, message=told, value=value)
 
 
@@ -264,19 +265,29 @@ class Interlocks:
             if actuator.by == "driven"
         ]
         self._busy = False
-        self._tripped = False  # a limit that stops has done so
+        #: once a limit has stopped the run: the outputs that were on, with the sign of what they did
+        self._driving: dict[int, float] | None = None
         self._silent = False
 
     def check(self, row: Sequence[float]) -> Sequence[Alarm]:
         """The alarms that this row raises or clears; almost always none."""
         alarms = self._check(row)
-        if self._tripped:
-            driven = any(row[column] != safe for column, safe in self._safe)
+        if self._driving is not None:
+            # a cooling pump that was off may take longer than `_RETURN` to act, and is let
+            driven = any(self._driven(row).get(column) == sign for column, sign in self._driving.items())
             found = (one.update(row[0], row[one.watch.column], driven=driven) for one in self._returns)
             return [*alarms, *(alarm for alarm in found if alarm is not None)]
-        if alarms:
-            self._tripped = any(alarm.active and alarm.action == "stop" for alarm in alarms)
+        if any(alarm.active and alarm.action == "stop" for alarm in alarms):
+            self._driving = self._driven(row)
         return alarms
+
+    def _driven(self, row: Sequence[float]) -> dict[int, float]:
+        """The columns of the outputs that are not in their safe state, with the sign of the deviation."""
+        return {
+            column: math.copysign(1.0, row[column] - safe)
+            for column, safe in self._safe
+            if row[column] != safe
+        }
 
     def _check(self, row: Sequence[float]) -> Sequence[Alarm]:
         """The same without what cleanup does after a trip."""
