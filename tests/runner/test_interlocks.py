@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 import random
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,7 @@ def row(
     return (time, -1.0, oil, pressure, position, 0.0, 0.0, 20e5)
 
 
-def feed(locks: Interlocks, rows: list[tuple[float, ...]]) -> list[Alarm]:
+def feed(locks: Interlocks, rows: Sequence[tuple[float, ...]]) -> list[Alarm]:
     return [alarm for item in rows for alarm in locks.check(item)]
 
 
@@ -77,7 +78,7 @@ def test_a_tripped_limit_trips_again_while_the_output_that_was_on_drives_past_it
 ) -> None:
     """An output that was off may be a pump that cools, whose effect the sensor shows only later."""
     locks = Interlocks(rig)
-    rows: list[tuple[float, ...]] = [
+    rows = [
         (0.1 * i, -1.0, HOT + 0.01 * i, PRESSURE, POSITION, in_cleanup if i > 7 else at_the_trip, 0.0, 20e5)
         for i in range(300)
     ]
