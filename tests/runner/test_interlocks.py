@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 import random
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
