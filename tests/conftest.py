@@ -32,10 +32,12 @@ if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
 # processes started by the tests inherit it.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# A shell without job control starts background commands with Ctrl-C ignored; processes started by the tests
-# would inherit that, and Ctrl-C would not end them.
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+# A shell without job control starts background commands with Ctrl-C ignored, and `nohup` ignores the end of the
+# terminal; processes started by the tests would inherit that, and neither would end them.
+for _name in ("SIGINT", "SIGHUP"):
+    _number = getattr(signal, _name, None)  # Windows has no SIGHUP
+    if _number is not None and signal.getsignal(_number) is signal.SIG_IGN:
+        signal.signal(_number, signal.default_int_handler if _name == "SIGINT" else signal.SIG_DFL)
 
 #: files that mostly wait, for a silence, a process or a board in real time: one worker starts with them while
 #: the others compute. In the first one this process is both host and device: it comes before thousands of
