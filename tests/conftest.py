@@ -32,8 +32,8 @@ if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):
 # processes started by the tests inherit it.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# A shell without job control starts background commands with Ctrl-C ignored, and `nohup` ignores the end of the
-# terminal; processes started by the tests would inherit that, and neither would end them.
+# A shell without job control starts background commands with Ctrl-C ignored, and `nohup` ignores the end of
+# the terminal; processes started by the tests would inherit that, and neither would end them.
 for _name in ("SIGINT", "SIGHUP"):
     _number = getattr(signal, _name, None)  # Windows has no SIGHUP
     if _number is not None and signal.getsignal(_number) is signal.SIG_IGN:

@@ -8,6 +8,7 @@ import pytest
 from made_fit import RECORDS, SIZE, made_fit, made_noise
 from rigctl.analysis.held_out import course_text, error_course
 from rigctl.model.fit.fit import FitResult
+from rigctl.units import significant
 
 Floats = np.ndarray
 
@@ -65,7 +66,7 @@ def test_the_condition_that_the_error_depends_on_is_named_with_its_extremes() ->
     fit = made_fit(made_noise(), 1, lambda place, times: 0.1 * place * (times >= SIZE))
     stretch = error_course(fit, "position")[-1]
     assert stretch.by_record == pytest.approx(0.1 * np.arange(RECORDS), abs=0.05)
-    low, high = (f"{1e3 * stretch.by_record[place]:+.2g} mm" for place in (0, -1))
+    low, high = (f"{significant(1e3 * stretch.by_record[place], 2, sign=True)} mm" for place in (0, -1))
     assert f"({low} at oil 20 degC, {high} at oil 31 degC)" in said(fit)
 
 
