@@ -86,6 +86,7 @@ LONGEST = (
     "dataset/importing/test_hostile_files.py",
     "journeys/test_bad_data.py",
     "faults/test_board_faults.py",
+    "web/test_workbench.py",
 )
 
 
