@@ -274,7 +274,7 @@ class Interlocks:
         alarms = self._check(row)
         if self._driving is not None:
             # a cooling pump that was off may take longer than `_RETURN` to act, and is let
-            driven = any(self._driven(row).get(column) == sign for column, sign in self._driving.items())
+            driven = not self._driving.items().isdisjoint(self._driven(row).items())
             found = (one.update(row[0], row[one.watch.column], driven=driven) for one in self._returns)
             return [*alarms, *(alarm for alarm in found if alarm is not None)]
         if any(alarm.active and alarm.action == "stop" for alarm in alarms):
