@@ -11,7 +11,7 @@ from __future__ import annotations
 #: raised by one when a verdict may come out differently
 METHOD_VERSION = 29
 #: of the deciding code of this version, as ``tools/method_version.py`` works it out
-FINGERPRINT = "c60777628923"
+FINGERPRINT = "186d532d3c44"
 #: raised by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 3
 #: of the code of this version of the search

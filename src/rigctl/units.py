@@ -285,6 +285,11 @@ def parse_unit(text: str) -> Unit:
     return Unit(text, dimension, factor, 0.0)
 
 
+def interval_unit(unit: str) -> str:
+    """The unit of a difference of two values in `unit`: ``K`` for ``degC``, otherwise the unit itself."""
+    return "K" if parse_unit(unit).absolute_temperature else unit
+
+
 def _on_scale(token: str) -> bool:
     """Whether a token names a scale of temperature with an offset."""
     return _is_name(token) and _name_to_unit(token).offset != 0.0
@@ -505,8 +510,8 @@ def show(si: float, unit: str, *, difference: bool = False, digits: int = 4) -> 
 
     An interval on a scale with an offset is shown in kelvin: ``0.5 degC`` would read as a point on it.
     """
-    if difference and parse_unit(unit).absolute_temperature:
-        return f"{significant(si, digits)} K"
+    if difference:
+        unit = interval_unit(unit)
     value = parse_unit(unit).from_si(si, difference=difference)
     text = significant(value, digits)
     return f"{text} {unit}" if unit != "1" else text

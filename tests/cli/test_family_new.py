@@ -174,6 +174,21 @@ def test_the_drafted_heater_model_follows_the_log_before_any_fit_in_every_unit(
     assert compared["channels"]["body"]["rmse"] < 1.0
 
 
+def test_errors_of_a_temperature_are_in_kelvin_on_every_scale(empty: Path) -> None:
+    """One log of a body with a time constant of 30 s, in degrees Celsius and Fahrenheit."""
+    celsius = 22.0 + 36.0 * (1.0 - np.exp(-np.maximum(0.0, np.arange(240.0) - 20.0) / 30.0))
+    first = {}
+    for name, scale in (("degC", celsius), ("degF", 1.8 * celsius + 32.0)):
+        rows = [f"{k},{100.0 if k >= 20 else 0.0:g},{value:.4f}" for k, value in enumerate(scale)]
+        text = "\n".join([f"time [s],duty [%],body [{name}]", *rows]) + "\n"
+        (empty / f"{name}.csv").write_text(text, encoding="utf-8")
+        done = answer("family", "new", f"heat_{name.lower()}", "--csv", f"{name}.csv", "--template", "heater")
+        first[name] = done["fit"]["outputs"]["body"]
+    assert first["degF"]["unit"] == first["degC"]["unit"] == "K"
+    assert first["degF"]["range"] == pytest.approx(np.ptp(celsius), rel=1e-3)
+    assert first["degF"]["rmse"] == pytest.approx(first["degC"]["rmse"], rel=0.02, abs=1e-3)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -10,7 +10,7 @@ from rigctl.effects.declaration import qualified
 from rigctl.engine.least_squares.unknown import Prior
 from rigctl.model.model import Model, Value
 from rigctl.model.values import parameter_origins
-from rigctl.units import parse_unit
+from rigctl.units import interval_unit, parse_unit
 
 Origin: TypeAlias = Literal["model", "rig", "oil", "family", "effect"]
 
@@ -51,7 +51,7 @@ class StatedValue:
     @property
     def std_unit(self) -> str:
         """The unit of the standard deviation; for a temperature scale the kelvin."""
-        return "K" if parse_unit(self.unit).absolute_temperature else self.unit
+        return interval_unit(self.unit)
 
     @property
     def std_value(self) -> float | None:

@@ -19,8 +19,8 @@ from rigctl.engine.symbols import Expr, Graph, Scalar, variables_of
 from rigctl.errors import RigctlError
 from rigctl.physics.family import Formula, InputVariable, ModelFamily, OutputVariable, Slot
 from rigctl.physics.scope import Scope
-from rigctl.physics.units import interval_unit, si_unit
-from rigctl.units import parse_unit
+from rigctl.physics.units import si_unit
+from rigctl.units import interval_unit, parse_unit
 
 
 def rate_slot(state: str) -> str:

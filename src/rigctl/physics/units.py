@@ -29,11 +29,6 @@ def si_unit(unit: str) -> str:
     return "rad/s" if is_speed_of_rotation(unit) else si_unit_of(parsed.dimension)
 
 
-def interval_unit(unit: str) -> str:
-    """The unit of a difference of two values in `unit`: ``K`` for ``degC``, otherwise the unit itself."""
-    return "K" if parse_unit(unit).absolute_temperature else unit
-
-
 def si_unit_of(dimension: Dimension) -> str:
     """The SI unit of a dimension in the fewest factors: ``ohm``, ``N*s/m``, ``W/K`` rather than base units.
 

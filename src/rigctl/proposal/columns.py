@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rigctl.dataset.importing.table import Heading, Source
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.physics.formulas import reserved_names
-from rigctl.units import Unit, is_speed_of_rotation, parse_unit
+from rigctl.units import Unit, interval_unit, is_speed_of_rotation, parse_unit
 
 Floats = NDArray[np.float64]
 Role = Literal["input", "output", "left out"]
@@ -68,7 +68,7 @@ class Column:
     @property
     def interval(self) -> str:
         """The unit of a difference of its values."""
-        return "K" if self.display.absolute_temperature else self.unit
+        return interval_unit(self.unit)
 
 
 @dataclass(frozen=True)

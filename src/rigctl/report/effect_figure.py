@@ -11,7 +11,7 @@ from rigctl.model.signature import Signature
 from rigctl.report.figure_files import FORMATS, write_figure
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.rig.rig import Rig
-from rigctl.units import parse_unit
+from rigctl.units import interval_unit, parse_unit
 
 #: units of readings without a rig file
 _SHOWN = {"Pa": "bar", "m": "mm", "m^2/s": "cSt"}
@@ -20,7 +20,7 @@ _SHOWN = {"Pa": "bar", "m": "mm", "m^2/s": "cSt"}
 def shown_unit(output: str, unit: str, rig: Rig | None) -> str:
     """The unit in which a change of an output is shown; temperatures change by kelvins."""
     wanted = rig.channels[output].unit if rig is not None else _SHOWN.get(unit, unit)
-    return "K" if parse_unit(wanted).absolute_temperature else wanted
+    return interval_unit(wanted)
 
 
 def write_effect_figure(seen: Signature, effect: Effect, path: Path, rig: Rig | None = None) -> Path:

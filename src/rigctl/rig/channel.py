@@ -11,7 +11,7 @@ from rigctl.errors import RigctlError
 from rigctl.files.amount import AnyAmount, AnyDifference
 from rigctl.rig.base import Part
 from rigctl.rig.calibration import Calibration, Raw, inverse_polynomial, polynomial
-from rigctl.units import Unit, parse_unit
+from rigctl.units import Unit, interval_unit, parse_unit
 
 #: what can be measured, and a unit of its dimension; "other" leaves the dimension to the unit
 QUANTITIES: dict[str, str | None] = {
@@ -101,7 +101,7 @@ class Channel(Part):
     @property
     def interval_unit(self) -> str:
         """The display unit of differences of its values: kelvin for a temperature."""
-        return "K" if self.display.dimension == parse_unit("K").dimension else self.unit
+        return interval_unit(self.unit)
 
     @cached_property
     def si_coefficients(self) -> tuple[float, ...]:

@@ -15,7 +15,7 @@ from rigctl.effects.registry import library
 from rigctl.model.fit.unknowns import parameter_unknown
 from rigctl.model.model import Model
 from rigctl.model.setting import setting_text
-from rigctl.units import parse_unit
+from rigctl.units import interval_unit, parse_unit
 
 #: ratio of the ends above which a slider is logarithmic
 _DECADES = 30.0
@@ -189,13 +189,14 @@ def _of_effect(model: Model, effect: Effect, declared: EffectParameter) -> Slide
 
 
 def _slider(made: Slider, *, fit: bool, difference: bool = False) -> Slider:
-    unit = parse_unit(made.unit)
+    shown = interval_unit(made.unit) if difference else made.unit
+    unit = parse_unit(shown)
     spans = made.low > 0.0 and made.high / made.low > _DECADES
     return replace(
         made,
-        unit="K" if difference and unit.absolute_temperature else made.unit,
+        unit=shown,
         factor=unit.factor,
-        offset=0.0 if difference else unit.offset,
+        offset=unit.offset,
         scale="log" if spans else "linear",
         fit=fit,
     )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rigctl.errors import RigctlError
-from rigctl.units import significant
+from rigctl.units import parse_unit, significant
 
 if TYPE_CHECKING:
     from rigctl.model.fit.fit import FitResult
@@ -72,8 +72,9 @@ def first_fit(proposal: Proposal, root: Path, columns: Sequence[str], *, fit: bo
         column = proposal.table.column(name)
         errors = _errors(found, place)
         if errors.size:
-            rmse[name] = float(np.sqrt(np.mean(errors**2))) / column.display.factor
-            span[name] = float(np.nanmax(column.values) - np.nanmin(column.values)) / column.display.factor
+            between = parse_unit(column.interval)
+            rmse[name] = between.from_si(float(np.sqrt(np.mean(errors**2))))
+            span[name] = between.from_si(float(np.nanmax(column.values) - np.nanmin(column.values)))
             units[name] = column.interval if column.interval != "1" else ""
     return FirstFit(plot, rmse, span, units)
 

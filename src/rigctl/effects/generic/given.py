@@ -27,7 +27,7 @@ from rigctl.effects.lag import reading_error
 from rigctl.engine.symbols import Scalar, absolute, constant_like, positive_part
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
-from rigctl.physics.units import interval_unit
+from rigctl.units import interval_unit
 
 _RESOLUTION = 1e-3
 _TAO = "Tao & Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities"

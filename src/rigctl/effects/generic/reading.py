@@ -28,8 +28,7 @@ from rigctl.effects.lag import deviation_rate, reading_error
 from rigctl.engine.symbols import Scalar, absolute, constant_like, power
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
-from rigctl.physics.units import interval_unit
-from rigctl.units import show
+from rigctl.units import interval_unit, show
 
 #: resolution of a lag, as a share of the family's shortest time
 _RESOLUTION = 1e-3

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rigctl.errors import RigctlError
-from rigctl.units import Unit, onto_bound, parse_unit
+from rigctl.units import Unit, interval_unit, onto_bound, parse_unit
 
 #: least number of digits, because correlated parameters are sensitive to each other's rounding
 _DIGITS = 6
@@ -47,9 +47,7 @@ def value_text(
 
 def std_text(std: float, unit: str) -> str:
     """A standard deviation (SI) to two digits; of a temperature scale in kelvin."""
-    parsed = parse_unit(unit)
-    if parsed.absolute_temperature:
-        parsed = parse_unit("K")
+    parsed = parse_unit(interval_unit(unit))
     return _with_unit(f"{std / parsed.factor:.2g}", parsed)
 
 
