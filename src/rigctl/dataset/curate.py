@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Final
 
 from rigctl.dataset import journal
 from rigctl.dataset.annotations import Annotation, append_annotations, say
 from rigctl.dataset.finalise import finalise
 from rigctl.dataset.history import read_history
 from rigctl.dataset.run_json import RUNNING, read_info
-from rigctl.dataset.writer_lock import PATIENCE, try_lock
+from rigctl.dataset.writer_lock import PATIENCE, wait_for_lock
 from rigctl.errors import RigctlError
-
-#: s between two attempts at the lock of a run
-_PAUSE: Final = 0.02
 
 
 def annotate(folder: Path, text: str, *, record: int | None = None) -> None:
@@ -57,14 +52,11 @@ def _state(folder: Path, said: Sequence[Annotation]) -> None:
                 expected=f"0 to {count - 1}" if count else "none, for it has no records",
             )
     append_annotations(folder, said)
-    give_up = time.monotonic() + PATIENCE
-    while (lock := try_lock(folder)) is None:
-        # a run in progress makes its tables when it ends; a program that annotates may have made them before
-        if _in_progress(folder) or time.monotonic() > give_up:
-            return
-        time.sleep(_PAUSE)
-    with lock:
-        finalise(folder)
+    # a run in progress makes its tables when it ends; a program that annotates may have made them before
+    lock = wait_for_lock(folder, PATIENCE, in_vain=lambda: _in_progress(folder))
+    if lock is not None:
+        with lock:
+            finalise(folder)
 
 
 def _in_progress(folder: Path) -> bool:

@@ -7,7 +7,7 @@ import json
 import os
 import platform
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -98,6 +98,26 @@ def try_lock(folder: Path) -> FolderLock | None:
     return FolderLock(lock)
 
 
+def wait_for_lock(
+    folder: Path, patience: float, *, in_vain: Callable[[], bool] = lambda: False
+) -> FolderLock | None:
+    """Lock a run's folder, waiting at most `patience` seconds for another program; return None in the end.
+
+    `in_vain` returns whether there is no point in waiting any longer; it is called after every attempt.
+
+    Raises
+    ------
+    RigctlError
+        the folder cannot be written to.
+    """
+    deadline = time.monotonic() + patience
+    while (lock := try_lock(folder)) is None:
+        if in_vain() or time.monotonic() > deadline:
+            return None
+        time.sleep(_PAUSE)
+    return lock
+
+
 @contextmanager
 def lock_annotations(folder: Path) -> Iterator[None]:
     """Lock the annotations of a run, which are also appended while the run is in progress; wait for others.
@@ -126,16 +146,14 @@ def lock_folder(folder: Path) -> FolderLock:
     RigctlError
         a running program has the lock, or the folder is not writable.
     """
-    give_up = time.monotonic() + _BRIEF
-    while (lock := try_lock(folder)) is None:
-        if time.monotonic() > give_up:
-            raise RigctlError(
-                "the run is in progress",
-                value=folder.name,
-                hint="Wait until it ends, or end it with 'rigctl abort'",
-                exit_code=ExitCode.FAILED,
-            )
-        time.sleep(_PAUSE)
+    lock = wait_for_lock(folder, _BRIEF)
+    if lock is None:
+        raise RigctlError(
+            "the run is in progress",
+            value=folder.name,
+            hint="Wait until it ends, or end it with 'rigctl abort'",
+            exit_code=ExitCode.FAILED,
+        )
     return lock
 
 
