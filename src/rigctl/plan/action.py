@@ -11,8 +11,9 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 from rigctl.errors import RigctlError
-from rigctl.plan.behaviour import Behaviour, Bench
+from rigctl.plan.behaviour import Behaviour, Bench, Question
 from rigctl.plan.forecast import Forecast, ForecastBench, State
+from rigctl.rig import Rig
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +60,10 @@ class Action(ABC):
     def refusal(self, bench: Bench) -> RigctlError | None:
         """Why this bench cannot do it, asked before anything moves; None where it can."""
         return None
+
+    def questions(self, rig: Rig) -> tuple[Question, ...]:
+        """What it waits for the operator to answer on this bench, in order; a notice is none of them."""
+        return ()
 
     def lasting(self) -> frozenset[str]:
         """The actuators whose state it sets beyond its end: a resumed run repeats the last such action for

@@ -4,15 +4,13 @@ script."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Protocol
 
-from rigctl.errors import RigctlError, unknown_name
+from rigctl.errors import Location, RigctlError, unknown_name
 from rigctl.plan import Plan
 from rigctl.plan.behaviour import Answer, Question
 from rigctl.plan.tree import Leaf, all_nodes
-from rigctl.steps.prompt import Prompt
-from rigctl.steps.set_ import Set
 from rigctl.units import describe, parse_unit, read_si, show
 
 
@@ -131,15 +129,15 @@ def scripted(plan: Plan, answers: Mapping[str, str]) -> ScriptedOperator:
     """
     operator = ScriptedOperator(answers)
     asked: set[str] = set()
-    for node in all_nodes(plan):
-        if isinstance(node, Leaf) and isinstance(node.action, Prompt) and node.action.name is not None:
+    for question, where in _questions(plan):
+        if question.name is not None:
             try:
-                operator.ask(node.action.asked())
+                operator.ask(question)
             except RigctlError as error:
-                if node.action.name in answers:
-                    error.what = f"the answer to '{node.action.name}' does not fit: {error.what}"
-                raise error.at(node.where) from None
-            asked.add(node.action.name)
+                if question.name in answers:
+                    error.what = f"the answer to '{question.name}' does not fit: {error.what}"
+                raise error.at(where) from None
+            asked.add(question.name)
     for name in answers:
         if name not in asked:
             raise unknown_name("question of the procedure", name, sorted(asked))
@@ -154,23 +152,20 @@ def refuse_questions(plan: Plan) -> None:
     RigctlError
         it asks something; with the location of the first question.
     """
+    for question, where in _questions(plan):
+        raise RigctlError(
+            f"nobody can answer '{question.text}': the input is empty",
+            hint="Call it in a terminal, or answer with --answer or --answer-in-browser",
+            where=where,
+        )
+
+
+def _questions(plan: Plan) -> Iterator[tuple[Question, Location]]:
+    """Every question that a plan may wait for an answer to, and the location of its step."""
     for node in all_nodes(plan):
-        if isinstance(node, Leaf) and (question := _asks(plan, node)) is not None:
-            raise RigctlError(
-                f"nobody can answer '{question}': the input is empty",
-                hint="Call it in a terminal, or answer with --answer or --answer-in-browser",
-                where=node.where,
-            )
-
-
-def _asks(plan: Plan, leaf: Leaf) -> str | None:
-    """What a step waits for an answer to; None if it asks nothing."""
-    if isinstance(leaf.action, Prompt):
-        return leaf.action.question
-    if isinstance(leaf.action, Set):
-        by_hand = [name for name in leaf.action.values if plan.rig.actuators[name].by == "operator"]
-        return leaf.label if by_hand else None
-    return None
+        if isinstance(node, Leaf):
+            for question in node.action.questions(plan.rig):
+                yield question, node.where
 
 
 def _missing(name: str) -> RigctlError:

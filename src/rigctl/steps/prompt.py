@@ -19,6 +19,7 @@ from rigctl.plan.outcomes import Outcome
 from rigctl.plan.step import Step
 from rigctl.plan.tree import Leaf
 from rigctl.plan.values import AnyValue
+from rigctl.rig import Rig
 from rigctl.units import show
 
 
@@ -88,7 +89,8 @@ class Prompt(Action):
     high: float | None = None  #: SI, included
     simulated: float | None = None  #: SI; answer of a simulated operator
 
-    def asked(self) -> Question:
+    @property
+    def _asked(self) -> Question:
         """The question as the operator is asked it."""
         return Question(
             text=self.question,
@@ -105,9 +107,13 @@ class Prompt(Action):
         basis = Basis.ESTIMATED if bench.simulated else Basis.GUESSED
         return Forecast(seconds, basis, bench.pass_time(state, seconds))
 
+    def questions(self, rig: Rig) -> tuple[Question, ...]:
+        """The one question."""
+        return (self._asked,)
+
     def carry_out(self, bench: Bench) -> Behaviour:
         """Wait for a confirmation or a value; sampling and interlocks continue meanwhile."""
-        answer = yield from bench.ask(self.asked())
+        answer = yield from bench.ask(self._asked)
         if self.name is not None and answer.value is not None:
             answered = MeasuredValue(
                 self.name, answer.value, self.unit or "1", self.low, self.high, typed=True

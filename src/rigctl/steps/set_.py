@@ -21,7 +21,7 @@ from rigctl.plan.shown import shown_time
 from rigctl.plan.step import Step
 from rigctl.plan.tree import Leaf
 from rigctl.plan.values import MARK, OPEN, Duration
-from rigctl.rig import Actuator
+from rigctl.rig import Actuator, Rig
 
 
 def _truth_to_word(written: Any) -> Any:
@@ -126,6 +126,14 @@ class Set(Action):
         level = self.values[role.actuator]
         return Forecast(seconds, Basis.TIMED, replace(after, pressure=level), {role.channel: (level, level)})
 
+    def questions(self, rig: Rig) -> tuple[Question, ...]:
+        """To turn each actuator that is turned by hand."""
+        return tuple(
+            _to_turn(rig, name, value)
+            for name, value in self.values.items()
+            if rig.actuators[name].by == "operator"
+        )
+
     def carry_out(self, bench: Bench) -> Behaviour:
         """Command every actuator; with a duration, wait until they have returned to their safe values.
 
@@ -139,9 +147,8 @@ class Set(Action):
         for name, value in self.values.items():
             receipt = yield from bench.command(name, value, self.duration)
             ends[name] = receipt.time + (self.duration or 0.0)
-            actuator = bench.rig.actuators[name]
-            if actuator.by == "operator":
-                yield from bench.ask(Question(f"Set {name} to {actuator.show(value)}"))
+            if bench.rig.actuators[name].by == "operator":
+                yield from bench.ask(_to_turn(bench.rig, name, value))
         if self.duration is not None:
             for name in sorted(ends, key=lambda name: ends[name]):
                 yield Until(ends[name], on_pause=OnPause.DEFER)
@@ -151,3 +158,8 @@ class Set(Action):
     def lasting(self) -> frozenset[str]:
         """The actuators, unless they return to their safe values."""
         return frozenset(self.values) if self.duration is None else frozenset()
+
+
+def _to_turn(rig: Rig, name: str, value: float) -> Question:
+    """The request to turn an actuator by hand, which has to be confirmed."""
+    return Question(f"Set {name} to {rig.actuators[name].show(value)}")
