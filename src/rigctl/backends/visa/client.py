@@ -101,24 +101,48 @@ class VisaClient:
 
     @property
     def _of_bytes(self) -> bool:
-        name = self._name.upper()
-        return name.endswith("::SOCKET") or name.startswith("ASRL")
+        return self._is_socket or self._is_serial
+
+    @property
+    def _is_socket(self) -> bool:
+        return self._name.upper().endswith("::SOCKET")
+
+    @property
+    def _is_serial(self) -> bool:
+        return self._name.upper().startswith("ASRL")
 
     def _discard(self) -> None:
-        """Discard unsolicited data.
+        """Discard unsolicited data, and late answers.
 
-        On a socket they would be taken for the answer to the next query, and so would shift every later
-        answer.
+        On a socket or a serial line they would be taken for the answer to the next query, and so would shift
+        every later answer; other buses discard them.
 
         Raises
         ------
         PortLost
             the instrument does not stop sending.
         """
-        if not self._name.upper().endswith("::SOCKET"):
-            return  # other buses discard them, or have been flushed by `_forget`
+        if self._is_socket:
+            self._read_until_silent(_AT_ONCE)
+        elif self._is_serial:
+            self._flush()
+
+    def _flush(self) -> None:
+        """Discard what has arrived on a serial line."""
+        from pyvisa.constants import BufferOperation
+
+        self._instrument.flush(BufferOperation.discard_read_buffer)
+
+    def _read_until_silent(self, milliseconds: float) -> None:
+        """Read and discard until nothing has arrived for so long.
+
+        Raises
+        ------
+        PortLost
+            the instrument does not stop sending.
+        """
         patience = self._instrument.timeout
-        self._instrument.timeout = _AT_ONCE
+        self._instrument.timeout = milliseconds
         try:
             for _ in range(_UNASKED):
                 self._message()
@@ -143,7 +167,7 @@ class VisaClient:
                 write_termination=settings["send_ends"],
                 read_termination=settings["reply_ends"],
             )
-            if self._name.upper().startswith("ASRL"):
+            if self._is_serial:
                 bits, parity, stops = settings["frame"]
                 instrument.baud_rate, instrument.data_bits = settings["baud"], int(bits)
                 instrument.parity = {"N": Parity.none, "E": Parity.even, "O": Parity.odd}[parity]
@@ -155,16 +179,13 @@ class VisaClient:
     def _forget(self) -> None:
         """Prevent a late answer from being taken for that to a later query.
 
-        A new connection does not receive it; other buses have a command that clears the device. On a serial
-        line only what has already arrived can be discarded.
+        A new connection does not receive it; other buses have a command that clears the device. A serial line
+        is read until it has been silent for as long as an answer may take.
         """
-        from pyvisa.constants import BufferOperation
-
-        name = self._name.upper()
-        if name.endswith("::SOCKET"):
+        if self._is_socket:
             self._instrument.close()
             self._instrument = self._opened()
-        elif name.startswith("ASRL"):
-            self._instrument.flush(BufferOperation.discard_read_buffer)
+        elif self._is_serial:
+            self._read_until_silent(self._instrument.timeout)
         else:
             self._instrument.clear()
