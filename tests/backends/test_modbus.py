@@ -19,6 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from commands import call
+from late_serial import LateSerialDevice
 from patience import patient, unhurried
 from protocol_servers import ModbusServer, RtuServer
 from rigctl.backends.modbus.client import ModbusClient
@@ -187,6 +188,57 @@ def test_a_controller_is_read_and_switched_by_rtu_on_a_serial_line() -> None:
         finally:
             bench.close()
         assert server.circuit.off
+
+
+def crc(frame: bytes) -> bytes:
+    """The checksum of RTU: CRC-16 with the polynomial 0xA001, reflected."""
+    found = 0xFFFF
+    for byte in frame:
+        found ^= byte
+        for _ in range(8):
+            found = found >> 1 ^ 0xA001 if found & 1 else found >> 1
+    return found.to_bytes(2, "little")
+
+
+def request_of_two(address: int) -> bytes:
+    """The request for two holding registers of unit 1."""
+    frame = struct.pack(">BBHH", 1, 3, address, 2)
+    return frame + crc(frame)
+
+
+def answer_with_addresses(request: bytes) -> bytes:
+    """Each register contains its address."""
+    address = int.from_bytes(request[2:4])
+    frame = struct.pack(">BBBHH", 1, 3, 4, address, address + 1)
+    return frame + crc(frame)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
+@pytest.mark.parametrize("waiting", [True, False])
+def test_a_late_answer_by_rtu_is_not_taken_as_that_of_other_registers(waiting: bool) -> None:
+    """It contains no address, and arrives while the client still waits for it, or afterwards."""
+    device = LateSerialDevice(lambda sent: len(sent) == 8, answer_with_addresses, late=request_of_two(100))
+    blocks = {"a": 100, "b": 101, "c": 200, "d": 201}
+    channels = {name: {"table": "holding", "address": address} for name, address in blocks.items()}
+    settings = settings_of(Modbus.model_validate({"channels": channels, "frame": "8N1"}), 19200)
+    client = ModbusClient(device.port, {**settings, "timeout": 0.2})
+    line: Any = client._library.socket
+    read = line.read
+
+    def answered_late(size: int) -> bytes:
+        if size == 1:  # the request has ended without an answer
+            device.answer_now()
+        return bytes(read(size))
+
+    if waiting:
+        line.read = answered_late
+    assert client.answer("read 0") is None
+    assert device.has_answered == waiting
+    device.answer_now()
+    client._library.comm_params.timeout_connect = 60.0  # more than a busy computer takes to answer
+    assert [client.answer(f"read {block}") for block in (1, 0, 1)] == ["200 201", "100 101", "200 201"]
+    client.close()
+    device.stop()
 
 
 def test_the_heartbeat_continues_during_sampling() -> None:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import socket
 import sys
 import threading
 import time
 from contextlib import suppress
+from itertools import count
 from threading import Semaphore
 from typing import Any
 
 import pytest
 
+from late_serial import LateSerialDevice
 from patience import patient, unhurried
 from protocol_servers import ScpiServer
 from rigctl.backends.registry import create_backend
@@ -124,64 +125,30 @@ def test_an_answer_counts_only_when_complete() -> None:
         thread.join()
 
 
-class SerialInstrument:
-    """An instrument on a pseudoterminal that keeps its answer to one query until it may give it."""
-
-    def __init__(self, late: str) -> None:
-        from pty import openpty
-        from tty import setraw
-
-        self._end, self._other = openpty()
-        setraw(self._end)
-        setraw(self._other)
-        self.name = f"ASRL{os.ttyname(self._other)}::INSTR"
-        self._late = late
-        self.may_answer, self.answered = threading.Event(), threading.Event()
-        self._thread = threading.Thread(target=self._serve)
-        self._thread.start()
-
-    def _serve(self) -> None:
-        with os.fdopen(self._end, "rb", buffering=0, closefd=False) as asked:
-            rest = b""
-            while not rest.startswith(b"end"):
-                rest += asked.read(256)
-                *queries, rest = rest.split(b"\n")
-                for query in queries:
-                    if query.decode() == self._late:
-                        self.may_answer.wait(60.0)
-                    os.write(self._end, b"to " + query + b"\n")
-                    if query.decode() == self._late:
-                        self._late = ""
-                        self.answered.set()
-
-    def stop(self) -> None:
-        self.may_answer.set()
-        os.write(self._other, b"end")
-        self._thread.join()
-        os.close(self._end)
-        os.close(self._other)
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudoterminals")
-@pytest.mark.parametrize("when", ["while the client waits for it", "afterwards"])
-def test_a_late_answer_on_a_serial_line_shifts_no_later_answer(when: str) -> None:
-    """Every later query was given the answer to the one before it: one channel had the values of another."""
-    instrument = SerialInstrument("A?")
-    known = {"library": "@py", "timeout": 0.2, "baud": 9600, "frame": "8N1"}
-    client = VisaClient(instrument.name, {**known, "send_ends": "\n", "reply_ends": "\n"})
-    read, reads = client._instrument.read_bytes, iter(range(100))
+@pytest.mark.parametrize("waiting", [True, False])
+def test_a_late_answer_on_a_serial_line_shifts_no_later_answer(waiting: bool) -> None:
+    """Every later query was given the answer to the one before it: one channel had the values of another.
 
-    def late(*given: Any, **other: Any) -> bytes:
-        if next(reads) == 1:  # the first read of "A?" has ended without an answer
-            instrument.may_answer.set()
-            assert instrument.answered.wait(60.0)
+    The late answer arrives while the client still waits for it, or afterwards.
+    """
+    instrument = LateSerialDevice(
+        lambda sent: sent.endswith(b"\n"), lambda query: b"to " + query, late=b"A?\n"
+    )
+    known = {"library": "@py", "timeout": 0.2, "baud": 9600, "frame": "8N1"}
+    client = VisaClient(f"ASRL{instrument.port}::INSTR", {**known, "send_ends": "\n", "reply_ends": "\n"})
+    read, reads = client._instrument.read_bytes, count()
+
+    def answered_late(*given: Any, **other: Any) -> bytes:
+        if next(reads) == 1:  # the first read has ended without an answer
+            instrument.answer_now()
         return bytes(read(*given, **other))
 
-    if when != "afterwards":
-        client._instrument.read_bytes = late
+    if waiting:
+        client._instrument.read_bytes = answered_late
     assert client.answer("A?") is None
-    instrument.may_answer.set()
-    assert instrument.answered.wait(60.0)
+    assert instrument.has_answered == waiting
+    instrument.answer_now()
     client._instrument.timeout = PATIENCE
     assert [client.answer(query) for query in ("B?", "C?", "A?")] == ["to B?", "to C?", "to A?"]
     client.close()

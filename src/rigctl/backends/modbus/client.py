@@ -31,6 +31,7 @@ _EXCEPTIONS = {
     11: "no answer behind the gateway",
 }
 _PORT = 502  # of Modbus TCP
+_LONGEST_NOISE = 2.0  # s; a line on which others speak is never silent
 
 
 def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
@@ -96,6 +97,7 @@ class ModbusClient:
             return f"error {refused}"
         except self._failed:  # no answer; a lost connection will not answer again
             self._require_connection()
+            self._await_silence()
             return None
         except OSError as error:
             raise PortLost(f"{self._name}: {error}") from None
@@ -165,8 +167,9 @@ class ModbusClient:
         answer = reading(address, count=count, device_id=self._unit)
         _require(answer, f"{table} {address}", _READS[table])
         found: Sequence[int] = answer.bits if table in ("coil", "discrete") else answer.registers
-        if len(found) < count:
-            raise _RefusedError(f"{len(found)} of {count} values from {table} {address}")
+        spare = 8 if table in ("coil", "discrete") else 1  # bits come in whole bytes
+        if not count <= len(found) < count + spare:
+            raise _RefusedError(f"{len(found)} values instead of {count} from {table} {address}")
         return [int(word) for word in found[:count]]
 
     def _put(self, place: Place, words: list[int]) -> None:
@@ -187,10 +190,26 @@ class ModbusClient:
 
     def _ready(self) -> Any:
         """Return the library without late answers, since RTU has no transaction numbers."""
-        line = getattr(self._library.socket, "reset_input_buffer", None)
-        if line is not None:
-            line()
+        if (line := self._serial_line) is not None:
+            line.reset_input_buffer()
         return self._library
+
+    def _await_silence(self) -> None:
+        """On a serial line, wait until nothing has arrived for as long as an answer may take.
+
+        A late answer would be taken for that to the next request: it contains no address.
+        """
+        if (line := self._serial_line) is None:
+            return
+        give_up = time.monotonic() + _LONGEST_NOISE
+        while line.read(1) and time.monotonic() < give_up:
+            line.reset_input_buffer()
+
+    @property
+    def _serial_line(self) -> Any:
+        """The port of an RTU connection, from pyserial; None for TCP."""
+        socket = self._library.socket
+        return socket if hasattr(socket, "reset_input_buffer") else None
 
 
 class _RefusedError(Exception):
