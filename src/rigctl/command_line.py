@@ -7,9 +7,9 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-#: what no shell takes for anything else
+#: characters without a special meaning in any shell
 _PLAIN = re.compile(r"[\w./\\:@+=-]+")
-#: what a shell looks at inside double quotes too
+#: characters with a special meaning inside double quotes
 _ACTIVE = frozenset('"$`!')
 
 

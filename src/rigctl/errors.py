@@ -12,7 +12,7 @@ from rigctl.printable import printable
 
 
 class ExitCode(IntEnum):
-    """What the process tells its caller."""
+    """Exit status of the process."""
 
     DONE = 0  #: the work was done, whatever the verdict
     FAILED = 1  #: a step timed out, an interlock tripped, a limit was missed

@@ -10,7 +10,7 @@ from typing import Any, Final
 #: every public name, and where it stands: ``module`` or ``module:name there``
 PUBLIC: Final[Mapping[str, str]] = MappingProxyType(
     {
-        # what one does
+        # functions
         "simulate": "rigctl.runner.simulation",
         "run": "rigctl.api",
         "preview": "rigctl.planning.preview",
@@ -20,7 +20,7 @@ PUBLIC: Final[Mapping[str, str]] = MappingProxyType(
         "survey": "rigctl.monitoring.survey",
         "fit": "rigctl.api",
         "write_report": "rigctl.report",
-        # what one reads, finds and keeps
+        # loading, finding and exporting
         "open_run": "rigctl.dataset",
         "find_runs": "rigctl.api",
         "query": "rigctl.dataset",
@@ -32,7 +32,7 @@ PUBLIC: Final[Mapping[str, str]] = MappingProxyType(
         "expand": "rigctl.procedure.expand",
         "find_effect": "rigctl.effects",
         "find_family": "rigctl.physics.families",
-        # what these are
+        # classes
         "Comparison": "rigctl.analysis.comparison_result",
         "Diagnosis": "rigctl.analysis.diagnosis_result",
         "Effect": "rigctl.effects",

@@ -1,4 +1,4 @@
-"""How results show themselves: one line as a `repr`, and a summary with a table in a notebook."""
+"""Representations of results: one line as a `repr`, and a summary with a table in a notebook."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ class Bootstrap:
 
     @property
     def statement(self) -> str:
-        """How it was computed, in words."""
+        """One sentence on how the intervals were computed."""
         failed = f"; {self.failed} could not be fitted" if self.failed else ""
         return (
             f"{100 * LEVEL:.0f} % of {self.repetitions} repetitions, each with random signs for the "

@@ -103,7 +103,7 @@ class Improvement:
 
     @property
     def statement(self) -> str:
-        """What was added and why it ended, in one sentence."""
+        """One sentence: the effects added, and why the loop ended."""
         names = [name for step in self.steps for name in step.effects]
         added = f"added {', '.join(names)}" if names else "added nothing"
         agrees = f"the model {'now ' if names else ''}agrees with the measurements within their noise"

@@ -332,7 +332,7 @@ class Slopes:
     record_local: list[Mapping[str, Floats]]
 
     def of(self, indices: Sequence[int]) -> Slopes:
-        """Those of some records, in lists of their own."""
+        """The slopes of the records at `indices`, in new lists."""
         return Slopes(
             nuisance=[self.nuisance[k] for k in indices],
             signatures=[self.signatures[k] for k in indices],
@@ -354,7 +354,7 @@ class KnownSlopes:
         self._found = point, slopes
 
     def take(self, point: object) -> Slopes | None:
-        """What was kept, if at this point; it is then forgotten."""
+        """Return and forget the slopes kept for `point`; None if they are of another point."""
         if self._found is None or self._found[0] != point:
             return None
         (_, slopes), self._found = self._found, None

@@ -287,7 +287,7 @@ class Search(RefittedSets):
         return best
 
     def _simplest(self, best: RefittedSet) -> RefittedSet:
-        """Of sets that differ by less than shapes may, the one with the fewest parameters."""
+        """The set with the fewest parameters among those that differ by less than the shape tolerance."""
         for member in best.candidates:
             limit = TOLERANCE**2 * self.explained(best, member)
             alike = [

@@ -305,7 +305,7 @@ def evidence_for(
 
 
 def _hidden_text(hidden_in: str) -> str:
-    """What imitates an effect."""
+    """The clause on unknowns that imitate an effect."""
     record_level = "variation from record to record (of settings, zeros, times and initial states)"
     return record_level if hidden_in == RECORD else f"the fitted {hidden_in}"
 

@@ -145,7 +145,7 @@ def carry_out(work: Callable[[], None]) -> None:
     finally:
         said, lost = _say_last_words(outlets)
         sys.stdout, sys.stderr = usual
-        if lost or not said:  # what is left in the streams would be waited for again
+        if lost or not said:  # flushing would block again on what is left in the streams
             os._exit((code if isinstance(code, int) else 1) or lost)
     sys.exit(code)
 

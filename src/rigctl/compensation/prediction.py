@@ -76,7 +76,7 @@ class Predictor:
         )
 
     def with_spread(self, points: Sequence[tuple[float, float]]) -> list[Point]:
-        """The same with its uncertainty.
+        """Predict at each point, with the uncertainty of the prediction.
 
         Raises
         ------

@@ -117,7 +117,7 @@ class Schedule:
         }
 
     def summary(self) -> str:
-        """What to set, in a few lines."""
+        """The schedule in a few lines."""
         lines = [self.statement]
         lines += [
             f"  {self.over} {show(row.over, self.over_unit)}: {self.vary} {show(row.vary, self.vary_unit)}"

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 LOCK_NAME: Final = "run.lock"
 ANNOTATIONS_LOCK_NAME: Final = "annotations.lock"
 STATE_NAME: Final = "state.json"
-#: how long to wait for a program that annotates a run, s
+#: time-out for a program that annotates a run, s
 PATIENCE: Final = 10.0
 #: how long a program that only looks whether the run is in progress may have the lock, s
 _BRIEF: Final = 0.2

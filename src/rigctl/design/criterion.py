@@ -42,7 +42,7 @@ class Criterion(Protocol):
         ...
 
     def separation(self, evidence: Evidence) -> float:
-        """The same as displayed: D, λ², or the logarithm of a ratio of volumes."""
+        """The criterion as displayed: D, λ², or the logarithm of a ratio of volumes."""
         ...
 
     def promise(self, evidence: Evidence) -> float:

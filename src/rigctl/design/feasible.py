@@ -18,7 +18,7 @@ from rigctl.rig.rig import Rig
 
 Floats = NDArray[np.float64]
 
-#: of times, relative
+#: relative tolerance of times
 _ROUNDING = 1e-9
 #: distance that a reading keeps from every limit, in standard deviations
 CLEARANCE = 3.0

@@ -40,7 +40,7 @@ class Known:
 
     @cached_property
     def evidence(self) -> Evidence:
-        """Of all repeats: the expected evidence of the data so far."""
+        """Expected evidence of the data so far, over all repeats."""
         return Evidence.total(one for one in self.repeats if one is not None)
 
     @cached_property

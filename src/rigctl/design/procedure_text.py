@@ -9,7 +9,7 @@ from rigctl.design.recipe import Recipe, Stage, levels_text, lines_of, seconds, 
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.rig.rig import Rig
 
-#: how near to home a move must come, as a share of the stroke, and in standard deviations of a reading
+#: tolerance of a move to home, as a share of the stroke, and in standard deviations of a reading
 _HOME_SHARE, _HOME_SIGMAS = 0.004, 5.0
 #: tolerance with which a pressure is set, as a share of its range
 _WITHIN = 0.01

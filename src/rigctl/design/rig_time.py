@@ -39,7 +39,7 @@ class Ordered:
 
     @property
     def seconds(self) -> float:
-        """Of all records together."""
+        """Duration of all records together, s."""
         return sum(self.each)
 
 
@@ -89,7 +89,7 @@ class RigTime:
         return Ordered(tuple(order), self.in_order([recipes[k] for k in order]))
 
     def _actions(self, recipe: Recipe, *, heat: bool) -> list[Action]:
-        """What `Writer` writes, as the actions of the steps."""
+        """The actions of the steps that `Writer` writes."""
         roles, found = self.rig.roles, list[Action]()
         if recipe.temperature is not None and roles.heat is not None and heat:
             role = roles.heat

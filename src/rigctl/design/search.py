@@ -175,7 +175,7 @@ class Workshop:
         return courses
 
     def one_after_the_other(self, chosen: Sequence[Proposal]) -> list[Proposal]:
-        """Those that keep clear of every limit when each starts where the one before it left the bench."""
+        """Proposals that respect every limit if each starts in the state in which its predecessor ended."""
         outputs = self.rivals[0].fit.problem.measurements.outputs
         kept: list[Proposal] = []
         for one in chosen:
@@ -276,7 +276,7 @@ class Search:
         return best if best is None or not self.exchange else self._exchanged(chosen, best)
 
     def without(self, refused: Sequence[Proposal]) -> Search:
-        """The same search, with these proposals excluded."""
+        """This search without the proposals `refused`."""
         for one in refused:
             self.workshop.refuse(one)
         names = set(map(id, refused))
@@ -290,7 +290,7 @@ class Search:
         return among[-k] if value > 0.0 else None
 
     def _rate(self, before: _Taken, one: Proposal) -> float:
-        """What it adds, per minute if that counts; 0 if it adds nothing or the budget is spent."""
+        """Gain of a proposal, per minute if time counts; 0 without a gain or beyond the budget."""
         whole = one.evidence if before.evidence is None else before.evidence + one.evidence
         added = self.criterion.worth(whole) - before.worth
         if added < _LEAST:

@@ -114,8 +114,7 @@ def refit_formulas(
 
 
 def _chosen(formulas: Sequence[Formula]) -> list[Formula]:
-    """Those with the least cost, and the best at each other location, because refits must compare locations
-    too."""
+    """The formulas of least cost, and the best at each other location, so that refits compare locations."""
     promising = [one for one in formulas if one.gain > _PROMISING * formulas[0].gain]
     first = promising[:FIRST]
     places = {one.slot.name for one in first}
@@ -155,7 +154,7 @@ def _refitted(fit: FitResult, samples: float, tried: int, piece: tuple[Formula, 
 
 
 def _other_scales(formula: Formula) -> Iterator[Formula]:
-    """The same started at half and twice each distance, and a tenth of the range beside each position."""
+    """The formula with other starting values: distances halved and doubled, positions shifted by a tenth."""
     kinds = [(kind, one.argument) for one in formula.factors for kind in one.form.scales]
     for index, (kind, argument) in enumerate(kinds):
         for sign in (-1.0, 1.0):

@@ -113,7 +113,7 @@ class Formula:
         return sum(one.form.complexity for one in self.factors) + len(self.factors) - 1
 
     def with_scales(self, scales: Sequence[float]) -> Formula:
-        """The same with other scales."""
+        """The formula with other scales."""
         left, chosen = list(scales), []
         for one in self.factors:
             count = len(one.scales)

@@ -98,7 +98,7 @@ class OpenSlots:
         ]
 
     def thinned(self, samples: int) -> OpenSlots:
-        """The same with these samples only, to project columns of readings computed before."""
+        """These slots at a selection of samples, to project columns of readings computed before."""
         at = self.chosen(samples)
         fit = self.fit
         outputs = tuple(one[rows] for one, rows in zip(fit.outputs, at, strict=True))

@@ -212,7 +212,7 @@ class Effect:
     curve: MeasuredCurve | None = None
 
     def __repr__(self) -> str:
-        """What it is, on one line."""
+        """One-line representation."""
         return one_line(self, f"{self.name} of {self.family}: {self.summary}")
 
     @property

@@ -101,7 +101,7 @@ def _linear(expr: Expr, leaves: frozenset[str]) -> dict[str, float] | None:
 
 
 def _normalised(form: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
-    """Of x and −x only one: the first name's weight is positive."""
+    """A linear form up to its sign: the weight of the first name is positive."""
     ordered = sorted(form.items())
     sign = 1.0 if ordered[0][1] > 0.0 else -1.0
     return tuple((name, sign * weight) for name, weight in ordered)

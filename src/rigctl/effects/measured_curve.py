@@ -63,7 +63,7 @@ class MeasuredCurve:
 
     @property
     def parameters(self) -> tuple[EffectParameter, ...]:
-        """Those of an effect that is this curve."""
+        """Parameters of an effect whose law is this curve."""
         return (FACTOR,) if self.half is None else (FACTOR, SHIFT)
 
     @property

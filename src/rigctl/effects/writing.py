@@ -101,7 +101,7 @@ def _write_equations(
 
 
 def _noting(written: Written, graph: Graph, slot: Slot, formula: Formula) -> Formula:
-    """The same formula; what it returns, or why it fails, is noted."""
+    """Wrap a formula so that its expression, or the reason for its failure, is recorded."""
 
     def noted(scope: Scope) -> Scalar:
         try:

@@ -110,7 +110,7 @@ def _made(module: str, checked: bool) -> MachineCode:
 
     kept = None if checked else kept_text(module)
     if kept is not None:
-        with suppress(RuntimeError):  # of an LLVM that cannot read what another version wrote
+        with suppress(RuntimeError):  # LLVM cannot read the file of another version
             return compiled(kept, [SYMBOL], vectors=True)
     return compiled(made_text(module), [SYMBOL], vectors=True)
 

@@ -30,7 +30,7 @@ Places = frozenset[tuple[int, int]]
 
 
 def elimination(n: int, jacobian: Iterable[tuple[int, int]]) -> str:
-    """Both functions for n states and a ∂f/∂y with the nonzero entries `jacobian` (row, column).
+    """Source of both functions, for n states and a ∂f/∂y with the nonzero entries `jacobian` (row, column).
 
     ``factorise`` has ``h·gamma`` as `reach` and the tolerance of each state as `unit`, and leaves the other
     entries of `matrix` (n, n) unchanged, at zero; `refused` is positive if the elimination is not safe.

@@ -84,7 +84,7 @@ class Excitation:
         _check_shapes(self)
 
     def replace(self, *, initial: ArrayLike | None = None, parameters: ArrayLike | None = None) -> Excitation:
-        """The same record with another initial state or other parameters."""
+        """This record with another initial state or other parameters."""
         return Excitation(
             self.times,
             self.switch_times,

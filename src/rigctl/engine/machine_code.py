@@ -1,8 +1,7 @@
-"""Machine code as a file: LLVM makes it and loads it; the compiler that wrote the kernels need not be there.
+"""Machine code as object files, which LLVM emits and loads without numba.
 
-numba takes half a second to be imported and to get ready, most of it for a compiler that a process with all
-of its machine code in the cache never uses. What is kept is therefore an ordinary object file with C
-functions in it, which LLVM loads by itself.
+Importing and initialising numba takes half a second, mostly for a compiler that is not needed if all machine
+code is in the cache. The cache therefore contains ordinary object files with C functions.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-#: of LLVM's own operations, the functions of the C library that they may end as
+#: functions of the C library to which LLVM may lower its intrinsics
 _LIBRARY = frozenset({"exp", "log", "pow", "sin", "cos", "memset", "memcpy", "memmove"})
 
 
@@ -28,7 +27,7 @@ class MachineCode:
     ----------
     content: an object file for this processor.
     defines: the functions in it.
-    needs: the functions of other libraries that it calls.
+    needs: the external symbols that it calls.
     """
 
     content: bytes
@@ -37,18 +36,17 @@ class MachineCode:
 
 
 def compiled(text: str, defines: Iterable[str], *, vectors: bool) -> MachineCode:
-    """The functions `defines` of a module in LLVM's language, optimised, as machine code.
+    """Optimise LLVM IR and compile its functions `defines` to machine code.
 
-    Nothing is allowed that changes a number: no reordering, no fused multiplication.
+    Optimisations that change results are excluded: no reassociation, no fused multiply-add.
 
     Parameters
     ----------
-    vectors: look for what vector instructions can do at once. In code without loops that takes longer than
-        everything else, and finds next to nothing.
+    vectors: vectorise. In code without loops this takes longer than all other passes, with hardly any gain.
     """
     import llvmlite.binding as llvm
 
-    machine = host()  # LLVM is ready to read for a target once it has one
+    machine = host()  # also initialises the target, which parsing requires
     module = llvm.parse_assembly(text)
     module.verify()
     module.triple, module.data_layout = llvm.get_process_triple(), str(machine.target_data)
@@ -78,7 +76,7 @@ def loaded(code: MachineCode) -> Mapping[str, int]:
     Raises
     ------
     RuntimeError, OSError
-        it is no machine code, lacks a function, or needs one that is nowhere.
+        it is no machine code, lacks a function, or needs a symbol that cannot be resolved.
     """
     import llvmlite.binding as llvm
 
@@ -92,9 +90,9 @@ def loaded(code: MachineCode) -> Mapping[str, int]:
     return {name: tracker[name] for name in code.defines}
 
 
-#: functions are in memory as long as these are
+#: trackers of the loaded libraries; their functions are unloaded with them
 _libraries: list[Any] = []
-#: names for them that differ, those that could not be linked included
+#: for unique library names, also of those that could not be linked
 _numbers = itertools.count()
 
 
@@ -106,7 +104,7 @@ def _linker() -> Any:
 
 
 def _address(name: str) -> int:
-    """Where a function of another library is: the one that this process uses already, of several."""
+    """Address of a function of another library; of several copies, the one already loaded by this process."""
     import llvmlite.binding as llvm
 
     for library in _process():
@@ -127,7 +125,7 @@ def _process() -> list[ctypes.CDLL]:
 
 @cache
 def _provide_all() -> None:
-    """Let numba say where its own functions are: kernels that check bounds hand their errors to them."""
+    """Register numba's own functions, which kernels with bounds checks call on errors."""
     from numba.core.registry import cpu_target
 
     cpu_target.target_context.refresh()
@@ -135,7 +133,7 @@ def _provide_all() -> None:
 
 @cache
 def host() -> Any:
-    """What LLVM makes machine code for: this processor, with everything that it can do."""
+    """LLVM's target machine: this processor, with all its instruction-set extensions."""
     return _machine()
 
 

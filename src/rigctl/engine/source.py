@@ -62,7 +62,7 @@ class Source:
 
     @cached_property
     def digest(self) -> str:
-        """What names this model: equal exactly when the equations, their order and constants are."""
+        """Identifier of this model: equal exactly if the equations, their order and their constants are."""
         return hashlib.sha256(self.text.encode()).hexdigest()[:32]
 
 

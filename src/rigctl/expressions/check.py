@@ -272,7 +272,7 @@ def _addends(left: Typed, right: Typed) -> tuple[Typed, Typed]:
     return left, right
 
 
-#: what a sum of temperatures is
+#: kind of a sum of temperatures
 _SUMS: Mapping[tuple[Kind, Kind], Kind] = {
     ("point", "difference"): "point",
     ("difference", "point"): "point",
@@ -284,7 +284,7 @@ _SUMS: Mapping[tuple[Kind, Kind], Kind] = {
     (None, None): None,
 }
 
-#: what a difference of temperatures is; a point minus kelvins may be meant as either
+#: kind of a difference of temperatures; a point minus kelvins may be meant as either
 _DIFFERENCES: Mapping[tuple[Kind, Kind], Kind] = {
     ("point", "point"): "difference",
     ("point", "difference"): "point",

@@ -14,7 +14,7 @@ class Function:
 
     compute: Callable[..., float]
     count: int | None = 1
-    words: str = ""  # what it takes, where that is not a value and a width
+    words: str = ""  # description of its arguments, if they are not a value and a width
 
     def takes(self, count: int) -> bool:
         """Whether it can be called with so many values."""
@@ -22,7 +22,7 @@ class Function:
 
     @property
     def wants(self) -> str:
-        """How many values it takes, in words."""
+        """Its expected arguments, in words."""
         if self.words:
             return self.words
         return {None: "two values or more", 1: "one value", 2: "a value and a width"}.get(

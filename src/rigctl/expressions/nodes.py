@@ -115,7 +115,7 @@ def walk(node: Node) -> Iterator[Node]:
 
 
 def replace_leaves(node: Node, leaf: Callable[[Node], Node]) -> Node:  # noqa: PLR0911 - one for each kind
-    """The same tree with every number, name and variable replaced by the result of `leaf`."""
+    """A copy of the tree, with every number, name and variable replaced by the result of `leaf`."""
     match node:
         case Negative(operand):
             return Negative(replace_leaves(operand, leaf))

@@ -87,5 +87,5 @@ class AmountField:
 
 #: a quantity of any dimension, as a float in SI
 AnyAmount = Annotated[Amount, AmountField()]
-#: the same for tolerances, noise and other intervals
+#: amounts of tolerances, noise and other intervals
 AnyDifference = Annotated[Amount, AmountField(difference=True)]

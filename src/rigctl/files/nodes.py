@@ -110,7 +110,7 @@ def descend(root: Node, keys: Sequence[Key]) -> tuple[Node, Node]:
 
 
 def known_keys(root: Node, keys: Sequence[Key]) -> list[Key]:
-    """Those of `keys` that exist in the document."""
+    """The elements of `keys` that exist in the document, in order."""
     value, known = root, []
     for key in keys:
         found = value.child(key)

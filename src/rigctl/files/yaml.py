@@ -24,7 +24,7 @@ MAX_NODES = 100_000
 #: characters up to which a text that has been read is remembered
 _SMALL = 1 << 16
 
-# what the parser itself is known to raise on broken text, besides its own errors
+# exceptions that the parser raises on broken text besides its own
 _PARSER_FAULTS = (ValueError, TypeError, LookupError, AttributeError, AssertionError, RecursionError)
 
 
@@ -42,7 +42,7 @@ class Document:
         return self.root.plain()
 
     def locate(self, keys: Sequence[Key] = (), *, of_key: bool = False) -> Location:
-        """Where the value under `keys` stands; with `of_key`, where its key does.
+        """Location of the value under `keys`, or of its key with `of_key`.
 
         Keys that the document does not hold are passed over, so that a missing field is located at the
         mapping that misses it.

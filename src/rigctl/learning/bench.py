@@ -1,4 +1,4 @@
-"""How a round is measured: on the bench that the rig file or the command line names."""
+"""Measurement of a round, on the bench that the rig file or the command line names."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Attended = Callable[[Launch, Plan], AbstractContextManager[Launch]]
 
 
 class Bench(Protocol):
-    """What learning needs from a bench: to carry out a procedure, and to forecast its duration."""
+    """Interface of learning to a bench: carry out a procedure, and forecast its duration."""
 
     def plan(self, procedure: Path, arguments: Mapping[str, str]) -> Plan:
         """The procedure on this bench's rig."""

@@ -1,5 +1,4 @@
-"""What learning keeps on disk, so that it can resume after any interruption: its task, and each round's
-state."""
+"""State of a learning loop on disk, from which it resumes after any interruption: its task and each round."""
 
 from __future__ import annotations
 

@@ -266,7 +266,7 @@ class Learned:
         return pd.DataFrame([_row(one) for one in self.rounds])
 
     def __repr__(self) -> str:
-        """How it ended, on one line."""
+        """One-line representation."""
         return one_line(self, f"{len(self.rounds)} rounds, {self.ended.value}")
 
     def _repr_html_(self) -> str:

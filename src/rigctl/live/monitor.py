@@ -59,7 +59,7 @@ class MonitorDisplay:
         )
 
     def render(self) -> RenderableType:
-        """What the terminal shows now."""
+        """The current display."""
         from rich.console import Group
         from rich.text import Text
 

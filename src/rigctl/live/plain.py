@@ -12,7 +12,7 @@ from rigctl.planning.outline import clock_time
 from rigctl.printable import printable
 from rigctl.runner.snapshot import Happening, View
 
-_STEP = 0.1  # of the progress, between two lines
+_STEP = 0.1  # interval between progress lines
 
 
 class PlainDisplay:

@@ -76,7 +76,7 @@ class TerminalDisplay:
             self._readings.update(view.values, view.commands, dict(alarms))
 
     def render(self) -> RenderableType:
-        """What the terminal shows now."""
+        """The current display."""
         from rich.console import Group
         from rich.text import Text
 
@@ -153,7 +153,7 @@ class TerminalDisplay:
 
 
 def _records(view: View) -> str:
-    """Which record is open, or how many there are."""
+    """The open record, or the number of records."""
     if not view.records_total:
         return ""
     if view.record >= 0:

@@ -122,7 +122,7 @@ class Model:
         return tuple(free)
 
     def __repr__(self) -> str:
-        """What it is, on one line."""
+        """One-line representation."""
         effects = f" with {', '.join(self.effects)}" if self.effects else ""
         return one_line(self, f"{self.name}: {self.family.name}{effects}, {len(self.fitted)} free")
 

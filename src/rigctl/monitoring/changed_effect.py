@@ -193,7 +193,7 @@ def _not_slight(changed: Sequence[Tested]) -> list[Tested]:
 
 
 def _spread(judged: Judged, kept: Sequence[int], over: np.ndarray) -> Judged:
-    """The same with an entry for every run: those that could not be read again have no values."""
+    """Expand the results to every run; runs that could not be read again have no values."""
     if len(kept) == over.size:
         return judged
     tested = []

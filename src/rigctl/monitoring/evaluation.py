@@ -222,7 +222,7 @@ def _linearised(plan: Plan, fitted: FitResult) -> Linearisation:
 
 
 def _with_nuisances(linear: Linearisation, places: Sequence[int]) -> Linearisation:
-    """The same with only some of the nuisances."""
+    """The linear problem with a selection of the nuisances."""
     chosen = list(places)
     weight, residual = linear.prior
     return replace(

@@ -37,7 +37,7 @@ def normal_scores(values: Floats) -> Floats:
 
 
 def drawn_scores(values: Floats) -> Floats:
-    """The same for simulated (courses, runs), which have no ties."""
+    """Rank scores of simulated courses, shape (courses, runs), which have no ties."""
     count = values.shape[1]
     scores = np.empty_like(values)
     ordered = np.broadcast_to(normal_scores(np.arange(count, dtype=float)), values.shape)

@@ -64,7 +64,7 @@ class Survey:
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """What has changed."""
+        """The significant changes."""
         return self.named.changes
 
     @property

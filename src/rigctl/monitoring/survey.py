@@ -185,7 +185,7 @@ def _picked(
 
 
 def _typical(shapes: Sequence[Candidate]) -> Candidate:
-    """Of an effect's shapes the typical one, at which its declaration starts; else the middle of its grid."""
+    """The candidate with the shape at which its declaration starts; otherwise the middle of the grid."""
     middle = shapes[len(shapes) // 2]
     return next((one for one in shapes if not one.shapes and not one.secants), middle)
 

@@ -32,7 +32,7 @@ class Innovations:
 
     @property
     def log_determinant(self) -> float:
-        """Of the covariance matrix."""
+        """Logarithm of the determinant of the covariance matrix."""
         return 2.0 * float(np.sum(np.log(self.root)))
 
     def __call__(self, errors: NDArray[np.float64]) -> NDArray[np.float64]:

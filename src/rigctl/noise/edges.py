@@ -29,7 +29,7 @@ def find_edges(
     switches: NDArray[np.float64],
     half_widths: NDArray[np.float64] | None = None,
 ) -> NDArray[np.bool_]:
-    """Which samples lie on an edge at a switch that is shorter than the sampling.
+    """Mask of the samples on an edge, at a switch, that is shorter than the sampling interval.
 
     Where an input is switched, a signal may pass through its edge between two samples: the pressure in a
     chamber whose valve opens rings at hundreds of hertz for some samples. Such a reading depends on its exact

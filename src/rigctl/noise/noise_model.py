@@ -70,7 +70,7 @@ class ChannelNoise:
             raise ValueError(f"white share of {self.name} must lie in [0, 1], got {self.white}")
 
     def stated(self, statement: str) -> ChannelNoise:
-        """The same noise with another statement."""
+        """This noise with another statement."""
         return replace(self, statement=statement)
 
     def sigma_at(

@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 _ORDERS = (2, 4, 6)
 #: largest ratio of the mean squares of two orders if both show noise alone
 _AGREE = 1.15
-#: the same in parts of the range of levels, which have fewer differences
+#: limit for parts of the range of levels, which have fewer differences
 _AGREE_IN_PARTS = 1.6
 _PARTS = 3
 #: least number of differences

@@ -15,7 +15,7 @@ LONGEST_SPIKE = 3
 THRESHOLD = 4.5
 #: number of samples after a switch in which a narrow peak may be real
 SWITCH_GUARD = 10
-#: the same if a model has removed the bench's own peaks
+#: that number if a model has removed the bench's own peaks
 _GUARD_OFF_MODEL = 3
 #: samples on either side in the running median, of which more than half outlast the longest spike
 _HALF = LONGEST_SPIKE + 1
@@ -44,7 +44,7 @@ _CUT_NORMAL = 0.98658
 def find_spikes(
     times: NDArray[np.float64], values: NDArray[np.float64], phase: NDArray[np.intp] | None = None
 ) -> NDArray[np.bool_]:
-    """Which samples are spikes.
+    """Mask of the samples that are spikes.
 
     A sample is a spike if (1) it deviates by more than `THRESHOLD` robust standard deviations from the
     running median of its nine neighbours, both unchanged and shifted along their slope (Hampel's filter,

@@ -78,7 +78,7 @@ def _growth(noise: ChannelNoise) -> str:
 
 
 def recounted(noise: NoiseModel, masked: Sequence[int], edges: Sequence[int]) -> NoiseModel:
-    """The same noise for some of the records from which it was learned: the numbers of samples of each
+    """This noise for some of the records from which it was estimated: the numbers of samples of each
     channel that are spikes, or lie on edges, in these.
     """
     channels = tuple(

@@ -78,7 +78,7 @@ class VarianceLaw:
         return np.sqrt(self.floor**2 + squares)
 
     def scaled(self, factor: float) -> VarianceLaw:
-        """The same law for noise larger by this factor everywhere."""
+        """This law for noise `factor` times as large."""
         return replace(
             self,
             floor=self.floor * factor,

@@ -135,7 +135,7 @@ def rates_in_symbols(family: ModelFamily) -> Mapping[str, Expr]:
 
 
 def kinematics(family: ModelFamily) -> dict[str, str]:
-    """Of each state that is no more than the integral of another one, the other: a position's speed."""
+    """For each state that is the integral of another one, that other state: the speed of a position."""
     try:
         written = rates_in_symbols(family)
     except RigctlError:  # an equation of another variant of the family

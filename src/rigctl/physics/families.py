@@ -35,7 +35,7 @@ SHIPPED = "rigctl.families"
 
 
 def of_shipped(module: str, name: str) -> Mapping[str, Any]:
-    """What `name` is in `module` of each shipped family that has such a module, by the family's folder.
+    """The object `name` in the `module` of each shipped family that has this module, by its folder.
 
     They are looked up like plug-ins: nothing below the families imports one of them.
     """

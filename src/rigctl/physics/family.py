@@ -132,7 +132,7 @@ class Slot:
 
 @dataclass(frozen=True)
 class OutputVariable:
-    """What a sensor reads: `formula` with its unit (SI); `shown` as of an input."""
+    """An output: `formula` of a sensor's reading with its unit (SI); `shown` as of an input."""
 
     name: str
     unit: str
@@ -171,7 +171,7 @@ class ModelFamily:
     generic: bool = True
 
     def __repr__(self) -> str:
-        """What it is, on one line."""
+        """One-line representation."""
         return one_line(self, f"{self.name}: {self.title}")
 
     def slot(self, name: str) -> Slot:

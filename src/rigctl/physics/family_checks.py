@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 _Piece: TypeAlias = StateVariable | InputVariable | ParameterDeclaration | Definition | Slot | OutputVariable
 
-#: what the pieces of a family are called together
+#: collective names of the parts of a family
 _PARTS: Mapping[type, str] = {
     StateVariable: "states",
     InputVariable: "inputs",
@@ -46,9 +46,9 @@ _PARTS: Mapping[type, str] = {
 #: values of variables by name, SI
 Point = Mapping[str, float]
 
-#: how far from its start each state is tried, in its own scale: never far enough to leave this world
+#: distances from its start at which each state is tested, in its scale: physically possible values
 _EXCURSIONS = (0.0, 0.5, -0.5)
-#: what an input that switches is tried with: before and after the command
+#: test values of a switched input: before and after the command
 _SWITCHES = ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0))
 
 
@@ -80,7 +80,7 @@ def check_family(family: ModelFamily) -> ModelFamily:
 
 
 def examine_family(family: ModelFamily) -> tuple[Flaw, ...]:
-    """What is wrong with a family; empty when nothing is."""
+    """The problems of a family; empty if there are none."""
     declared = tuple(_declarations(family))
     if declared:
         return declared
@@ -109,7 +109,7 @@ class Gap:
     variable: str | None = None
 
     def error(self, what: str, moving: Sequence[str], shown: Callable[[str], str] = str) -> RigctlError:
-        """What a user reads about the equation of `what`, which depends on `moving`; names as `shown`."""
+        """Message about the equation of `what`, which depends on `moving`; names as `shown`."""
         names = moving if self.variable is None else [self.variable]
         where = ", ".join(f"{shown(name)} = {self.point[name]:g}" for name in names)
         lacks = "value" if self.variable is None else f"slope in {shown(self.variable)}"
@@ -220,7 +220,7 @@ class _Written:
         return self.scope[name]
 
     def _equation(self, part: str, name: str, dimension: Dimension, formula: Callable[[], Scalar]) -> None:
-        if self.flaws:  # what is wrong once is found again by every equation that uses it
+        if self.flaws:  # an error would be reported again for every equation that uses it
             return
         try:
             expr = self.graph.expression(_called(formula))
@@ -248,7 +248,7 @@ def _dimension(unit: str) -> Dimension:
 
 def _unused(written: _Written) -> Iterator[Flaw]:
     family = written.family
-    if family.options:  # what this variant of the equations has no use for, another may have
+    if family.options:  # another variant of the equations may use it
         return
     used = {variable.name for _, _, expr in written.equations for variable in variables_of(expr)}
     used |= written.used_slots

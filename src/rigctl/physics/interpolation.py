@@ -27,11 +27,11 @@ from rigctl.physics.units import si_unit
 if TYPE_CHECKING:
     from rigctl.physics.scope import Scope
 
-#: of a straight curve's corner, as a share of the shorter interval beside it
+#: rounding of a piecewise linear curve's corner, as a share of the shorter adjacent interval
 _ROUNDED = 0.02
-#: of a cubic curve's knots: too little to be seen, enough for a derivative
+#: rounding at a cubic curve's knots: invisible, but enough for a derivative
 _TINY = 1e-7
-#: of the interval beside an end: within about so much beyond it a curve levels off
+#: share of the interval beside an end over which a curve levels off beyond it
 _LEVELS_WITHIN = 0.5
 
 
@@ -58,7 +58,7 @@ class Curve:
 
     @property
     def type(self) -> TableType:
-        """What a formula may do with it."""
+        """Its type in expressions."""
         value, over = type_of_unit(self.unit), type_of_unit(self.over)
         return TableType(value.dimension, value.temperature, over=over)
 
@@ -80,7 +80,7 @@ class Curve:
         return m.constant(self.y[0], unit) + m.constant(1.0, unit) * inner
 
     def _beyond(self, slope: float, distance: Scalar, interval: float) -> Scalar:
-        """What the curve changes by at a distance from its end, which is negative at the lower one."""
+        """Change of the curve at a distance from its end, negative at the lower end."""
         if self.beyond == "line" or not slope:
             return slope * distance
         width = _LEVELS_WITHIN * interval

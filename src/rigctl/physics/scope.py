@@ -93,7 +93,7 @@ class Scope:
         return self._known[key]
 
     def option(self, name: str) -> str:
-        """Which variant of the equations is chosen.
+        """The chosen variant of the equations.
 
         Raises
         ------

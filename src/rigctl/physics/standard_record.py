@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class StandardRecord:
-    """What is commanded, and when.
+    """The commands and their times.
 
     Attributes
     ----------

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from rigctl.units import Dimension, is_speed_of_rotation, parse_unit
 
-#: what a person calls it, rather than a product of base units
+#: customary names instead of products of base units
 _NAMED = ("Pa", "N", "W", "J", "V")
 #: further names, for units that are made up of others
 _ELECTRICAL = ("ohm", "H", "F", "C")
@@ -61,7 +61,7 @@ def _quotient(dimension: Dimension) -> str:
 
 
 def _reading(dimension: Dimension) -> float:
-    """How much there is to read: the sum of the exponents' sizes, a little more for those below the line."""
+    """Length of a unit's text: the sum of the exponents' magnitudes, slightly more in the denominator."""
     return float(sum(abs(one) * (1.0 if one > 0 else 1.0 + _BELOW) for one in dimension.exponents))
 
 

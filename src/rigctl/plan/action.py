@@ -1,4 +1,4 @@
-"""What a single step does on the bench, with every variable resolved: frozen, SI throughout.
+"""Actions of single steps on the bench, with every variable resolved; immutable, SI throughout.
 
 Each kind of action is defined with its step in `rigctl.steps`. It states *what* is to be reached and when to
 give up, forecasts how long that takes, and carries it out on a bench. Set-points of temperature are absolute
@@ -62,7 +62,7 @@ class Action(ABC):
         return None
 
     def questions(self, rig: Rig) -> tuple[Question, ...]:
-        """What it waits for the operator to answer on this bench, in order; a notice is none of them."""
+        """The questions to the operator that it waits for on this bench, in order."""
         return ()
 
     def lasting(self) -> frozenset[str]:

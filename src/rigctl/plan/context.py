@@ -21,7 +21,7 @@ from rigctl.units import Quantity
 MAX_NODES = 100_000
 #: depth of steps inside steps, through calls: as deep as a single file can nest them
 MAX_DEPTH = 50
-#: how often all the enclosing loops together may repeat a step
+#: limit of the repeats of a step by all enclosing loops together
 MAX_ROUNDS = 1_000_000
 
 
@@ -64,7 +64,7 @@ class Called(ProcedureText, Declaring, Cleanup, Protocol):
 
     @property
     def steps(self) -> Sequence[Step]:
-        """What it does."""
+        """Its steps."""
         ...
 
 
@@ -77,7 +77,7 @@ class Context(Reader):
     recording: bool = False  #: True inside a record
     record_rate: float | None = None  #: sampling rate of the enclosing record, Hz
     depth: int = 0  #: number of enclosing steps
-    rounds: int = 1  #: how often the enclosing loops repeat it
+    rounds: int = 1  #: product of the rounds of the enclosing loops
     calls: tuple[Called, ...]  #: chain of calls from the requested procedure to this one
     load: Callable[[Path], Called]  #: reads the file of a procedure that is called
 
@@ -147,11 +147,11 @@ class Context(Reader):
         return self.collect([node], label=node.label, kind=GroupKind.DO, cleanup=cleanup, path=path)
 
     def inside_record(self, rate: float) -> Context:
-        """The same position, inside a record sampled at `rate` Hz."""
+        """This context inside a record sampled at `rate` Hz."""
         return replace(self, recording=True, record_rate=rate)
 
     def repeated(self, count: int, key: str) -> Context:
-        """The same position inside a loop of `rounds` rounds."""
+        """This context inside a loop of `count` rounds."""
         rounds = self.rounds * max(count, 1)
         if rounds > MAX_ROUNDS:
             with self.located(key):
@@ -161,7 +161,7 @@ class Context(Reader):
         return replace(self, rounds=rounds)
 
     def at_point(self, label: str, point: Mapping[str, Quantity]) -> Context:
-        """The same position at one point of a sweep."""
+        """This context at one point of a sweep."""
         with self.located("do"):
             self.allow(1)
         self.findings.nodes += 1

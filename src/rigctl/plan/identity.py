@@ -92,7 +92,7 @@ class Identity:
 
     @property
     def device(self) -> dict[str, str]:
-        """What is known of the device under test, by name."""
+        """Identity of the device under test, by name of the field."""
         return {name: text for name, text in self._said() if name != "operator"}
 
     def _said(self) -> Iterator[tuple[str, str]]:
@@ -131,7 +131,7 @@ def checked(demands: IdentityFields, name: str, text: str) -> str:
 
 
 def settled(demands: IdentityFields, given: Mapping[str, str | None]) -> tuple[Identity, tuple[str, ...]]:
-    """What was given, completed by the defaults, and the names of required fields that are still missing.
+    """The given fields completed by the defaults, and the names of missing required fields.
 
     Raises
     ------

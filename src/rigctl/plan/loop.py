@@ -10,8 +10,8 @@ from dataclasses import dataclass
 class LoopSettings:
     """A PID controller in parallel form, with the equations of `rigctl.steps.control.pid`; SI throughout."""
 
-    actuator: str  #: what is commanded
-    channel: str  #: what is controlled
+    actuator: str  #: the commanded output
+    channel: str  #: the controlled channel
     to: float  #: the set-point
     ramp: float  #: of the set-point from the first reading, per s; infinite: at once
     gain: float  #: K_p
@@ -30,7 +30,7 @@ class LoopSettings:
 
 @dataclass(frozen=True, slots=True)
 class LoopFigures:
-    """How a loop has run, counted and timed by the controller itself; times in s.
+    """Timing statistics of a loop, taken by the controller itself; times in s.
 
     *Jitter* is by how much the time between two outputs differs from the loop's period, *latency* the time
     from when an update was due until its output was set.
@@ -44,7 +44,7 @@ class LoopFigures:
     latency: tuple[float, float, float]
 
     def values(self) -> Iterator[tuple[str, float, str]]:
-        """What is kept of them: name, SI value, unit that it is shown in."""
+        """The recorded figures: name, SI value, display unit."""
         if self.updates > 1:
             yield "jitter_p50", self.jitter[0], "ms"
             yield "jitter_p99", self.jitter[1], "ms"
@@ -56,7 +56,7 @@ class LoopFigures:
 
 @dataclass(frozen=True, slots=True)
 class LoopState:
-    """What is known of a loop: whether it runs, and its newest figures."""
+    """State of a loop: whether it runs, and its newest figures."""
 
     running: bool
     figures: LoopFigures | None

@@ -13,7 +13,7 @@ class Outcome(Enum):
     COMPLETE = "complete"  #: it did what was required
     MISSED = "missed"  #: it was carried out, and a measured value lay outside its limits
     SKIPPED = "skipped"  #: it was done in an earlier session of the run, or a dry run moves nothing
-    TIMED_OUT = "timed_out"  #: what it waited for did not happen in time
+    TIMED_OUT = "timed_out"  #: its condition was not met in time
     FAILED = "failed"  #: it could not be carried out, or the monitored channel left its tolerance
     TRIPPED = "tripped"  #: an interlock stopped the run during it
     INTERRUPTED = "interrupted"  #: samples were lost inside it; it is repeated if the procedure says so

@@ -85,7 +85,7 @@ class Reader:
     def optional_si(
         self, value: Value | None, *keys: Key, unit: str | None = None, difference: bool | None = None
     ) -> float | None:
-        """The same for an optional field."""
+        """As `si`, for an optional field."""
         return None if value is None else self.si(value, *keys, unit=unit, difference=difference)
 
     def quantity(self, value: Value, *keys: Key) -> Quantity:

@@ -30,7 +30,7 @@ class ProcedureText(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Its name."""
         ...
 
     @property
@@ -50,7 +50,7 @@ class ProcedureText(Protocol):
 
     @property
     def identity(self) -> IdentityFields:
-        """What it states about the device under test, and what must be given."""
+        """Its fields for the device under test."""
         ...
 
 
@@ -134,7 +134,7 @@ class RecordNode:
     channels: tuple[str, ...]
     sweep: Mapping[str, tuple[float, str]]  #: SI value and unit for display, by name
     body: Group
-    retries: int = 0  #: how often it is repeated when the bench was lost inside it
+    retries: int = 0  #: permitted repeats after a loss of the bench
 
 
 Node: TypeAlias = Group | Leaf | Loop | Branch | RecordNode

@@ -97,7 +97,7 @@ class Preview:
 
     @property
     def records(self) -> int:
-        """How many records the run will hold."""
+        """Number of records of the run."""
         return sum(root.records for root in self.roots if root.counted)
 
     @property
@@ -112,7 +112,7 @@ class Preview:
 
     @property
     def warnings(self) -> tuple[tuple[Location, str], ...]:
-        """What will probably not work, each with its location; once for each location and text."""
+        """Warnings with their locations, each once."""
         found = [(node.where, f"{node.label}: {node.warning}") for node in self.walk() if node.warning]
         return tuple(dict.fromkeys(found))
 
@@ -220,7 +220,7 @@ class _Walker(Visitor[PreviewNode]):
         return _scaled(node, first, rounds, first.seconds + (rounds - 1) * later.seconds, times)
 
     def branch(self, node: Branch) -> PreviewNode:
-        """Both branches; the longer one counts."""
+        """Preview of both branches; the duration is that of the longer one."""
         before = self.state
         then = self.group(node.then)
         if node.otherwise is None:

@@ -10,7 +10,7 @@ _ROUNDING = 1e-9
 
 
 def too_fast(rig: Rig, rate: float) -> str | None:
-    """What is wrong with a sampling rate (Hz) on the rig's real bench, or None."""
+    """Why the rig's real bench cannot sample at a rate (Hz); None if it can."""
     if rate <= rig.fastest * (1.0 + _ROUNDING):
         return None
     return f"{rate:g} Hz is more than the device can be asked for: {rig.fastest:g} Hz"

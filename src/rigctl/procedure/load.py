@@ -23,7 +23,7 @@ from rigctl.steps.registry import AnyStep
 
 
 class ProcedureFile(Cleanup):
-    """What to do on a bench, step by step."""
+    """A procedure file."""
 
     procedure: str = Field(min_length=1, max_length=100, description="its name")
     description: str = Field(default="", description="for reports")
@@ -83,12 +83,12 @@ class Procedure:
 
     @property
     def identity(self) -> IdentityFields:
-        """What it states about the device under test, and what must be given; ignored if it is called."""
+        """Its fields for the device under test; ignored if it is called by another procedure."""
         return self.file.identity
 
     @property
     def steps(self) -> Sequence[AnyStep]:
-        """What it does."""
+        """Its steps."""
         return self.file.steps
 
     @property

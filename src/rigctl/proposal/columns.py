@@ -272,7 +272,7 @@ def _plain_name(text: str) -> str:
     return f"{name}_value" if name in _RESERVED or name in reserved_names() else name[:60]
 
 
-#: what tables, formulas and the templates themselves mean by these
+#: reserved by tables, formulas and templates
 _RESERVED: Final = frozenset(
     (  # noqa: SIM905
         "time record and or not true false abs min max sqrt exp log tanh first last mean std duration total "

@@ -84,7 +84,7 @@ def span(column: Column) -> float:
 
 
 def duration(table: Table) -> float:
-    """How long the longest record is, s."""
+    """Duration of the longest record, s."""
     if table.times is None or not table.times.size:
         return 100.0
     return max((float(np.ptp(table.times[rows])) for rows in table.pieces), default=100.0) or 100.0

@@ -101,7 +101,7 @@ def _zeros(inputs: Sequence[Column]) -> dict[str, tuple[str, str]]:
 
 
 def _rest(y: Column, value: float) -> Parameter:
-    """Where an output rests without any input; wide bounds around its range."""
+    """Rest value of an output without input; wide bounds around its range."""
     present = y.shown[np.isfinite(y.shown)]
     low, high = (float(present.min()), float(present.max())) if present.size else (-100.0, 100.0)
     room = max(high - low, 1e-9)

@@ -11,7 +11,7 @@ from rigctl.proposal.draft import Draft, amount
 from rigctl.rig.channel import QUANTITIES
 from rigctl.units import parse_unit
 
-#: what a file may say as it is; everything else is put in quotes
+#: text that needs no quotes
 _PLAIN = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789 _-+*/^().=|")
 
 
@@ -170,7 +170,7 @@ def _rig(name: str, table: Table, draft: Draft, family: str) -> Iterator[str]:
 
 
 def quantity_of(unit: str) -> str:
-    """What a channel in this unit measures, as a rig file calls it."""
+    """The rig file's quantity of a channel in this unit."""
     dimension = parse_unit(unit).dimension
     fitting = [
         quantity
@@ -191,7 +191,7 @@ def _scatter(column: Column, table: Table) -> float:
 
 
 def _reach(column: Column) -> tuple[float, float]:
-    """How far a command goes: as far as the data, and to zero."""
+    """Range of a command: that of the data, extended to zero."""
     present = column.values[np.isfinite(column.values)]
     zero = column.display.to_si(0.0)
     if not present.size:

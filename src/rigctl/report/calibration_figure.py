@@ -8,7 +8,7 @@ from rigctl.rig.calibration import polynomial
 from rigctl.rig.calibration_fit import CalibrationFit, interval
 
 _HALF = 14  # characters on either side of zero
-_ROUNDING = 1e-12  # of the largest reference: less is no residual
+_ROUNDING = 1e-12  # share of the largest reference below which a residual counts as zero
 
 
 def calibration_plot(name: str, channel: Channel, fit: CalibrationFit, title: str) -> Plot:

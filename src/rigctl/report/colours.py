@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Final
 
-#: of series; distinguishable for most colour-blind readers, and visible on a white and on a dark background
+#: colours of series, distinguishable for most colour-blind readers on light and dark backgrounds
 SERIES: Final = ("#2f7fc1", "#d97a26", "#2f9e6e", "#b35fb0", "#c9504c", "#1f9aa8", "#8c6d46", "#7b8494")
-#: of an event
+#: colour of an event
 MARK: Final = SERIES[4]
-#: of a span of time behind the curves, with its opacity
+#: colour and opacity of a span of time behind the curves
 SPAN: Final = "#6e8cb4"
 SPAN_OPACITY: Final = 0.16

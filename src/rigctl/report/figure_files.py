@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FORMATS: Final = ("png", "svg")
-#: of a legend, so that it is no wider than the picture
+#: columns and characters of a legend, so that it is no wider than the picture
 _LEGEND_COLUMNS, _LEGEND_LETTERS = 4, 100
 _MARKERS = ("o", "s", "D", "^", "P", "v", "X", "*")
 _STYLE: Final[dict[Any, Any]] = {

@@ -16,7 +16,7 @@ from rigctl.report.section import render
 
 #: blue below, orange above: distinguishable for most colour-blind readers
 _BELOW, _ABOVE = (47, 127, 193), (217, 122, 38)
-#: of a title in one inch of a picture
+#: characters of a title in one inch of a picture
 _LETTERS = 12
 
 
@@ -50,7 +50,7 @@ class HeatMap:
 @dataclass(frozen=True)
 class _Cell:
     text: str
-    side: str  #: of the colours above and below
+    side: str  #: its colour: that above or that below
     depth: str
     strong: bool
 

@@ -31,7 +31,7 @@ class Point:
 
     @property
     def mean(self) -> float:
-        """Of the replicates."""
+        """Mean of the replicates."""
         return fmean(self.values)
 
     @property
@@ -61,7 +61,7 @@ class Response:
     x_name: str
     x_unit: str
     series: tuple[Series, ...]
-    origin: str = ""  #: how the values are obtained, if the procedure does not say it
+    origin: str = ""  #: origin of the values, if the procedure does not name it
 
     @property
     def x_title(self) -> str:

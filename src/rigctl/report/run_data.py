@@ -34,7 +34,7 @@ class Signal:
 
     @property
     def dimension(self) -> Dimension:
-        """Of the display unit."""
+        """Dimension of the display unit."""
         return parse_unit(self.unit).dimension
 
 
@@ -90,7 +90,7 @@ class RunData:
     rig: Rig | None
 
     def all_measures(self) -> Iterator[Measured]:
-        """Those of the run, then those of every record."""
+        """The measures of the run, then those of every record."""
         yield from self.measures
         for record in self.records:
             yield from record.measures

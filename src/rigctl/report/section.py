@@ -50,7 +50,7 @@ class Section:
 
 
 def folded(sections: Sequence[Section]) -> list[Section]:
-    """The same, folded, as evidence for another answer on the page."""
+    """The sections, folded, as evidence for another answer on the page."""
     return [replace(one, folded=True) for one in sections]
 
 

@@ -161,7 +161,7 @@ def left_of(model: ModelComparison) -> dict[str, float]:
 
 
 def left_of_fit(fit: FitResult) -> dict[str, float]:
-    """The same from a fit alone: the excess of its whitened squares over noise."""
+    """Systematic error of a fit by channel: the excess of its whitened squares over noise."""
     found = {}
     for name, error in fit.errors.items():
         excess = error.count * (error.chi2_reduced - 1.0)

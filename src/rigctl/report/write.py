@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Report:
-    """What was written."""
+    """A written report."""
 
     page: Path
     figures: tuple[Path, ...]
     runs: tuple[str, ...]
-    size: int  #: of the page, bytes
+    size: int  #: size of the page, bytes
 
     def summary(self) -> str:
         """One sentence for a person."""

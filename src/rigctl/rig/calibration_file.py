@@ -23,12 +23,12 @@ from rigctl.rig.rig import Rig
 #: folder of previous rig files, points and figures of calibrations, beside the rig file
 FOLDER = "calibrations"
 _BOM = b"\xef\xbb\xbf"
-_DIGITS = 10  # of a coefficient
+_DIGITS = 10  # significant digits of a coefficient
 
 
 @dataclass(frozen=True)
 class Written:
-    """Where everything went."""
+    """The files that were written."""
 
     rig: Path
     backup: Path

@@ -34,7 +34,7 @@ class Point:
 
     @property
     def mean(self) -> float:
-        """Of the raw readings."""
+        """Mean of the raw readings."""
         return fmean(self.raw)
 
     @property
@@ -68,7 +68,7 @@ class CalibrationFit:
 
     @property
     def degree(self) -> int:
-        """Of the polynomial."""
+        """Degree of the polynomial."""
         return len(self.coefficients) - 1
 
     @property

@@ -52,7 +52,7 @@ def read_points(path: Path, channel: Channel) -> list[Point]:
 
 
 def write_points(points: Sequence[Point], channel: Channel) -> str:
-    """The same table as text, with one row for each reading."""
+    """The calibration points as a CSV text, one row for each reading."""
     lines = [f"reference [{channel.unit}],raw [{channel.raw_unit}]"]
     lines += [f"{point.reference!r},{reading!r}" for point in points for reading in point.raw]
     return "\n".join(lines) + "\n"

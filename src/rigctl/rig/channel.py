@@ -13,7 +13,7 @@ from rigctl.rig.base import Part
 from rigctl.rig.calibration import Calibration, Raw, inverse_polynomial, polynomial
 from rigctl.units import Unit, interval_unit, parse_unit
 
-#: what can be measured, and a unit of its dimension; "other" leaves the dimension to the unit
+#: measurable quantities, each with a unit of its dimension; "other" leaves the dimension to the unit
 QUANTITIES: dict[str, str | None] = {
     "temperature": "K",
     "pressure": "Pa",

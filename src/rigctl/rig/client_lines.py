@@ -1,4 +1,4 @@
-"""A device that a library speaks to, as one of lines: the lines are those of the library's client.
+"""A device behind a protocol library, described as a line-based device with the client's commands.
 
 The client (`rigctl.backends.transport.client_port.Client`) understands ``identify``, ``read N``, ``write NAME
 VALUE`` and ``beat``, and answers with numbers, ``ok``, or ``error`` and the reason. All that a bench of lines
@@ -25,7 +25,7 @@ _MARGIN = 0.2  # s that an answer may take on its way between the client and the
 
 
 class Positioned(Protocol):
-    """What an actuator is set by."""
+    """Register or node that sets an actuator."""
 
     @property
     def values(self) -> Mapping[str, float] | None:
@@ -33,7 +33,7 @@ class Positioned(Protocol):
 
 
 class Beating(Protocol):
-    """What counts up while rigctl lives."""
+    """Register or node of the heartbeat counter."""
 
     @property
     def every(self) -> float:
@@ -45,15 +45,15 @@ class ClientDevice(Protocol):
 
     @property
     def timeout(self) -> float:
-        """How long it may take to answer."""
+        """Time-out of an answer."""
 
     @property
     def tries(self) -> int:
-        """How often a question is asked before it is lost."""
+        """Number of attempts before a query counts as lost."""
 
     @property
     def wake(self) -> float:
-        """How long it may be silent after it was connected."""
+        """Time allowed for the first answer after connecting."""
 
     @property
     def fastest(self) -> float | None:
@@ -61,7 +61,7 @@ class ClientDevice(Protocol):
 
     @property
     def actuators(self) -> Mapping[str, Positioned]:
-        """What is written."""
+        """Registers or nodes of the actuators."""
 
     @property
     def heartbeat(self) -> Beating | None:
@@ -141,7 +141,7 @@ def client_lines(
 def _positions_of(
     actuators: Mapping[str, Actuator], name: str, values: Mapping[str, float] | None
 ) -> dict[str, str] | None:
-    """What stands for an actuator's positions, as the client is told; None for one that takes a number."""
+    """Numbers of an actuator's positions, as texts for the client; None if it takes a number."""
     positions = POSITIONS.get(actuators[name].kind) if name in actuators else None
     if positions is None:
         return None

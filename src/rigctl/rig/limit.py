@@ -66,7 +66,7 @@ class Limit(Part):
 
     @property
     def bound(self) -> Literal["above", "below", "rate_above", "rate_below", "unchanged"]:
-        """Which of the bounds it is."""
+        """The kind of bound."""
         for name in ("above", "below", "rate_above", "rate_below"):
             if getattr(self, name) is not None:
                 return name

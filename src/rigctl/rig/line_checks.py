@@ -1,4 +1,4 @@
-"""What no single field of a line device's protocol can know: names lead somewhere, nothing is forgotten."""
+"""Checks across the fields of a line device's protocol: names exist, nothing is missing."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _scale(rig: Rig, name: str, part: LineActuator, keys: tuple[str | int, ...])
 
 
 def _fixed(lines: Lines) -> Iterator[Problem]:
-    """What holds no value: what is sent besides settings."""
+    """Exchanges that contain no value: all but settings."""
     named: list[tuple[tuple[str | int, ...], Exchange | None]] = [
         (("identify",), lines.identify),
         (("confirm",), lines.confirm),

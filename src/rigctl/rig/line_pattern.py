@@ -1,4 +1,4 @@
-"""How a line device is told and what its answers mean: texts with places in braces, and nothing else.
+"""Patterns of commands and answers of line devices: texts with placeholders in braces.
 
 ``Q1 {value:.1f}`` is sent with a number in the place of the braces. ``{_},{pressure},{position}`` reads two
 numbers out of an answer and passes over what stands before them. Matching looks for each literal once, from
@@ -34,7 +34,7 @@ class ReplyPattern:
     places: tuple[str, ...]
 
     def match(self, line: str) -> Mapping[str, str] | None:
-        """What stands in the places, by name; None when it is another line. Blanks around it are ignored."""
+        """Texts at the placeholders, by name; None if the line differs. Surrounding blanks are ignored."""
         line = line.strip()
         first, *others = self.literals
         if not line.startswith(first):
@@ -61,7 +61,7 @@ class SendTemplate:
 
     before: str
     after: str = ""
-    form: str | None = None  #: how a number is written there; None where there is no place
+    form: str | None = None  #: format of its number; None without a placeholder
 
     def fill(self, value: float | str) -> str:
         """The command with a number, or a word, in its place."""

@@ -137,5 +137,5 @@ class Lines(Part):
 
     @cached_property
     def of_a_client(self) -> Lines:
-        """The same to a client that takes lines and sees itself to how messages end on the way."""
+        """These lines for a `Client`, which handles message terminators itself."""
         return self.model_copy(update={"send_ends": "\n", "reply_ends": "\n"})

@@ -35,12 +35,12 @@ WIDTHS: Mapping[str, int] = {
 }
 BITS = ("coil", "discrete")  #: tables of single bits
 WRITABLE = ("coil", "holding")
-#: what one request may ask for, by the standard
+#: largest number of values in one request, by the standard
 _LONGEST = {"coil": 2000, "discrete": 2000, "input": 125, "holding": 125}
 
 
 class Register(Part):
-    """Where a number stands, and how it is written there."""
+    """Place and format of a number."""
 
     table: Table = Field(description="coil, discrete (input), input (register) or holding (register)")
     address: int = Field(ge=0, le=65535, description="as transmitted, from 0; 40001 in a manual is holding 0")
@@ -127,11 +127,11 @@ class Modbus(Part):
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
-        """What is read, in as few requests as the tables allow."""
+        """Blocks of registers to read, in as few requests as possible."""
         return tuple(_blocks(self))
 
     def identity(self) -> str:
-        """What its client answers when it is asked who it is."""
+        """The client's answer to ``identify``."""
         known = "" if self.identify is None else f" is {self.identify.equals:g}"
         return f"modbus unit {self.unit}{known}"
 

@@ -1,4 +1,4 @@
-"""What no single field of a register map can know: names lead somewhere, what is written can be."""
+"""Checks across the fields of a register map: names exist, written registers are writable."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _written(register: Register, keys: tuple[str, ...]) -> Iterator[Problem]:
 
 
 def _fits(name: str, actuator: Actuator, part: WrittenRegister, safe: Setting | None) -> Iterator[Problem]:
-    """What the actuator may be set to can be written.
+    """Check that every value of an actuator fits into its register.
 
     A command that does not fit would fail in the middle of a run, or make nothing safe.
     """

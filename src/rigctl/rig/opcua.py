@@ -90,7 +90,7 @@ class OpcUa(Part):
 
     @cached_property
     def reads(self) -> tuple[tuple[float | None, Mapping[str, Node]], ...]:
-        """What one request reads, and how often at the most: everything that is read equally often."""
+        """Nodes read in one request, grouped by their interval."""
         found: dict[float | None, dict[str, Node]] = {}
         for name, channel in self.channels.items():
             found.setdefault(channel.every, {})[name] = channel

@@ -1,4 +1,4 @@
-"""What no single field of an OPC UA server's nodes can know: names lead somewhere, ages are times."""
+"""Checks across the fields of an OPC UA server's nodes: names exist, ages are times."""
 
 from __future__ import annotations
 

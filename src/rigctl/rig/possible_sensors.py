@@ -25,7 +25,7 @@ class Price:
     currency: str = ""
 
     def __str__(self) -> str:
-        """As it is written."""
+        """The price with its currency, as in the rig file."""
         return f"{self.amount:g} {self.currency}".strip()
 
 

@@ -104,7 +104,7 @@ class Rig(Part):
     __str__ = __repr__
 
     def written_in(self, path: Path | None, text: str) -> Rig:
-        """The same rig, knowing its file."""
+        """This rig with its path and text."""
         copy = self.model_copy()
         copy._path = path  # noqa: SLF001 - of its own kind
         copy._text = text  # noqa: SLF001

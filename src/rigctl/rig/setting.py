@@ -1,4 +1,4 @@
-"""What an actuator is set to in a file: the word of a position, or a number with its unit."""
+"""Settings of actuators in files: the word of a position, or a number with its unit."""
 
 from __future__ import annotations
 

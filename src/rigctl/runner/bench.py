@@ -99,7 +99,7 @@ class Bench:
 
     @property
     def watching_rate(self) -> float:
-        """How often to read between records, Hz: faster while something may be moving.
+        """Sampling rate between records, Hz: higher while something may be moving.
 
         At 10 Hz a rod travels 15 mm between two samples, further than from its limit to its end stop.
         """

@@ -17,7 +17,7 @@ from rigctl.runner.manual import Reading, watch
 from rigctl.runner.operator import Operator, read_answer
 from rigctl.units import significant
 
-#: what the operator may type instead of a value, to discard the last point
+#: typed instead of a value, to discard the last point
 UNDO = "undo"
 _AT_END = 0.5  # steps of the converter from its end
 
@@ -37,7 +37,7 @@ class _Series:
 
     @property
     def question(self) -> Question:
-        """What comes next."""
+        """The next question to the operator."""
         last = f", '{UNDO}' takes point {len(self.points)} back" if self.points else ""
         return Question(
             f"Point {len(self.points) + 1}: {self.name} at the reference in {self.channel.unit}"

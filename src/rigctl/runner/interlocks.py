@@ -74,7 +74,7 @@ class Watch:
     outside_since: float | None = None
     inside_since: float | None = None
     raised: Alarm | None = None
-    excess: float = 0.0  #: how far outside the newest value outside was, SI
+    excess: float = 0.0  #: exceedance of the newest value outside, SI
     _past: deque[tuple[float, float]] = field(default_factory=deque)
 
     def outside(self, value: float) -> bool:
@@ -290,7 +290,7 @@ class Interlocks:
         }
 
     def _check(self, row: Sequence[float]) -> Sequence[Alarm]:
-        """The same without what cleanup does after a trip."""
+        """Check a row, without the exceptions for cleanup after a trip."""
         self._silent = False
         noisy = [
             alarm for watch in self._noise if (alarm := watch.update(row[0], row[watch.column])) is not None

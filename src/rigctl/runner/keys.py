@@ -13,7 +13,7 @@ from typing import Any, Protocol, TextIO
 
 from rigctl.runner.requests import Request
 
-#: what each key requests of a run in progress, and the line that says so
+#: request of each key to a run in progress, with its description
 KEYS = {"p": Request.PAUSE, "c": Request.CONTINUE, "a": Request.ABORT, "q": Request.ABORT}
 HELP = "p pause, c continue, a or q end the run"
 
@@ -25,7 +25,7 @@ class Keys(Protocol):
     ended: bool  #: whether no further input can come
 
     def read(self) -> str:
-        """What was typed since the last call; returns at once."""
+        """Characters typed since the last call; does not block."""
         ...
 
     def close(self) -> None:

@@ -38,7 +38,7 @@ REMEMBERED = ("port", "baud", "plant", "effects", "noise", "quantised", "seed")
 
 @dataclass(frozen=True, kw_only=True)
 class Launch(Access):
-    """What a run needs besides its plan and the access to its bench.
+    """Settings of a run besides its plan and the access to its bench.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def _require_identity(plan: Plan, how: Launch) -> None:
 
 
 def _said(how: Launch) -> dict[str, str | None]:
-    """What was given about device and person."""
+    """The given identity of device, part and operator."""
     for name in how.device:
         if name not in NAMES:
             raise unknown_name("fact of the device under test", name, NAMES)
@@ -139,7 +139,7 @@ def _said(how: Launch) -> dict[str, str | None]:
 
 
 def header_of(plan: Plan, backend: Backend, how: Launch) -> RunHeader:
-    """What is known about the run at its start."""
+    """Header of the run."""
     procedure = plan.procedure
     started = datetime.now(UTC)
     known, _ = settled(procedure.identity, _said(how))

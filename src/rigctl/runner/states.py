@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 
 class RunState(Enum):
-    """What a run is doing; `STATES` says what each one means."""
+    """States of a run; `STATES` has their meanings."""
 
     IDLE = "idle"
     ARMING = "arming"
@@ -26,7 +26,7 @@ class RunState(Enum):
         return self in (RunState.FINISHED, RunState.FAILED, RunState.ABORTED)
 
 
-#: what each state means
+#: meaning of each state
 STATES = {
     RunState.IDLE: "nothing has been touched yet",
     RunState.ARMING: "the bench is opened and read, interlocks are checked; nothing moves",
@@ -39,7 +39,7 @@ STATES = {
     RunState.ABORTED: "somebody ended the run",
 }
 
-#: what brings each transition about
+#: cause of each transition
 EVENTS = {
     "arm": "the run is requested",
     "start": "the bench answers and no interlock is tripped",
@@ -99,7 +99,7 @@ class Lifecycle:
 
     @property
     def state(self) -> RunState:
-        """Where the run is now."""
+        """Current state of the run."""
         return self._state
 
     def send(self, event: str) -> None:

@@ -124,7 +124,7 @@ def _made_safe(folder: Path) -> bool:
 
 
 def _switch_off_here(rig: Rig, how: Access) -> tuple[str, bool, str]:
-    """What was done, whether it is confirmed, and how that is known."""
+    """Switch off; return a description, whether it is confirmed, and by what."""
     told = ""
     confirmed, known_by = True, "the bench has answered each command"
     with RigLock(rig.name, "'rigctl off'", how.lock_folder, at_any_cost=True):

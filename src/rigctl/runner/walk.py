@@ -53,7 +53,7 @@ class Walker(Visitor[Waiting]):
         self._again = False  # the record in progress will be repeated if samples are lost
         self._hopeless = False  # no further cleanup block can be carried out
         self.limit = math.inf  #: s, when the step in progress has to be over
-        self.baseline: dict[str, float] = {}  #: what was commanded when the step in progress began
+        self.baseline: dict[str, float] = {}  #: commands at the start of the step in progress
 
     def plan(self, plan: Plan) -> Waiting:
         """Carry out the whole plan.
@@ -271,7 +271,7 @@ class Walker(Visitor[Waiting]):
 
 
 def _retries(node: Node) -> int:
-    """How often a record may be repeated; its cleanup surrounds it as a group."""
+    """Permitted repeats of a record, which its cleanup surrounds as a group."""
     if isinstance(node, Group) and len(node.children) == 1:
         return _retries(node.children[0])
     return node.retries if isinstance(node, RecordNode) else 0

@@ -28,7 +28,7 @@ from rigctl.units import describe, parse_unit, show
 
 
 class Missed(Enum):
-    """What follows if a measure is outside its limits."""
+    """Consequence of a measure outside its limits."""
 
     FAIL = "fail"  #: the step fails, and with it the record and the run
     CONTINUE = "continue"  #: it is recorded as missed; the run continues and ends with exit code 1

@@ -36,7 +36,7 @@ class MoveTo(Protocol):
 
     @property
     def actuator(self) -> str:
-        """What is commanded."""
+        """The commanded actuator."""
         ...
 
     @property

@@ -1,4 +1,4 @@
-"""Work on a cluster of Dask's `distributed`."""
+"""Execution of tasks on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R")
 
-#: how long a scheduler, or its first worker, is waited for, s
+#: time-out for the scheduler and for its first worker, s
 _PATIENCE: Final = 20.0
-#: how often it is looked whether the scheduler is still there, s
+#: interval between checks of the connection to the scheduler, s
 _LOOK: Final = 1.0
-#: pieces at the scheduler for each thread of a worker: one in work, one that waits
+#: submitted pieces for each thread of a worker: one running, one queued
 _AHEAD: Final = 2
-#: so often a piece is handed out again after everything that it needs was lost with a worker
+#: mean number of submissions of a piece after its data were lost with a worker
 _LOST: Final = 3
 
 
 def on_cluster(
     work: Callable[[T], R], pieces: Sequence[T], workers: Workers
 ) -> Generator[tuple[int, R], None, None]:
-    """Results as they come, from the workers of a cluster."""
+    """Yield indices and results from the workers of a cluster in order of completion."""
     with _quiet(), _client(workers) as client:
-        yield from _Handing(client, work, pieces).results()
+        yield from _Submission(client, work, pieces).results()
 
 
-class _Handing:
-    """Pieces on their way: few are handed out ahead, so that an interrupt is soon obeyed."""
+class _Submission:
+    """Submits few pieces ahead, so that interrupts act soon, and collects their results."""
 
     def __init__(self, client: Client, work: Callable[[Any], Any], pieces: Sequence[Any]) -> None:
         self._client, self._work, self._pieces = client, work, pieces
@@ -49,7 +49,7 @@ class _Handing:
         self._sent: Future | None = None
 
     def results(self) -> Iterator[tuple[int, Any]]:
-        """The index of each piece and what came of it."""
+        """Yield the index and the result of each piece."""
         while self._waiting or self._running:
             try:
                 self._hand_out()
@@ -67,13 +67,13 @@ class _Handing:
                     self._again(index)
 
     def _hand_out(self) -> None:
-        """As many as there are workers for: some may have come, and some may have gone.
+        """Submit as many pieces as the current workers can hold.
 
-        Each to the worker that has the fewest of ours, and the others wait here: left to itself the scheduler
-        gives what is short to whoever has the data already, and moves little of it to who is idle. A worker
-        that dies is replaced by any other.
+        Each goes to the worker with the fewest of them, and the others wait here: the scheduler itself would
+        assign short tasks to the workers that already hold the data, and rebalance little. If a worker dies,
+        any other takes its pieces.
         """
-        threads = self._client.nthreads() or {"": 1}  # the scheduler keeps it for whoever comes
+        threads = self._client.nthreads() or {"": 1}  # without workers the scheduler queues it
         while self._waiting:
             held = Counter(self._places[future] for future in self._running)
             place = min(threads, key=lambda address: (held[address] / threads[address], address))
@@ -96,7 +96,7 @@ class _Handing:
     def _finished(self) -> list[Future]:
         from distributed import wait
 
-        # what it raises of futures that are lost, their states say below
+        # errors of lost futures are handled below, by their states
         with suppress(TimeoutError, CancelledError, OSError), self._client.as_current():
             wait(list(self._running), timeout=_LOOK, return_when="FIRST_COMPLETED")
         if self._client.status != "running":
@@ -110,7 +110,7 @@ class _Handing:
             self._gone(problem)
 
     def _again(self, index: int) -> None:
-        """What a piece needs was on workers that are no more: it is sent anew."""
+        """Submit a piece again, and send the shared data again, which were lost with their workers."""
         self._lost += 1
         if self._lost > _LOST * len(self._pieces):
             self._gone(None)
@@ -126,14 +126,14 @@ class _Handing:
 
 
 class _Sent:
-    """What all pieces need, sent once; the scheduler is not to look into it."""
+    """The function and its shared data, opaque to the scheduler; sent once."""
 
     def __init__(self, work: Callable[[Any], Any]) -> None:
         self.work = work
 
 
 def _carried_out(sent: _Sent, piece: Any, version: str) -> Any:
-    """One piece, on a worker of the same rigctl: another one would come to other results."""
+    """Carry out a piece on a worker; refuse another version of rigctl, whose results would differ."""
     if version != _version():
         raise RigctlError(
             "a worker of the cluster has another rigctl", value=_version(), expected=version,
@@ -168,7 +168,7 @@ def _refuse(problem: BaseException) -> NoReturn:
 
 @contextmanager
 def _client(workers: Workers) -> Iterator[Client]:
-    """A connection to the scheduler; of a cluster that is made here, the cluster too."""
+    """Connect to the scheduler, after starting a temporary local cluster if requested."""
     try:
         from distributed import Client, LocalCluster
     except ImportError as problem:
@@ -224,7 +224,7 @@ def _connected(make: Callable[..., Client], where: Any) -> Client:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """What a user has to know is raised; the library also writes it to the terminal, over many lines."""
+    """Silence the library's log, which would repeat at length what is raised as an error."""
     logger = logging.getLogger("distributed")
     before = logger.level
     logger.setLevel(logging.CRITICAL + 1)

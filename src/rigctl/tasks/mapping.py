@@ -1,4 +1,4 @@
-"""The one way in which independent pieces of work are carried out."""
+"""Parallel map over independent tasks."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ def map_tasks(
     *,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[tuple[int, R]]:
-    """Carry out `work` on every piece; the index of each and what came of it, as they are finished.
+    """Apply `work` to every piece; yields the index and the result of each in order of completion.
 
-    Whoever keeps them as they come loses nothing to an interrupt. To stop, close the iterator, or leave the
-    loop: what has not begun is then not begun. A worker that dies loses its own piece, which another one is
-    given; a piece that has cost three workers their life is not given out again.
+    A caller that stores the results as they come loses none of them to an interrupt. Closing the iterator
+    cancels the pieces that have not begun. The piece of a worker that dies is submitted again, up to three
+    times.
 
     Parameters
     ----------
-    work: a module's function, or a partial of one: it is sent to other processes, once to each, with what all
-        pieces need; large data go as paths where workers can read them.
-    workers: where; on each core of this computer when left out.
-    on_progress: told how many are done, and of how many.
+    work: a function, or a partial of one with the data that all pieces share: it is sent once to each worker.
+        Large data are passed as paths that workers can read.
+    workers: by default one process for each core of this computer.
+    on_progress: called with the number of finished pieces and their total.
 
     Raises
     ------
     RigctlError
-        a piece killed its workers, or the cluster cannot be reached any more. What `work` raises comes out
-        here, from the first piece that does.
+        a piece killed its workers, or contact with the cluster was lost. An exception raised by `work` is
+        propagated, from the first piece that fails.
     """
     workers = workers or Workers()
     with closing(_results(work, pieces, workers)) as results:

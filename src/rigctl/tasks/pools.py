@@ -1,4 +1,4 @@
-"""Work in threads or processes of this computer."""
+"""Execution of tasks in threads or processes of this computer."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from rigctl.errors import RigctlError
 T = TypeVar("T")
 R = TypeVar("R")
 
-#: libraries that would use every core in each process
+#: variables that limit the threads of libraries, which would use every core in each process
 _THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-#: a piece is given out so often, if those who work on it die
+#: number of worker deaths after which a piece is not submitted again
 DEATHS: Final = 3
 
 
 def in_threads(
     work: Callable[[T], R], pieces: Sequence[T], count: int
 ) -> Generator[tuple[int, R], None, None]:
-    """Results as they come, from so many threads."""
+    """Yield indices and results from `count` threads in order of completion."""
     pool = ThreadPoolExecutor(count, thread_name_prefix="rigctl-task")
     try:
         yield from _finished(pool, work, pieces, deque(range(len(pieces))), count)
@@ -47,10 +47,10 @@ def in_threads(
 def in_processes(
     work: Callable[[T], R], pieces: Sequence[T], count: int
 ) -> Generator[tuple[int, R], None, None]:
-    """Results as they come, from so many processes; a new set of them where one has died.
+    """Yield indices and results from `count` processes in order of completion; a broken pool is replaced.
 
-    Which piece killed its process cannot be seen from here: all that were in work then are given out again,
-    one at a time, so that the next death has one cause.
+    Which piece killed its process is unknown: all that were running are submitted again one at a time, so
+    that the next death has one cause.
     """
     left = set(range(len(pieces)))
     suspects: set[int] = set()
@@ -106,7 +106,7 @@ def _finished(
     count: int,
     handed_out: set[int] | None = None,
 ) -> Iterator[tuple[int, Any]]:
-    """Results as they come; few pieces are handed out ahead, so that an interrupt is soon obeyed."""
+    """Yield results in order of completion; few pieces are submitted ahead, so that interrupts act soon."""
     running: dict[Future[Any], int] = {}
     ahead = count if count == 1 else 2 * count
     while queue or running:
@@ -116,34 +116,34 @@ def _finished(
                 handed_out.add(index)
             running[pool.submit(work, pieces[index])] = index
         ready, _ = wait(running, return_when=FIRST_COMPLETED)
-        for future in sorted(ready, key=lambda one: one.exception() is not None):  # first what is there
+        for future in sorted(ready, key=lambda one: one.exception() is not None):  # results before errors
             index = running.pop(future)
             if handed_out is not None and not future.exception():
                 handed_out.discard(index)
             yield index, future.result()
 
 
-#: what a process of ours does, as it was sent to it, once
+#: the pickled function of this worker process, sent once
 _sent: bytes = b""
 
 
 @cache
 def _work() -> Callable[[Any], Any]:
-    """Read where a failure to do so can be told, and not only that the process has ended."""
+    """Unpickle the function within a task, so that a failure is not reported as a dead process."""
     work: Callable[[Any], Any] = pickle.loads(_sent)  # noqa: S301 - from the process that started this one
     return work
 
 
 def _given_work(piece: bytes) -> bytes:
-    """A piece in, what came of it out, both as bytes: they may hold functions without a name too."""
+    """Carry out one piece; piece and result are pickled by cloudpickle, which supports lambdas."""
     import cloudpickle
 
-    result: bytes = cloudpickle.dumps(_work()(pickle.loads(piece)))  # noqa: S301 - likewise
+    result: bytes = cloudpickle.dumps(_work()(pickle.loads(piece)))  # noqa: S301 - from the process that started this one
     return result
 
 
 class _Sent(Sequence[bytes]):
-    """The pieces as they are sent, each made when it is handed out."""
+    """The pickled pieces, each pickled when it is submitted."""
 
     def __init__(self, pieces: Sequence[Any]) -> None:
         self._pieces = pieces
@@ -158,28 +158,28 @@ class _Sent(Sequence[bytes]):
 
 
 def begin_worker(work: bytes = b"") -> None:
-    """Let this process end with the one that started it, and by Ctrl-C at once: the other one tells of it."""
-    global _sent  # noqa: PLW0603 - one per process, set before anything is done in it
+    """Initialise a worker: it ends with its parent, and at once on Ctrl-C, which the parent reports."""
+    global _sent  # noqa: PLW0603 - set once per process, before any task
     _sent = work
     signal.signal(signal.SIGINT, lambda *_: os._exit(1))
     _end_with_parent()
 
 
 def _end_with_parent() -> None:
-    """Let this process end as soon as the one that started it has: killed, that one could not tell it."""
+    """End this process as soon as its parent has ended, which cannot stop its workers if it is killed."""
     parent = parent_process()
 
     def watch() -> None:
         if parent is not None:
             parent.join()
-            os._exit(1)  # no clean-up: it would wait for work that nobody wants any more
+            os._exit(1)  # without clean-up, which would wait for the running task
 
     threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """The environment that new processes inherit: one thread in each, unless the user has set it."""
+    """Limit new processes to one thread each by their environment, unless the user has set it."""
     added = {name: "1" for name in _THREADS if name not in os.environ}
     os.environ.update(added)
     try:

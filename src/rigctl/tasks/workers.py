@@ -1,4 +1,4 @@
-"""Where pieces of work are carried out."""
+"""Selection of the workers that carry out tasks."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from typing import Final, Literal
 
 from rigctl.errors import RigctlError
 
-#: the address of a cluster that is made for one command, on this computer
+#: prefix of the address of a temporary cluster on this computer
 LOCAL: Final = "local:"
 _ADDRESSES: Final = ("tcp://", "tls://", "ucx://", "ws://", "wss://")
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Who works.
+    """Workers of `map_tasks`.
 
     Attributes
     ----------
-    count: so many at once, on this computer; None for one on each core.
-    kind: processes, or threads of this process: for work that waits, or leaves Python's lock alone.
-    cluster: a scheduler of Dask's, ``tcp://HOST:8786``, or ``local:8`` for a cluster of eight processes that
-        is made here; then `count` is the cluster's.
+    count: number of workers on this computer; None for one on each core.
+    kind: processes, or threads for work that waits or releases the interpreter lock.
+    cluster: address of a Dask scheduler, ``tcp://HOST:8786``, or ``local:8`` for a temporary cluster of eight
+        processes on this computer; `count` is then ignored.
     """
 
     count: int | None = None
@@ -34,12 +34,12 @@ class Workers:
             _check(self.cluster)
 
     def for_pieces(self, pieces: int) -> int:
-        """How many are worth starting here for so many pieces."""
+        """Number of local workers for a number of pieces."""
         return max(1, min(self.count or os.cpu_count() or 1, pieces))
 
     @property
     def local_count(self) -> int | None:
-        """How many processes a cluster that is made here has; None for one that is elsewhere."""
+        """Number of processes of a temporary local cluster; None for any other."""
         if self.cluster is None or not self.cluster.startswith(LOCAL):
             return None
         return int(self.cluster.removeprefix(LOCAL))

@@ -67,7 +67,7 @@ class VirtualBench:
         return backend
 
     def header(self, plan: Plan, backend: Backend) -> RunHeader:
-        """What is kept of the run when it begins."""
+        """Header of the run."""
         procedure = Source(plan.name, plan.procedure.text, plan.procedure.sha256)
         return RunHeader(
             id=new_run_id(plan.name, _BEGAN, self.folder / "runs"),

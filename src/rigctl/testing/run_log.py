@@ -26,7 +26,7 @@ class RunLog:
     rig: Rig
 
     def __repr__(self) -> str:
-        """How it ended, on one line."""
+        """One-line representation."""
         return one_line(self, self.result.summary())
 
     def events(self, kind: str) -> list[dict[str, Any]]:
@@ -34,7 +34,7 @@ class RunLog:
         return [event for event in self.log if event["kind"] == kind]
 
     def messages(self, kind: str) -> list[str]:
-        """What the events of one kind say."""
+        """Texts of the events of one kind."""
         return [str(event.get("message", "")) for event in self.events(kind)]
 
     @property
@@ -43,7 +43,7 @@ class RunLog:
         return [event["state"] for event in self.events("state")]
 
     def outcome(self, label: str) -> str:
-        """How the last step whose label begins so ended.
+        """Outcome of the last step whose label begins with `label`.
 
         Raises
         ------

@@ -14,7 +14,7 @@ from rigctl.rig import Rig
 
 
 class Device(Protocol):
-    """What sits at the other end of the line."""
+    """The device at the other end of the line."""
 
     def take(self, data: bytes) -> bytes:
         """Take what was sent and give what is answered at once; nothing where the line is not complete."""
@@ -96,7 +96,7 @@ class FakeSerial:
         self._coming.append((self.clock.now(), data))
 
     def read(self, until: float) -> bytes:
-        """What has arrived by bench time `until`, s."""
+        """Bytes received by bench time `until`, s."""
         self._present()
         if not self._coming or self._coming[0][0] > until:
             self.clock.sleep_until(until)

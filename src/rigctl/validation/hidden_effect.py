@@ -1,4 +1,4 @@
-"""How the separate bench hides an effect of the cylinder's library.
+"""Hiding an effect of the cylinder's library in the separate bench.
 
 An effect is hidden with an amplitude in the unit of the library's leading parameter (SI), so that the result
 of a diagnosis can be compared with it, and in one of three shapes:
@@ -32,7 +32,7 @@ _PLACE = (
 
 @dataclass(frozen=True)
 class HiddenEffect:
-    """How the separate bench hides one effect of the library.
+    """An effect of the library as the separate bench hides it.
 
     Attributes
     ----------

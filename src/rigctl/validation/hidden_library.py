@@ -1,4 +1,4 @@
-"""What the separate bench can hide: every effect of the cylinder's library, in different shapes."""
+"""The effects that the separate bench can hide: the cylinder's library, in different shapes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _NO_VISCOSITY = "alone it changes nothing: no term of the base model contains th
 
 
 def find_hidden(effect: str) -> HiddenEffect:
-    """How the bench hides the library's `effect`.
+    """The counterpart of the library's `effect` in the separate bench.
 
     Raises
     ------

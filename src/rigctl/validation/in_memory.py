@@ -26,7 +26,7 @@ _NAME = "separate bench"
 
 
 def measure(campaign: Campaign, model: Model, rig: Rig) -> Measurements:
-    """What `read_measurements` returns for the run that `make_run` makes of the campaign.
+    """The measurements that `read_measurements` returns for the run that `make_run` makes of the campaign.
 
     Parameters
     ----------

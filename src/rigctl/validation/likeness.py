@@ -1,4 +1,4 @@
-"""How well other effects explain what a scenario hides: an upper limit on what any diagnosis could decide.
+"""Similarity of other effects to a hidden one: an upper limit on the power of any diagnosis.
 
 Computed from noise-free readings, and by refits: the library's effect of that name has another shape than the
 bench's, and fitted parameters move farther than a linearisation holds.
@@ -49,7 +49,7 @@ class Likeness:
 
 
 def likeness(seen: Unexplained, left: FitResult, effect: str, size: float) -> Likeness:
-    """How well other effects explain a hidden one.
+    """Similarity of other effects to a hidden one.
 
     Parameters
     ----------

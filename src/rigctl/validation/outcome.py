@@ -47,7 +47,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Claim:
-    """What a diagnosis states as certain about an effect that it names: its location, variables and law."""
+    """The certain statements of a diagnosis on an effect that it names: its location, variables and law."""
 
     effect: str
     place: bool

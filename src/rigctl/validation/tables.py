@@ -28,7 +28,7 @@ def rates_table(figures: Figures) -> Table:
 
 
 def confusion_table(figures: Figures) -> Table:
-    """Which effects were mistaken for which, as a table for the terminal."""
+    """Confusion table of the effects, for the terminal."""
     from rich.table import Table
     from rich.text import Text
 
@@ -113,5 +113,5 @@ def _markdown(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[st
 
 
 def _trials(count: int, what: str) -> str:
-    """So many trials, in the singular where it is one."""
+    """A number of trials in words, with the singular for one."""
     return f"{count} {'trial' if count == 1 else 'trials'} {what}"

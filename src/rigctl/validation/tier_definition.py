@@ -1,4 +1,4 @@
-"""What a tier of the benchmark consists of: its trials, how one is carried out, and what is counted."""
+"""Definition of a tier of the benchmark: its trials, how they are carried out, and the rates."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def carry_out(scenario: Scenario) -> Outcome:
 
 
 def claim_of(levels: Levels) -> Claim:
-    """Which levels a diagnosis states as certain about an effect."""
+    """The levels that a diagnosis claims for an effect."""
     return Claim(levels.effect, place=levels.place_sure, driver=levels.driver_sure, law=levels.law_sure)
 
 
@@ -130,7 +130,7 @@ class Reference:
         return self.amplitude(find_hidden(wanted.effect), wanted.size, scenario, wanted.sign)
 
     def amplitude(self, hidden: HiddenEffect, size: float, scenario: Scenario, sign: int = 1) -> Amplitude:
-        """The same for anything that the bench can hide."""
+        """Amplitude of anything that the bench can hide."""
         near = self.by_slopes.find(hidden, size, scenario.plain, shape=scenario.shape, sign=sign)
         if not near.reached:
             return near
@@ -164,7 +164,7 @@ def reference_of(plain: Scenario) -> Reference:
 
 
 def refitted(fitted: FitResult, clean: Clean) -> FitResult:
-    """The same model fitted to other readings of the same records, starting where it was."""
+    """The model refitted to other readings of the same records, starting at its fit."""
     problem = fitted.problem
     outputs = problem.measurements.outputs
     records = tuple(

@@ -23,7 +23,7 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 #: most sessions at a time; beyond that, the oldest must show the token again
 _MOST_SESSIONS: Final = 100
 _SAFE: Final = frozenset({"GET", "HEAD"})
-#: where the token is exchanged for the cookie
+#: path at which the token is exchanged for the cookie
 SESSION_PATH: Final = "/api/session"
 _HEADERS: Final = {
     "cache-control": "no-store",

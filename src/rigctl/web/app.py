@@ -78,7 +78,7 @@ def status(site: Site) -> dict[str, Any]:
 
 
 def installed_version() -> str:
-    """Of rigctl."""
+    """Version of rigctl."""
     try:
         return version("rigctl")
     except PackageNotFoundError:

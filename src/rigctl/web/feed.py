@@ -53,7 +53,7 @@ _FRESH: Final = 5.0
 #: lines of the tree of steps
 _TREE: Final = 16
 ENDED: Final = ("finished", "failed", "aborted")
-#: what is not worth a line
+#: events that are not shown
 _SILENT: Final = ("run", "session", "step", "command")
 #: rows, columns, rows that are provisional, 1 to begin anew; s of the first row
 _HEAD: Final = struct.Struct("<HHHHd")
@@ -112,7 +112,7 @@ class Watcher:
         self._wake()
 
     def waiting(self) -> tuple[dict[str, object], list[bytes]]:
-        """What has come since the last call: messages by kind, and batches of samples."""
+        """News since the last call: messages by kind, and batches of samples."""
         with self._lock:
             told, self._told = self._told, {}
             if self._events:
@@ -188,7 +188,7 @@ class Feed:
         self._state: dict[str, Any] = {}
         self._places: PlanPlaces | None = None
         self._set_points = SetPoints(_rig(header))
-        self._lines: list[dict[str, Any]] = []  #: of the set-points, as they were last told
+        self._lines: list[dict[str, Any]] = []  #: set-points, as last sent
         self._tree: tuple[str, list[dict[str, Any]]] = ("", [])
         self._watchers: list[Watcher] = []
         self._asked = monotonic()

@@ -31,7 +31,7 @@ logger = logging.getLogger(__name__)
 
 #: s for which a listing of the runs' folders is reused
 _LOOK: Final = 1.0
-#: of the newest runs, among which those in progress are
+#: number of the newest runs searched for runs in progress
 _NEWEST: Final = 50
 _WINDOWS: Final = (1.0, 900.0)
 _WIDTHS: Final = (50, 4000)
@@ -69,7 +69,7 @@ class Live:
         return {"runs": found, "lease": self._lease.told(asked.viewer)}
 
     def snapshot(self, asked: Asked) -> dict[str, Any]:
-        """The same data as through the socket, for a browser without sockets."""
+        """The data that the socket sends, for a browser without WebSockets."""
         from rigctl.web.feed import about
 
         feed = self._feed(asked.text("run"))

@@ -51,7 +51,7 @@ class Procedures:
         self._saving = threading.Lock()
 
     def files(self, asked: Asked) -> dict[str, Any]:
-        """What there is."""
+        """The procedure files of the project."""
         return {"files": project_files(self._site.require_project(), _FOLDER)}
 
     def read(self, asked: Asked) -> dict[str, Any]:
@@ -93,7 +93,7 @@ class Procedures:
 
         root = self._site.require_project()
         path, text = self._writable(root, asked.text("path")), asked.text("text")
-        with self._saving:  # of two windows that save at once, the second is refused
+        with self._saving:  # if two windows save at once, the second is refused
             there = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else None
             known = asked.text("sha256", "")
             if there is not None and _hash(there) != known:

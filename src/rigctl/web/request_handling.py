@@ -1,4 +1,4 @@
-"""How a part answers: a plain function of the request, called in a thread, whose result becomes JSON.
+"""Request handlers: plain functions of the request, called in a thread, whose results become JSON.
 
 Exceptions become answers too: a `RigctlError` with its parts by name, as with ``--json``.
 """

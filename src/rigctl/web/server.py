@@ -29,7 +29,7 @@ _LOCAL: Final = "127.0.0.1"
 
 @dataclass(frozen=True)
 class Settings:
-    """How a project is served.
+    """Settings of a server.
 
     Parameters
     ----------

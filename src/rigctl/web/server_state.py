@@ -1,4 +1,4 @@
-"""What the parts of one server share."""
+"""State shared by the parts of one server."""
 
 from __future__ import annotations
 

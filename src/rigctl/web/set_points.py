@@ -35,7 +35,7 @@ class _Step:
     path: str
     begin: float
     end: float | None = None
-    line: Mapping[str, Any] | None = None  #: as it is shown, once it is known
+    line: Mapping[str, Any] | None = None  #: display text, once it is known
 
 
 class SetPoints:

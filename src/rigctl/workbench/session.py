@@ -228,7 +228,7 @@ class Workbench:
         return self.track.present
 
     def reopened(self, *, on_progress: OnProgress = no_progress) -> Workbench:
-        """The same records with the model's current file.
+        """A workbench on the same records with the model's current file.
 
         Raises
         ------
@@ -266,7 +266,7 @@ class Workbench:
         return coarse_picture(settled.problem, outputs, failures, settled.fitted, took)
 
     def _equations_for(self, state: State, settled: FitResult) -> Problem:
-        """Those of the model as it was settled where they hold every effect that is on, which are faster."""
+        """The settled model's equations if they contain every effect that is on, since they are faster."""
         on = {switch.name for switch in self.switches if not switch.base} & state.on
         if on <= set(settled.problem.model.effects):
             return settled.problem

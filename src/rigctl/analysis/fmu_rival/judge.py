@@ -150,7 +150,7 @@ def sign_test(nearer: int, count: int) -> float:
 
 
 def _alike(fitted: FitResult, said: FmuOutputs) -> tuple[Sequence[Floats], Sequence[Floats]]:
-    """Both on the channels that the FMU has; on the others without an error, so that they do not count."""
+    """Outputs of the FMU and of the fit; channels that the FMU lacks get no error, and so do not count."""
     theirs, ours = [], []
     for record, there, here in zip(fitted.problem.records, said.records, fitted.outputs, strict=True):
         absent = np.isnan(there)

@@ -284,8 +284,7 @@ def _at(fit: FitResult, points: Sequence[Mapping[str, float]]) -> Floats:
 
 
 def _repeats(before: ModelComparison, score: Score) -> int:
-    """How often each row must be read for an effect of its size to be significant; 0 if that is out of
-    reach."""
+    """Number of readings of each row at which an effect of this size is significant; 0 if out of reach."""
     from scipy.special import ndtri, stdtrit
 
     channel = before.fit.problem.noise.channels[0]

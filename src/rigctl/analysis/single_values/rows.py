@@ -53,11 +53,11 @@ class TableRow:
 
     @property
     def z_unfitted(self) -> float | None:
-        """The same with the parameters of the model's file."""
+        """As `z`, with the parameters of the model file instead of the fitted ones."""
         return None if self.unfitted is None else (self.unfitted - self.measured) / self.noise
 
     def share(self, value: float) -> float:
-        """How far a value lies above the measured one, as a share of that; NaN if that is 0."""
+        """Relative deviation of a value from the measured one; NaN if that is 0."""
         return (value - self.measured) / self.measured if self.measured else math.nan
 
     def document(self) -> dict[str, Any]:

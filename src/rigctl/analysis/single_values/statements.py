@@ -211,7 +211,7 @@ def _levels(fit: FitResult) -> list[str]:
 
 
 def _power(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
-    """How many values there are for how many constants, and what that requires of an effect."""
+    """Sentences on the numbers of values and constants, and on the smallest detectable effect."""
     known = fit.problem.model.fitted
     free = [u.name for u in fit.problem.shared if u.name in known and u.prior is None]
     if fit.solution is None or not free:

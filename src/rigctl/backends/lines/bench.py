@@ -86,7 +86,7 @@ class LineBench(PortBench[Talk]):
         self._poll = Poll(rig, lines, clock, self._outbox)
         self._start = 0.0
         self._index = 0
-        self._job: Underway[None] | None = None  # what the device is being asked
+        self._job: Underway[None] | None = None  # the query in progress
         self._order: _Order | None = None  # the command in it, if it is one
         self._orders: deque[_Order] = deque()  # that come next
         self._interrupted = False  # it has not answered its last question, and will not be waited for

@@ -30,7 +30,7 @@ _EXCEPTIONS = {
     10: "no path behind the gateway",
     11: "no answer behind the gateway",
 }
-_PORT = 502  # of Modbus TCP
+_PORT = 502  # standard port of Modbus TCP
 _LONGEST_NOISE = 2.0  # s; a line on which others speak is never silent
 
 

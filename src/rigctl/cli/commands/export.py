@@ -9,7 +9,7 @@ import typer
 
 from rigctl.cli.echo import echo, echo_json
 
-#: what a run can be handed out as besides a table
+#: forms of an exported run besides tables
 _FORMS = ("junit", "ro-crate")
 
 

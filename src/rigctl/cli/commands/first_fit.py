@@ -37,7 +37,7 @@ class FirstFit:
     problem: str = ""
 
     def lines(self) -> list[str]:
-        """What a person reads."""
+        """Lines for the terminal."""
         found = [
             f"first fit: {name} within {f'{significant(value, 3)} {self.units[name]}'.strip()} (RMSE), "
             f"{value / self.span[name]:.1%} of its range"

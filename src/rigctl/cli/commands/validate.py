@@ -27,7 +27,7 @@ _OFTEN = 15.0
 
 
 class TierName(StrEnum):
-    """How many trials."""
+    """Tier of the benchmark."""
 
     QUICK = "quick"
     FULL = "full"
@@ -143,7 +143,7 @@ def _outcomes(
 
 @contextmanager
 def _told() -> Iterator[Callable[[Standing], None]]:
-    """What is told of the progress: a line that changes on a terminal, else one now and then."""
+    """Report progress: on a terminal one line that is rewritten, otherwise a line now and then."""
     from rigctl.cli.progress import telling
 
     often = 0.0 if sys.stderr.isatty() else _OFTEN

@@ -21,7 +21,7 @@ SerialNumberOption = Annotated[
 PartOption = Annotated[str | None, typer.Option(help="Part or type number of the device under test.")]
 NotesOption = Annotated[str | None, typer.Option(help="Other notes about the device.")]
 
-#: how often a person may try again
+#: number of attempts at an answer
 _TRIES: Final = 5
 
 

@@ -257,7 +257,7 @@ def _places(places: Sequence[Place]) -> Table:
     made = table("where it fails", "share of the error", "", "error/noise", "p")
     made.columns[2].justify = "right"
     kinds = list(dict.fromkeys(place.by for place in places))
-    if "phase" not in kinds:  # of a single phase, each of its channels is that channel
+    if "phase" not in kinds:  # with a single phase, the channel names suffice
         kinds = [kind for kind in kinds if kind != "cell"]
     for kind in kinds:
         own = [place for place in places if place.by == kind]

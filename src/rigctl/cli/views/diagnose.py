@@ -53,7 +53,7 @@ def show_diagnosis(found: Diagnosis, *, verbose: bool = False) -> None:
 
 
 def _left_out(found: Diagnosis) -> list[str]:
-    """What is shown only with ``-v``."""
+    """Lines shown only with ``-v``."""
     against = sum(one.startswith("against ") for one in found.further_evidence)
     return [
         *(["the ranking"] if found.ranking and found.verdict is not Verdict.ADEQUATE else []),
@@ -86,7 +86,7 @@ def _show_whole(found: Diagnosis) -> None:
     show_notes(found.notes)
     for finding in found.before.findings:
         out.print(f"  {escape(finding)}.", soft_wrap=True)
-    if found.verdict is Verdict.ADEQUATE:  # how much these data could have shown
+    if found.verdict is Verdict.ADEQUATE:  # the power of these data
         for line in found.further_evidence:
             out.print(f"  {escape(line)}", soft_wrap=True)
     else:
@@ -175,7 +175,7 @@ def _show_evidence(evidence: Sequence[str]) -> None:
     out = console()
     for line in evidence:
         mark = {"for": "[green]+[/]", "against": "[red]-[/]"}.get(line.partition(" ")[0])
-        if mark is not None:  # what else there is, the parameters' drift, has a table
+        if mark is not None:  # the other changes, drifts of parameters, are in a table
             out.print(f"  {mark} {escape(line)}", soft_wrap=True)
 
 

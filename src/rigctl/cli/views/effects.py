@@ -141,7 +141,7 @@ def _parameters(effect: Effect) -> Table:
 
 
 def _bounds(parameter: EffectParameter) -> str:
-    """Both bounds, one that is only usual in brackets."""
+    """Lower and upper bound of a parameter; a bound that is merely usual is in brackets."""
     ends = zip((parameter.low, parameter.high), parameter.usual, strict=True)
     return " to ".join(f"({_shown(parameter, e)})" if usual else _shown(parameter, e) for e, usual in ends)
 
@@ -165,7 +165,7 @@ def show_signature(seen: Signature, rig: Rig | None) -> None:
         said = f"{significant(change[peak], 3, sign=True)} {unit} at {seen.times[peak]:g} s"
         out.print(f"  {name}: largest {said}{_in_noise(seen, index, rig)}")
         lines = draw_curve(change.tolist(), low=low, high=high)
-        # what is nothing beside the rest of the picture is rounding of the integration
+        # values that are negligible in the picture are rounding errors of the integration
         top, bottom = (end if abs(end) > 1e-3 * (high - low) else 0.0 for end in (high, low))
         labels = [significant(top, 3), *[""] * (len(lines) - 2), significant(bottom, 3)]
         for label, line in zip(labels, lines, strict=True):

@@ -120,7 +120,7 @@ def error_change(before: ModelError, after: ModelError) -> str:
 
 
 def held_out_change(before: ModelError, after: ModelError) -> str:
-    """The same on the records that no fit saw; "" where none were held out."""
+    """Change of the error on held-out records; "" if none were held out."""
     if not before.heldout_rmse or not after.heldout_rmse:
         return ""
     errors = (replace(one, rmse=one.heldout_rmse, chi2_reduced=None) for one in (before, after))

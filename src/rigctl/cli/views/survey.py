@@ -57,7 +57,7 @@ def _notes_on_data(found: Survey) -> list[str]:
 
 
 def survey_answer(found: Survey) -> Answer:
-    """What has changed, what else has, how many runs say so, and which of them say nothing."""
+    """The changes, the number of runs behind them, and the runs without information."""
     first, *others = [found.sentence(change) for change in found.changes] or [found.statement]
     facts = [("and", sentence) for sentence in others[: _CHANGES - 1]]
     rest = [change.quantity.name for change in found.changes[_CHANGES:]]

@@ -43,7 +43,7 @@ _UNITS: Final[Mapping[str, str]] = {
 }
 #: names with the same meaning in every file, ignoring case
 SPECIAL: Final = ("time", "record", "date")
-#: what times are called by other programs, folded
+#: names of time columns in other programs, case-folded
 TIMES: Final = frozenset(
     (  # noqa: SIM905
         "time t time_s t_s seconds elapsed elapsed_time clock clock_time time_of_day timestamp time_stamp "

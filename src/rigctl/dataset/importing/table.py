@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 KEPT_FAULTS: Final = 1000
 #: bad rows that are listed individually
 _LISTED: Final = 20
-#: what is wrong with a row at or before the time of the previous row
+#: message on a row at or before the time of the previous row
 NOT_INCREASING: Final = "time: it does not increase within a record"
-#: what is wrong with a value before the time of the previous value of its channel
+#: message on a value before the time of the previous value of its channel
 GOES_BACK: Final = "time: it goes back within a channel"
 #: rows of a part: many for speed, but few enough for files of any length
 PART_ROWS: Final = 1 << 17

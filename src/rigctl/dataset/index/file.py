@@ -28,7 +28,7 @@ logger = logging.getLogger(__name__)
 
 #: number of runs from which the index is used; fewer are read one by one as fast
 INDEX_FROM: Final = 1000
-#: how long to wait for another program that writes to the index, s
+#: time-out for another program that writes to the index, s
 _PATIENCE: Final = 10.0
 T = TypeVar("T")
 _Update: TypeAlias = Callable[[sqlite3.Connection], None]

@@ -62,7 +62,7 @@ class _At:
 
     @property
     def unit(self) -> str:
-        """Of a term."""
+        """Unit of a term."""
         return self.role.slot.unit
 
     @property

@@ -59,7 +59,7 @@ def switched_off() -> Iterator[None]:
 
 
 def kept(kind: str, of: object, result: type[T], make: Callable[[], T]) -> T:
-    """What `make` returns, taken from an earlier command if that computed the same.
+    """Return the result of `make`, or that of an earlier command which computed the same.
 
     Every result passes through the plain form that would be kept, whether or not it is: memory layout and
     type of its numbers, on which the last bit of a sum may depend, are the same either way.

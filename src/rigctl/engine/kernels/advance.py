@@ -31,7 +31,7 @@ from rigctl.engine.kernels.splines import add_splines, evaluate_splines
 
 _MOST_STEPS = 2_000_000
 _ROUNDING = 1e-15
-_FIRST_CHANGE = 0.01  # of the tolerance, by the derivative left out of the first step's formula
+_FIRST_CHANGE = 0.01  # share of the tolerance, for the derivative left out of the first step's formula
 
 
 @njit(**OPTIONS)

@@ -19,10 +19,10 @@ from numba.np.arrayobj import make_array, populate_array
 from rigctl.engine.guards import width
 from rigctl.engine.kernels.sizes import WORDS
 
-#: where the address of each function stands in the array of addresses
+#: index of each function in the array of addresses
 RHS, RHS_JACOBIAN, RHS_TANGENT, OUTPUTS, OUTPUTS_TANGENT, DELAYS, DELAYS_TANGENT, FACTORISE, SOLVE = range(9)
 
-#: how every kernel is compiled: division by zero gives inf, other Python threads go on meanwhile, and
+#: compiler options of all kernels: division by zero gives inf, the interpreter lock is released, and
 #: indices of arrays are checked when `engine.guards` are on
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "boundscheck": width() > 0}
 

@@ -42,14 +42,14 @@ A[3, 0] = (6 * GAMMA - 1) / (12 * GAMMA)
 A[3, 1] = -1 / ((24 * GAMMA - 12) * GAMMA)
 A[3, 2] = (-6 * GAMMA**2 + 6 * GAMMA - 1) / (6 * GAMMA - 3)
 
-#: where in the step each stage lies: the sum of its row
+#: abscissa of each stage: the sum of its row
 C = np.array([0.0, 2.0 * GAMMA, 1.0, 1.0])
 
 CONVERGED, SLOW, NOT_FINITE = 0, 1, 2
 
 _ITERATIONS = 8
 _SMALL_CORRECTION = 1e-2  # of the tolerance
-_FASTEST_RATE = 1e-2  # of convergence that one stage may promise the next
+_FASTEST_RATE = 1e-2  # limit of the convergence rate that one stage passes to the next
 
 
 @njit(**OPTIONS)
@@ -174,7 +174,7 @@ def attempt(addresses, switches, ramped, q, h, work):
 
 @njit(**OPTIONS)
 def set_fixed(stage, block, h, work):
-    """What a stage's sensitivities are made of that is known before it: ``s + h·sum(a_ij·dk_j, j < i)``.
+    """The known part of a stage's sensitivities: ``s + h·sum(a_ij·dk_j, j < i)``.
 
     Into `work.fixed` and `work.moving`; a loop for each stage, as one goes through memory once.
     """

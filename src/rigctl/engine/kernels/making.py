@@ -1,4 +1,4 @@
-"""From the Python of a kernel to LLVM's language, by numba, once for all computers."""
+"""Compiles the Python source of a kernel to portable LLVM IR, with numba."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ _FUNCTIONS = {
     "variances": "most_likely",
     "likelihood": "restricted",
 }
-#: what is of one computer, or of one process
+#: lines that are specific to one computer, and addresses that are valid in one process only
 _LOCAL = re.compile(r"^(?:target (?:datalayout|triple)|source_filename) = .*\n", re.MULTILINE)
 _OF_PROCESS = re.compile(r"inttoptr \(i64 \d{4,} ")
 
 
 def text_of(module: str) -> str:
-    """The kernel in `module` of this package in LLVM's language, for any processor with 64-bit pointers.
+    """LLVM IR of the kernel in `module` of this package, for any processor with 64-bit pointers.
 
-    It is simplified, not optimised: vector instructions and what is inlined are for the computer at hand.
+    It is simplified but not optimised: vectorisation and inlining depend on the target computer.
     """
     function: Any = getattr(import_module(f"{__package__}.{module}"), _FUNCTIONS[module])
     flags: Any = Flags()
@@ -56,7 +56,7 @@ def text_of(module: str) -> str:
 
 @contextmanager
 def _unoptimised() -> Iterator[None]:
-    """Let numba link its functions as they are: it would optimise each anew with everything that calls it."""
+    """Switch off numba's optimisation, which would be repeated for each function with all its callers."""
     settings: Any = config
     before = settings.OPT, settings.LOOP_VECTORIZE, settings.SLP_VECTORIZE
     settings.OPT, settings.LOOP_VECTORIZE, settings.SLP_VECTORIZE = type(settings.OPT)(0), 0, 0
@@ -67,7 +67,7 @@ def _unoptimised() -> Iterator[None]:
 
 
 def _simplify(module: Any) -> None:
-    """Values in registers, and away with what nothing uses: of seven characters one is left."""
+    """Promote values to registers and remove dead code, which leaves a seventh of the text."""
     for function in module.functions:
         if not function.is_declaration and function.name != SYMBOL:
             function.linkage = llvm.Linkage.internal

@@ -1,7 +1,7 @@
-"""Kernels as they come with this package: in LLVM's language, for a computer that has no compiler of Python.
+"""Precompiled kernels: LLVM IR shipped with the package, which needs no Python compiler at run time.
 
-``python tools/make_kernels.py`` writes them from the Python beside this module. A kernel whose Python has
-changed since is made from that, which takes numba and some ten seconds.
+``python tools/make_kernels.py`` compiles them from the Python modules in this folder. A kernel whose sources
+have changed since is compiled again at run time, which requires numba and takes some ten seconds.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ import lzma
 from hashlib import sha256
 from pathlib import Path
 
-#: of the one function of a kernel: ``int32 kernel(void *, void **, int64 *words)``. The first two are
-#: numba's, for a result and for an error; another number than 0 is returned where there is one.
+#: name of the only function of a kernel: ``int32 kernel(void *, void **, int64 *words)``. The first two
+#: arguments follow numba's calling convention, for a result and an error; non-zero return values are errors.
 SYMBOL = "kernel"
 
 HERE = Path(__file__).parent
@@ -19,7 +19,7 @@ FOLDER = HERE / "ir"
 
 
 def fingerprint() -> str:
-    """Of the Python that the kernels are made from, however its lines end."""
+    """SHA-256 of the Python sources of the kernels, independent of line endings."""
     content = sha256()
     for path in sorted(HERE.glob("*.py")):
         content.update(path.read_bytes().replace(b"\r\n", b"\n"))
@@ -27,7 +27,7 @@ def fingerprint() -> str:
 
 
 def keep(module: str, text: str) -> Path:
-    """Write a kernel's text, and what it was made from."""
+    """Write the LLVM IR of a kernel, with the fingerprint of its sources."""
     FOLDER.mkdir(exist_ok=True)
     path = _path(module)
     path.write_bytes(lzma.compress(f"; {fingerprint()}\n{text}".encode(), preset=9 | lzma.PRESET_EXTREME))
@@ -35,7 +35,7 @@ def keep(module: str, text: str) -> Path:
 
 
 def kept_text(module: str) -> str | None:
-    """The kernel in `module` of this package as it came with it; None of other Python than is beside it."""
+    """The shipped LLVM IR of the kernel in `module`; None if missing or made from other sources."""
     try:
         text = lzma.decompress(_path(module).read_bytes()).decode()
     except (OSError, lzma.LZMAError, ValueError):
@@ -48,7 +48,7 @@ def _path(module: str) -> Path:
 
 
 def made_text(module: str) -> str:
-    """The same, made from its Python; that checks indices where `engine.guards` say so."""
+    """LLVM IR of the kernel in `module`, compiled from its Python; checks indices under `engine.guards`."""
     from rigctl.engine.kernels.making import text_of
 
     return text_of(module)

@@ -20,14 +20,14 @@ RAMPS, SHIFTS, GUARD = 12, 13, 14
 SPLINE_ARGUMENTS, SPLINE_FUNCTIONS, RHS_SPLINES, OUTPUTS_SPLINES, DELAYS_SPLINES = range(15, 20)
 SIZES = 20
 
-#: what a kernel is told of an array: its address, then its length along each of up to three axes
+#: words that describe an array: its address, then its length along each of up to three axes
 WORDS = 4
 
 #: readings that the kernel of variances takes at a time, so that what it makes of them stays in the nearest
 #: cache, and how many sums it adds them to, beside one another
 TILE, LANES = 256, 8
 
-#: of cubic splines: the degree, and by how much knots outnumber the functions
+#: cubic splines: their degree, and the number of knots in excess of the functions
 DEGREE, MORE_KNOTS = 3, 4
 
 
@@ -83,24 +83,24 @@ def integer_regions(sizes: NDArray[np.int64]) -> list[tuple[str, int]]:
 
 
 def float_count(sizes: NDArray[np.int64]) -> int:
-    """How many doubles the workspaces take."""
+    """Number of doubles in the workspaces."""
     return _float_count(sizes.tobytes())
 
 
 @lru_cache(maxsize=256)
 def _float_count(sizes: bytes) -> int:
-    """The same of an array's bytes: the records of a problem have few different sizes, and are many."""
+    """`float_count` of sizes as bytes; cached, as the records of a problem have few different sizes."""
     array = np.frombuffer(sizes, dtype=np.int64)
     return sum(length + int(array[GUARD]) for _, length in float_regions(array))
 
 
 def integer_count(sizes: NDArray[np.int64]) -> int:
-    """How many integers they take."""
+    """Number of integers in the workspaces."""
     return sum(length + int(sizes[GUARD]) for _, length in integer_regions(sizes))
 
 
 def stepping_places(sizes: NDArray[np.int64]) -> tuple[int, int, int]:
-    """Where the state, the acting inputs and the commanded ones lie in the buffer of doubles."""
+    """Offsets of the state, the acting inputs and the commanded inputs in the buffer of doubles."""
     indices, end = {}, 0
     for name, length in float_regions(sizes):
         indices[name] = end

@@ -150,7 +150,7 @@ def queue(addresses, t, moved, jumps, q, work, switches, sensitive):
 
 @njit(**OPTIONS)
 def add_moved(d, index, moved, late, work, switches):
-    """What the command's own time adds to the shift: ``(1 + ∂d/∂y·f)·dt``, dt alone where d is cut off."""
+    """The part of the shift due to the command's time: ``(1 + ∂d/∂y·f)·dt``, dt alone where d is cut off."""
     rate = 1.0
     if late:
         for i in range(work.n):

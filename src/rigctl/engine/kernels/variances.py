@@ -15,7 +15,7 @@ _NOTHING = 1e-300
 
 @njit(**OPTIONS)
 def weigh(columns, size, count, terms, squares, variance, weight, pull):
-    """Of a tile: 1/μ into `weight` and v/μ² into `pull`, with μ = Σ_k s_k·t_k of at most three terms."""
+    """Fill `weight` with 1/μ and `pull` with v/μ² for a tile, with μ = Σ_k s_k·t_k of at most three terms."""
     second, third = offset(terms, count * min(1, columns - 1)), offset(terms, count * (columns - 1))
     a, b, c = squares[0], squares[1] if columns > 1 else 0.0, squares[2] if columns > 2 else 0.0
     for i in range(size):

@@ -1,4 +1,4 @@
-"""Where everything of one integration lies: pointers into two buffers that the caller allocates."""
+"""Memory layout of one integration: pointers into two buffers that the caller allocates."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ class Arrow:
     shared: int
 
     def scaled(self, size: Vector) -> Arrow:
-        """The same problem in the variables ``step·size``: every column divided by its size."""
+        """This problem in the variables ``step·size``: every column divided by its size."""
         triangles = tuple(
             triangle / np.concatenate([record_local, size.shared, [1.0]])
             for triangle, record_local in zip(self.triangles, size.local, strict=True)

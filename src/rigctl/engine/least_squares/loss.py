@@ -25,7 +25,7 @@ class Loss(Protocol):
         ...
 
     def rho(self, z: Floats) -> Floats:
-        """What the residual counts."""
+        """ρ(z), with z = (r/c)²."""
         ...
 
     def slope(self, z: Floats) -> Floats:
@@ -40,7 +40,7 @@ class Squares:
     threshold: float = 1.0
 
     def rho(self, z: Floats) -> Floats:
-        """What the residual counts."""
+        """ρ(z), with z = (r/c)²."""
         return z
 
     def slope(self, z: Floats) -> Floats:
@@ -55,7 +55,7 @@ class Huber:
     threshold: float = 3.0
 
     def rho(self, z: Floats) -> Floats:
-        """What the residual counts."""
+        """ρ(z), with z = (r/c)²."""
         return np.where(z > 1.0, 2.0 * np.sqrt(z) - 1.0, z)
 
     def slope(self, z: Floats) -> Floats:
@@ -70,7 +70,7 @@ class SoftL1:
     threshold: float = 3.0
 
     def rho(self, z: Floats) -> Floats:
-        """What the residual counts."""
+        """ρ(z), with z = (r/c)²."""
         return 2.0 * (np.sqrt(1.0 + z) - 1.0)
 
     def slope(self, z: Floats) -> Floats:
@@ -85,7 +85,7 @@ class Cauchy:
     threshold: float = 3.0
 
     def rho(self, z: Floats) -> Floats:
-        """What the residual counts."""
+        """ρ(z), with z = (r/c)²."""
         return np.log1p(z)
 
     def slope(self, z: Floats) -> Floats:

@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 
 
 class Outcome(StrEnum):
-    """How a fit ended."""
+    """Reason for which a fit ended."""
 
     GRADIENT = "gradient"  #: the residuals are orthogonal to every column: an exact minimum
     COST = "cost"  #: the next step would lower the cost by a negligible share

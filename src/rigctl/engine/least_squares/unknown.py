@@ -80,7 +80,7 @@ def starts(unknowns: Sequence[Unknown]) -> Floats:
 
 
 def started(unknowns: Sequence[Unknown], values: Floats) -> list[Unknown]:
-    """The same unknowns with `values` as their starts, brought inside their bounds."""
+    """The unknowns with `values`, clipped to their bounds, as starting values."""
     return [
         replace(unknown, start=min(max(float(value), unknown.lower), unknown.upper))
         for unknown, value in zip(unknowns, values, strict=True)
@@ -102,7 +102,7 @@ class Priors:
 
     @classmethod
     def of(cls, unknowns: Sequence[Unknown]) -> Priors:
-        """Those of `unknowns`, in order."""
+        """The priors of `unknowns`, in their order."""
         mean, weight = np.zeros(len(unknowns)), np.zeros(len(unknowns))
         for index, unknown in enumerate(unknowns):
             if unknown.prior is not None:

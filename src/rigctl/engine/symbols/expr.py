@@ -139,7 +139,7 @@ class Expr:
         )
 
 
-#: what a physical term takes and returns: an expression, or a plain number when it is tested by itself
+#: argument and result of a physical term: an expression, or a plain number when it is tested by itself
 Scalar: TypeAlias = Expr | float
 
 

@@ -215,7 +215,7 @@ class Graph:
         return self._make("power", (a,), number)
 
     def function(self, name: str, a: Expr) -> Expr:
-        """One of `FUNCTIONS` of a."""
+        """Apply the function `name` of `FUNCTIONS` to a."""
         if a.constant and (name == "sqrt" or a.declared == DIMENSIONLESS):
             value = float(a.value)
             if (name == "log" and value <= 0.0) or (name == "sqrt" and value < 0.0):

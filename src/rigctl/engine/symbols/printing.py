@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 from rigctl.engine.symbols.expr import Expr
 
-# how tightly an operation binds: sums, products, powers, atoms
+# precedence of operations: sums, products, powers, atoms
 SUM, PRODUCT, POWER, ATOM = 1, 2, 3, 4
 
 _GREEK = re.compile(

@@ -1,4 +1,4 @@
-"""What differs between records of the heater board: the room, and how warm everything is at the start."""
+"""Record-level unknowns of the heater board: the room temperature and the initial temperatures."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from rigctl.effects.declaration import Effect, EffectParameter
 from rigctl.effects.record_level import RECORD, Quantity, RecordLevel, Start
 from rigctl.rig.rig import Rig
 
-#: how far the room may be from what is written down, in K
+#: uncertainty of the recorded room temperature, K
 _ROOM = 1.0
 
 

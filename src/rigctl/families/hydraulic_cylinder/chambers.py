@@ -15,22 +15,22 @@ from rigctl.physics.scope import Scope
 
 
 def area_a(m: Scope) -> Scalar:
-    """Of the piston on the cap side: ``pi/4 * D^2``."""
+    """Piston area on the cap side: ``pi/4 * D^2``."""
     return math.pi / 4.0 * m.bore**2
 
 
 def area_b(m: Scope) -> Scalar:
-    """Of the piston on the rod side: ``pi/4 * (D^2 - d^2)``."""
+    """Annular area on the rod side: ``pi/4 * (D^2 - d^2)``."""
     return math.pi / 4.0 * (m.bore**2 - m.rod**2)
 
 
 def volume_a(m: Scope) -> Scalar:
-    """Of the cap side: ``V0A + A_A * x``."""
+    """Volume of the cap-side chamber: ``V0A + A_A * x``."""
     return m.dead_volume_a + m.area_a * m.position
 
 
 def volume_b(m: Scope) -> Scalar:
-    """Of the rod side: ``V0B + A_B * (L - x)``."""
+    """Volume of the rod-side chamber: ``V0B + A_B * (L - x)``."""
     return m.dead_volume_b + m.area_b * (m.stroke - m.position)
 
 

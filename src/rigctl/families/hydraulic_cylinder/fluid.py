@@ -13,17 +13,17 @@ VAPOUR_WIDTH = 3e3
 
 
 def line_temperature(m: Scope) -> Scalar:
-    """Of the oil in lines and cylinder: the tank's, unless an effect sets it apart."""
+    """Temperature of the oil in lines and cylinder: that of the tank, unless an effect changes it."""
     return m.oil_temperature + m.total("line_temperature")
 
 
 def density(m: Scope) -> Scalar:
-    """Of the oil in lines and cylinder."""
+    """Density of the oil in lines and cylinder."""
     return oil.density(m.line_temperature, m.density_15, m.thermal_expansion)
 
 
 def viscosity(m: Scope) -> Scalar:
-    """Of the oil in the cylinder, at the mean pressure of its chambers."""
+    """Viscosity of the oil in the cylinder, at the mean pressure of its chambers."""
     return viscosity_at(m, 0.5 * (m.pressure_a + m.pressure_b))
 
 

@@ -1,4 +1,4 @@
-"""What a plan expects of the bench: how the oil's temperature moves, and how fast the rod does.
+"""Forecast of the oil's temperature and of the rod's speed, for the preview of a plan.
 
 The heat balance of the tank is solved in closed form:
 ``rho·V·cp·dT/dt = P_heater + p_s·Q_pump/η_hm − UA·(T − T_amb)`` is linear while heater and pressure stay as
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from rigctl.physics.oil import OILS, Oil, find_oil
 from rigctl.rig import Rig
 
-#: what is assumed of a rig that names no oil, or one that is not known: a mineral hydraulic oil
+#: assumed for a rig with no oil or an unknown one: a mineral hydraulic oil
 DEFAULT_OIL = "HL32"
 #: kg/m³, a mineral oil at 40 °C; the speed goes with its root
 _DENSITY = 855.0
@@ -43,7 +43,7 @@ class Tank:
         return math.inf if power > 0.0 else self.ambient
 
     def heat_capacity(self, temperature: float) -> float:
-        """Of the oil, in J/K, at `temperature` in K."""
+        """Heat capacity of the oil, J/K, at `temperature` in K."""
         return self.oil.density(temperature) * self.fill * self.oil.heat_capacity
 
     def after(self, temperature: float, seconds: float, pressure: float, heating: bool) -> float:

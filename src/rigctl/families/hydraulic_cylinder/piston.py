@@ -5,7 +5,7 @@ from __future__ import annotations
 from rigctl.engine.symbols import Scalar, positive_part, smooth_step
 from rigctl.physics.scope import Scope
 
-#: how sharply an end stop begins, in m: rounded over 2 um, 0.2 N at 1 mm before it
+#: rounding of the end stop's force law, m: 0.2 N at 1 mm before the stop
 CONTACT_WIDTH = 2e-6
 
 

@@ -1,4 +1,4 @@
-"""What differs between records of the cylinder: the relief valve's setting, zeros, starts."""
+"""Record-level unknowns of the cylinder: the relief valve's setting, zeros, initial states."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigctl.effects.record_level import RECORD, Quantity, RecordLevel, Setting, 
 from rigctl.families.hydraulic_cylinder.piston import CONTACT_WIDTH
 from rigctl.rig.rig import Rig
 
-#: how well a relief valve is set again when the rig does not say, as a share
+#: relative repeatability of a relief valve's setting, by default
 _REPEATABILITY = 0.005
 #: the zero of a position sensor when the rig does not say, in m
 _ZERO = 0.1e-3
@@ -32,7 +32,7 @@ def _zero(rig: Rig | None) -> float:
 
 
 def _on_the_stop(states: Mapping[str, float], parameters: Mapping[str, float]) -> float:
-    """Where the oil trapped behind the piston holds it on its end stop.
+    """Initial position at which the trapped oil holds the piston on its end stop.
 
     The stop's spring is ``k·(d + sqrt(d² + w²))/2`` for a depth d; it carries ``A_B·p_B`` at
     ``x = (w² − 4s²)/(4s)``, s = A_B·p_B/k.

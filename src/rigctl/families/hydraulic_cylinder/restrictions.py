@@ -60,7 +60,7 @@ def opening_retract(m: Scope) -> Scalar:
 
 
 def throttle_conductance(m: Scope, pressure_drop: Scalar) -> Scalar:
-    """Of the flow-control valve, whose area effects may change."""
+    """Conductance of the flow-control valve, whose area effects may change."""
     area = m.flow_area * m.factor("throttle_area", reynolds=throttle_reynolds(m, pressure_drop))
     return conductance(m.discharge_coefficient, area, m.density)
 

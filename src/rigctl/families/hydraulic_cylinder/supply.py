@@ -8,12 +8,12 @@ from rigctl.physics.scope import Scope
 
 #: flow over which the relief valve's opening is rounded, in m^3/s (0.4 % of the pump's)
 RELIEF_WIDTH = 1e-6
-#: the same for the check valve
+#: rounding of the check valve's characteristic
 CHECK_WIDTH = 1e-8
 
 
 def flow_from_pump(m: Scope) -> Scalar:
-    """What passes the check valve: the pump's delivery less its slip, and never backwards."""
+    """Flow through the check valve: the pump's delivery less its slip, never negative."""
     return positive_part(m.pump_flow * m.pump - m.total("flow_p_to_tank"), CHECK_WIDTH)
 
 

@@ -12,7 +12,7 @@ from rigctl.physics.scope import Scope
 
 
 def heat_capacity(m: Scope) -> Scalar:
-    """Of the oil in the tank: ``rho(T) * V * cp``."""
+    """Heat capacity of the oil in the tank: ``rho(T) * V * cp``."""
     return oil.density(m.oil_temperature, m.density_15, m.thermal_expansion) * m.tank_fill * m.specific_heat
 
 

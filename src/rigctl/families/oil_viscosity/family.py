@@ -12,7 +12,7 @@ from rigctl.physics.standard_record import StandardRecord, grid
 
 
 def temperature(m: Scope) -> Scalar:
-    """Of the oil in the viscometer."""
+    """Temperature of the oil in the viscometer."""
     return m.oil_temperature + m.total("temperature")
 
 
@@ -33,7 +33,7 @@ def true_kinematic(m: Scope) -> Scalar:
 
 
 def kinematic_reading(m: Scope) -> Scalar:
-    """What the viscometer gives."""
+    """Kinematic viscosity as the viscometer reads it."""
     return m.true_kinematic_viscosity + m.total("kinematic_viscosity_reading")
 
 

@@ -112,7 +112,7 @@ def _descend(
 
 
 def _part(evaluate: Evaluate, at: Floats, moved: Sequence[int]) -> Evaluate:
-    """The same residuals as a function of some of the shared unknowns, the others fixed `at` their values."""
+    """Residuals as a function of the shared unknowns `moved`, with the others fixed `at` their values."""
 
     def part(shared: Floats, local: Sequence[Floats], derivatives: bool) -> Sequence[Block] | Refused:
         whole = at.copy()
@@ -143,7 +143,7 @@ def _misfit(
 
 
 def _blurred(evaluate: Evaluate, factor: float) -> Evaluate:
-    """The same residuals with a noise `factor` times as large."""
+    """Residuals for noise `factor` times as large."""
 
     def blurred(shared: Floats, local: Sequence[Floats], derivatives: bool) -> Sequence[Block] | Refused:
         blocks = evaluate(shared, local, derivatives)

@@ -146,7 +146,7 @@ class FitResult:
         return sum(squares) / max(1, sum(block.residual.size for block in blocks))
 
     def __repr__(self) -> str:
-        """What was fitted, on one line."""
+        """One-line representation."""
         return one_line(self, self.summary())
 
     def summary(self) -> str:
@@ -286,7 +286,7 @@ def _fitted(
     rest = [index for index in range(count) if index not in record_local]
     record_local |= _local_unknowns(problem, values, rest, local)
     everything = tuple(record_local[index] for index in range(count))
-    whole = inner if len(fitted) == count else problem  # what the fit has evaluated last is its end, mostly
+    whole = inner if len(fitted) == count else problem  # the last evaluation of the fit is usually at its end
     return _Fitted(silent, solution, values, everything, whole.outputs_at(values, everything))
 
 

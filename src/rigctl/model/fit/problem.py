@@ -131,7 +131,7 @@ class Problem:
         )
 
     def rebuilt(self, model: Model, *, library: bool = False, progress: Progress | None = None) -> Problem:
-        """The same data for another model; with `library`, every other effect is included at its null.
+        """The problem of another model on these data; with `library`, with every other effect at its null.
 
         Raises
         ------
@@ -174,7 +174,7 @@ class Problem:
         )
 
     def with_signal(self, outputs: Sequence[Floats]) -> Problem:
-        """The same, with proportional noise referred to the model's `outputs`.
+        """This problem, with proportional noise referred to the model's `outputs`.
 
         Referred to the measured values, it would bring their noise into the weights, and so into every
         derivative.
@@ -184,8 +184,7 @@ class Problem:
         return replace(self, signal=tuple(outputs)).whitened()
 
     def scattered(self, shared: Floats, local: Sequence[Floats]) -> Problem:
-        """The same, with the scatter besides the noise that is not an unknown, by its effect on the outputs
-        here.
+        """This problem, with scatter that is no unknown included in the noise, linearised at these outputs.
 
         It consists of the times of switches in records with many of them.
         """
@@ -219,7 +218,7 @@ class Problem:
         return replace(self, whiteners=tuple(whiteners))
 
     def with_shared(self, shared: Sequence[Unknown], base: Floats | None = None) -> Problem:
-        """The same data with other common unknowns, and other values of the remaining parameters.
+        """This problem with other common unknowns, and other values of the remaining parameters.
 
         If only starts, bounds or priors differ, what was evaluated counts for both.
         """
@@ -229,7 +228,7 @@ class Problem:
         return made
 
     def fresh(self) -> Problem:
-        """The same, with nothing evaluated yet."""
+        """This problem without remembered evaluations."""
         return replace(self)
 
     def only(self, indices: Iterable[int]) -> Problem:

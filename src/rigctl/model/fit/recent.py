@@ -36,7 +36,7 @@ class Recent:
         self._found: tuple[tuple[tuple[bytes, ...], bool, Evaluated], ...] = ()
 
     def at(self, point: tuple[bytes, ...], derivatives: bool) -> Evaluated | None:
-        """What was evaluated there; an evaluation with derivatives also serves requests without."""
+        """The evaluation at `point`, if remembered; one with derivatives also serves requests without."""
         for known, complete, evaluated in self._found:
             if known == point and (complete or not derivatives):
                 return evaluated

@@ -135,7 +135,7 @@ def scanned_switches(
 def _shared_out(
     problem: Problem, shared: Floats, local: Sequence[Floats]
 ) -> tuple[Floats, list[Floats], bool]:
-    """The same switch times, divided between habit and switch according to their priors.
+    """The switch times, split between the bench's mean delay and each switch according to their priors.
 
     Minimises ``(w + δ)²/s_w² + Σ (d_k − 2h_k·δ)²/s_k²`` over δ, within the bounds: a gradient-based fit may
     not move along this valley, beside which the cost jumps.

@@ -11,7 +11,7 @@ from rigctl.units import parse_unit
 
 #: the base units in the order of a dimension's exponents
 _BASES: Final = ("m", "kg", "s", "A", "K", "mol", "cd")
-#: where the value references of each kind begin; the same numbers stand in ``slave.c``
+#: first value reference of each kind, as in ``slave.c``
 PARAMETERS_AT: Final = 1000
 OUTPUTS_AT: Final = 100_000
 STATES_AT: Final = 200_000

@@ -120,7 +120,7 @@ def _start(model: Model) -> tuple[dict[str, float], list[float]]:
 
 
 def _meanings(model: Model) -> Mapping[str, str]:
-    """What the family says of its variables."""
+    """The family's descriptions of its variables."""
     family = model.family
     said = {item.name: item.meaning for item in family.inputs}
     return said | {item.name: item.meaning for item in family.parameters}

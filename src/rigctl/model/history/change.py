@@ -46,7 +46,7 @@ class ModelError:
         return ModelError(shown(rmse), shown(heldout_rmse), chi2_reduced, dict(units), shown(noise))
 
     def document(self) -> dict[str, Any]:
-        """As it stands in JSON."""
+        """The JSON document."""
         return {
             "rmse": dict(self.rmse),
             "chi2_reduced": self.chi2_reduced,
@@ -102,7 +102,7 @@ class Change:
         return words.get(self.kind) or f"{self.kind} {self.effect}"
 
     def document(self) -> dict[str, Any]:
-        """As it stands in JSON."""
+        """The JSON document."""
         return {
             "done": str(self),
             "kind": self.kind,

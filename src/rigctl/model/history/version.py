@@ -48,7 +48,7 @@ class Version:
     values: Mapping[str, VersionValue] = field(default_factory=dict)
 
     def document(self) -> dict[str, Any]:
-        """As it stands in JSON, in the version's own file too."""
+        """The JSON document, also that of the version's own file."""
         return {
             "version": self.number,
             "parent": self.parent,
@@ -70,7 +70,7 @@ class Version:
 
     @staticmethod
     def of_document(written: Mapping[str, Any], head: Path, file: Path) -> Version:
-        """What `document` wrote."""
+        """The version described by a result of `document`."""
         return Version(
             number=written["version"],
             parent=written["parent"],

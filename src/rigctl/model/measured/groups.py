@@ -1,4 +1,4 @@
-"""Which records are replicates: one condition, the same commands, the same start."""
+"""Groups of replicates: records with the same condition, commands and start."""
 
 from __future__ import annotations
 

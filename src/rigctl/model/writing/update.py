@@ -142,7 +142,7 @@ def _fields(
     low: float = -math.inf,
     high: float = math.inf,
 ) -> dict[str, str | None]:
-    """What an entry says, in the order in which it says it; None for what it leaves out.
+    """The fields of an entry, in the order of the file; None for fields left out.
 
     A value that did not change is left out of the mapping altogether.
     """

@@ -1,4 +1,4 @@
-"""What has no slope may not stand in a formula: branches and corners, each with its smooth alternative."""
+"""Functions without a derivative, which formulas may not use, each with its smooth alternative."""
 
 from __future__ import annotations
 

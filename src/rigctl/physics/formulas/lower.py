@@ -12,7 +12,7 @@ from rigctl.expressions.functions import divide
 from rigctl.expressions.nodes import Binary, Call, Constant, Name, Negative, Node
 from rigctl.physics.scope import Scope
 
-#: what a name in a formula stands for
+#: meaning of a name in a formula
 LookUp: TypeAlias = Callable[[str], Scalar]
 
 _FUNCTIONS: Mapping[str, Callable[..., Any]] = {

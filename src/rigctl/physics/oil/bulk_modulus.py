@@ -36,7 +36,7 @@ def effective_bulk_modulus(
 def air_compliance(
     absolute_pressure: Scalar, air_fraction: Scalar, bulk_modulus: Scalar, exponent: float = ADIABATIC_AIR
 ) -> Scalar:
-    """What the air adds: ``1/beta_eff - 1/beta = x0*g*(1/(n*p) - 1/beta) / (1 - x0 + x0*g)``, in 1/Pa.
+    """Compressibility of air: ``1/beta_eff - 1/beta = x0*g*(1/(n*p) - 1/beta) / (1 - x0 + x0*g)``, in 1/Pa.
 
     Exactly 0 without air. Arguments as for `effective_bulk_modulus`.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rigctl.engine.symbols import Scalar, constant_like
 from rigctl.physics.constants import ZERO_CELSIUS
 
-#: where the density of an oil is quoted: 15 degC, in K
+#: reference temperature of an oil's density: 15 degC, in K
 REFERENCE_TEMPERATURE = ZERO_CELSIUS + 15.0
 
 

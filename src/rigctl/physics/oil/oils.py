@@ -14,7 +14,7 @@ from rigctl.physics.oil.vogel_points import VogelConstants
 
 @dataclass(frozen=True)
 class Oil:
-    """What the equations need to know of an oil, all in SI.
+    """Properties of an oil, SI.
 
     Attributes
     ----------

@@ -64,7 +64,7 @@ def declare(reader: Reader, written: FamilyFile) -> ModelFamily:
 
 
 def _refuse_names(reader: Reader, written: FamilyFile) -> None:
-    methods = (name for name in vars(Scope) if not name.startswith("_"))  # what `m.name` is in Python terms
+    methods = (name for name in vars(Scope) if not name.startswith("_"))  # attributes of `m` in Python terms
     taken = dict.fromkeys((*reserved_names(), *methods, BEFORE, AFTER), "has a meaning of its own")
     for part in _NAMED:
         for name in getattr(written, part):

@@ -9,7 +9,7 @@ from rigctl.expressions.nodes import Node
 from rigctl.physics.formulas import lower
 from rigctl.physics.scope import Scope
 
-#: what the formula of a delay may use besides: the commanded values around the switch
+#: additional names in the formula of a delay: the commanded values around the switch
 BEFORE, AFTER = "before", "after"
 
 

@@ -15,7 +15,7 @@ from rigctl.errors import Location, RigctlError
 from rigctl.physics.families import as_family
 from rigctl.physics.family import ModelFamily
 
-#: what the file must define: a ModelFamily, or a function without arguments that returns one
+#: name that the file must define: a ModelFamily, or a function without arguments that returns one
 ATTRIBUTE = "family"
 
 

@@ -23,7 +23,7 @@ from rigctl.files.name import Name as BenchName
 from rigctl.files.quantity import AnyQuantity, Q
 from rigctl.files.refusal import refusal
 
-#: what a model file can name; states, inputs and outputs are named as the bench names its channels
+#: names used in model files; states, inputs and outputs are named as the bench's channels
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,63}$")]
 Formula = Annotated[str, Field(min_length=1)]
 
@@ -36,7 +36,7 @@ def _as_text(written: object) -> object:
 
 FormulaOrNumber = Annotated[Formula, BeforeValidator(_as_text, json_schema_input_type=str | float)]
 
-#: of a standard record: more would make trying an effect slow
+#: limit for a standard record: more would make trying an effect slow
 _MOST_SAMPLES = 20_000
 
 _FORMULA = "of the file's names, with + - * / ^, sqrt, exp, log, tanh, sin, cos and smooth switches"

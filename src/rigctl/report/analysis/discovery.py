@@ -19,7 +19,7 @@ from rigctl.units import parse_unit
 
 #: a signal's way through a bench, from left to right
 _KINDS = (("command", "commands"), ("process", "the machine"), ("sensor", "readings"))
-#: of the drawing, px
+#: size of the drawing, px
 _BOX, _GAP, _WIDTH, _HEAD = 20, 4, 250, 22
 #: places of the table
 _PLACES = 8

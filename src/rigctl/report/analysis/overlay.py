@@ -103,7 +103,7 @@ def running_mean(values: Floats, phase: NDArray[np.intp], count: int) -> Floats:
 _SEEN = 1.0
 #: number of means along a record, and the most readings in each
 _MEANS, _MOST_AVERAGED = 50, 50
-#: of the first and the last model: the original is orange, the current one blue
+#: colours of the first and the last model: orange and blue
 _OF_MODELS = (1, 0)
 
 

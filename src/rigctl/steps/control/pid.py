@@ -20,7 +20,7 @@ from enum import Enum
 
 
 class AntiWindup(Enum):
-    """How integral wind-up is prevented while the output saturates."""
+    """Method of anti-windup."""
 
     BACK_CALCULATION = "back_calculation"  #: the integral is driven back with the tracking time constant T_t
     CLAMPING = "clamping"  #: the integral is held while it would drive the output further into saturation

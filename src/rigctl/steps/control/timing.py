@@ -1,4 +1,4 @@
-"""How regularly a loop ran, kept with the record as evidence."""
+"""Timing statistics of a loop, kept with the record."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ _KEPT = 2048
 
 @dataclass(frozen=True)
 class Scatter:
-    """What differs from run to run although nobody meant it: standard deviations."""
+    """Unintended scatter between runs: standard deviations."""
 
     setting: float = 0.0  # share of the pressure setting
     oil: float = 0.0  # K
@@ -48,7 +48,7 @@ class Campaign:
     scatter: Scatter = field(default_factory=Scatter)
     temperatures: Sequence[float] = TEMPERATURES  # degC
     pressures: Sequence[float] = PRESSURES  # bar
-    repeated: int = 0  # how many of the conditions are measured a second time
+    repeated: int = 0  # number of conditions that are measured twice
     chamber_pressures: bool = False
     seed: int = 0
 
@@ -104,7 +104,7 @@ def _generator(seed: int, stream: int) -> np.random.Generator:
 
 @lru_cache(maxsize=_KEPT)
 def _trace(bench: Bench, condition: Condition, switching: Switching) -> Trace:
-    """What nothing random enters is simulated once; the arrays are read-only."""
+    """Outputs without randomness, simulated once; the arrays are read-only."""
     trace = simulate_record(bench, condition, switching=switching)
     for array in (trace.time, trace.command, trace.states):
         array.flags.writeable = False

@@ -39,7 +39,7 @@ def compiled(function: Callable[..., Any]) -> Any:
 
 @cache
 def folder_of(package: Path) -> Path | None:
-    """Where the machine code of a package's functions lies; None where nothing can be kept."""
+    """Folder for the machine code of a package's functions; None if it cannot be kept."""
     content = sha256()
     for path in sorted(package.glob("*.py")):
         content.update(path.read_bytes())

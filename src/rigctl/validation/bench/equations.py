@@ -19,7 +19,7 @@ from rigctl.validation.bench.compiled import compiled
 
 STATES = 12
 T_OIL, SPOOL, PS, PA, PB, X, V, BRISTLE, PILOT, T_LINE, T_PROBE, P_PROBE = range(STATES)
-#: what counts as small in each state, for the integrator's error control
+#: absolute tolerance of each state, for the integrator's error control
 SCALE = (0.1, 1e-3, 1e4, 1e4, 1e4, 1e-4, 1e-3, 1e-6, 1e-3, 0.1, 0.1, 1e4)
 
 ATMOSPHERE = 1.01325e5  # Pa
@@ -129,7 +129,7 @@ def friction(v, z, p_a, p_b, b):
 
 @njit
 def unlisted_force(x, v, p_a, t, b):
-    """What no library has, against extension."""
+    """Forces against extension that are in no library."""
     sign, speed, bump = math.tanh(v / 2e-3), v / 0.1, math.exp(-(((x - 0.06) / 0.015) ** 2))
     force = b.groove * bump + b.scuff * bump * sign + b.tight * bump * speed
     force += b.cushion * max(x - 0.07, 0.0) / 0.05 * speed
@@ -142,7 +142,7 @@ def unlisted_force(x, v, p_a, t, b):
 
 @njit
 def unlisted_flows(x, p_a, p_b, ps, t, b):
-    """What no library has: past the piston, from the cap side, from the rod side and from the pump."""
+    """Leaks that are in no library: past the piston, from the cap side, the rod side and the pump."""
     across = (p_a - p_b) / 3e6
     past = b.score * math.exp(-(((x - 0.06) / 0.015) ** 2)) * across + b.lip_ab * across * abs(across)
     from_a = b.nozzle_a * root(p_a) / math.sqrt(3e6) + b.lip_a * (p_a / 3e6) * abs(p_a / 3e6)

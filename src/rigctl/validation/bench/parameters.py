@@ -1,4 +1,4 @@
-"""What the separate bench is made of, and what may be hidden in it.
+"""Parameters of the separate bench, with the effects that can be hidden in it.
 
 Plain floats in a named tuple, which numba compiles against; every hidden term is off at its default.
 All values are SI.
@@ -99,7 +99,7 @@ class Bench(NamedTuple):
     thermocouple_time: float = 0.0  # s
     pressure_time: float = 0.0  # s
     pressure_time_viscous: float = 0.0  # share of it that goes with the viscosity, as in a damping nozzle
-    # what is in no library; bumps are 15 mm wide
+    # forces that are in no library; bumps are 15 mm wide
     groove: float = 0.0  # N, holds the piston about 60 mm
     scuff: float = 0.0  # N, dry friction about 60 mm
     tight: float = 0.0  # N at 0.1 m/s, drag about 60 mm
@@ -121,12 +121,12 @@ class Bench(NamedTuple):
     warm_slip: float = 0.0  # m³/s at 3 MPa and 40 °C, pump to tank, in proportion to p and to T − 20 °C
 
     def in_floats(self) -> Bench:
-        """The same in doubles alone: whole numbers would be compiled for once more, on their own."""
+        """The bench with floats only: integers would cause another compilation."""
         return Bench(*map(float, self))
 
 
 class Sensors(NamedTuple):
-    """What the bench's sensors do wrong; exactly nothing at the defaults."""
+    """Errors of the bench's sensors; none at the defaults."""
 
     position_gain: float = 0.0
     position_bow: float = 0.0  # 1/m: the error of the gain grows by 1 + this·x
@@ -145,7 +145,7 @@ class Sensors(NamedTuple):
 
 
 class Switching(NamedTuple):
-    """How late the directional valve switches; `jitter` is drawn for each switch."""
+    """Delays of the directional valve; `jitter` is drawn for each switch."""
 
     open_delay: float = 0.0  # s
     close_delay: float = 0.0  # s

@@ -98,7 +98,7 @@ class RunningBench:
         return self._noise.added(shown)
 
     def _shown(self) -> dict[str, float]:
-        """What the sensors show before noise; the play has a memory."""
+        """Readings before noise; backlash has a memory."""
         sensors, half = self.campaign.sensors, self.campaign.sensors.position_backlash / 2.0
         x = float(self._state[equations.X])
         self._play = min(max(self._play, x - half), x + half)

@@ -1,4 +1,4 @@
-"""What the bench's sensors make of the truth: their own faults, coloured noise, and a converter's steps."""
+"""Sensors of the bench: their errors, coloured noise, and quantisation."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def coloured(rng: np.random.Generator, size: int, sigma: float, correlation: flo
 
 
 class Correlated:
-    """The same noise one reading at a time, with the converter's steps: for a bench that is read live."""
+    """Correlated noise and quantisation one reading at a time, for a bench that is read live."""
 
     def __init__(self, rng: np.random.Generator, noise: Noise) -> None:
         self._rng = rng

@@ -103,7 +103,7 @@ class Draw:
         return lambda t: level + swing * float(np.sin(2.0 * np.pi * t / period + phase))
 
     def optional(self, about: float, spread: float, period: float) -> Signal:
-        """The same for the input that a user may not have recorded."""
+        """Draw the input that a user may not have recorded."""
         signal, more = self.feed(about, spread, period, steady=self.steady), self.nudge.optional
         if self.alike:
             return lambda t: about + spread + more

@@ -1,4 +1,4 @@
-"""Where the heaters' power goes besides linear convection."""
+"""Heat losses besides linear convection."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What makes a temperature late, or moves with time."""
+"""Delays, lags and drifts of temperatures."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigctl.physics.scope import Scope
 
 _FAMILY = "heater_board"
 _LUMP = "Incropera & DeWitt, Fundamentals of Heat and Mass Transfer: lumped capacitance"
-#: what sampling once a second cannot resolve, in s
+#: times that sampling once a second cannot resolve, s
 _RESOLUTION = 0.5
 
 

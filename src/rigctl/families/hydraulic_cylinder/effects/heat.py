@@ -10,7 +10,7 @@ from rigctl.physics.scope import Scope
 
 _FAMILY = "hydraulic_cylinder"
 _INCROPERA = "Incropera & DeWitt, Fundamentals of Heat and Mass Transfer"
-#: what a heating record cannot resolve, in s
+#: times that a heating record cannot resolve, s
 _HEATER_RESOLUTION = 2.0
 
 

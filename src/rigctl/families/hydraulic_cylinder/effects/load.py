@@ -1,4 +1,4 @@
-"""What the rod pushes."""
+"""Loads on the rod."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ _JCGM = "JCGM 200 (VIM): measurement errors of an indicating instrument"
 _TAKE_UP = 0.1e-3
 #: speed below which a coupling keeps its side, in m/s
 _STILL = 1e-4
-#: what the sampling cannot resolve, in s
+#: times that the sampling cannot resolve, s
 _PRESSURE_RESOLUTION = 2e-3
 _THERMOCOUPLE_RESOLUTION = 0.2
 

@@ -1,4 +1,4 @@
-"""What the viscometer and its thermometer add."""
+"""Errors of the viscometer and its thermometer."""
 
 from __future__ import annotations
 
