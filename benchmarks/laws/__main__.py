@@ -24,7 +24,7 @@ import flywheel
 def attempt(exponent: float, drag: float, noise: float, seed: int) -> tuple[list[str], float]:
     """A row of the table, and the error of the exponent in its standard deviations."""
     import rigctl
-    from rigctl.analysis.laws.posterior import asked_laws
+    from rigctl.analysis.laws.posterior import estimated_laws
     from rigctl.analysis.search import Search
     from rigctl.dataset.importing import import_file
     from rigctl.rig import load_rig
@@ -39,7 +39,7 @@ def attempt(exponent: float, drag: float, noise: float, seed: int) -> tuple[list
         found = rigctl.diagnose([rigctl.open_run(brought.run)], rigctl.load_model(folder / "model.yaml"))
         os.chdir("/")
     (law,) = found.laws
-    (linear,) = asked_laws(Search(found.before, found.before.whole), found.best)
+    (linear,) = estimated_laws(Search(found.before, found.before.whole), found.best)
     off = (law.exponent - exponent) / law.exponent_std
     size = next(one.size for one in found.ranking if one.effect == "fan")
     by_bends = f"{2.0 + linear.change:.4f} ± {linear.change_std:.4f}"

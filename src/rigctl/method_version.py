@@ -11,8 +11,8 @@ from __future__ import annotations
 #: raised by one when a verdict may come out differently
 METHOD_VERSION = 29
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
-FINGERPRINT = "186d532d3c44"
+FINGERPRINT = "5576a8dd1ba0"
 #: raised by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 3
 #: hash of the code of this version of the search
-DISCOVERY_FINGERPRINT = "8a00e2f3d02d"
+DISCOVERY_FINGERPRINT = "d6fbe65f1138"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rigctl.errors import Location, RigctlError, nearest_name, unknown_name
 from rigctl.files.shipped import shipped
-from rigctl.files.version_suffix import is_there
+from rigctl.files.version_suffix import path_exists
 
 MARKER = "rigctl.toml"
 _SETTINGS = ("runs", "rig")
@@ -45,7 +45,7 @@ class Project:
         folders = [relative_to.parent] if relative_to is not None else []
         tried = [folder / wanted for folder in (*folders, self.root, shipped())]
         for candidate in tried:
-            if is_there(candidate):
+            if path_exists(candidate):
                 return candidate
         places = list(dict.fromkeys(str(candidate) for candidate in tried))
         raise RigctlError(
@@ -95,7 +95,7 @@ def find_file(written: Path) -> Path:
     RigctlError
         there is no such file.
     """
-    return written if is_there(written) else find_project().resolve(written)
+    return written if path_exists(written) else find_project().resolve(written)
 
 
 def own_model(written: Path) -> Path:
@@ -107,7 +107,7 @@ def own_model(written: Path) -> Path:
         there is none, or it is one of those that come with rigctl.
     """
     path = find_file(written)
-    if not is_there(written) and not path.is_relative_to(find_project().root):
+    if not path_exists(written) and not path.is_relative_to(find_project().root):
         raise RigctlError(
             "this model comes with rigctl and is not changed",
             value=str(written),

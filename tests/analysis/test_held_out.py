@@ -10,7 +10,7 @@ import pytest
 import rigctl
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import Comparison
-from rigctl.analysis.held_out import Unseen, unseen
+from rigctl.analysis.held_out import HeldOutGroup, unseen
 from rigctl.dataset.importing import import_file
 from rigctl.report.analysis.held_out import unseen_sections
 from rigctl.rig import load_rig
@@ -31,7 +31,9 @@ effects:
 """
 
 
-def judged(folder: Path, convection: float, hold_out: str | None = None) -> tuple[Comparison, list[Unseen]]:
+def judged(
+    folder: Path, convection: float, hold_out: str | None = None
+) -> tuple[Comparison, list[HeldOutGroup]]:
     """A model of the real board, fitted to the few records in which it warms up."""
     lines = (ROOT / "data" / "heater-board-steps.csv").read_text("utf-8").splitlines(keepends=True)
     kept = [one for one in lines if one.startswith(("#", "time")) or one.split(",")[1] in RECORDS]
@@ -46,18 +48,18 @@ def judged(folder: Path, convection: float, hold_out: str | None = None) -> tupl
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> list[Unseen]:
+def found(tmp_path_factory: pytest.TempPathFactory) -> list[HeldOutGroup]:
     return judged(tmp_path_factory.mktemp("unseen"), 5.05, hold_out="heater_1 == 50 %")[1]
 
 
-def test_unseen_records_are_grouped_by_the_reason_they_were_left_out(found: list[Unseen]) -> None:
+def test_unseen_records_are_grouped_by_the_reason_they_were_left_out(found: list[HeldOutGroup]) -> None:
     held_out, cooling = found
     assert (held_out.why, held_out.condition, len(held_out.records)) == ("hold_out", "heater_1 == 50 %", 1)
     assert (cooling.why, cooling.condition, len(cooling.records)) == ("only", "heater_1 > 0 %", 2)
     assert cooling.where.startswith("heater_1 0 %")
 
 
-def test_an_equally_good_group_is_reported_with_errors_and_noise(found: list[Unseen]) -> None:
+def test_an_equally_good_group_is_reported_with_errors_and_noise(found: list[HeldOutGroup]) -> None:
     held_out = found[0]
     assert held_out.as_good
     assert held_out.remedies == ()
@@ -68,7 +70,7 @@ def test_an_equally_good_group_is_reported_with_errors_and_noise(found: list[Uns
     )
 
 
-def test_a_start_not_at_rest_is_a_remedy_for_the_cooling_records(found: list[Unseen]) -> None:
+def test_a_start_not_at_rest_is_a_remedy_for_the_cooling_records(found: list[HeldOutGroup]) -> None:
     """The heating element is warm at the start of a cooling record, but cold in the model."""
     cooling = found[1]
     assert cooling.worse[0] == "temperature_1"
@@ -83,7 +85,7 @@ def test_a_start_not_at_rest_is_a_remedy_for_the_cooling_records(found: list[Uns
     assert starts.rmse["temperature_1"] < cooling.fit.errors["temperature_1"].rmse
 
 
-def test_the_json_document_agrees_with_the_statement(found: list[Unseen]) -> None:
+def test_the_json_document_agrees_with_the_statement(found: list[HeldOutGroup]) -> None:
     document = found[1].document()
     assert document["statement"] == found[1].statement
     assert document["channels"]["temperature_1"]["unit"] == "K"
@@ -99,7 +101,7 @@ def test_without_a_selection_no_records_are_unseen(tmp_path: Path) -> None:
     assert unseen(compared, compared.models[0]) == ()
 
 
-def test_the_report_plots_only_groups_that_the_model_predicts_badly(found: list[Unseen]) -> None:
+def test_the_report_plots_only_groups_that_the_model_predicts_badly(found: list[HeldOutGroup]) -> None:
     (section,) = unseen_sections(found)
     assert section.id == "unseen"
     assert [plot.id for plot in section.plots] == ["unseen-1"], "what is as good needs no picture"

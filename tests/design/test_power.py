@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from scipy.stats import norm
 
 from rigctl.design.information import Refit, Response
-from rigctl.design.power import Gain, gain, seen, threshold_of, told_apart
+from rigctl.design.power import Gain, gain, power_to_distinguish, seen, threshold_of
 
 Floats = NDArray[np.float64]
 Model = Callable[[Floats, Floats], Floats]
@@ -91,12 +91,12 @@ def test_two_names_of_one_law_have_no_gain_however_uncertain_their_parameters() 
     away = truths - same.predicted[:, None]
     found = gain(away, refit.left(away), away, refit.left(away))
     assert np.abs(found.mean).max() < 1e-9
-    assert told_apart(found, margin=0.0, so_far=100.0) == 0.0
+    assert power_to_distinguish(found, margin=0.0, so_far=100.0) == 0.0
 
 
 def test_the_power_for_known_parameters_is_the_normal_probability() -> None:
     gained = Gain(np.array([40.0]), np.array([40.0]))
-    assert told_apart(gained, 2.0, so_far=10.0) == pytest.approx(
+    assert power_to_distinguish(gained, 2.0, so_far=10.0) == pytest.approx(
         norm.cdf((2.0 + 40.0 - 9.2) / (2.0 * np.sqrt(40.0)))
     )
 
@@ -105,8 +105,10 @@ def test_the_power_requires_the_least_separation_too() -> None:
     """A verdict needs a separation besides the odds: a D of 12 passes the odds in 66 cases of 100, and the
     least separation in hardly any."""
     gained = Gain(np.array([12.0]), np.array([12.0]))
-    assert told_apart(gained, 0.0, so_far=0.0) < 0.01
-    assert told_apart(gained, 0.0, so_far=20.0) == pytest.approx(norm.cdf(2.8 / (2.0 * np.sqrt(12.0))))
+    assert power_to_distinguish(gained, 0.0, so_far=0.0) < 0.01
+    assert power_to_distinguish(gained, 0.0, so_far=20.0) == pytest.approx(
+        norm.cdf(2.8 / (2.0 * np.sqrt(12.0)))
+    )
 
 
 def test_the_threshold_of_a_large_effect_grows_with_its_size() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rigctl.design.result import DesignResult, DesignRival, Outlook
+from rigctl.design.result import DesignResult, DesignRival, PredictedPower
 from rigctl.design.text import statement
 
 
@@ -12,8 +12,8 @@ def rival(name: str, effects: tuple[str, ...], weight: float) -> DesignRival:
     return DesignRival(name, effects, weight, {}, 100.0, 1.0)
 
 
-def outlook(truth: str, other: str) -> Outlook:
-    return Outlook(
+def outlook(truth: str, other: str) -> PredictedPower:
+    return PredictedPower(
         truth, other, margin=0.0, threshold=9.2, separation=30.0, spread=5.0, before=0.1, after=0.9
     )
 

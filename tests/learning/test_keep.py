@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rigctl.errors import RigctlError
 from rigctl.learning.ending import LearningEnd
 from rigctl.learning.keep import Kept, Task
-from rigctl.learning.result import CameOut, Learned, Promised, Round
+from rigctl.learning.result import Learned, Promised, Round, RoundOutcome
 
 NAMES = st.sampled_from(["leak", "drift", "coulomb_friction", "none"])
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
@@ -31,7 +31,7 @@ PROMISES = st.builds(
     sharpened=st.lists(st.fixed_dictionaries({"parameter": NAMES, "after": NUMBERS}), max_size=2).map(tuple),
 )
 OUTCOMES = st.builds(
-    CameOut,
+    RoundOutcome,
     winner=NAMES,
     gains=st.dictionaries(NAMES, NUMBERS, max_size=2),
     expected=st.dictionaries(NAMES, NUMBERS, max_size=2),
@@ -69,7 +69,7 @@ def test_a_round_survives_json(one: Round) -> None:
 def test_the_state_of_an_earlier_version_is_read() -> None:
     """Its predictions have no aim, its outcomes no sizes, and its task no precision."""
     promise = Promised({"leak": 1.0}, 12.0, 0.9, (), 600.0, ("oil 60 degC",))
-    out = CameOut("leak", {}, {}, told=True, kept=True, statement="leak is told apart")
+    out = RoundOutcome("leak", {}, {}, told=True, kept=True, statement="leak is told apart")
     document = Round(2, "round-2.yaml", promised=promise, came_out=out).document()
     for part, names in (("promised", ("aim", "sharpened")), ("came_out", ("sizes",))):
         for name in names:

@@ -8,7 +8,7 @@ from typing import Any, cast
 import pytest
 
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
-from rigctl.learning.predicted_and_achieved import what_came_out
+from rigctl.learning.predicted_and_achieved import round_outcome
 from rigctl.learning.result import Promised
 
 
@@ -32,7 +32,7 @@ def diagnosis(verdict: Verdict, classes: list[list[str]], **scores: float) -> Di
 
 
 def test_the_gain_is_the_change_of_the_margin() -> None:
-    out = what_came_out(promised(), diagnosis(Verdict.MISSING_EFFECT, [["leak"]], leak=-60.0, drift=-35.0))
+    out = round_outcome(promised(), diagnosis(Verdict.MISSING_EFFECT, [["leak"]], leak=-60.0, drift=-35.0))
     assert out.winner == "leak"
     assert out.told
     assert out.kept
@@ -42,14 +42,14 @@ def test_the_gain_is_the_change_of_the_margin() -> None:
 
 
 def test_the_less_probable_rival_may_win() -> None:
-    out = what_came_out(promised(), diagnosis(Verdict.MISSING_EFFECT, [["drift"]], leak=-30.0, drift=-45.0))
+    out = round_outcome(promised(), diagnosis(Verdict.MISSING_EFFECT, [["drift"]], leak=-30.0, drift=-45.0))
     assert out.winner == "drift"
     assert out.gains == {"leak": pytest.approx(15.0 + 3.0)}
 
 
 def test_rivals_still_in_one_class_are_not_separated() -> None:
     found = diagnosis(Verdict.AMBIGUOUS, [["leak", "drift"]], leak=-40.0, drift=-38.0)
-    out = what_came_out(promised(), found)
+    out = round_outcome(promised(), found)
     assert out.winner == "leak"
     assert not out.told
     assert out.kept
@@ -65,7 +65,7 @@ def test_rivals_still_in_one_class_are_not_separated() -> None:
     ],
 )
 def test_a_bench_that_contradicts_every_rival_refutes_the_prediction(found: Diagnosis) -> None:
-    out = what_came_out(promised(), found)
+    out = round_outcome(promised(), found)
     assert not out.kept
     assert out.winner == ""
     assert "behaved differently from every rival's prediction" in out.statement
@@ -74,15 +74,15 @@ def test_a_bench_that_contradicts_every_rival_refutes_the_prediction(found: Diag
 def test_a_winner_left_in_the_class_but_not_designed_for_is_accepted() -> None:
     """A class may have more members than the design considers."""
     found = diagnosis(Verdict.MISSING_EFFECT, [["spring"]], spring=-80.0, leak=-20.0, drift=-10.0)
-    out = what_came_out(promised(), found, left={"leak", "drift", "spring"})
+    out = round_outcome(promised(), found, left={"leak", "drift", "spring"})
     assert (out.kept, out.winner, out.told) == (True, "spring", True)
     assert out.statement == "spring is named now, which was possible too but not designed for"
     again = diagnosis(Verdict.AMBIGUOUS, [["load", "spring"]], spring=-80.0, load=-81.0)
-    assert not what_came_out(promised(), again, left={"leak", "drift", "spring"}).told
-    assert not what_came_out(promised(), found, left={"leak", "drift"}).kept
+    assert not round_outcome(promised(), again, left={"leak", "drift", "spring"}).told
+    assert not round_outcome(promised(), found, left={"leak", "drift"}).kept
 
 
 def test_no_missing_effect_may_be_one_of_the_rivals() -> None:
-    out = what_came_out(promised(leak=0.6, none=0.4), diagnosis(Verdict.ADEQUATE, [], leak=4.0))
+    out = round_outcome(promised(leak=0.6, none=0.4), diagnosis(Verdict.ADEQUATE, [], leak=4.0))
     assert out.winner == "none"
     assert out.kept

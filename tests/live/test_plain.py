@@ -7,7 +7,7 @@ import io
 from rigctl.live import view
 from rigctl.live.plain import PlainDisplay, stamp
 from rigctl.plan import Plan
-from rigctl.runner.snapshot import Happening, View
+from rigctl.runner.snapshot import ShownEvent, View
 
 EXTEND = "2/for[oil=40 degC]/2/for[supply=30 bar]/1/call/3/record/2/extend"
 
@@ -22,9 +22,9 @@ def told(plan: Plan, *views: View) -> list[str]:
 
 
 def test_each_state_change_and_alarm_is_printed_once(plan: Plan) -> None:
-    arming = Happening(0.0, "state", "arming")
-    running = Happening(0.5, "state", "running")
-    alarm = Happening(61.0, "alarm", "The oil is hot")
+    arming = ShownEvent(0.0, "state", "arming")
+    running = ShownEvent(0.5, "state", "running")
+    alarm = ShownEvent(61.0, "alarm", "The oil is hot")
     lines = told(
         plan,
         View("r", "arming", 0.1, happenings=(arming,)),
@@ -36,7 +36,7 @@ def test_each_state_change_and_alarm_is_printed_once(plan: Plan) -> None:
 
 
 def test_two_equal_alarms_are_both_printed(plan: Plan) -> None:
-    first, second = Happening(1.0, "alarm", "hot"), Happening(1.0, "alarm", "hot")
+    first, second = ShownEvent(1.0, "alarm", "hot"), ShownEvent(1.0, "alarm", "hot")
     lines = told(
         plan,
         View("r", "running", 1.0, happenings=(first,)),
@@ -61,13 +61,13 @@ def test_progress_is_printed_in_tenths(plan: Plan) -> None:
 
 
 def test_a_failure_is_printed_with_its_reason(plan: Plan) -> None:
-    failed = Happening(9.0, "state", "failed")
+    failed = ShownEvent(9.0, "state", "failed")
     lines = told(plan, View("r", "failed", 9.0, happenings=(failed,), message="heat timed out"))
     assert lines == ["0:00:09  failed: heat timed out"]
 
 
 def test_no_control_sequence_is_printed(plan: Plan) -> None:
-    lines = told(plan, View("r", "running", 0.0, happenings=(Happening(0.0, "note", "\x1b[2J\x07bell"),)))
+    lines = told(plan, View("r", "running", 0.0, happenings=(ShownEvent(0.0, "note", "\x1b[2J\x07bell"),)))
     assert lines == ["0:00:00  note: \ufffd[2J\ufffdbell"]
 
 
@@ -75,7 +75,7 @@ def test_a_closed_pipe_does_not_end_the_run(plan: Plan) -> None:
     stream = io.StringIO()
     display = PlainDisplay(plan, stream)
     stream.close()
-    display(View("r", "running", 0.0, happenings=(Happening(0.0, "state", "running"),)))
+    display(View("r", "running", 0.0, happenings=(ShownEvent(0.0, "state", "running"),)))
 
 
 def test_times_are_hours_minutes_seconds() -> None:

@@ -19,7 +19,7 @@ from rigctl.live.plain import PlainDisplay
 from rigctl.live.terminal import TerminalDisplay
 from rigctl.plan import Plan
 from rigctl.runner.interlocks import Alarm
-from rigctl.runner.snapshot import Happening, View
+from rigctl.runner.snapshot import ShownEvent, View
 
 EXTEND = "2/for[oil=40 degC]/2/for[supply=30 bar]/1/call/3/record/2/extend"
 VIEW = View(
@@ -35,7 +35,7 @@ VIEW = View(
     time_left=4320.0,
     values={"oil_temperature": 313.15, "supply_pressure": 30e5, "position": 0.05},
     commands={"heater": 0.0, "valve": 1.0, "relief_valve": 30e5},
-    happenings=(Happening(3700.0, "state", "running"), Happening(3720.0, "alarm", "The oil is hot")),
+    happenings=(ShownEvent(3700.0, "state", "running"), ShownEvent(3720.0, "alarm", "The oil is hot")),
 )
 
 
@@ -113,7 +113,7 @@ def test_texts_cannot_send_control_sequences_to_the_terminal(plan: Plan) -> None
     display = TerminalDisplay(plan, Terminal())
     evil = "\x1b]0;title\x07[red]x"
     display(
-        View("r", "running", 0.0, question=evil, message=evil, happenings=(Happening(0.0, "note", evil),))
+        View("r", "running", 0.0, question=evil, message=evil, happenings=(ShownEvent(0.0, "note", evil),))
     )
     shown = frame(display)
     assert "\x1b" not in shown

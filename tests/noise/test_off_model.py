@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from rigctl.noise import LeftOver, VarianceLaw, width_off_model
+from rigctl.noise import ModelResiduals, VarianceLaw, width_off_model
 
 Floats = NDArray[np.float64]
 SIZE, RECORDS = 400, 6
@@ -21,9 +21,9 @@ def levels(k: int) -> Floats:
     return np.asarray(20.0 * np.sin(at / 1.1 + k) + 15.0 * np.sin(at / 7.0 + 2.0 * k))
 
 
-def left_over(errors: list[Floats], phase: NDArray[np.intp] | None = None) -> list[LeftOver]:
+def left_over(errors: list[Floats], phase: NDArray[np.intp] | None = None) -> list[ModelResiduals]:
     still = np.zeros(SIZE, np.intp) if phase is None else phase
-    return [LeftOver(one[:, None], levels(k)[:, None], still) for k, one in enumerate(errors)]
+    return [ModelResiduals(one[:, None], levels(k)[:, None], still) for k, one in enumerate(errors)]
 
 
 def noise(rng: np.random.Generator, correlation: float = 0.0) -> list[Floats]:
@@ -122,7 +122,9 @@ def test_few_readings_or_coarse_converter_steps_give_no_law() -> None:
     width = LAWS["a straight line"]
     errors = [width(levels(k)) * one for k, one in enumerate(noise(np.random.default_rng(6)))]
     assert (
-        width_off_model([LeftOver(errors[0][:60, None], levels(0)[:60, None], np.zeros(60, np.intp))], 0)
+        width_off_model(
+            [ModelResiduals(errors[0][:60, None], levels(0)[:60, None], np.zeros(60, np.intp))], 0
+        )
         is None
     )
     found = width_off_model(left_over(errors), 0, step=0.5)

@@ -16,7 +16,7 @@ from rigctl.cli.attended_run import attended
 from rigctl.errors import RigctlError
 from rigctl.plan.behaviour import Question
 from rigctl.runner.console import Console
-from rigctl.runner.keys import _PosixKeys, nothing_comes, open_keys
+from rigctl.runner.keys import _PosixKeys, input_is_empty, open_keys
 from rigctl.runner.launch import Launch
 from rigctl.runner.operator import AutomaticOperator, ScriptedOperator, read_answer
 from rigctl.runner.requests import Request
@@ -117,15 +117,15 @@ def test_an_input_from_which_nothing_comes_is_recognised(tmp_path: Path) -> None
     file = tmp_path / "answers"
     file.write_text("12 s\n", encoding="utf-8")
     with file.open(encoding="utf-8") as answers, Path(os.devnull).open(encoding="utf-8") as null:
-        assert not nothing_comes(answers)
-        assert nothing_comes(null)
-    assert nothing_comes(answers)  # closed
+        assert not input_is_empty(answers)
+        assert input_is_empty(null)
+    assert input_is_empty(answers)  # closed
     file.write_text("", encoding="utf-8")
     with file.open(encoding="utf-8") as answers:
-        assert nothing_comes(answers)
+        assert input_is_empty(answers)
     there, here = os.pipe()  # somebody may still write to it
     with os.fdopen(there, encoding="utf-8") as pipe, os.fdopen(here, "w"):
-        assert not nothing_comes(pipe)
+        assert not input_is_empty(pipe)
 
 
 @pytest.mark.parametrize(

@@ -15,12 +15,12 @@ from rigctl.validation.designed.rates import Promises, design_rates, promises
 from rigctl.validation.designed.trial import TWINS, DesignTrial, design_trials
 from rigctl.validation.designed.work import DesignOutcome
 from rigctl.validation.hidden_library import find_hidden
-from rigctl.validation.outcome import Learnt, TrialOutcome
+from rigctl.validation.outcome import LearningOutcome, TrialOutcome
 from rigctl.validation.store import every_outcome
 
 
 def outcome(*truth: str, rounds: int = 2, **learnt: Any) -> DesignOutcome:
-    found = Learnt(**{"left": (("leak", "drift"),), "probability": 0.95, **learnt})
+    found = LearningOutcome(**{"left": (("leak", "drift"),), "probability": 0.95, **learnt})
     return TrialOutcome(
         DesignTrial(truth or ("leak",), 20.0, rounds=rounds), verdict="ambiguous", learnt=found
     )
@@ -137,6 +137,6 @@ def test_learning_is_right_if_it_ends_with_the_truth_or_an_inseparable_class_of_
         verdict="ambiguous",
         effects=("drift",),
         classes=(("drift", "leak"),),
-        learnt=Learnt(ended="not_separable"),
+        learnt=LearningOutcome(ended="not_separable"),
     )
     assert rate(*name, left) == (1, 1)

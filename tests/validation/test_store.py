@@ -9,7 +9,7 @@ import pytest
 from rigctl.errors import RigctlError
 from rigctl.tasks import Workers
 from rigctl.validation.outcome import Outcome
-from rigctl.validation.parallel import Standing, run_scenarios
+from rigctl.validation.parallel import BenchmarkProgress, run_scenarios
 from rigctl.validation.scenario import Scenario
 from rigctl.validation.store import ResultStore
 from validation_work import dying, quick
@@ -54,7 +54,7 @@ def test_a_resumed_run_computes_only_the_missing_results(tmp_path: Path, workers
     assert {outcome.scenario.seed: bool(outcome.failure) for outcome in first} == {
         0: False, 1: True, 2: False, 3: True,
     }  # fmt: skip
-    seen: list[Standing] = []
+    seen: list[BenchmarkProgress] = []
     found = run_scenarios(SCENARIOS, quick, store, workers=Workers(workers), progress=seen.append)
     assert len(found) == 8
     assert len(store.path.read_text(encoding="utf-8").splitlines()) == 8

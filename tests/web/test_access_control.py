@@ -12,7 +12,7 @@ from contextlib import ExitStack
 import pytest
 
 from rigctl.web.access_control import Gate, Keys, Message, Receive, Scope, Send, set_cookie
-from rigctl.web.request_handling import Asked, post
+from rigctl.web.request_handling import PageRequest, post
 from web.serving import Served, Window
 
 HOSTILE_HOSTS = [
@@ -236,7 +236,7 @@ def test_a_client_that_goes_away_is_no_fault_of_the_server(caplog: pytest.LogCap
     async def sent(_: Message) -> None:
         pass
 
-    def unreached(_: Asked) -> None:
+    def unreached(_: PageRequest) -> None:
         pytest.fail("carried out although the request is not complete")
 
     scope = {"type": "http", "method": "POST", "path": "/x", "headers": [], "query_string": b""}

@@ -14,7 +14,7 @@ from rigctl.errors import RigctlError
 from rigctl.project import Project
 from rigctl.web.jobs import Jobs
 from rigctl.web.procedure import Procedures
-from rigctl.web.request_handling import Asked
+from rigctl.web.request_handling import PageRequest
 from rigctl.web.server_state import Site
 from web.serving import Served, Window
 from web.watched import wait_for
@@ -115,7 +115,7 @@ def test_of_windows_that_save_at_once_one_succeeds(tmp_path: Path) -> None:
 
     def save(text: str) -> str:
         try:
-            procedures.save(Asked({}, {}, {"path": "procedures/new.yaml", "text": text}))
+            procedures.save(PageRequest({}, {}, {"path": "procedures/new.yaml", "text": text}))
         except RigctlError as error:
             return error.what
         return text

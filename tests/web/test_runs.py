@@ -14,7 +14,7 @@ from rigctl.dataset.catalogue import page_of_runs
 from rigctl.errors import RigctlError
 from rigctl.project import Project
 from rigctl.web.jobs import Jobs
-from rigctl.web.request_handling import Asked
+from rigctl.web.request_handling import PageRequest
 from rigctl.web.runs import Catalogue
 from rigctl.web.server_state import Site
 from web.serving import Served, Window, serving
@@ -158,5 +158,5 @@ def test_the_catalogue_can_be_used_with_the_keyboard_alone(window: Window, two: 
 
 def test_the_list_of_runs_has_the_address_of_its_storage(tmp_path: Path) -> None:
     project = Project(tmp_path, tmp_path / "runs", store="s3://bucket/runs")
-    found = Catalogue(Site(project, Jobs(tmp_path))).page(Asked({}, {}))
+    found = Catalogue(Site(project, Jobs(tmp_path))).page(PageRequest({}, {}))
     assert (found["all"], found["store"]) == (0, "s3://bucket/runs")

@@ -13,7 +13,7 @@ from commands import answer, textbook_copy
 from rigctl.dataset import open_run
 from rigctl.errors import RigctlError
 from rigctl.workbench import Picture, State, Workbench
-from rigctl.workbench.session import Unwanted
+from rigctl.workbench.session import Cancelled
 
 #: equal numbers: computed in the same way, in another process
 SAME = 1e-9
@@ -97,7 +97,7 @@ def test_displays_while_a_slider_moves_differ_only_in_record_level_values(
 
 def test_obsolete_requests_are_skipped(textbook: Workbench) -> None:
     before = textbook.exact
-    with pytest.raises(Unwanted):
+    with pytest.raises(Cancelled):
         textbook.settle(switched_on(textbook), wanted=lambda: False)
     assert textbook.exact is before
 

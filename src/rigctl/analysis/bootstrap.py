@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from rigctl.engine.least_squares import Prior, Unknown
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.model.fit.fit import FitResult, fit, lean
+from rigctl.model.fit.fit import FitResult, fit, without_derived
 from rigctl.model.stated import stated_values
 from rigctl.tasks import Workers, map_tasks, seed_of
 from rigctl.units import parse_unit
@@ -139,7 +139,7 @@ def bootstrap(
     count = len(set(clusters))
     if count < 2:
         raise RigctlError("one record cannot be resampled", expected="at least two records, better ten")
-    work = partial(_repeated, lean(fitted), tuple(clusters), seed)
+    work = partial(_repeated, without_derived(fitted), tuple(clusters), seed)
 
     def told(done: int, total: int) -> None:
         if on_progress is not None:

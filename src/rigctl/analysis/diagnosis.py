@@ -189,15 +189,15 @@ def _searched(before: ModelComparison, most: int, on_progress: OnProgress) -> tu
     again = in_noise_of_the_leader(search)
     if again is not None:
         search = Search(again, again.whole, most=most, on_progress=on_progress)
-    best = search.none if _nothing_seen(search) else search.best()
+    best = search.none if _agrees_within_tolerance(search) else search.best()
     again = from_another_start(search)
     if again is not None:
         search = Search(again, again.whole, most=most, on_progress=on_progress)
-        best = search.none if _nothing_seen(search) else search.best()
+        best = search.none if _agrees_within_tolerance(search) else search.best()
     return search, best
 
 
-def _nothing_seen(search: Search) -> bool:
+def _agrees_within_tolerance(search: Search) -> bool:
     """Whether the model agrees with the data, within the shape tolerance of its effects' laws."""
     return search.before.adequate or search.start.adequacy.adequate
 
@@ -234,7 +234,7 @@ def _verdict(
     checks: dict[str, CrossValidation | None],
     left: Remainder | None,
 ) -> Verdict:
-    if _nothing_seen(search):
+    if _agrees_within_tolerance(search):
         return Verdict.ADEQUATE
     if not best.candidates or not search.sure(best):
         return Verdict.OUTSIDE_LIBRARY
@@ -305,7 +305,7 @@ def _scatters(search: Search, best: RefittedSet) -> list[SizeScatter]:
 
 def _shape_alone(search: Search) -> str:
     """That the misfit is within the shape tolerance of the model's effects; "" if it is not."""
-    if search.before.adequate or not _nothing_seen(search):
+    if search.before.adequate or not _agrees_within_tolerance(search):
         return ""
     return (
         "Nothing more is missing that these data show: the model does not agree with the measurements "
@@ -317,7 +317,7 @@ def _shape_alone(search: Search) -> str:
 
 def _shape_mostly(search: Search, best: RefittedSet) -> str:
     """That a further effect explains little beyond the shape tolerance of the model's; else ""."""
-    if best.candidates or not search.bends_model or _nothing_seen(search):
+    if best.candidates or not search.bends_model or _agrees_within_tolerance(search):
         return ""
     paying = [one for one in search.trials.values() if search.mbic(one) < search.mbic(search.none)]
     if not paying:

@@ -192,7 +192,7 @@ _MOST_VARIABLES = 2
 
 
 @dataclass(frozen=True)
-class Unseen:
+class HeldOutGroup:
     """A model on one group of records that were excluded from its fits and from every choice.
 
     Attributes
@@ -303,7 +303,7 @@ def _worse(here: Mapping[str, ChannelError], fitted: Mapping[str, ChannelError])
 _MOST_OF_IT = 0.4
 
 
-def unseen_sentences(evaluated: Unseen) -> tuple[str, ...]:
+def held_out_sentences(evaluated: HeldOutGroup) -> tuple[str, ...]:
     """How good the model is there; where it is worse, the time series of its error, and what would remove
     it."""
     errors = ", ".join(
@@ -325,7 +325,7 @@ def unseen_sentences(evaluated: Unseen) -> tuple[str, ...]:
     return tuple(part for part in parts if part)
 
 
-def _which(evaluated: Unseen) -> str:
+def _which(evaluated: HeldOutGroup) -> str:
     count = len(evaluated.records)
     records = f"{count} record{'' if count == 1 else 's'}"
     if evaluated.why == "hold_out":
@@ -334,7 +334,7 @@ def _which(evaluated: Unseen) -> str:
     return f"on the {records}{where} that '{evaluated.condition}' left out"
 
 
-def _one_record(evaluated: Unseen) -> str:
+def _one_record(evaluated: HeldOutGroup) -> str:
     """The record that holds most of the misfit, if one does."""
     count = len(evaluated.records)
     excess = evaluated.excess()
@@ -345,7 +345,7 @@ def _one_record(evaluated: Unseen) -> str:
     return f"{100 * share:.0f} % of it is in one record, {evaluated.called(largest)}"
 
 
-def _remedy(evaluated: Unseen, one: Remedy) -> str:
+def _remedy(evaluated: HeldOutGroup, one: Remedy) -> str:
     share = f"{100 * one.share:.0f} % of it"
     if one.kind == "starts":
         names = " and ".join(one.names)
@@ -374,7 +374,7 @@ def _less(one: Remedy) -> str:
     return f"{what.get(one.kind, one.names[0])} alone would remove {100 * one.share:.0f} % of it"
 
 
-def _errors(evaluated: Unseen, one: Remedy) -> str:
+def _errors(evaluated: HeldOutGroup, one: Remedy) -> str:
     measurements = evaluated.fit.problem.measurements
     units = dict(zip(measurements.outputs, measurements.units, strict=True))
     said = []
@@ -389,7 +389,7 @@ _FEW = 4
 
 def unseen(
     compared: Comparison, model: ModelComparison, *, on_progress: OnProgress | None = None
-) -> tuple[Unseen, ...]:
+) -> tuple[HeldOutGroup, ...]:
     """Judge `model` on the records that `compared` left out: held out, or not selected.
 
     Raises
@@ -419,10 +419,10 @@ def _group(
     there: FitResult,
     why: Literal["hold_out", "only"],
     condition: str,
-) -> Unseen:
+) -> HeldOutGroup:
     units = variable_units(model.fit.problem.measurements) | variable_units(there.problem.measurements)
     records = [there.problem.records[k] for k in there.fitted]
-    plain = Unseen(why, condition, _what(records, inside, units), there, model.fit.errors)
+    plain = HeldOutGroup(why, condition, _what(records, inside, units), there, model.fit.errors)
     if plain.as_good:
         return _stated(plain)
     judged = judge(there, model.name, excluded=model.excluded)
@@ -437,9 +437,9 @@ def _group(
     return _stated(whole)
 
 
-def _stated(evaluated: Unseen) -> Unseen:
+def _stated(evaluated: HeldOutGroup) -> HeldOutGroup:
     return replace(
-        evaluated, sentences=tuple(one[0].upper() + one[1:] for one in unseen_sentences(evaluated))
+        evaluated, sentences=tuple(one[0].upper() + one[1:] for one in held_out_sentences(evaluated))
     )
 
 

@@ -14,7 +14,7 @@ from rigctl.analysis.comparison_result import Choice, Comparison, ModelCompariso
 from rigctl.analysis.diagnosis import diagnose_comparison, found_parameters
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.fitting import OnProgress, fit_again, no_progress
-from rigctl.analysis.held_out import Unseen, unseen
+from rigctl.analysis.held_out import HeldOutGroup, unseen
 from rigctl.analysis.refit import RefittedSet, refit
 from rigctl.analysis.refitted_sets import RefittedSets
 from rigctl.analysis.text import effect_text
@@ -94,7 +94,7 @@ class Improvement:
     steps: tuple[Step, ...]
     last: Diagnosis
     ended: ImprovementEnd
-    unseen: tuple[Unseen, ...] = ()
+    unseen: tuple[HeldOutGroup, ...] = ()
 
     @property
     def first(self) -> Diagnosis:

@@ -51,7 +51,7 @@ def beyond_usual(fitted: FitResult, chosen: Sequence[Candidate]) -> list[Unknown
                 wider[column] = replace(unknown, lower=low, scale=max(unknown.size, abs(value)))
             elif high > unknown.upper and value >= unknown.upper - room:
                 wider[column] = replace(unknown, upper=high, scale=max(unknown.size, abs(value)))
-    return _begun_there(fitted, wider) if wider else None
+    return _starting_at_fit(fitted, wider) if wider else None
 
 
 def in_order(fitted: FitResult, chosen: Sequence[Candidate]) -> list[Unknown] | None:
@@ -69,7 +69,7 @@ def in_order(fitted: FitResult, chosen: Sequence[Candidate]) -> list[Unknown] | 
             room = _APART * max(abs(middle), low.size)
             parted[lower] = replace(low, upper=max(middle, low.lower + room), start=middle)
             parted[column] = replace(high, lower=min(middle, high.upper - room), start=middle)
-    return _begun_there(fitted, parted) if parted else None
+    return _starting_at_fit(fitted, parted) if parted else None
 
 
 def ordered(shared: Sequence[Unknown], chosen: Sequence[Candidate]) -> list[Unknown]:
@@ -126,7 +126,7 @@ def _unknown(fitted: FitResult, column: str) -> Unknown | None:
     return {one.name: one for one in fitted.problem.shared}.get(column)
 
 
-def _begun_there(fitted: FitResult, changed: Mapping[str, Unknown]) -> list[Unknown]:
+def _starting_at_fit(fitted: FitResult, changed: Mapping[str, Unknown]) -> list[Unknown]:
     """The shared unknowns, each starting where the fit ended."""
     unknowns = []
     for unknown, value in zip(fitted.problem.shared, fitted.values, strict=True):
@@ -261,13 +261,13 @@ def refit(
         for candidate in chosen:
             model = model.with_effect(candidate.effect, starting_values(candidate))
         problem = _in_both_ranges(fitted.problem.rebuilt(model), fitted.problem)
-        known = fitted if begin is None else begin if at else _better_begun(problem, begin, fitted)
+        known = fitted if begin is None else begin if at else _better_start(problem, begin, fitted)
         shared = _started(problem, known, at)
         begun = _Begun(problem.with_shared(ordered(shared, chosen) if at else shared), known)
         again = begun.fitted(fitted.held_out, cost, rival)
         limited = at is not None and _at_limit(again, chosen)
         if at is not None and not limited and again.at_bound & at.keys():
-            again = _again(again, _begun_there(again, {one.name: one for one in shared}), cost)
+            again = _again(again, _starting_at_fit(again, {one.name: one for one in shared}), cost)
         again, more = _refined(again, chosen, cost)
     except RigctlError:  # the model cannot be simulated, or contradicts itself: no explanation
         return None
@@ -490,7 +490,7 @@ def _started(problem: Problem, fitted: FitResult, at: Mapping[str, float] | None
     return [replace(u, start=min(max(known.get(u.name, u.start), u.lower), u.upper)) for u in problem.shared]
 
 
-def _better_begun(problem: Problem, begin: FitResult, fitted: FitResult) -> FitResult:
+def _better_start(problem: Problem, begin: FitResult, fitted: FitResult) -> FitResult:
     """The starting point with the smaller misfit: `begin`, which has an effect more, or `fitted`."""
     if not set(begin.model.effects) - set(problem.model.effects):
         return begin

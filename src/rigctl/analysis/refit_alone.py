@@ -58,7 +58,7 @@ def alone(
     ----------
     rival: χ² that another effect leaves: a fit at a size that leaves far more is coarse.
     """
-    beside = _Beside.of(before, candidate)
+    beside = _WithEffect.of(before, candidate)
     if beside is None:
         return None
     share = 0.0 if from_null else 1.0
@@ -82,7 +82,7 @@ def alone(
 def at_amplitudes(before: ModelComparison, tried: Alone, rival: float = math.inf) -> tuple[FitResult, ...]:
     """The model's own parameters fitted with an effect held at sizes from beyond its typical one up to the
     limit of its usual range."""
-    beside = None if tried.at_amplitudes else _Beside.of(before, tried.candidate)
+    beside = None if tried.at_amplitudes else _WithEffect.of(before, tried.candidate)
     return (
         tried.at_amplitudes if beside is None else tuple(fit for _, fit in beside.held_at_amplitudes(rival))
     )
@@ -125,7 +125,7 @@ def _inside(candidate: Candidate, column: str, value: float) -> float:
 
 
 @dataclass(frozen=True)
-class _Beside:
+class _WithEffect:
     """The equations of a model with one more effect, and fits in them.
 
     They take a third of the time of the equations with the whole library.
@@ -136,7 +136,7 @@ class _Beside:
     problem: Problem
 
     @classmethod
-    def of(cls, before: ModelComparison, candidate: Candidate) -> _Beside | None:
+    def of(cls, before: ModelComparison, candidate: Candidate) -> _WithEffect | None:
         """None if the effect's term cannot be added."""
         try:
             model = before.fit.model.with_effect(candidate.effect, starting_values(candidate))

@@ -73,7 +73,7 @@ def from_another_start(search: Search) -> ModelComparison | None:
     better = [
         trial
         for trial in search.trials.values()
-        if len(trial.candidates) == 1 and trial.chi2 < base.chi2 - UNSEEN and _next_to_nothing(trial)
+        if len(trial.candidates) == 1 and trial.chi2 < base.chi2 - UNSEEN and _near_null(trial)
     ]
     if not better:
         return None
@@ -86,7 +86,7 @@ def from_another_start(search: Search) -> ModelComparison | None:
     return judge(judged, before.name, excluded=before.excluded)
 
 
-def _next_to_nothing(trial: RefittedSet) -> bool:
+def _near_null(trial: RefittedSet) -> bool:
     """Whether every parameter of a trial's effect is within two standard deviations of its null."""
     (candidate,) = trial.candidates
     stds = np.array([trial.value(name)[1] for name in candidate.columns])

@@ -46,7 +46,7 @@ def parameters_text(parameters: Mapping[str, FoundParameter]) -> str:
 def effect_text(effect: Effect, parameters: Mapping[str, FoundParameter]) -> str:
     """What is observed, what it is, and how large."""
     seen, summary = effect.looks_like.rstrip("."), effect.summary.rstrip(".")
-    text = f"{seen}: {_begun_low(summary)}" if seen else summary
+    text = f"{seen}: {_lower_case_start(summary)}" if seen else summary
     return f"{text} ({effect.name}, {parameters_text(parameters)})"
 
 
@@ -345,7 +345,7 @@ def _moved(one: Drift) -> bool:
     return change > sure and (parse_unit(one.unit).absolute_temperature or change > _MOVED * abs(one.before))
 
 
-def _begun_low(text: str) -> str:
+def _lower_case_start(text: str) -> str:
     """With a lower-case first letter, for use within a sentence."""
     return text[:1].lower() + text[1:] if text[1:2].islower() or text[:2] == "A " else text
 

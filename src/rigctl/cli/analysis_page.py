@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rigctl.analysis.comparison_result import Comparison, ModelComparison
     from rigctl.dataset import Run
     from rigctl.model import Model
-    from rigctl.report.analysis.page_top import Told
+    from rigctl.report.analysis.page_top import NamedModels
     from rigctl.report.section import Section
 
 #: most earlier versions of a model that are fitted again for a page: the first and the newest
@@ -79,7 +79,7 @@ def compare_with_versions(
     ]
 
 
-def told_of_versions(runs: Sequence[Run], path: Path, first: int, **choice: Any) -> Told:
+def named_versions(runs: Sequence[Run], path: Path, first: int, **choice: Any) -> NamedModels:
     """A model's version `first` and its head, fitted to the same runs; only the head if they are the same.
 
     Parameters
@@ -94,14 +94,14 @@ def told_of_versions(runs: Sequence[Run], path: Path, first: int, **choice: Any)
     from rigctl.analysis.fitting import fit_to_data, read_runs
     from rigctl.model.history.save import load_version
     from rigctl.model.history.store import current_version
-    from rigctl.report.analysis.page_top import Told
+    from rigctl.report.analysis.page_top import NamedModels
     from rigctl.report.systematic import left_of_fit
 
     numbers = list(dict.fromkeys((first, current_version(path).number)))
     models = [load_version(path, number) for number in numbers]
     data = read_runs(models[0], runs, **choice)
     fits = tuple(fit_to_data(model, data) for model in models)
-    return Told(tuple(f"version {number}" for number in numbers), fits, left_of_fit(fits[-1]))
+    return NamedModels(tuple(f"version {number}" for number in numbers), fits, left_of_fit(fits[-1]))
 
 
 def _versions_with_errors(path: Path) -> list[int]:

@@ -39,13 +39,13 @@ def attended(
         return
     from rigctl.live import view
     from rigctl.runner.console import Console
-    from rigctl.runner.keys import HELP, nothing_comes
+    from rigctl.runner.keys import HELP, input_is_empty
     from rigctl.runner.operator import AutomaticOperator, Operator, refuse_questions, scripted
 
     kind = how.backend or plan.rig.backend.kind
     by_hand = kind not in _UNATTENDED and not answers
     keys = typing_possible()
-    if by_hand and not keys and not how.dry and nothing_comes():
+    if by_hand and not keys and not how.dry and input_is_empty():
         refuse_questions(plan)
     display = view(plan, hint=HELP if keys else "")
     how = replace(how, observer=display)

@@ -33,10 +33,10 @@ def is_unread() -> bool:
     asked = poll()
     for handle in (1, 2):
         asked.register(handle, 0)
-    return any(state & (POLLERR | POLLHUP) for _, state in asked.poll(0)) or _goes_nowhere()
+    return any(state & (POLLERR | POLLHUP) for _, state in asked.poll(0)) or _is_null_device()
 
 
-def _goes_nowhere() -> bool:
+def _is_null_device() -> bool:
     """Return whether stdout is the null device, which Rich puts there when the pipe is closed."""
     try:
         return os.path.samestat(os.fstat(1), Path(os.devnull).stat())

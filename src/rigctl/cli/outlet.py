@@ -143,14 +143,14 @@ def carry_out(work: Callable[[], None]) -> None:
     except SystemExit as end:
         code = end.code
     finally:
-        said, lost = _say_last_words(outlets)
+        said, lost = _flush_outlets(outlets)
         sys.stdout, sys.stderr = usual
         if lost or not said:  # flushing would block again on what is left in the streams
             os._exit((code if isinstance(code, int) else 1) or lost)
     sys.exit(code)
 
 
-def _say_last_words(outlets: tuple[Outlet, Outlet]) -> tuple[bool, int]:
+def _flush_outlets(outlets: tuple[Outlet, Outlet]) -> tuple[bool, int]:
     """Whether all text was passed on, and the exit status if some is lost: a closed pipe, a full disk."""
     give_up = monotonic() + _LAST_WORDS
     said, lost = True, 0

@@ -177,19 +177,19 @@ class BackgroundWriter:
             if now >= looked + _IN_PLACE:
                 looked = now
                 self._guarded(self._require_place)
-                if self._left_behind(self._writer):
+                if self._superseded(self._writer):
                     return
             if not self._tasks:
                 if self._ended:
                     return
                 self._guarded(RunWriter.show)
-                if self._left_behind(self._writer):
+                if self._superseded(self._writer):
                     return
                 self._wake.wait(_LOOK)
                 continue
             task = self._in_progress = self._tasks[0]
             self._guarded(task)
-            if self._left_behind(self._writer):
+            if self._superseded(self._writer):
                 return
             self._tasks.popleft()
             self._in_progress = None
@@ -239,7 +239,7 @@ class BackgroundWriter:
         self._failure = _kept_elsewhere(why, writer.folder, self._writer.folder)
         self._told = False
 
-    def _left_behind(self, successor: RunWriter) -> bool:
+    def _superseded(self, successor: RunWriter) -> bool:
         """Return whether the work was done elsewhere while the thread hung; its files are then released."""
         if not self._abandoned:
             return False

@@ -123,7 +123,7 @@ class JournalWriter:
 
     def take_over(self, other: JournalWriter, *, read_back: bool) -> None:
         """Continue another journal, with all its rows or only the buffered ones."""
-        content = everything_in(other._file) if read_back else None
+        content = whole_content(other._file) if read_back else None
         if content is not None:
             self._file.seek(0)
             write_fully(self._file, content)
@@ -162,7 +162,7 @@ def same_file(file: Any, path: Path) -> bool:
         return False
 
 
-def everything_in(file: Any) -> bytes | None:
+def whole_content(file: Any) -> bytes | None:
     """Return the content of an open file, even a deleted one; None if it can no longer be read."""
     try:
         file.seek(0)

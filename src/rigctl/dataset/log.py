@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 from zlib import crc32
 
-from rigctl.dataset.journal import everything_in, same_file, write_fully
+from rigctl.dataset.journal import same_file, whole_content, write_fully
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.regular import regular
 
@@ -112,7 +112,7 @@ class LogWriter:
 
     def take_over(self, other: LogWriter, *, read_back: bool, otherwise: bytes) -> None:
         """Continue another log, with all its lines, or with `otherwise` and the buffered lines."""
-        content = everything_in(other._file) if read_back else None
+        content = whole_content(other._file) if read_back else None
         content = otherwise if content is None else content
         self._file.truncate(0)
         write_fully(self._file, content)

@@ -78,7 +78,7 @@ def try_lock(folder: Path) -> FolderLock | None:
     """
     from filelock import FileLock, Timeout
 
-    if _beats_elsewhere(folder):
+    if _written_elsewhere(folder):
         return None
     lock = FileLock(folder / LOCK_NAME, thread_local=False)
     try:
@@ -160,7 +160,7 @@ def lock_folder(folder: Path) -> FolderLock:
 def in_progress(folder: Path) -> bool:
     """Return whether a program is writing to the run's folder."""
     if not (folder / LOCK_NAME).exists():
-        return _beats_elsewhere(folder)
+        return _written_elsewhere(folder)
     lock = try_lock(folder)
     if lock is None:
         return True
@@ -200,7 +200,7 @@ def read_state(folder: Path) -> RunState | None:
     return RunState(fields, age)
 
 
-def _beats_elsewhere(folder: Path) -> bool:
+def _written_elsewhere(folder: Path) -> bool:
     """Return whether another computer, whose lock may not be visible here, writes to the folder."""
     state = read_state(folder)
     return state is not None and state.fresh and state.host not in ("", platform.node())

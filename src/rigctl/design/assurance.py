@@ -14,7 +14,7 @@ from rigctl.design.information import Evidence, Refit
 from rigctl.design.information_so_far import Known
 from rigctl.design.power import Gain, gain
 from rigctl.design.refitted_gain import refitted_gains
-from rigctl.design.result import Outlook
+from rigctl.design.result import PredictedPower
 from rigctl.design.rivals import Rival
 from rigctl.design.search import Proposal, Workshop, together
 from rigctl.design.virtual_records import Outlines
@@ -187,7 +187,7 @@ class Promise:
     probability: that the right one is distinguished from all its rivals.
     """
 
-    outlooks: tuple[Outlook, ...]
+    outlooks: tuple[PredictedPower, ...]
     separation: float
     probability: float
 
@@ -220,7 +220,7 @@ def promised(criterion: Discrimination, draws: Draws, chosen: Sequence[Proposal]
     }
     after = {pair: criterion.of_pair(pair, gains[pair], distances) for pair in criterion.pairs}
     outlooks = tuple(
-        Outlook(
+        PredictedPower(
             truth=rivals[pair[0]].name,
             rival=rivals[pair[1]].name,
             margin=criterion.margins.margin(*pair),

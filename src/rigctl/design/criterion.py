@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rigctl.analysis.decision_levels import LEAST_SEPARATION
 from rigctl.design.information import Evidence
 from rigctl.design.information_so_far import Known
-from rigctl.design.power import Gain, enough, enough_seen, seen, threshold_of, told_apart
+from rigctl.design.power import Gain, enough, enough_seen, power_to_distinguish, seen, threshold_of
 from rigctl.design.result import NONE
 from rigctl.design.rivals import Question, Rival
 
@@ -184,7 +184,7 @@ class Discrimination:
     def of_pair(self, pair: tuple[int, int], gained: Gain, distances: Floats) -> float:
         """P of one pair."""
         truth, rival = pair
-        return told_apart(
+        return power_to_distinguish(
             gained,
             self.margins.margin(truth, rival),
             self.so_far(pair),

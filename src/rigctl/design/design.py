@@ -26,7 +26,7 @@ from rigctl.design.procedure_text import Writer, called_so_far
 from rigctl.design.recipe import Stage, lines_of
 from rigctl.design.refitted_gain import TAKEN_UP
 from rigctl.design.refusals import NothingLeft, NothingToSet, TooLittleTime
-from rigctl.design.result import DesignResult, Outlook, Prediction, ProposedRecord, Sharpened
+from rigctl.design.result import DesignResult, PredictedPower, Prediction, ProposedRecord, Sharpened
 from rigctl.design.rig_file import rig_reference
 from rigctl.design.rig_time import Ordered, RigTime, forecast
 from rigctl.design.rivals import Question, nothing_left, question_of, require_names
@@ -382,7 +382,9 @@ class _Design:
         sizes = criterion.noncentralities(evidence)
         rivals = self.question.rivals
         outlooks = tuple(
-            Outlook(rivals[k].name, rivals[criterion.none].name, 0.0, 0.0, sizes[k], 0.0, before[k], after[k])
+            PredictedPower(
+                rivals[k].name, rivals[criterion.none].name, 0.0, 0.0, sizes[k], 0.0, before[k], after[k]
+            )
             for k in after
         )
         return Promise(outlooks, criterion.separation(evidence), criterion.promise(evidence))

@@ -60,7 +60,9 @@ def gain(from_right: Floats, left_right: Floats, from_rival: Floats, left_rival:
     return Gain(mean, np.einsum("nk->k", np.square(left_rival - left_right)))
 
 
-def told_apart(gained: Gain, margin: float, so_far: float, threshold: float = LEAST_DIFFERENCE) -> float:
+def power_to_distinguish(
+    gained: Gain, margin: float, so_far: float, threshold: float = LEAST_DIFFERENCE
+) -> float:
     """The probability that a verdict distinguishes two rivals: ``P = Φ((L₀ + D − t)/(2·√V))``, mean over
     draws.
 
@@ -87,7 +89,7 @@ def told_apart(gained: Gain, margin: float, so_far: float, threshold: float = LE
 
 def enough(margin: float, so_far: float, threshold: float) -> float:
     """D* that distinguishes two rivals with probability 0.99: ``√D* = z + √(z² + t − L₀)``, and at least what
-    the separation requires; arguments as in `told_apart`."""
+    the separation requires; arguments as in `power_to_distinguish`."""
     lacking = max(threshold - margin, 0.0)
     by_odds = (QUANTILE + math.sqrt(QUANTILE**2 + lacking)) ** 2
     return max(by_odds, (2.0 * LEAST_SEPARATION) ** 2 - so_far)

@@ -18,7 +18,7 @@ _WIDTH = 112
 
 
 @dataclass(frozen=True)
-class Patience:
+class ApproachSettings:
     """How an operating point is established: the tolerance (SI), the settling time and the time-out, s."""
 
     within: float
@@ -26,9 +26,9 @@ class Patience:
     timeout: float
 
 
-HEAT = Patience(0.5, 60.0, 4.0 * 3600.0)
-PRESS = Patience(0.0, 2.0, 60.0)  #: its tolerance is the rig's
-HOME = Patience(0.0, 0.0, 30.0)
+HEAT = ApproachSettings(0.5, 60.0, 4.0 * 3600.0)
+PRESS = ApproachSettings(0.0, 2.0, 60.0)  #: its tolerance is the rig's
+HOME = ApproachSettings(0.0, 0.0, 30.0)
 
 
 @dataclass(frozen=True)

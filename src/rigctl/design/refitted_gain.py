@@ -20,7 +20,7 @@ from rigctl.design.virtual_records import Outlines, Scene
 from rigctl.engine.least_squares import started
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
-from rigctl.model.fit.fit import fit, lean
+from rigctl.model.fit.fit import fit, without_derived
 from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.tasks import Workers, map_tasks
@@ -68,7 +68,7 @@ def refitted_gains(
 
 def sent(rival: Rival) -> Rival:
     """A rival in the form in which it is sent to other processes: without results derived from its fit."""
-    return replace(rival, trial=replace(rival.trial, fit=lean(rival.trial.fit)))
+    return replace(rival, trial=replace(rival.trial, fit=without_derived(rival.trial.fit)))
 
 
 @one_thread()

@@ -65,7 +65,7 @@ class DesignRival:
 
 
 @dataclass(frozen=True)
-class Outlook:
+class PredictedPower:
     """The predicted power to distinguish one rival from another, if the first is right.
 
     Attributes
@@ -122,7 +122,7 @@ class Prediction:
 
 
 @dataclass(frozen=True)
-class Apart:
+class LargestDifference:
     """Where two rivals differ most in a record.
 
     Attributes
@@ -173,10 +173,10 @@ class ProposedRecord:
     predictions: tuple[Prediction, ...] = field(default=(), repr=False)
 
     @property
-    def widest(self) -> Apart | None:
+    def widest(self) -> LargestDifference | None:
         """Where two rivals differ most; None if there are not two."""
         found = [
-            Apart(
+            LargestDifference(
                 one.channel,
                 first,
                 second,
@@ -283,7 +283,7 @@ class DesignResult:
     model: str
     aim: Aim
     rivals: tuple[DesignRival, ...]
-    outlooks: tuple[Outlook, ...]
+    outlooks: tuple[PredictedPower, ...]
     records: tuple[ProposedRecord, ...]
     separation: float
     before: float

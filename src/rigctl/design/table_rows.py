@@ -19,7 +19,7 @@ from rigctl.design.criterion import Discrimination
 from rigctl.design.information import Evidence
 from rigctl.design.information_so_far import known_so_far
 from rigctl.design.power import Gain
-from rigctl.design.result import DesignResult, Outlook, ProposedRecord
+from rigctl.design.result import DesignResult, PredictedPower, ProposedRecord
 from rigctl.design.rivals import Question
 from rigctl.design.scheme import Free, allowed, tenth
 from rigctl.design.text import added, statement
@@ -183,7 +183,7 @@ def _of_repeat(criterion: Discrimination, so_far: Evidence | None, repeats: Sequ
     return max((criterion.separation(one) - base for one in whole), default=0.0)
 
 
-def _outlooks(criterion: Discrimination, evidence: Evidence | None) -> tuple[Outlook, ...]:
+def _outlooks(criterion: Discrimination, evidence: Evidence | None) -> tuple[PredictedPower, ...]:
     rivals = criterion.question.rivals
     count = len(rivals)
     distances = np.zeros((count, count)) if evidence is None else criterion.distances(evidence)
@@ -191,7 +191,7 @@ def _outlooks(criterion: Discrimination, evidence: Evidence | None) -> tuple[Out
     for pair in criterion.pairs:
         gained = Gain(distances[pair][None], distances[pair][None])
         found.append(
-            Outlook(
+            PredictedPower(
                 truth=rivals[pair[0]].name,
                 rival=rivals[pair[1]].name,
                 margin=criterion.margins.margin(*pair),

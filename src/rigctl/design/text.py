@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rigctl.design.result import DesignResult, Outlook, SensorSet
+from rigctl.design.result import DesignResult, PredictedPower, SensorSet
 from rigctl.planning.outline import clock_time
 from rigctl.units import significant
 
@@ -123,7 +123,7 @@ def header(found: DesignResult) -> list[str]:
     return lines + [outlook_text(one) for one in found.outlooks]
 
 
-def outlook_text(one: Outlook) -> str:
+def outlook_text(one: PredictedPower) -> str:
     """The prediction for one pair."""
     return (
         f"If {one.truth} is right, it is distinguished from {one.rival} with {share(one.after)}: "

@@ -99,10 +99,10 @@ def draw_chance(projected: Projected, groups: Sequence[slice], seed: int = 0) ->
     kept = values > _ROUNDING * values[-1]
     root = vectors[:, kept] * np.sqrt(values[kept])
     white = _least(lambda n: rng.standard_normal((n, root.shape[1])) @ root.T, ends, known, rng)
-    return Chance(len(bases), white, _of_what_is_left(projected, bases, ends, rng))
+    return Chance(len(bases), white, _sign_flipped_minima(projected, bases, ends, rng))
 
 
-def _of_what_is_left(
+def _sign_flipped_minima(
     projected: Projected, bases: Sequence[Floats], ends: NDArray[np.intp], rng: np.random.Generator
 ) -> Floats | None:
     """Draws of the smallest p-value with a random sign for the residuals of each record."""

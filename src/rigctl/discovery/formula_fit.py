@@ -25,7 +25,7 @@ from rigctl.discovery.formulas import Formula
 from rigctl.discovery.grammar import DISTANCES
 from rigctl.effects.declaration import qualified
 from rigctl.engine.one_thread import one_thread
-from rigctl.model.fit.fit import FitResult, lean
+from rigctl.model.fit.fit import FitResult, without_derived
 from rigctl.tasks import Workers, map_tasks
 
 #: number of formulas that are refitted, and of those that are started at several scales
@@ -76,7 +76,7 @@ def refit_formulas(
     samples: N_eff; `tried` the number of formulas tried.
     workers: processes that refit them; by default this process, one after the other.
     """
-    work = partial(_refitted, lean(fit), samples, tried)
+    work = partial(_refitted, without_derived(fit), samples, tried)
 
     def refitted(pieces: Sequence[tuple[Formula, Formula]], what: str) -> list[Fitted | None]:
         began = monotonic()

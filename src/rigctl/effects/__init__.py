@@ -1,6 +1,6 @@
 """The library of effects: one short declaration each, found by name."""
 
-from rigctl.effects.declaration import Effect, EffectParameter, EffectState, OtherWay, qualified
+from rigctl.effects.declaration import Effect, EffectParameter, EffectState, ParameterAlternative, qualified
 from rigctl.effects.option import parse_effect_option
 from rigctl.effects.registry import find_effect, library
 
@@ -8,7 +8,7 @@ __all__ = [
     "Effect",
     "EffectParameter",
     "EffectState",
-    "OtherWay",
+    "ParameterAlternative",
     "find_effect",
     "library",
     "parse_effect_option",

@@ -139,7 +139,7 @@ class EffectParameter:
 
 
 @dataclass(frozen=True)
-class OtherWay:
+class ParameterAlternative:
     """An alternative way to write a parameter, e.g. a leakage's gap instead of its conductance.
 
     `value_of` maps the SI value written and the family's parameters (SI) to that of `parameter`.
@@ -199,7 +199,7 @@ class Effect:
     terms: tuple[tuple[str, Term], ...] = ()
     parameters: tuple[EffectParameter, ...] = ()
     states: tuple[EffectState, ...] = ()
-    other_ways: tuple[OtherWay, ...] = ()
+    other_ways: tuple[ParameterAlternative, ...] = ()
     kind: Literal["process", "sensor"] = "process"
     confused_with: tuple[str, ...] = ()
     instead_of: tuple[str, ...] = ()

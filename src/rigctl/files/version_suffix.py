@@ -24,7 +24,7 @@ def with_version(head: Path, number: int) -> Path:
     return head.with_name(f"{head.name}@{number}")
 
 
-def is_there(path: Path) -> bool:
+def path_exists(path: Path) -> bool:
     """Whether there is such a file or folder, or the file of which a version is meant.
 
     A name that no file system takes is not there.

@@ -22,8 +22,8 @@ from rigctl.errors import ExitCode, RigctlError
 from rigctl.learning.bench import Bench, seconds_of
 from rigctl.learning.ending import LearningEnd
 from rigctl.learning.keep import Kept
-from rigctl.learning.predicted_and_achieved import promise_of, what_came_out
-from rigctl.learning.result import CameOut, Learned, Round
+from rigctl.learning.predicted_and_achieved import prediction_of, round_outcome
+from rigctl.learning.result import Learned, Round, RoundOutcome
 from rigctl.model import current_version, load_model, versions
 from rigctl.plan import Plan
 
@@ -147,13 +147,13 @@ class Learner:
         self.on_round(judged)
         return judged, improved
 
-    def _came_out(self, here: Round, found: Diagnosis) -> CameOut | None:
+    def _came_out(self, here: Round, found: Diagnosis) -> RoundOutcome | None:
         """The outcome of a round compared with its prediction; None if there was none."""
         if here.promised is None:
             return None
         before = self.kept.rounds[-2] if len(self.kept.rounds) > 1 else here
         left = {name for names in before.classes for name in names}
-        return what_came_out(here.promised, found, left)
+        return round_outcome(here.promised, found, left)
 
     def _otherwise(self, here: Round, found: Diagnosis) -> bool:
         """Whether the bench contradicted all predictions: then it is not the bench that was asked about, or
@@ -224,7 +224,7 @@ class Learner:
 
     def _proposed(self, design: DesignResult) -> Learned | None:
         number = self.kept.rounds[-1].number + 1
-        proposal = self.kept.begin(Round(number, "", promised=promise_of(design)), design.procedure)
+        proposal = self.kept.begin(Round(number, "", promised=prediction_of(design)), design.procedure)
         yes = self.ask(proposal, design)
         self.kept.update(replace(proposal, answer="yes" if yes else "no"))
         if yes:

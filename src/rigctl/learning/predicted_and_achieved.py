@@ -7,10 +7,10 @@ from collections.abc import Collection, Mapping
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.design.precision import known_to
 from rigctl.design.result import NONE, DesignResult
-from rigctl.learning.result import CameOut, Promised
+from rigctl.learning.result import Promised, RoundOutcome
 
 
-def promise_of(design: DesignResult) -> Promised:
+def prediction_of(design: DesignResult) -> Promised:
     """The predictions of a design, in the form that is kept before anything is measured."""
     return Promised(
         rivals={one.name: one.weight for one in design.rivals},
@@ -26,7 +26,7 @@ def promise_of(design: DesignResult) -> Promised:
     )
 
 
-def what_came_out(promised: Promised, found: Diagnosis, left: Collection[str] = ()) -> CameOut:
+def round_outcome(promised: Promised, found: Diagnosis, left: Collection[str] = ()) -> RoundOutcome:
     """The margins between the rivals after a round, compared with the predictions.
 
     The gain of a pair is the change of its margin in mBIC, ``m_rival − m_winner``, by the round; its
@@ -49,11 +49,11 @@ def what_came_out(promised: Promised, found: Diagnosis, left: Collection[str] = 
         name = min(beside, key=lambda one: scores.get(one, 0.0))
         alone = all(len(names) == 1 for names in found.classes if name in names)
         said = f"{name} is named now, which was possible too but not designed for"
-        return CameOut(name, {}, {}, told=alone, kept=True, statement=said)
+        return RoundOutcome(name, {}, {}, told=alone, kept=True, statement=said)
     if not winner:
         named = " + ".join(found.effects) or "nothing that was among them"
         said = f"the bench behaved differently from every rival's prediction: the data point to {named}"
-        return CameOut("", {}, {}, told=False, kept=False, statement=said)
+        return RoundOutcome("", {}, {}, told=False, kept=False, statement=said)
     pairs = {one["rival"]: one for one in promised.outlooks if one["truth"] == winner}
     gains = {
         rival: here[rival] - here[winner] - float(pair["margin"])
@@ -62,12 +62,12 @@ def what_came_out(promised: Promised, found: Diagnosis, left: Collection[str] = 
     }
     expected = {rival: float(pair["separation"]) for rival, pair in pairs.items()}
     told = _told(winner, promised, found)
-    return CameOut(
+    return RoundOutcome(
         winner, gains, expected, told=told, kept=True, statement=_said(winner, gains, expected, told)
     )
 
 
-def _sized(promised: Promised, found: Diagnosis) -> CameOut:
+def _sized(promised: Promised, found: Diagnosis) -> RoundOutcome:
     """The precision of the sizes now, compared with the prediction.
 
     They are those of effects that the model has, or of the one that these data name. If the diagnosis names
@@ -81,14 +81,14 @@ def _sized(promised: Promised, found: Diagnosis) -> CameOut:
     if not kept:
         named = " + ".join(found.effects) or "nothing that was among them"
         said = f"the bench behaved differently from {' and '.join(names)}: the data point to {named}"
-        return CameOut("", {}, {}, told=False, kept=False, statement=said)
+        return RoundOutcome("", {}, {}, told=False, kept=False, statement=said)
     said = ", ".join(
         f"{one['parameter']} is known to within ± {sizes[one['parameter']]:.3g} {one['unit']} (95 %), "
         f"expected ± {one['after']:.3g}, before ± {one['before']:.3g}"
         for one in promised.sharpened
         if one["parameter"] in sizes
     )
-    return CameOut(" + ".join(names), {}, {}, told=True, kept=True, statement=said, sizes=sizes)
+    return RoundOutcome(" + ".join(names), {}, {}, told=True, kept=True, statement=said, sizes=sizes)
 
 
 def _scores(found: Diagnosis) -> Mapping[str, float]:

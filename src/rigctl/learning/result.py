@@ -71,7 +71,7 @@ class Promised:
 
 
 @dataclass(frozen=True)
-class CameOut:
+class RoundOutcome:
     """The outcome of a predicted round.
 
     Attributes
@@ -107,7 +107,7 @@ class CameOut:
         }
 
     @classmethod
-    def read(cls, document: Mapping[str, Any]) -> CameOut:
+    def read(cls, document: Mapping[str, Any]) -> RoundOutcome:
         """The outcome that `document` describes."""
         return cls(
             winner=document["winner"],
@@ -156,7 +156,7 @@ class Round:
     chi2: float | None = None
     statement: str = ""
     promised: Promised | None = None
-    came_out: CameOut | None = None
+    came_out: RoundOutcome | None = None
     answer: str = ""
 
     @property
@@ -204,7 +204,7 @@ class Round:
             chi2=document["chi2_reduced"],
             statement=document["statement"],
             promised=None if promised is None else Promised.read(promised),
-            came_out=None if came_out is None else CameOut.read(came_out),
+            came_out=None if came_out is None else RoundOutcome.read(came_out),
             answer=document["answer"] or "",
         )
 
@@ -238,7 +238,7 @@ class Learned:
         return tuple(name for one in self.rounds for name, _ in one.added)
 
     @property
-    def promises(self) -> tuple[tuple[Promised, CameOut], ...]:
+    def promises(self) -> tuple[tuple[Promised, RoundOutcome], ...]:
         """The prediction and the outcome of each round that was carried out."""
         return tuple((one.promised, one.came_out) for one in self.rounds if one.promised and one.came_out)
 

@@ -10,7 +10,7 @@ from rigctl.live.steps import PlanPlaces
 from rigctl.plan import Plan
 from rigctl.planning.outline import clock_time
 from rigctl.printable import printable
-from rigctl.runner.snapshot import Happening, View
+from rigctl.runner.snapshot import ShownEvent, View
 
 _STEP = 0.1  # interval between progress lines
 
@@ -25,7 +25,7 @@ class PlainDisplay:
         self._stream = stream
         self._record = -1
         self._tenths = 0
-        self._told: tuple[Happening, ...] = ()
+        self._told: tuple[ShownEvent, ...] = ()
 
     def __enter__(self) -> Self:
         return self
@@ -37,7 +37,7 @@ class PlainDisplay:
 
     def __call__(self, view: View) -> None:
         """Write what is new in this view."""
-        self._tell_happenings(view)
+        self._write_events(view)
         if view.record not in (-1, self._record):
             self._tell_record(view)
         self._record = view.record
@@ -56,7 +56,7 @@ class PlainDisplay:
         )
         self._write(view.time, f"record {number}:{name}" + (f" at {sweep}" if sweep else ""))
 
-    def _tell_happenings(self, view: View) -> None:
+    def _write_events(self, view: View) -> None:
         """Write changes of state, alarms, faults and notes, each once."""
         for happening in view.happenings:
             if any(happening is told for told in self._told):

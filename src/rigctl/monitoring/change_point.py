@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 #: True after runs at which a change is possible; None if after any
-Apart = tuple[bool, ...] | None
+PossibleChanges = tuple[bool, ...] | None
 
 #: least number of runs on either side of a change
 FEWEST_BESIDE: Final = 3
@@ -38,13 +38,13 @@ _ENDS: Final = 120
 _CUTS: Final = 40
 
 
-def apart_in(over: Floats) -> Apart:
+def possible_changes(over: Floats) -> PossibleChanges:
     """After which runs a change is possible: before runs at another location; None if after any."""
     apart = tuple(bool(step > 0.0) for step in np.diff(over))
     return None if all(apart) else apart
 
 
-def sizes(scores: Floats, apart: Apart) -> tuple[tuple[int, ...], Floats]:
+def sizes(scores: Floats, apart: PossibleChanges) -> tuple[tuple[int, ...], Floats]:
     """The ends that are scanned, and (courses, ends) the largest size at each of them."""
     count = scores.shape[1]
     sums, squares = np.cumsum(scores, axis=1), np.cumsum(np.square(scores), axis=1)
@@ -76,7 +76,7 @@ def _ends(count: int) -> list[int]:
 
 
 @lru_cache(maxsize=8192)
-def cuts_of(n: int, apart: Apart) -> Indices:
+def cuts_of(n: int, apart: PossibleChanges) -> Indices:
     """After which of the first n runs a change is tried, more densely near both ends."""
     first, last = FEWEST_BESIDE, n - FEWEST_BESIDE
     if last - first + 1 <= _CUTS:

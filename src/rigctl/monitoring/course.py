@@ -140,7 +140,7 @@ def shape_of(values: Floats, std: Floats, over: Floats, correlation: float, *, s
     )
 
 
-def left_by(levels: Floats, values: Floats, std: Floats) -> float:
+def chi2_about(levels: Floats, values: Floats, std: Floats) -> float:
     """χ² of a series about given levels, outliers clipped."""
     whole = whole_scatter(values, std)
     return float(np.sum(np.square((tamed(values, whole) - levels) / whole)))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.decision_levels import SURVEY_ALPHA
 from rigctl.monitoring.change_point import FEWEST_BESIDE
-from rigctl.monitoring.course import Shape, left_by, scatter_between, shape_of, standardised, whole_scatter
+from rigctl.monitoring.course import Shape, chi2_about, scatter_between, shape_of, standardised, whole_scatter
 from rigctl.monitoring.evaluation import Plan, Reading, solved
 from rigctl.monitoring.significance import COARSE, FINE, STRONGEST, Scan, best_possible, critical, scan
 
@@ -211,7 +211,7 @@ def change_of(tested: Tested, judged: Judged, alike: tuple[str, ...] = ()) -> Ch
     )
     # penalty of each step: its height and its location
     dear = 2.0 * len(steps) * math.log(max(known.size, 2))
-    if not steps or left_by(levels, values, std) + dear > shape.cost + 2.0 * math.log(max(known.size, 2)):
+    if not steps or chi2_about(levels, values, std) + dear > shape.cost + 2.0 * math.log(max(known.size, 2)):
         steps = ()
     told = tuple(float(levels[first]) for first, _ in parts) if steps else ()
     if steps:

@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.monitoring.change_point import Apart, apart_in, sizes
+from rigctl.monitoring.change_point import PossibleChanges, possible_changes, sizes
 from rigctl.monitoring.ranks import drawn_scores, neighbours, normal_scores
 
 Floats = NDArray[np.float64]
@@ -80,7 +80,7 @@ class Chance:
 
 
 @lru_cache(maxsize=48)
-def chance(count: int, apart: Apart, draws: int = FINE) -> Chance:
+def chance(count: int, apart: PossibleChanges, draws: int = FINE) -> Chance:
     """The null distribution for `count` runs; `draws` sequences for each correlation except zero."""
     found_sizes, found_alike, prior = [], [], []
     for correlation in _CORRELATIONS:
@@ -143,7 +143,7 @@ def scan(values: Floats, over: Floats, *, draws: int = FINE) -> Scan:
     draws: as in `chance`.
     """
     scores = normal_scores(values)[None, :]
-    apart = apart_in(over)
+    apart = possible_changes(over)
     correlation = float(neighbours(values[None, :], scores)[0])
     ends, found = sizes(scores, apart)
     largest = float(found.max()) if found.size else 0.0
@@ -158,7 +158,7 @@ def scan(values: Floats, over: Floats, *, draws: int = FINE) -> Scan:
 
 def critical(over: Floats, correlation: float, level: float) -> float:
     """The size exceeded by chance with probability `level`; infinite if there are too few draws."""
-    return chance(over.size, apart_in(over)).critical(level, correlation)
+    return chance(over.size, possible_changes(over)).critical(level, correlation)
 
 
 def best_possible(over: Floats) -> float:
@@ -173,7 +173,7 @@ def best_possible(over: Floats) -> float:
             for _ in range(_CLEAR)
         ]
     ).astype(float)
-    scores, apart = normal_scores(courses), apart_in(over)
+    scores, apart = normal_scores(courses), possible_changes(over)
     _, found = sizes(scores, apart)
     if not found.size:
         return 1.0

@@ -3,7 +3,7 @@
 from rigctl.noise.edges import find_edges
 from rigctl.noise.estimate import estimate_noise, spikes_of, usual_spacing
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
-from rigctl.noise.off_model import LeftOver, Width, width_off_model
+from rigctl.noise.off_model import ModelResiduals, Width, width_off_model
 from rigctl.noise.record import NoiseRecord
 from rigctl.noise.rows import RowNoise, row_noise, same_reading
 from rigctl.noise.scatter import Scatter, estimate_scatter
@@ -14,7 +14,7 @@ from rigctl.noise.whitening import Whitener, whiten
 
 __all__ = [
     "ChannelNoise",
-    "LeftOver",
+    "ModelResiduals",
     "NoiseModel",
     "NoiseRecord",
     "RowNoise",

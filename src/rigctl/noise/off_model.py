@@ -41,7 +41,7 @@ _STRETCH = 60
 
 
 @dataclass(frozen=True)
-class LeftOver:
+class ModelResiduals:
     """A model's residuals for one record.
 
     Parameters
@@ -73,7 +73,7 @@ class Width:
 
 
 def width_off_model(
-    left: Sequence[LeftOver],
+    left: Sequence[ModelResiduals],
     channel: int,
     *,
     correlation: float = 0.0,
@@ -140,7 +140,7 @@ class _Differences:
 
 
 def _differences(
-    left: Sequence[LeftOver],
+    left: Sequence[ModelResiduals],
     channel: int,
     order: int,
     correlation: float,
@@ -158,7 +158,7 @@ def _differences(
 
 
 def _windows(
-    left: Sequence[LeftOver], channel: int, order: int, known: Sequence[Floats] | None
+    left: Sequence[ModelResiduals], channel: int, order: int, known: Sequence[Floats] | None
 ) -> Iterator[tuple[Floats, Floats, Floats]]:
     """(windows, order + 1) errors, levels and known σ of each stretch of readings inside a phase."""
     for index, one in enumerate(left):

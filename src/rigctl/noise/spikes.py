@@ -114,14 +114,14 @@ def find_spikes_on_scales(
     """
     departures = [_departures(record.values, local, off_model) for record in records]
     return [
-        _less_what_comes_back(
+        _without_recurring(
             records, _guarded_as_needed(records, [found[k] for found in departures], off_model)
         )
         for k in range(len(local))
     ]
 
 
-def _less_what_comes_back(
+def _without_recurring(
     records: Sequence[NoiseRecord], masks: list[NDArray[np.bool_]]
 ) -> list[NDArray[np.bool_]]:
     """The masks without what is marked at the same place in most records."""

@@ -49,7 +49,7 @@ def open_keys(stream: TextIO | None = None) -> Keys:
     return _Lines(None)
 
 
-def nothing_comes(stream: TextIO | None = None) -> bool:
+def input_is_empty(stream: TextIO | None = None) -> bool:
     """Whether no line can be read: of a closed input, of the null device, at the end of a file."""
     source = stream or sys.stdin
     if source is None or source.closed:

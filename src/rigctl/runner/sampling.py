@@ -14,7 +14,7 @@ from rigctl.plan.behaviour import Row
 from rigctl.plan.outcomes import Ending, Lost, SamplesLost, Tripped
 from rigctl.runner.bench import Bench
 from rigctl.runner.interlocks import Alarm, Interlocks
-from rigctl.runner.snapshot import Happening
+from rigctl.runner.snapshot import ShownEvent
 
 #: s of bench time that a repeatable record waits for a lost bench to come back
 RECONNECT = 30.0
@@ -57,7 +57,7 @@ class Sampling:
         self._fault = ""  # that the bench has told of since the newest sample
         self.repeatable = False  #: the open record will be measured again if samples are lost
         self.alarms: dict[str, Alarm] = {}  #: latched, by name
-        self.happenings: deque[Happening] = deque(maxlen=12)
+        self.happenings: deque[ShownEvent] = deque(maxlen=12)
         self.warnings: list[RunWarning] = []  #: that a simulated bench left the range of an effect's law
 
     @property
@@ -123,7 +123,7 @@ class Sampling:
 
     def note(self, time: float, kind: str, message: str) -> None:
         """Keep an event for observers of the run."""
-        self.happenings.append(Happening(time, kind, message))
+        self.happenings.append(ShownEvent(time, kind, message))
 
     def _row(self, sample: Sample) -> Row:
         return (sample.time, self._bench.record_of(sample.time), *sample.values, *sample.commands)

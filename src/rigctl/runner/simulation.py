@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rigctl.dataset import Run, open_run
 from rigctl.errors import ExitCode, RigctlError
-from rigctl.files.version_suffix import is_there
+from rigctl.files.version_suffix import path_exists
 from rigctl.notebook import one_line
 from rigctl.plan import Plan
 from rigctl.procedure import expand, load_procedure
@@ -135,4 +135,4 @@ def simulation_launch(
 
 def _found(written: str | Path) -> Path:
     path = Path(written)
-    return path if is_there(path) else find_project().resolve(path)
+    return path if path_exists(path) else find_project().resolve(path)

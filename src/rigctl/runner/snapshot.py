@@ -9,7 +9,7 @@ from rigctl.runner.interlocks import Alarm
 
 
 @dataclass(frozen=True, slots=True)
-class Happening:
+class ShownEvent:
     """A logged event that is worth showing."""
 
     time: float
@@ -55,7 +55,7 @@ class View:
     values: Mapping[str, float] = field(default_factory=dict)
     commands: Mapping[str, float] = field(default_factory=dict)
     alarms: tuple[Alarm, ...] = ()
-    happenings: tuple[Happening, ...] = ()
+    happenings: tuple[ShownEvent, ...] = ()
     question: str | None = None
     asked: str | None = None
     remote: bool = False

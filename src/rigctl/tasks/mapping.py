@@ -55,12 +55,12 @@ def _results(
         return on_cluster(work, pieces, workers)
     count = workers.for_pieces(len(pieces))
     if count == 1:
-        return _here(work, pieces)
+        return _sequentially(work, pieces)
     from rigctl.tasks.pools import in_processes, in_threads
 
     return (in_threads if workers.kind == "threads" else in_processes)(work, pieces, count)
 
 
-def _here(work: Callable[[T], R], pieces: Sequence[T]) -> Generator[tuple[int, R], None, None]:
+def _sequentially(work: Callable[[T], R], pieces: Sequence[T]) -> Generator[tuple[int, R], None, None]:
     for index, piece in enumerate(pieces):
         yield index, work(piece)

@@ -77,7 +77,7 @@ def likeness(seen: Unexplained, left: FitResult, effect: str, size: float) -> Li
     )
 
 
-def beside_each_other(left: FitResult, chosen: Sequence[Candidate]) -> tuple[float, ...]:
+def sizes_beside_each_other(left: FitResult, chosen: Sequence[Candidate]) -> tuple[float, ...]:
     """λ of each of several hidden effects beside the others: the cost of leaving its library effect out.
 
     An effect that another one nearly absorbs has far less than its own size. Empty if unknown.

@@ -93,7 +93,7 @@ class Searched:
 
 
 @dataclass(frozen=True)
-class Learnt:
+class LearningOutcome:
     """The result of learning on the separate bench.
 
     Attributes
@@ -101,7 +101,7 @@ class Learnt:
     ended, rounds, added: as in `rigctl.learning.result.Learned`, with the rounds that were measured.
     left: the classes with more than one effect after the first campaign.
     probability, separation: predicted for the first designed round; None if none was carried out.
-    winner, told, kept, gains, expected: its outcome, as in `rigctl.learning.result.CameOut`.
+    winner, told, kept, gains, expected: its outcome, as in `rigctl.learning.result.RoundOutcome`.
     chances: for the first designed round, the probability that the hidden effect is distinguished from each
         rival.
     apart: those from which it is distinguished, if it is named.
@@ -128,7 +128,7 @@ class Learnt:
     statement: str = ""
 
     @classmethod
-    def read(cls, document: Mapping[str, Any]) -> Learnt:
+    def read(cls, document: Mapping[str, Any]) -> LearningOutcome:
         """The object that `document` describes, also after JSON; older ones have fewer fields."""
         left = tuple(tuple(names) for names in document["left"])
         several = {name: tuple(document.get(name, ())) for name in ("added", "apart", "sensor")}
@@ -174,7 +174,7 @@ class TrialOutcome(Generic[AnyTrial]):
     intervals: tuple[Interval, ...] = ()
     exponents: tuple[Interval, ...] = ()
     searched: Searched | None = None
-    learnt: Learnt | None = None
+    learnt: LearningOutcome | None = None
     untested: str = ""
     failure: str = ""
     seconds: float = 0.0
@@ -226,7 +226,7 @@ class TrialOutcome(Generic[AnyTrial]):
         searched = fields.get("searched")
         fields["searched"] = None if searched is None else Searched.read(searched)
         learnt = fields.get("learnt")
-        fields["learnt"] = None if learnt is None else Learnt.read(learnt)
+        fields["learnt"] = None if learnt is None else LearningOutcome.read(learnt)
         return cls(**fields)
 
 

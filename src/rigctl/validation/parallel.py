@@ -19,7 +19,7 @@ Work: TypeAlias = Callable[[AnyTrial], TrialOutcome[AnyTrial]]
 
 
 @dataclass(frozen=True)
-class Standing:
+class BenchmarkProgress:
     """The progress: `done` and `failed` of `total` scenarios, s since the start and estimated s left."""
 
     done: int
@@ -41,7 +41,7 @@ def run_scenarios(
     store: ResultStore[AnyTrial],
     *,
     workers: Workers | None = None,
-    progress: Callable[[Standing], None] = lambda _: None,
+    progress: Callable[[BenchmarkProgress], None] = lambda _: None,
 ) -> tuple[TrialOutcome[AnyTrial], ...]:
     """Carry out the scenarios without a result; returns the results of all of them.
 
@@ -61,13 +61,13 @@ def run_scenarios(
     missing = store.missing(scenarios)
     began, failed = time.monotonic(), 0
     done = len(scenarios) - len(missing)
-    progress(Standing(done, len(scenarios), 0, 0.0, math.inf if missing else 0.0))
+    progress(BenchmarkProgress(done, len(scenarios), 0, 0.0, math.inf if missing else 0.0))
     for finished, (_, outcome) in enumerate(map_tasks(partial(attempt, work), missing, workers), start=1):
         store.keep(outcome)
         failed += bool(outcome.failure)
         elapsed = time.monotonic() - began
         left = elapsed / finished * (len(missing) - finished)
-        progress(Standing(done + finished, len(scenarios), failed, elapsed, left, outcome))
+        progress(BenchmarkProgress(done + finished, len(scenarios), failed, elapsed, left, outcome))
     return store.outcomes(scenarios)
 
 

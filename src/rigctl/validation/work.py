@@ -38,7 +38,7 @@ from rigctl.validation.bench.sensing import Noise
 from rigctl.validation.hidden_effect import HiddenEffect, hide
 from rigctl.validation.hidden_library import find_hidden
 from rigctl.validation.in_memory import measure
-from rigctl.validation.likeness import Likeness, beside_each_other, likeness
+from rigctl.validation.likeness import Likeness, likeness, sizes_beside_each_other
 from rigctl.validation.outcome import Claim, Interval, Outcome
 from rigctl.validation.scenario import Scenario, Wanted
 
@@ -242,7 +242,9 @@ def _beside(
     chosen = [each.own for each in alike if each.own is not None]
     if len(chosen) < 2 or len(chosen) < len(amplitudes):
         return ()
-    return beside_each_other(_left(scenario, list(zip(scenario.hidden, amplitudes, strict=True))), chosen)
+    return sizes_beside_each_other(
+        _left(scenario, list(zip(scenario.hidden, amplitudes, strict=True))), chosen
+    )
 
 
 def _left(scenario: Scenario, hidden: Sequence[tuple[Wanted, Amplitude]]) -> FitResult:

@@ -13,7 +13,7 @@ from starlette.responses import Response
 
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
-from rigctl.web.request_handling import Asked, get
+from rigctl.web.request_handling import PageRequest, get
 from rigctl.web.server_state import Part, Site
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def routes(_: Site) -> Sequence[BaseRoute]:
     )
 
 
-def page(asked: Asked) -> Response:
+def page(asked: PageRequest) -> Response:
     """A file of the site.
 
     Raises

@@ -19,7 +19,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.write import to_json
 from rigctl.web.lease import Lease
-from rigctl.web.request_handling import Asked, get, post
+from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.server_state import Part, Site
 
 if TYPE_CHECKING:
@@ -63,12 +63,12 @@ class Live:
 
     # --- what a page asks for -----------------------------------------------------------------------------
 
-    def runs(self, asked: Asked) -> dict[str, Any]:
+    def runs(self, asked: PageRequest) -> dict[str, Any]:
         """The ids of the runs in progress, newest first, and who has the controls."""
         found = [folder.name for folder in self._in_progress()]
         return {"runs": found, "lease": self._lease.told(asked.viewer)}
 
-    def snapshot(self, asked: Asked) -> dict[str, Any]:
+    def snapshot(self, asked: PageRequest) -> dict[str, Any]:
         """The data that the socket sends, for a browser without WebSockets."""
         from rigctl.web.feed import about
 
@@ -82,7 +82,7 @@ class Live:
         found = feed.snapshot(after, window, width)
         return {**found, "run": about(feed.header), "lease": self._lease.told(asked.viewer)}
 
-    def lease_asked(self, asked: Asked) -> dict[str, Any]:
+    def lease_asked(self, asked: PageRequest) -> dict[str, Any]:
         """Acquire the controls, take them over, or release them."""
         if asked.body.get("give") is True:
             self._lease.give(asked.viewer)
@@ -90,7 +90,7 @@ class Live:
             self._lease.take(asked.viewer, over=asked.body.get("over") is True)
         return self._lease.told(asked.viewer)
 
-    def request(self, asked: Asked) -> dict[str, Any]:
+    def request(self, asked: PageRequest) -> dict[str, Any]:
         """Pause, continue or abort a run, as the commands of these names do."""
         from rigctl.runner.remote_control import send
         from rigctl.runner.requests import Request
@@ -106,7 +106,7 @@ class Live:
         self._lease.take(asked.viewer, over=False)
         return {"run": folder.name, "answer": send(folder, request, at="a browser")}
 
-    def answer(self, asked: Asked) -> dict[str, Any]:
+    def answer(self, asked: PageRequest) -> dict[str, Any]:
         """Answer the operator's question of a run that was started from this page."""
         from rigctl.runner.remote_operator import send_answer
 
@@ -115,7 +115,7 @@ class Live:
         send_answer(folder, asked.text("question"), asked.text("text"))
         return {"run": folder.name}
 
-    def off(self, asked: Asked) -> dict[str, Any]:
+    def off(self, asked: PageRequest) -> dict[str, Any]:
         """Everything to the safe state, like `rigctl off`: from any window, whichever has the controls."""
         from rigctl.runner.bench_access import Access, bench_options
         from rigctl.runner.switch_off import switch_off
@@ -200,7 +200,7 @@ class Live:
                 self._feeds[run] = Feed(folder, header)
             return self._feeds[run]
 
-    def _bench(self, asked: Asked) -> Any:
+    def _bench(self, asked: PageRequest) -> Any:
         """The rig in question: that of a run, or the project's."""
         from rigctl.rig import load_rig
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.errors import RigctlError
 from rigctl.project import MARKER
-from rigctl.web.request_handling import Asked
+from rigctl.web.request_handling import PageRequest
 
 if TYPE_CHECKING:
     from rigctl.web.server_state import Site
@@ -20,7 +20,7 @@ def is_empty(site: Site) -> bool:
     return root.is_dir() and not any((root / name).exists() for name in _HOLDS)
 
 
-def fill(site: Site, asked: Asked) -> dict[str, Any]:
+def fill(site: Site, asked: PageRequest) -> dict[str, Any]:
     """Start a project in the folder: ``rigctl init``, or with ``--minimal`` an empty one.
 
     Raises

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 from rigctl.command_line import command
 from rigctl.errors import ExitCode, RigctlError, SeveralErrors
 from rigctl.web.report import inside, project_files
-from rigctl.web.request_handling import Asked, get, post
+from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.server_state import Part, Site
 
 if TYPE_CHECKING:
@@ -50,11 +50,11 @@ class Procedures:
         self._site = site
         self._saving = threading.Lock()
 
-    def files(self, asked: Asked) -> dict[str, Any]:
+    def files(self, asked: PageRequest) -> dict[str, Any]:
         """The procedure files of the project."""
         return {"files": project_files(self._site.require_project(), _FOLDER)}
 
-    def read(self, asked: Asked) -> dict[str, Any]:
+    def read(self, asked: PageRequest) -> dict[str, Any]:
         """A file's text."""
         path = inside(self._site.require_project(), asked.text("path"))
         try:
@@ -63,7 +63,7 @@ class Procedures:
             raise RigctlError("the file is not UTF-8 text", value=asked.text("path")) from problem
         return {"path": asked.text("path"), "text": text, "sha256": _hash(text)}
 
-    def check(self, asked: Asked) -> dict[str, Any]:
+    def check(self, asked: PageRequest) -> dict[str, Any]:
         """The plan of a text, or its errors with their locations."""
         from datetime import UTC, datetime
 
@@ -87,7 +87,7 @@ class Procedures:
             "demands": settled(identity, {})[1],
         }
 
-    def save(self, asked: Asked) -> dict[str, Any]:
+    def save(self, asked: PageRequest) -> dict[str, Any]:
         """Write a text to the file it was read from, unless that has been changed meanwhile."""
         from rigctl.files.write import write_text
 
@@ -106,7 +106,7 @@ class Procedures:
             write_text(path, text)
         return {"path": asked.text("path"), "sha256": _hash(text)}
 
-    def start(self, asked: Asked) -> dict[str, Any]:
+    def start(self, asked: PageRequest) -> dict[str, Any]:
         """Start a run in a separate process, which continues even if this server ends.
 
         Starting the real bench requires typing its name: a click alone moves nothing.

@@ -13,7 +13,7 @@ from starlette.responses import HTMLResponse, Response
 
 from rigctl.command_line import command
 from rigctl.errors import RigctlError
-from rigctl.web.request_handling import Asked, get, post
+from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.runs import plain_id
 from rigctl.web.server_state import Part, Site
 
@@ -41,12 +41,12 @@ class Pages:
     def __init__(self, site: Site) -> None:
         self._site = site
 
-    def models(self, asked: Asked) -> dict[str, Any]:
+    def models(self, asked: PageRequest) -> dict[str, Any]:
         """The project's model files."""
         root = self._site.require_project()
         return {"models": project_files(root, "models")}
 
-    def make(self, asked: Asked) -> dict[str, Any]:
+    def make(self, asked: PageRequest) -> dict[str, Any]:
         """Start to make a page; it is shown under the id of the job."""
         root = self._site.require_project()
         runs = [plain_id(run) for run in asked.texts("runs")]
@@ -63,7 +63,7 @@ class Pages:
         job.command = command(["report", *told])
         return job.document()
 
-    def show(self, asked: Asked) -> Response:
+    def show(self, asked: PageRequest) -> Response:
         """A finished page, under its own policy and without this server's rights.
 
         It is sandboxed: its scripts do not run with the origin of this server, so that a flaw in it can reach

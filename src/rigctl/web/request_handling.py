@@ -26,7 +26,7 @@ _MOST_BYTES: Final = 2_000_000
 
 
 @dataclass(frozen=True)
-class Asked:
+class PageRequest:
     """One request of a page.
 
     Parameters
@@ -83,7 +83,7 @@ class Asked:
         return found
 
 
-Work = Callable[[Asked], object]
+Work = Callable[[PageRequest], object]
 
 
 def get(path: str, work: Work) -> Route:
@@ -125,12 +125,12 @@ def _endpoint(work: Work) -> Callable[[Request], Any]:
     return endpoint
 
 
-async def _read(request: Request) -> Asked:
+async def _read(request: Request) -> PageRequest:
     body: Mapping[str, Any] = {}
     if request.method not in ("GET", "HEAD"):
         body = await read_fields(request, _MOST_BYTES)
     viewer = request.headers.get("x-rigctl-viewer", "")[:64]
-    return Asked(dict(request.path_params), dict(request.query_params), body, viewer)
+    return PageRequest(dict(request.path_params), dict(request.query_params), body, viewer)
 
 
 async def read_fields(request: Request, most: int) -> Mapping[str, Any]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.errors import RigctlError
-from rigctl.web.request_handling import Asked, get, post
+from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.server_state import Part, Site
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Catalogue:
     def __init__(self, site: Site) -> None:
         self._site = site
 
-    def page(self, asked: Asked) -> dict[str, Any]:
+    def page(self, asked: PageRequest) -> dict[str, Any]:
         """A sorted page of the runs."""
         from rigctl.dataset.catalogue import page_of_runs
 
@@ -56,7 +56,7 @@ class Catalogue:
         listed = {"runs": [asdict(run) for run in found.runs], "found": found.found, "all": found.all}
         return listed | {"store": self._site.project.store}
 
-    def show(self, asked: Asked) -> dict[str, Any]:
+    def show(self, asked: PageRequest) -> dict[str, Any]:
         """One run: procedure, bench, operator, records and notes."""
         from rigctl.dataset.catalogue import status_of
         from rigctl.dataset.run_json import read_info
@@ -80,7 +80,7 @@ class Catalogue:
             "left_out": max(len(records) - _MOST_RECORDS, 0),
         }
 
-    def annotate(self, asked: Asked) -> dict[str, Any]:
+    def annotate(self, asked: PageRequest) -> dict[str, Any]:
         """Add a note to a run or a record of it."""
         from rigctl.dataset import annotate
 
@@ -91,7 +91,7 @@ class Catalogue:
         annotate(folder, text, record=_record(asked.body.get("record")))
         return {"run": folder.name}
 
-    def exclude(self, asked: Asked) -> dict[str, Any]:
+    def exclude(self, asked: PageRequest) -> dict[str, Any]:
         """Exclude a record from analysis, or include it again; with a reason."""
         from rigctl.dataset import exclude, include
 
@@ -105,7 +105,7 @@ class Catalogue:
         (include if asked.body.get("undo") is True else exclude)(folder, [record], reason)
         return {"run": folder.name}
 
-    def difference(self, asked: Asked) -> dict[str, Any]:
+    def difference(self, asked: PageRequest) -> dict[str, Any]:
         """The difference between two campaigns, condition by condition."""
         from rigctl.dataset import open_run
         from rigctl.web.difference import difference
@@ -118,7 +118,7 @@ class Catalogue:
     def _runs(self) -> Path:
         return self._site.project.runs
 
-    def _folder(self, asked: Asked) -> Path:
+    def _folder(self, asked: PageRequest) -> Path:
         from rigctl.dataset import find_run
 
         self._site.require_project()

@@ -46,7 +46,7 @@ _BUDGET = 0.04
 _FEWEST = 3
 
 
-class Unwanted(Exception):
+class Cancelled(Exception):
     """The result being computed is no longer wanted."""
 
 
@@ -181,7 +181,7 @@ class Workbench:
 
         Parameters
         ----------
-        wanted: called in each iteration; `Unwanted` is raised if it returns False.
+        wanted: called in each iteration; `Cancelled` is raised if it returns False.
 
         Raises
         ------
@@ -318,7 +318,7 @@ class Workbench:
     ) -> FitResult:
         def iterated(_: Iteration) -> None:
             if not wanted():
-                raise Unwanted
+                raise Cancelled
 
         problem = self._problem(self.model_of(state), library=False, on_progress=on_progress)
         data = self.opened.data

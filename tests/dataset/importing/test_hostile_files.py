@@ -162,7 +162,7 @@ def test_a_reader_that_crashes_or_hangs_gives_an_error_message(
     path = tmp_path / "log.mf4"
     path.write_bytes(b"MDF")
     with pytest.raises(RigctlError, match=said.replace("(", r"\(")):
-        foreign.open_apart(path, Options(), "hostile_readers", function)
+        foreign.open_in_process(path, Options(), "hostile_readers", function)
 
 
 def mdf() -> bytearray:

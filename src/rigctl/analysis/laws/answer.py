@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.decision_levels import ALPHA, AT_LIMIT, SHAPE_TOLERANCE
-from rigctl.analysis.laws.posterior import AskedLaw, asked_laws, chance_of, laws_of
+from rigctl.analysis.laws.posterior import EstimatedLaw, chance_of, estimated_laws, laws_of
 from rigctl.analysis.laws.power_law import PowerLaw, fit_power, shown_unit
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
@@ -55,7 +55,7 @@ class LawAnswer:
     """
 
     effect: str
-    law: AskedLaw = field(repr=False)
+    law: EstimatedLaw = field(repr=False)
     unit: str
     value_unit: str
     assumed: Floats = field(repr=False)
@@ -163,12 +163,12 @@ class Laws:
         return tuple(found)
 
     @cached_property
-    def _asked(self) -> dict[str, list[AskedLaw]]:
-        by_effect: dict[str, list[AskedLaw]] = {}
+    def _asked(self) -> dict[str, list[EstimatedLaw]]:
+        by_effect: dict[str, list[EstimatedLaw]] = {}
         if not self.best.fit.problem.model.with_laws:
             return by_effect
         try:
-            for law in asked_laws(self.search, self.best):
+            for law in estimated_laws(self.search, self.best):
                 by_effect.setdefault(law.effect.name, []).append(law)
         except RigctlError:  # the model cannot be simulated with deviating laws, so nothing can be drawn
             return {}
@@ -182,7 +182,7 @@ def laws_instead(search: Search) -> tuple[LawAnswer, ...]:
     """
     here = search.none
     try:
-        asked = asked_laws(search, here)
+        asked = estimated_laws(search, here)
     except RigctlError:
         return ()
     count = sum(here.fit.problem.whiteners[k].size for k in here.fit.fitted)
@@ -202,7 +202,7 @@ def _takes_all(one: LawAnswer, here: RefittedSet, count: int) -> bool:
     return one.power.gain > _NEARLY * (here.chi2 - count)
 
 
-def _of_effect(search: Search, best: RefittedSet, laws: list[AskedLaw]) -> list[LawAnswer]:
+def _of_effect(search: Search, best: RefittedSet, laws: list[EstimatedLaw]) -> list[LawAnswer]:
     """The answers for one effect: a power of the variable that explains most is fitted."""
     asking = [law for law in laws if law.differs or law.clear]
     if not asking:
@@ -224,14 +224,14 @@ def _of_effect(search: Search, best: RefittedSet, laws: list[AskedLaw]) -> list[
     ]
 
 
-def _beside(law: AskedLaw, after: AskedLaw | None) -> AskedLaw:
+def _beside(law: EstimatedLaw, after: EstimatedLaw | None) -> EstimatedLaw:
     """The law over another variable, as far as the power of the first one leaves anything."""
     if after is None:
         return law
     return replace(law, differs=law.differs and after.differs, clear=law.clear and after.clear)
 
 
-def _fitted(law: AskedLaw, after: AskedLaw, power: PowerLaw, best: RefittedSet) -> LawAnswer:
+def _fitted(law: EstimatedLaw, after: EstimatedLaw, power: PowerLaw, best: RefittedSet) -> LawAnswer:
     std = math.hypot(power.std * math.sqrt(after.noise), _ROUNDING)
     assumed = law.assumed_exponent
     z = (power.exponent - (assumed or 0.0)) / std if std > 0.0 else math.inf
@@ -256,7 +256,7 @@ def _fitted(law: AskedLaw, after: AskedLaw, power: PowerLaw, best: RefittedSet) 
     )
 
 
-def _plain(law: AskedLaw, best: RefittedSet) -> LawAnswer:
+def _plain(law: EstimatedLaw, best: RefittedSet) -> LawAnswer:
     """The law as far as the linear problem determines it."""
     assumed = law.assumed_exponent
     return LawAnswer(
@@ -276,17 +276,17 @@ def _plain(law: AskedLaw, best: RefittedSet) -> LawAnswer:
     )
 
 
-def _fitted_shape(law: AskedLaw, best: RefittedSet) -> bool:
+def _fitted_shape(law: EstimatedLaw, best: RefittedSet) -> bool:
     """Whether a fit already changes the shape of the law, for example its exponent."""
     values = best.fit.problem.model.effects[law.effect.name]
     return any(one.shape and values[one.name].fit for one in law.effect.parameters)
 
 
-def _value_unit(law: AskedLaw) -> str:
+def _value_unit(law: EstimatedLaw) -> str:
     return law.effect.model_family.slot(law.slot).unit
 
 
-def _over(law: AskedLaw) -> str:
+def _over(law: EstimatedLaw) -> str:
     name = law.driver.name
     return name if name.isidentifier() else f"({name})"
 
@@ -297,7 +297,7 @@ def _hardly_changes(assumed: float | None, exponent: float, std: float) -> bool:
     return bool(assumed) and abs(exponent) < max(SHAPE_TOLERANCE, AT_LIMIT * std)
 
 
-def _told(law: AskedLaw, exponent: float, std: float, *, follows: bool) -> str:
+def _told(law: EstimatedLaw, exponent: float, std: float, *, follows: bool) -> str:
     name, over, n = law.effect.name, _over(law), with_uncertainty(exponent, std)
     if _hardly_changes(law.assumed_exponent, exponent, std):
         return (
@@ -314,7 +314,7 @@ def _told(law: AskedLaw, exponent: float, std: float, *, follows: bool) -> str:
     return f"{said}, approximately: no power describes it completely, see the curve"
 
 
-def _not_told(law: AskedLaw, *, fitted: bool) -> str:
+def _not_told(law: EstimatedLaw, *, fitted: bool) -> str:
     name, over, std = law.effect.name, _over(law), law.change_std
     if law.differs:
         return (

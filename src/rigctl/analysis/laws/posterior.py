@@ -46,7 +46,7 @@ _CORNER = 0.01
 
 
 @dataclass(frozen=True)
-class AskedLaw:
+class EstimatedLaw:
     """The law of one effect over one of its explanatory variables; SI.
 
     Attributes
@@ -95,7 +95,7 @@ class AskedLaw:
         return _exponent(self.x, self.assumed)
 
 
-def asked_laws(search: Search, trial: RefittedSet) -> tuple[AskedLaw, ...]:
+def estimated_laws(search: Search, trial: RefittedSet) -> tuple[EstimatedLaw, ...]:
     """The law that the data support for every effect in a trial's model, over each of its variables.
 
     Empty if no term has a discrepancy: for effects without variables, or with variables that do not vary.
@@ -107,8 +107,8 @@ def asked_laws(search: Search, trial: RefittedSet) -> tuple[AskedLaw, ...]:
     return _laws(trial.fit, point.shaped(), point.shapes.bends, 1.0 if agrees else None)
 
 
-def laws_of(fit: FitResult, effects: Sequence[Effect]) -> tuple[AskedLaw, ...]:
-    """As `asked_laws`, for `effects` in the model of any fit.
+def laws_of(fit: FitResult, effects: Sequence[Effect]) -> tuple[EstimatedLaw, ...]:
+    """As `estimated_laws`, for `effects` in the model of any fit.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def laws_of(fit: FitResult, effects: Sequence[Effect]) -> tuple[AskedLaw, ...]:
 
 def _laws(
     fit: FitResult, shaped: Linearisation, bends: Sequence[Bend], noise: float | None
-) -> tuple[AskedLaw, ...]:
+) -> tuple[EstimatedLaw, ...]:
     course = _Course(fit)
     visited = {bend.driver: course.range(bend.driver) for bend in bends}
     laws = []
@@ -171,7 +171,7 @@ class _Course:
         return values[np.isfinite(values)]
 
 
-def _law(shaped: Linearisation, bend: Bend, term: LawTerm, count: int, noise: float | None) -> AskedLaw:
+def _law(shaped: Linearisation, bend: Bend, term: LawTerm, count: int, noise: float | None) -> EstimatedLaw:
     """One effect over one variable, with the other discrepancies free within the tolerance.
 
     `noise` is the variance of whitened residuals; if None, that which the widest discrepancy leaves.
@@ -197,7 +197,7 @@ def _law(shaped: Linearisation, bend: Bend, term: LawTerm, count: int, noise: fl
     table = shaped.fit.problem.measurements.table
     degrees = projected.noise_degrees or (max(projected.dof, 1) if table else 0)
     clear = count * chance_of(change / std, degrees) < ALPHA
-    return AskedLaw(
+    return EstimatedLaw(
         effect=term.effect,
         driver=bend.driver,
         slot=term.slot,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rigctl.analysis.laws.posterior import AskedLaw
+from rigctl.analysis.laws.posterior import EstimatedLaw
 from rigctl.analysis.refit import RefittedSet
 from rigctl.effects.declaration import Effect, EffectParameter, Term, qualified
 from rigctl.effects.drivers import Driver
@@ -62,7 +62,7 @@ class PowerLaw:
     gain: float
 
 
-def fit_power(law: AskedLaw, trial: RefittedSet) -> PowerLaw | None:
+def fit_power(law: EstimatedLaw, trial: RefittedSet) -> PowerLaw | None:
     """The power fitted to a law; None if its term cannot be written in a file, or not be fitted."""
     made = power_effect(law, trial.fit.model)
     if made is None:
@@ -92,7 +92,7 @@ def fit_power(law: AskedLaw, trial: RefittedSet) -> PowerLaw | None:
 EXPONENT = "exponent"
 
 
-def power_effect(law: AskedLaw, model: Model) -> tuple[Effect, dict[str, str]] | None:
+def power_effect(law: EstimatedLaw, model: Model) -> tuple[Effect, dict[str, str]] | None:
     """The effect with a power of the law's variable, and the text of its terms; None if impossible."""
     old, family = law.effect, model.family
     if old.states or EXPONENT in ({p.name for p in old.parameters} | taken_names(family)):
@@ -135,7 +135,7 @@ def _old_parameters(effect: Effect, model: Model) -> tuple[EffectParameter, ...]
     return tuple(parameters)
 
 
-def _exponent(law: AskedLaw) -> EffectParameter:
+def _exponent(law: EstimatedLaw) -> EffectParameter:
     base = law.assumed_exponent or 0.0
     said = "of" if law.assumed_exponent is not None else "of a further power of"
     return EffectParameter(
@@ -143,7 +143,7 @@ def _exponent(law: AskedLaw) -> EffectParameter:
     )
 
 
-def _terms(law: AskedLaw, family: ModelFamily) -> dict[str, str]:
+def _terms(law: EstimatedLaw, family: ModelFamily) -> dict[str, str]:
     old = law.effect
     names = {qualified(old.name, one.name): one.name for one in old.parameters}
     written = write_out(old, family, rates=False).terms
@@ -168,7 +168,7 @@ def _terms(law: AskedLaw, family: ModelFamily) -> dict[str, str]:
     return terms
 
 
-def _power_text(law: AskedLaw, points: set[str]) -> str:
+def _power_text(law: EstimatedLaw, points: set[str]) -> str:
     """``(absolute(x, c)/(x_0))^(exponent - n_0)``, which is 1 at the largest x."""
     base, dimension = law.assumed_exponent, parse_unit(law.driver.unit).dimension
     largest = float(f"{np.abs(law.x).max():.3g}")
@@ -221,7 +221,7 @@ def _fitted(before: FitResult, old: Effect, new: Effect, begin: float) -> FitRes
     return fit(problem, before.held_out, local=before.local, cost=_COST, largest_step=_STEP)
 
 
-def shown_unit(law: AskedLaw, fitted: FitResult) -> str:
+def shown_unit(law: EstimatedLaw, fitted: FitResult) -> str:
     """The unit in which the law's variable is shown: that of a channel of its dimension, else SI."""
     interval = len(law.driver.weights) > 1
     return fitted.problem.measurements.unit_for(law.driver.unit, interval=interval)

@@ -20,7 +20,7 @@ from rigctl.backends.protocol import CommandReceipt, PendingCommand
 from rigctl.backends.transport.bench import PortBench
 from rigctl.backends.transport.conversation import Conversation, Underway, carry_through
 from rigctl.backends.transport.port import Connect, NoAnswer, Port, PortLost, Refused
-from rigctl.backends.transport.reconnection import Meeting
+from rigctl.backends.transport.reconnection import DeviceIdentification
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.plan.loop import LoopSettings, LoopState
@@ -106,9 +106,9 @@ class ArduinoBench(PortBench[Board]):
 
     # --- meeting the board --------------------------------------------------------------------------------
 
-    def _meet(self, port: Port, *, again: bool) -> Meeting[Board]:
+    def _meet(self, port: Port, *, again: bool) -> DeviceIdentification[Board]:
         line = Line(port, self.clock, self._baud)
-        return Meeting(port, line.take, self._begin(line, again=again))
+        return DeviceIdentification(port, line.take, self._begin(line, again=again))
 
     def _begin(self, line: Line, *, again: bool) -> Conversation[Board]:
         """Identify the board, make it safe, read its trips, synchronise the clocks and start the stream."""

@@ -19,7 +19,7 @@ from rigctl.backends.transport.conversation import Conversation, Underway, carry
 from rigctl.backends.transport.duty import Duty, Outputs
 from rigctl.backends.transport.guard_port import GuardActed
 from rigctl.backends.transport.port import Connect, Port, PortLost, Refused
-from rigctl.backends.transport.reconnection import Meeting
+from rigctl.backends.transport.reconnection import DeviceIdentification
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Exchange, Lines, Rig
@@ -108,9 +108,9 @@ class LineBench(PortBench[Talk]):
 
     # --- meeting the device -------------------------------------------------------------------------------
 
-    def _meet(self, port: Port, *, again: bool) -> Meeting[Talk]:
+    def _meet(self, port: Port, *, again: bool) -> DeviceIdentification[Talk]:
         talk = Talk(port, self.clock, self._lines)
-        return Meeting(port, talk.take, self._begin(talk))
+        return DeviceIdentification(port, talk.take, self._begin(talk))
 
     def _begin(self, talk: Talk) -> Conversation[Talk]:
         """Accept a device that answers: check that it is the same, set it up, make it safe."""

@@ -13,7 +13,7 @@ from rigctl.backends.errors import BackendLost, OutOfReach
 from rigctl.backends.protocol import CommandReceipt, Notice, PendingCommand, Sample
 from rigctl.backends.transport.outbox import Outbox
 from rigctl.backends.transport.port import Connect, OnPort, Port, PortLost, Refused
-from rigctl.backends.transport.reconnection import Meeting, Reconnection
+from rigctl.backends.transport.reconnection import DeviceIdentification, Reconnection
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
@@ -73,7 +73,7 @@ class PortBench(ABC, Generic[Contact]):
     # --- what a kind of device adds -----------------------------------------------------------------------
 
     @abstractmethod
-    def _meet(self, port: Port, *, again: bool) -> Meeting[Contact]:
+    def _meet(self, port: Port, *, again: bool) -> DeviceIdentification[Contact]:
         """Start identifying the device on a port that has just been opened, or `again` after a loss.
 
         The result is the right device, with outputs safe, and sampling as before.

@@ -17,7 +17,7 @@ _FIRST_RETRY, _LONGEST_RETRY = 0.1, 2.0  # s, between two attempts
 Met = TypeVar("Met")
 
 
-class Meeting(Generic[Met]):
+class DeviceIdentification(Generic[Met]):
     """The conversation that identifies the device on a port that has just been opened.
 
     Parameters
@@ -69,13 +69,13 @@ class Reconnection(Generic[Met]):
     """
 
     def __init__(
-        self, clock: Clock, connect: Connect, meet: Callable[[Port], Meeting[Met]], limit: float
+        self, clock: Clock, connect: Connect, meet: Callable[[Port], DeviceIdentification[Met]], limit: float
     ) -> None:
         self._clock = clock
         self._connect = connect
         self._meet = meet
         self._limit = limit
-        self._meeting: Meeting[Met] | None = None
+        self._meeting: DeviceIdentification[Met] | None = None
         self._next_try = self._pause = 0.0
         self.since = math.nan
         self.why = ""
@@ -128,7 +128,7 @@ class Reconnection(Generic[Met]):
             self._meeting.port.close()
         self._meeting = None
 
-    def _open(self, now: float) -> Meeting[Met]:
+    def _open(self, now: float) -> DeviceIdentification[Met]:
         self._next_try = now + self._pause
         self._pause = min(2.0 * self._pause, _LONGEST_RETRY)
         try:

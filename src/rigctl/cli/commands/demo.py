@@ -195,14 +195,14 @@ def _write_story(
     directory: Path, learned: Learned, page: Path, compared: Comparison, model: Path, hidden: str
 ) -> int:
     """The page: what was learnt, how the error fell, where the textbook failed, and the hidden effect."""
-    from rigctl.cli.analysis_page import told_of_versions
+    from rigctl.cli.analysis_page import named_versions
     from rigctl.dataset import find_run, open_run
     from rigctl.report import write_report
     from rigctl.report.analysis import comparison_sections, hidden_section, learning_sections
 
     names = [*compared.runs, *(one.run for one in learned.rounds if one.run)]
     runs = [open_run(find_run(name, directory / "runs")) for name in dict.fromkeys(names)]
-    told = told_of_versions(runs, model, 1, hold_out=_HELD_OUT)
+    told = named_versions(runs, model, 1, hold_out=_HELD_OUT)
     sections = [
         *learning_sections(learned, model, told),
         *comparison_sections(compared, answered=True),

@@ -337,7 +337,7 @@ def _confirmed() -> bool:
 
 def _write_page(kept: Kept, learned: Learned) -> Path:
     """Write the page into the learning's folder; replaced after every session."""
-    from rigctl.cli.analysis_page import told_of_versions
+    from rigctl.cli.analysis_page import named_versions
     from rigctl.dataset import find_run, open_run
     from rigctl.project import find_project
     from rigctl.report import write_report
@@ -348,6 +348,6 @@ def _write_page(kept: Kept, learned: Learned) -> Path:
     if runs:
         task, told = kept.task, None
         if any(one.judged for one in learned.rounds):
-            told = told_of_versions(runs, Path(task.model), task.version, hold_out=task.hold_out or None)
+            told = named_versions(runs, Path(task.model), task.version, hold_out=task.hold_out or None)
         write_report(runs, page, sections=learning_sections(learned, Path(task.model), told), force=True)
     return page

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rigctl.tasks import Workers
     from rigctl.validation.figures import Figures
     from rigctl.validation.outcome import AnyTrial, TrialOutcome
-    from rigctl.validation.parallel import Standing, Work
+    from rigctl.validation.parallel import BenchmarkProgress, Work
 
 #: without a terminal a line is printed this often, s
 _OFTEN = 15.0
@@ -142,7 +142,7 @@ def _outcomes(
 
 
 @contextmanager
-def _told() -> Iterator[Callable[[Standing], None]]:
+def _told() -> Iterator[Callable[[BenchmarkProgress], None]]:
     """Report progress: on a terminal one line that is rewritten, otherwise a line now and then."""
     from rigctl.cli.progress import telling
 
@@ -150,7 +150,7 @@ def _told() -> Iterator[Callable[[Standing], None]]:
     last = -math.inf
     with telling("every finished trial is kept, and '--resume' goes on") as tell:
 
-        def told(standing: Standing) -> None:
+        def told(standing: BenchmarkProgress) -> None:
             nonlocal last
             now = time.monotonic()
             if now - last >= often or standing.done == standing.total:

@@ -11,7 +11,7 @@ from rich.table import Table
 from rigctl.analysis.adequacy import chance
 from rigctl.analysis.bootstrap import Bootstrap
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
-from rigctl.analysis.held_out import Unseen
+from rigctl.analysis.held_out import HeldOutGroup
 from rigctl.analysis.improve import Improvement, Step
 from rigctl.analysis.laws.answer import LawAnswer
 from rigctl.analysis.text import parameters_text
@@ -265,7 +265,7 @@ def _show_steps(found: Improvement) -> None:
         out.print(f"  rigctl model history {escape(str(head))} shows every version")
 
 
-def _show_unseen(found: Sequence[Unseen]) -> None:
+def _show_unseen(found: Sequence[HeldOutGroup]) -> None:
     """Show how good the model is on the records that were left out, and what it misses there."""
     out = console()
     if found:

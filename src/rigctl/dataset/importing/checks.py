@@ -74,7 +74,7 @@ class Checker:
     def take(self, part: Part) -> Checked:
         """Check the next rows of the file."""
         values = {column.name: self._values(column, part) for column in self._columns}
-        bad = _Bad(part)
+        bad = _InvalidRows(part)
         self._check_values(values, bad)
         ids = self._ids(part, bad)
         ordered = self._in_order(values["time"], ids, bad)
@@ -102,7 +102,7 @@ class Checker:
         self._taken = label
         return Stretch(len(self.record_ids) - 1 if label != BETWEEN else -1, start, stop, begins)
 
-    def _check_values(self, values: Mapping[str, NDArray[np.float64]], bad: _Bad) -> None:
+    def _check_values(self, values: Mapping[str, NDArray[np.float64]], bad: _InvalidRows) -> None:
         time = values["time"]
         bad.add(np.flatnonzero(np.isnan(time)), "time: the value is missing")
         far = np.flatnonzero(np.isfinite(time) & (np.abs(time) > LATEST))
@@ -117,7 +117,7 @@ class Checker:
                 said = [f"{value:g}" for value in found[wrong].tolist()]
                 bad.add(wrong, f"{column.name}: no such position", said, repeat(expected))
 
-    def _ids(self, part: Part, bad: _Bad) -> NDArray[np.int64]:
+    def _ids(self, part: Part, bad: _InvalidRows) -> NDArray[np.int64]:
         """Return the record of each row; one for all rows if the file has none."""
         labels = part.labels
         if labels is None:
@@ -132,7 +132,7 @@ class Checker:
         return ids
 
     def _in_order(
-        self, time: NDArray[np.float64], ids: NDArray[np.int64], bad: _Bad
+        self, time: NDArray[np.float64], ids: NDArray[np.int64], bad: _InvalidRows
     ) -> list[tuple[int, int, int]]:
         """Check that time increases in a record and never falls between records, and no record reappears.
 
@@ -170,7 +170,7 @@ class Checker:
         self._open, self._latest = label, -np.inf
 
 
-class _Bad:
+class _InvalidRows:
     """The invalid rows, with the first fault of each."""
 
     def __init__(self, part: Part) -> None:

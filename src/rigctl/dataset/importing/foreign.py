@@ -48,7 +48,7 @@ _FACTS: Final = "facts.json"
 Reader = Callable[[Path, Options], GroupedFile]
 
 
-def open_apart(path: Path, options: Options, module: str, function: str) -> GroupedFile:
+def open_in_process(path: Path, options: Options, module: str, function: str) -> GroupedFile:
     """Read a file with a function of a module, in a separate process.
 
     Raises

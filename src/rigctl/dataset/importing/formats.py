@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Final, cast
 
-from rigctl.dataset.importing.foreign import open_apart
+from rigctl.dataset.importing.foreign import open_in_process
 from rigctl.dataset.importing.long_format import is_long, open_long
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Source
@@ -52,7 +52,7 @@ def open_source(path: Path, options: Options) -> Source:
 def _open(path: Path, options: Options) -> Source:
     module, function = OPENERS[ending_of(path)]
     if module in _APART and isolated:
-        return open_apart(path, options, f"{_HERE}.{module}", function)
+        return open_in_process(path, options, f"{_HERE}.{module}", function)
     opener = cast("Opener", getattr(import_module(f"{_HERE}.{module}"), function))
     return opener(path, options)
 

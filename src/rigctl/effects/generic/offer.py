@@ -16,9 +16,9 @@ from rigctl.effects.generic.slot_roles import (
     Balance,
     Given,
     Late,
-    Nowhere,
     Reading,
     Role,
+    UnusableSlot,
     is_point_on_scale,
     slot_roles,
 )
@@ -96,13 +96,13 @@ def _at(family: ModelFamily, role: Role, sizes: Magnitudes) -> Iterator[Effect]:
             yield from at_input(family, role, sizes)
         case Late():
             yield from at_switches(family, role, sizes)
-        case Nowhere():
+        case UnusableSlot():
             return
 
 
 def _why_not(role: Role) -> str:
     match role:
-        case Nowhere():
+        case UnusableSlot():
             return role.why
         case Balance(moves=True):
             return "no leak, power law, threshold or second store: it is a speed, not a stored quantity"

@@ -133,14 +133,14 @@ class Late:
 
 
 @dataclass(frozen=True)
-class Nowhere:
+class UnusableSlot:
     """A slot where no generic effect can act, and why."""
 
     slot: Slot
     why: str
 
 
-Role: TypeAlias = Balance | Reading | Given | Late | Nowhere
+Role: TypeAlias = Balance | Reading | Given | Late | UnusableSlot
 
 
 def slot_roles(family: ModelFamily) -> tuple[Role, ...]:
@@ -219,7 +219,7 @@ class _Probed:
         probe = self._of(slot)
         states = [name for name, rate in self.rates.items() if probe in variables_of(rate)]
         if slot.combine == "product":
-            return Nowhere(slot, "a factor has no dimension that would say what it may depend on")
+            return UnusableSlot(slot, "a factor has no dimension that would say what it may depend on")
         if slot.kind == "command":
             late = [
                 item
@@ -227,7 +227,7 @@ class _Probed:
                 if probe in variables_of(self.delays.get(item.name, probe))
             ]
             found = [item for item in late if item.name in self.delays]
-            return Late(slot, found[0]) if found else Nowhere(slot, "it delays no input")
+            return Late(slot, found[0]) if found else UnusableSlot(slot, "it delays no input")
         given = next((item for item in self.family.inputs if input_slot(item.name) == slot.name), None)
         if given is not None:
             return Given(slot, given, given.name in self.surroundings)
@@ -235,13 +235,13 @@ class _Probed:
         if read and not states:
             return self._reading(slot, read[0])
         if len(states) != 1:
-            return Nowhere(slot, "it acts on several states" if states else "no equation uses it")
+            return UnusableSlot(slot, "it acts on several states" if states else "no equation uses it")
         return self._balance(slot, states[0])
 
     def _balance(self, slot: Slot, name: str) -> Role:
         slope = evaluate(derivative(self.rates[name], self._of(slot)), self.at)
         if not slope or not math.isfinite(slope):
-            return Nowhere(slot, "it does nothing where the family starts")
+            return UnusableSlot(slot, "it does nothing where the family starts")
         state = {state.name: state for state in self.family.states}[name]
         # 1/s alone may be a growth: it turns where it is a position's rate, or is written in rad/s
         moves = name in self.positions or _is_one_of(state.unit, ("m/s",)) or is_speed_of_rotation(state.unit)
@@ -262,11 +262,13 @@ class _Probed:
         expr, probe = self.readings[output.name], self._of(slot)
         slope = derivative(expr, probe)
         if not slope.constant or abs(float(slope.value)) != 1.0 or slot.name in self.inside:
-            return Nowhere(slot, f"it is not simply added to the reading {output.name}")
+            return UnusableSlot(slot, f"it is not simply added to the reading {output.name}")
         same = self._offered(output)
         if slot.name != same:
             # each would be read by the other's effects, and no data could distinguish the two
-            return Nowhere(slot, f"it adds to the reading {output.name} as {same} does, where effects act")
+            return UnusableSlot(
+                slot, f"it adds to the reading {output.name} as {same} does, where effects act"
+            )
         variables = {variable.name: variable for variable in variables_of(expr)}
         slopes = {
             state.name: self._finite(derivative(expr, variables[state.name]))

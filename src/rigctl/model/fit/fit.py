@@ -168,7 +168,7 @@ class FitResult:
         return as_html(self.summary(), self.frame())
 
 
-def lean(fitted: FitResult) -> FitResult:
+def without_derived(fitted: FitResult) -> FitResult:
     """The fit without derived results, to be sent to another process, which recomputes them if needed."""
     return replace(fitted, problem=fitted.problem.fresh())
 

@@ -69,10 +69,10 @@ def simulate_soundly(
     def again(indices: Sequence[int], tolerance: Tolerance) -> Trajectories:
         return simulate(compiled, [excitations[index] for index in indices], tolerance=tolerance, **how)
 
-    return replace(simulated, sensitivities=_Mended(simulated.sensitivities, suspects, again))
+    return replace(simulated, sensitivities=_CheckedDerivatives(simulated.sensitivities, suspects, again))
 
 
-class _Mended(Sequence[Floats]):
+class _CheckedDerivatives(Sequence[Floats]):
     """Derivatives of all records; those of the `suspects` are tested when one is first used."""
 
     def __init__(

@@ -77,7 +77,7 @@ def save_version(
 def _keep(head: Path, text: str, time: datetime) -> None:
     """Keep a text that is not yet a version, as edited by its user."""
     kept = store.read_versions(head)
-    differs = store.how_it_differs(text, kept)
+    differs = store.change_since(text, kept)
     if differs is not None:
         _write(head, text, *differs, time)
 

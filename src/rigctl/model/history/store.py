@@ -150,7 +150,7 @@ def version_file(head: Path, number: int) -> Path:
     return folder_of(head) / f"{number:03d}.yaml"
 
 
-def how_it_differs(text: str, kept: tuple[Version, ...]) -> tuple[Change, int | None] | None:
+def change_since(text: str, kept: tuple[Version, ...]) -> tuple[Change, int | None] | None:
     """The change from the kept versions to `text`, and from which one; None if it is one of them."""
     if not kept:
         return Change("start"), None
@@ -162,7 +162,7 @@ def how_it_differs(text: str, kept: tuple[Version, ...]) -> tuple[Change, int | 
 def _head(head: Path, kept: tuple[Version, ...]) -> Iterator[Version]:
     """The current file as a version, if it is not the last one kept."""
     text = read_document(head).text
-    differs = how_it_differs(text, kept)
+    differs = change_since(text, kept)
     if differs is not None:
         done, parent = differs
         written = datetime.fromtimestamp(head.stat().st_mtime, UTC)

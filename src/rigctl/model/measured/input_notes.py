@@ -18,7 +18,7 @@ from rigctl.units import show
 
 
 @dataclass(frozen=True)
-class Steady:
+class SmoothedInputs:
     """The records, with their measured inputs smoothed where possible.
 
     Attributes
@@ -32,7 +32,7 @@ class Steady:
     notes: tuple[str, ...]
 
 
-def steady_inputs(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord]) -> Steady:
+def steady_inputs(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord]) -> SmoothedInputs:
     """Remove as much of the noise of measured inputs as their readings allow."""
     found, kept, notes = list(records), dict[str, float](), []
     for name, sigma in _input_noise(model, rig, records).items():
@@ -50,7 +50,7 @@ def steady_inputs(model: Model, rig: Rig | None, records: Sequence[MeasuredRecor
                 changed[:, column] = smoothed(found[k].knots, line, window)
                 found[k] = replace(found[k], lines=changed)
         notes.append(text)
-    return Steady(tuple(found), kept, tuple(notes))
+    return SmoothedInputs(tuple(found), kept, tuple(notes))
 
 
 def _input_noise(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord]) -> dict[str, float]:

@@ -13,7 +13,7 @@ from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.measured.table import column, curve_variable, curves, set_variable
 from rigctl.noise import (
     ChannelNoise,
-    LeftOver,
+    ModelResiduals,
     NoiseModel,
     NoiseRecord,
     RowNoise,
@@ -182,7 +182,7 @@ def with_noise_off_model(
         return None
     records = measurements.records
     left = [
-        LeftOver(np.where(good, said - record.values, np.nan), said, record.phase.astype(np.intp))
+        ModelResiduals(np.where(good, said - record.values, np.nan), said, record.phase.astype(np.intp))
         for record, good, said in zip(records, noise.ok, outputs, strict=True)
     ]
     before = noise.grown or [
@@ -210,7 +210,7 @@ class _OneChannel:
     channel: ChannelNoise
     index: int
     records: Sequence[MeasuredRecord]
-    left: Sequence[LeftOver]
+    left: Sequence[ModelResiduals]
     sigma: Sequence[Floats]
 
     def narrower(self) -> _OneChannel | None:

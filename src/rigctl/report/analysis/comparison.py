@@ -13,7 +13,7 @@ from rigctl.analysis.record_level import RecordQuantity
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.maps import channel_maps
 from rigctl.report.analysis.overlay import condition_of, overlay_plot, typical_records
-from rigctl.report.analysis.page_top import Told, answer_section
+from rigctl.report.analysis.page_top import NamedModels, answer_section
 from rigctl.report.analysis.stroke_over_temperature import stroke_plot
 from rigctl.report.analysis.table_section import TablePart, table_body, table_parts
 from rigctl.report.answer import models_answer, plain_statement
@@ -36,7 +36,7 @@ def comparison_sections(comparison: Comparison, *, answered: bool = False) -> li
     """
     first = comparison.models[0]
     tables = table_parts(comparison)
-    told = told_of(comparison.models)
+    told = named_models(comparison.models)
     top = [] if answered else [_answer(comparison.models, told)]
     seen = told.record if top and top[0].plots else None
     where = _where(first, several=len(comparison.models) > 1) if not first.adequate else None
@@ -45,10 +45,10 @@ def comparison_sections(comparison: Comparison, *, answered: bool = False) -> li
     return [*top, *([] if where is None else [where]), measured, numbers]
 
 
-def told_of(models: Sequence[ModelComparison]) -> Told:
+def named_models(models: Sequence[ModelComparison]) -> NamedModels:
     """The models by their names on the page."""
     names = tuple(page_name(model) for model in models) if len(models) > 1 else ("model",)
-    return Told(names, tuple(model.fit for model in models), left_of(models[-1]))
+    return NamedModels(names, tuple(model.fit for model in models), left_of(models[-1]))
 
 
 def page_name(model: ModelComparison) -> str:
@@ -57,7 +57,7 @@ def page_name(model: ModelComparison) -> str:
     return model_title(own) if model.name == own.name else model.name
 
 
-def _answer(models: Sequence[ModelComparison], told: Told) -> Section:
+def _answer(models: Sequence[ModelComparison], told: NamedModels) -> Section:
     answer, last = models_answer(models), models[-1]
     own = last.fit.problem.model
     sentence = plain_statement(last)

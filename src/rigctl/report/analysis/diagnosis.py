@@ -15,7 +15,7 @@ from rigctl.effects.record_level import RECORD
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.laws import law_plots
 from rigctl.report.analysis.overlay import typical_records
-from rigctl.report.analysis.page_top import Told, answer_section
+from rigctl.report.analysis.page_top import NamedModels, answer_section
 from rigctl.report.answer import Answer, plain_statement
 from rigctl.report.diagnosis_answer import diagnosis_answer
 from rigctl.report.model_title import model_title
@@ -65,7 +65,7 @@ def _answer(diagnosis: Diagnosis) -> list[Section]:
     model, best = diagnosis.before.fit, diagnosis.best
     names = ("as it is", f"with {' and '.join(map(plain_name, best.effects))}")
     found = (model, best.fit) if best.candidates else (model,)
-    told = Told(names if len(found) > 1 else ("model",), found, left_of_diagnosis(diagnosis))
+    told = NamedModels(names if len(found) > 1 else ("model",), found, left_of_diagnosis(diagnosis))
     about = model_title(model.problem.model)
     answer = diagnosis_answer(diagnosis)
     top = answer_section(answer, told, about=about, sentence=_sentence(diagnosis, answer, about))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rigctl.analysis.held_out import Unseen
+from rigctl.analysis.held_out import HeldOutGroup
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.overlay import overlay_plot
 from rigctl.report.numbers import symbol
@@ -16,7 +16,7 @@ from rigctl.report.signals import plain_name
 from rigctl.units import significant
 
 
-def unseen_sections(found: Sequence[Unseen]) -> list[Section]:
+def unseen_sections(found: Sequence[HeldOutGroup]) -> list[Section]:
     """A statement; if the model misses something, also bars and the record that shows it most."""
     if not found:
         return []
@@ -51,7 +51,7 @@ def _bars(name: str, values: dict[str, object]) -> object:
     return bars(f"Error of the {plain_name(name)} (RMSE)", shown)
 
 
-def _worst(one: Unseen, number: int) -> Plot:
+def _worst(one: HeldOutGroup, number: int) -> Plot:
     """The record with the largest error."""
     fit = one.fit
     k = max(fit.fitted, key=lambda place: float(np.nanmean(fit.normalised_error(place) ** 2)))

@@ -14,7 +14,7 @@ from rigctl.report.analysis.comparison import comparison_sections
 from rigctl.report.analysis.diagnosis import diagnosis_sections
 from rigctl.report.analysis.held_out import unseen_sections
 from rigctl.report.analysis.history import history_sections
-from rigctl.report.analysis.page_top import Told, answer_section
+from rigctl.report.analysis.page_top import NamedModels, answer_section
 from rigctl.report.diagnosis_answer import improvement_answer
 from rigctl.report.section import Section, render
 from rigctl.report.signals import plain_name
@@ -69,7 +69,7 @@ def _versions(compared: Comparison, improved: Improvement) -> list[ModelComparis
 def _answer(versions: Sequence[ModelComparison], improved: Improvement, path: Path) -> Section:
     """The additions, each with its reason, and the change of the error."""
     first, last = versions[0], versions[-1]
-    told = Told((first.name, last.name), (first.fit, last.fit), left_of(improved.last.before))
+    told = NamedModels((first.name, last.name), (first.fit, last.fit), left_of(improved.last.before))
     about = f"{path.name}, {versions[-1].name}"
     top = answer_section(improvement_answer(improved), told, about=about)
     reasons = render(

@@ -15,7 +15,7 @@ from rigctl.learning.result import Learned, Round
 from rigctl.planning.outline import clock_time
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.history import history_sections
-from rigctl.report.analysis.page_top import Told, answer_section
+from rigctl.report.analysis.page_top import NamedModels, answer_section
 from rigctl.report.learning_answer import learning_answer
 from rigctl.report.numbers import words
 from rigctl.report.plot import Look, Panel, Plot, Trace
@@ -29,7 +29,7 @@ _DRAWN = 6
 _PROBABLE = 0.01
 
 
-def learning_sections(learned: Learned, model: Path, told: Told | None = None) -> list[Section]:
+def learning_sections(learned: Learned, model: Path, told: NamedModels | None = None) -> list[Section]:
     """How it ended; then the rounds, and the resulting versions of the model.
 
     Parameters

@@ -29,7 +29,7 @@ _DRAWN = 0.5
 
 
 @dataclass(frozen=True)
-class Told:
+class NamedModels:
     """Models on the same data, by their names on the page: the first is the original, the last the current
     one.
 
@@ -60,7 +60,7 @@ def _mean_square(error: Floats) -> float:
     return float(np.mean(present**2)) if present.size else 0.0
 
 
-def answer_section(answer: Answer, told: Told | None, *, about: str, sentence: str = "") -> Section:
+def answer_section(answer: Answer, told: NamedModels | None, *, about: str, sentence: str = "") -> Section:
     """The beginning of the page.
 
     Parameters
@@ -95,7 +95,7 @@ def _shows(one: ChannelFall) -> bool:
     return one.changed if len(one.sizes) > 1 else not one.within(0)
 
 
-def _chart(shown: Sequence[ChannelFall], told: Told) -> Markup | None:
+def _chart(shown: Sequence[ChannelFall], told: NamedModels) -> Markup | None:
     """A bar for each channel and model, in sigmas of one reading; the noise of one reading beside them."""
     if not shown:
         return None
@@ -135,7 +135,7 @@ def _unchanged(found: Sequence[ChannelFall], shown: Sequence[ChannelFall]) -> st
     return words(f"{'; '.join(parts)}{same}")
 
 
-def _overlay(told: Told, channels: Sequence[str]) -> Plot | None:
+def _overlay(told: NamedModels, channels: Sequence[str]) -> Plot | None:
     """The most telling record, measured and modelled, with the residuals of the first and the last model."""
     if not channels:
         return None

@@ -88,7 +88,7 @@ class Control(Action):
             bench.regulated.discard(self.actuator)
             bench.need_rate(0.0)
             self.keep(bench, timing.values())
-            watch.tell_of_undefined()
+            watch.log_undefined()
             if timing.missed:
                 bench.event("note", f"{timing.missed} readings of {self.channel} could not be used")
         if not self.stay:
@@ -183,7 +183,7 @@ class Watch:
                 )
         return self._ahead
 
-    def tell_of_undefined(self) -> None:
+    def log_undefined(self) -> None:
         """Log how often the feed-forward had no value."""
         if self._undefined and self._ahead is not None:
             self._bench.event(

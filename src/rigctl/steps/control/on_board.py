@@ -102,7 +102,7 @@ class ControlOnBoard(Control):
             bench.regulated.discard(self.actuator)
             bench.need_rate(0.0)
             self._keep_figures(bench, state)
-            watch.tell_of_undefined()
+            watch.log_undefined()
         if not self.stay:
             bench.release(self.actuator)
         return Outcome.COMPLETE
@@ -125,7 +125,7 @@ class ControlOnBoard(Control):
                     yield from bench.regulate(self.settings(ahead))
                     if bench.loop_state().running:
                         end = end if begun else bench.now + self.longest
-                        self._tell_of_begin(bench, again=begun)
+                        self._log_start(bench, again=begun)
                         begun = True
                 elif watch.settled(row[0], setpoint, value):
                     return
@@ -136,7 +136,7 @@ class ControlOnBoard(Control):
                 watch.give_up()
                 return
 
-    def _tell_of_begin(self, bench: Bench, *, again: bool) -> None:
+    def _log_start(self, bench: Bench, *, again: bool) -> None:
         if again:
             bench.event("note", "the loop on the board is started again")
             return

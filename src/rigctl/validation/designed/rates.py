@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from rigctl.learning.ending import LearningEnd
 from rigctl.validation.designed.work import DesignOutcome
 from rigctl.validation.figures import Figures, Rate, rate_of
-from rigctl.validation.outcome import Learnt
+from rigctl.validation.outcome import LearningOutcome
 
 #: bins of the predicted probability
 BINS = ((0.0, 0.2), (0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 1.0))
@@ -92,8 +92,8 @@ def promises(outcomes: Sequence[DesignOutcome]) -> Iterator[Promises]:
             yield Promises(low, high, mean, sum(told for _, told in among), len(among))
 
 
-def _of(outcome: DesignOutcome) -> Learnt:
-    return outcome.learnt or Learnt()
+def _of(outcome: DesignOutcome) -> LearningOutcome:
+    return outcome.learnt or LearningOutcome()
 
 
 def _proposed(outcome: DesignOutcome) -> bool:

@@ -23,7 +23,7 @@ from rigctl.learning.result import Learned, Round
 from rigctl.model import Model
 from rigctl.validation.designed.trial import PRESSURES, TEMPERATURES, DesignTrial
 from rigctl.validation.live_bench import SeparateBench
-from rigctl.validation.outcome import Learnt, TrialOutcome, Verdict
+from rigctl.validation.outcome import LearningOutcome, TrialOutcome, Verdict
 from rigctl.validation.work import hidden_amplitudes
 
 DesignOutcome: TypeAlias = TrialOutcome[DesignTrial]
@@ -108,7 +108,7 @@ def _at_random(trial: DesignTrial) -> Callable[..., DesignResult]:
     return records
 
 
-def _learnt(trial: DesignTrial, learned: Learned, designs: Sequence[DesignResult]) -> Learnt:
+def _learnt(trial: DesignTrial, learned: Learned, designs: Sequence[DesignResult]) -> LearningOutcome:
     first = learned.rounds[0]
     promised, came_out = learned.promises[0] if learned.promises else (None, None)
     chances: dict[str, float] = {}
@@ -119,7 +119,7 @@ def _learnt(trial: DesignTrial, learned: Learned, designs: Sequence[DesignResult
         (after,) = [one for one in learned.rounds if one.promised is promised]
         with_it = {name for names in after.classes if truth in names for name in names}
         apart = tuple(name for name in chances if truth in with_it and name not in with_it)
-    return Learnt(
+    return LearningOutcome(
         chances=chances,
         apart=apart,
         of_random=designs[0].of_random if designs else None,

@@ -31,7 +31,7 @@ from rigctl.web.workbench.describe import (
     state_document,
 )
 from rigctl.workbench import State, Workbench
-from rigctl.workbench.session import Unwanted
+from rigctl.workbench.session import Cancelled
 
 logger = logging.getLogger(__name__)
 
@@ -82,7 +82,7 @@ class _Session:
     def begin(self) -> None:
         """Start the two worker threads."""
         threading.Thread(target=self._follow_always, name="follow", daemon=True).start()
-        threading.Thread(target=self._work_always, name="work", daemon=True).start()
+        threading.Thread(target=self._work_loop, name="work", daemon=True).start()
 
     def read(self, message: bytes) -> None:
         """Handle a message of a page; anything but a JSON object is refused without further effect."""
@@ -115,7 +115,7 @@ class _Session:
                 asked, self._moving = self._moving, None
             self._tried(self._follow, asked or {})
 
-    def _work_always(self) -> None:
+    def _work_loop(self) -> None:
         while True:
             with self._there:
                 self._there.wait_for(lambda: bool(self._waiting))
@@ -249,7 +249,7 @@ class _Session:
         self._send(BYTES + picture_frame(bench, at_once, self._shown, header))
         try:
             exact = bench.settle(state, wanted=self._idle)
-        except Unwanted:
+        except Cancelled:
             return
         for k in self._shown:  # the readings that count, and their noise, can depend on the model
             self._send(BYTES + record_frame(bench, k))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.command_line import DataOptions, command
 from rigctl.errors import RigctlError, unknown_name
-from rigctl.web.request_handling import Asked, get, post
+from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.server_state import Site
 from rigctl.workbench.commands import Subject
 
@@ -101,7 +101,7 @@ def _rig_of(path: Path) -> str:
     return rig.name if rig is not None else ""
 
 
-def history(site: Site, asked: Asked) -> dict[str, Any]:
+def history(site: Site, asked: PageRequest) -> dict[str, Any]:
     """As ``rigctl model history M``."""
     from rigctl.files.version_suffix import split_version
     from rigctl.model import current_version, versions
@@ -111,7 +111,7 @@ def history(site: Site, asked: Asked) -> dict[str, Any]:
     return history_document(versions(head), current_version(head))
 
 
-def subject_of(asked: Asked) -> Subject:
+def subject_of(asked: PageRequest) -> Subject:
     """The subject of the request, as typed on the command line."""
     runs = asked.texts("runs")
     if not runs:
@@ -122,7 +122,7 @@ def subject_of(asked: Asked) -> Subject:
     return Subject(tuple(runs), asked.text("model"), choice)
 
 
-def begin(site: Site, asked: Asked) -> dict[str, Any]:
+def begin(site: Site, asked: PageRequest) -> dict[str, Any]:
     """Start the job of a button."""
     from rigctl.web.workbench import work
 
@@ -158,7 +158,7 @@ def command_of(verb: str, subject: Subject, effect: str = "", beside: str = "") 
     return subject.analysis(verb)
 
 
-def approve(site: Site, asked: Asked) -> dict[str, Any]:
+def approve(site: Site, asked: PageRequest) -> dict[str, Any]:
     """Carry out a designed procedure on the simulated bench; the page of procedures does so on a real one."""
     from rigctl.web.workbench import work
 
@@ -176,7 +176,7 @@ def approve(site: Site, asked: Asked) -> dict[str, Any]:
     return site.jobs.start("Simulated bench", command(words), work.approve, given).document()
 
 
-def bring_in(site: Site, asked: Asked) -> dict[str, Any]:
+def bring_in(site: Site, asked: PageRequest) -> dict[str, Any]:
     """Make a run of a file of the project: ``rigctl import FILE``."""
     from rigctl.web.workbench import work
 
@@ -199,7 +199,7 @@ def bring_in(site: Site, asked: Asked) -> dict[str, Any]:
     return site.jobs.start(f"Import {path.name}", command(words), work.bring_in, given).document()
 
 
-def write_procedure(site: Site, asked: Asked) -> dict[str, Any]:
+def write_procedure(site: Site, asked: PageRequest) -> dict[str, Any]:
     """Keep a designed procedure in the project, for the real bench, without starting it."""
     from rigctl.files.write import write_new
 

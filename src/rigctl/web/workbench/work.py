@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rigctl.model.fit.problem import Problem
 
 Floats = NDArray[np.float64]
-Asked = Mapping[str, Any]
+WorkArguments = Mapping[str, Any]
 
 #: points of a curve
 _POINTS = 600
@@ -34,7 +34,7 @@ _POINTS = 600
 _DRAWN = 4
 
 
-def compare(report: Report, asked: Asked) -> dict[str, Any]:
+def compare(report: Report, asked: WorkArguments) -> dict[str, Any]:
     """As ``rigctl compare``; with another version of the model, also the residuals of both in a record."""
     found = _compared(report, asked)
     if len(found.models) == 1:
@@ -43,7 +43,7 @@ def compare(report: Report, asked: Asked) -> dict[str, Any]:
     return found.document() | {"names": names, "residuals": _residuals(found, names)}
 
 
-def diagnose(report: Report, asked: Asked) -> dict[str, Any]:
+def diagnose(report: Report, asked: WorkArguments) -> dict[str, Any]:
     """As ``rigctl diagnose``, with the candidates' curves and the differences of indistinguishable ones."""
     from rigctl.analysis.diagnosis import diagnose_comparison
     from rigctl.analysis.fitting import require_free_parameters
@@ -62,7 +62,7 @@ def diagnose(report: Report, asked: Asked) -> dict[str, Any]:
     }
 
 
-def design(report: Report, asked: Asked) -> dict[str, Any]:
+def design(report: Report, asked: WorkArguments) -> dict[str, Any]:
     """As ``rigctl design``, with the prediction of every rival for every record."""
     from rigctl.design.design import design_experiment
 
@@ -80,7 +80,7 @@ def design(report: Report, asked: Asked) -> dict[str, Any]:
     }
 
 
-def discover(report: Report, asked: Asked) -> dict[str, Any]:
+def discover(report: Report, asked: WorkArguments) -> dict[str, Any]:
     """As ``rigctl discover``."""
     from rigctl.discovery.discover import discover as discovered
 
@@ -94,22 +94,22 @@ def discover(report: Report, asked: Asked) -> dict[str, Any]:
     return found.document()
 
 
-def fit(report: Report, asked: Asked) -> dict[str, Any]:
+def fit(report: Report, asked: WorkArguments) -> dict[str, Any]:
     """As ``rigctl model fit``."""
     return _changed(report, asked, "fit")
 
 
-def add(report: Report, asked: Asked) -> dict[str, Any]:
+def add(report: Report, asked: WorkArguments) -> dict[str, Any]:
     """As ``rigctl model add M EFFECT --fit RUN``."""
     return _changed(report, asked, "add")
 
 
-def remove(report: Report, asked: Asked) -> dict[str, Any]:
+def remove(report: Report, asked: WorkArguments) -> dict[str, Any]:
     """As ``rigctl model remove M EFFECT --fit RUN``."""
     return _changed(report, asked, "remove")
 
 
-def improve(report: Report, asked: Asked) -> dict[str, Any]:
+def improve(report: Report, asked: WorkArguments) -> dict[str, Any]:
     """As ``rigctl diagnose --apply``."""
     from rigctl.analysis.fitting import require_free_parameters
     from rigctl.analysis.improve import improve as improved
@@ -120,7 +120,7 @@ def improve(report: Report, asked: Asked) -> dict[str, Any]:
     return improved(_compared(report, asked), path, on_progress=report).document()
 
 
-def approve(report: Report, asked: Asked) -> dict[str, Any]:
+def approve(report: Report, asked: WorkArguments) -> dict[str, Any]:
     """Write the designed procedure, and carry it out on the simulated bench: ``rigctl simulate FILE``."""
     from rigctl.files.write import write_new
     from rigctl.runner.simulation import simulate
@@ -133,7 +133,7 @@ def approve(report: Report, asked: Asked) -> dict[str, Any]:
     return {"run": done.run.id, "status": done.result.status, "procedure": path.as_posix()}
 
 
-def bring_in(report: Report, asked: Asked) -> dict[str, Any]:
+def bring_in(report: Report, asked: WorkArguments) -> dict[str, Any]:
     """As ``rigctl import FILE``."""
     from rigctl.dataset.assumptions import read_assumptions
     from rigctl.dataset.importing import import_files
@@ -148,7 +148,7 @@ def bring_in(report: Report, asked: Asked) -> dict[str, Any]:
     return {"run": done.run, "records": done.records, "rows": done.rows, "notes": list(done.notes)}
 
 
-def _changed(report: Report, asked: Asked, kind: str) -> dict[str, Any]:
+def _changed(report: Report, asked: WorkArguments, kind: str) -> dict[str, Any]:
     from rigctl.analysis.model_change import Wanted, change_model
     from rigctl.project import own_model
 
@@ -172,14 +172,14 @@ def _changed(report: Report, asked: Asked, kind: str) -> dict[str, Any]:
     return change_model(path, wanted, _runs(asked), on_progress=report).document()
 
 
-def _model(asked: Asked) -> Model:
+def _model(asked: WorkArguments) -> Model:
     from rigctl.model import load_model
     from rigctl.project import find_file
 
     return load_model(find_file(Path(str(asked["model"]))))
 
 
-def _runs(asked: Asked) -> list[Run]:
+def _runs(asked: WorkArguments) -> list[Run]:
     from rigctl.dataset import open_run
     from rigctl.model.measured.assumed import assuming
 
@@ -191,7 +191,7 @@ def _runs(asked: Asked) -> list[Run]:
     return [assuming(run, model, assume) for run in runs]
 
 
-def _compared(report: Report, asked: Asked) -> Comparison:
+def _compared(report: Report, asked: WorkArguments) -> Comparison:
     from rigctl.analysis.comparison import compare as compared
 
     other = str(asked.get("beside") or "")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
-from rigctl.effects.declaration import Effect, EffectParameter, OtherWay, Own, Term
+from rigctl.effects.declaration import Effect, EffectParameter, Own, ParameterAlternative, Term
 from rigctl.engine.symbols import Scalar
 from rigctl.families.hydraulic_cylinder.fluid import viscosity_at
 from rigctl.physics.scope import Scope
@@ -49,8 +49,8 @@ def _of_rod(clearance: float, family: Mapping[str, float]) -> float:
     return annular_conductance(family["rod"], clearance, LAND)
 
 
-def _clearance(of: str, value_of: Callable[[float, Mapping[str, float]], float]) -> OtherWay:
-    return OtherWay(
+def _clearance(of: str, value_of: Callable[[float, Mapping[str, float]], float]) -> ParameterAlternative:
+    return ParameterAlternative(
         "clearance",
         "um",
         "conductance",
