@@ -8,6 +8,7 @@ from rigctl.backends.arduino.bench import ArduinoBench
 from rigctl.backends.arduino.wiring import wiring_of
 from rigctl.backends.options import read_flag, refuse_unknown
 from rigctl.backends.protocol import Backend
+from rigctl.backends.transport.adapter import same_adapter
 from rigctl.backends.transport.address import Address
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
@@ -44,7 +45,7 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
     return ArduinoBench(
         rig,
         clock,
-        lambda: address.open(clock),
+        same_adapter(lambda: address.open(clock), address.url),
         wiring_of(rig, options),
         kind="serial",
         baud=address.settings["baud"],

@@ -113,11 +113,11 @@ class ArduinoBench(PortBench[Board]):
     def _begin(self, line: Line, *, again: bool) -> Conversation[Board]:
         """Identify the board, make it safe, read its trips, synchronise the clocks and start the stream."""
         board = yield from handshake(line, self._patience)
-        known = self.identity.get("firmware")
-        if known is not None and known != board.identity["firmware"]:
-            raise RigctlError(
-                "another board answers than before", value=board.identity["firmware"], expected=known
-            )
+        for name, known in self.identity.items():
+            if board.identity.get(name, known) != known and name != "port":
+                raise RigctlError(
+                    "another board answers than before", value=board.identity[name], expected=known
+                )
         yield from self._making_safe(board)
         yield from board.asking("STRM 0")
         yield from board.learning_clock(8)

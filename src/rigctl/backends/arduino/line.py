@@ -84,7 +84,7 @@ class Line:
         self._open: dict[int, Question] = {}  # sent and not yet answered
         self.readings: deque[Reading] = deque()
         self.switched: deque[Switched] = deque()
-        self.heard = False  #: time of the last message of any kind
+        self.heard = False  #: whether anything has ever arrived
 
     @property
     def damaged(self) -> int:

@@ -60,7 +60,7 @@ class LineReader:
     def __init__(self) -> None:
         self._rest = b""
         self._synchronised = False  # the first line may have begun before the port was opened
-        self.damaged = 0  #: damaged lines since this was last read
+        self.damaged = 0  #: running count of damaged lines
 
     def feed(self, data: bytes) -> list[Message]:
         """Return the messages completed by `data`."""

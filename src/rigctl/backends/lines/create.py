@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rigctl.backends.lines.bench import LineBench
 from rigctl.backends.lines.setting import Setter
+from rigctl.backends.transport.adapter import same_adapter
 from rigctl.backends.transport.address import Address
 from rigctl.backends.transport.duty import Duty
 from rigctl.backends.transport.guard import Orders
@@ -11,6 +12,9 @@ from rigctl.backends.transport.port import Port
 from rigctl.backends.transport.pursuit import LASTS
 from rigctl.clock import Clock
 from rigctl.rig import Lines, Rig
+
+#: kinds of addresses that may be serial ports of this computer
+_SERIAL = ("serial", "modbus")
 
 
 def line_bench(rig: Rig, lines: Lines, clock: Clock, address: Address) -> LineBench:
@@ -29,8 +33,9 @@ def line_bench(rig: Rig, lines: Lines, clock: Clock, address: Address) -> LineBe
             return GuardedPort(orders, clock, duty)
         return address.open(clock)
 
+    again = same_adapter(connect, address.url) if address.kind in _SERIAL else connect
     hours = LASTS / 3600.0
     without_host = (
         f"its guard goes on trying for {hours:g} h while this computer runs; 'rigctl doctor' shows it"
     )
-    return LineBench(rig, lines, clock, connect, kind=address.kind, duty=duty, without_host=without_host)
+    return LineBench(rig, lines, clock, again, kind=address.kind, duty=duty, without_host=without_host)

@@ -1,0 +1,53 @@
+"""The USB adapter behind a serial port, which must be the same one after a loss of contact.
+
+Names such as ``/dev/ttyACM0`` and ``COM3`` depend on the order in which adapters appear: after a fault of a
+hub the port may lead to another bench with a device of the same kind.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+
+from rigctl.backends.transport.port import Connect, Port
+from rigctl.errors import RigctlError
+
+
+def usb_serial_numbers() -> dict[str, str]:
+    """USB serial numbers of the serial ports of this computer that have one, by the device's name."""
+    from serial.tools.list_ports import comports
+
+    return {port.device: port.serial_number for port in comports() if port.serial_number}
+
+
+def same_adapter(
+    connect: Connect, device: str, numbers: Callable[[], dict[str, str]] = usb_serial_numbers
+) -> Connect:
+    """Refuse to open a port again if another USB adapter is there than at the first time.
+
+    This is checked before the port is opened, which would restart an Arduino.
+
+    Parameters
+    ----------
+    connect: opens the port.
+    device: its name, possibly a link; anything else than a serial port of this computer is always accepted.
+    numbers: returns the USB serial numbers by the device's name.
+    """
+    known: str | None = None
+
+    def connect_again() -> Port:
+        nonlocal known
+        by_device = numbers()
+        found = by_device.get(device) or by_device.get(os.path.realpath(device))
+        if known is not None and found is not None and found != known:
+            elsewhere = [name for name, number in by_device.items() if number == known]
+            raise RigctlError(
+                "another USB adapter is on this port than before",
+                value=f"{device}, serial number {found}",
+                expected=f"serial number {known}" + (f", which is {elsewhere[0]} now" if elsewhere else ""),
+            )
+        port = connect()
+        known = known or found
+        return port
+
+    return connect_again
