@@ -143,6 +143,22 @@ def test_an_actuator_turned_by_hand_is_not_set_for_a_time(planned: Callable[...,
         planned(f"steps:\n  {step}\n", rig)
 
 
+@pytest.mark.parametrize(
+    ("actuator", "step"), [("heater", "heat: 40 degC"), ("valve", "extend: 1 s"), ("valve", "retract: 1 s")]
+)
+def test_a_step_that_switches_an_actuator_is_refused_if_it_is_turned_by_hand(
+    planned: Callable[..., Plan], actuator: str, step: str
+) -> None:
+    """Nobody was asked to turn it, and the run recorded that it had been."""
+    rig = parse_rig(RIG)
+    by_hand = rig.actuators[actuator].model_copy(update={"by": "operator"})
+    rig = rig.model_copy(update={"actuators": {**rig.actuators, actuator: by_hand}})
+    with pytest.raises(
+        RigctlError, match=rf"test.yaml:3:\d+: {step.partition(':')[0]}: .*turned by hand.*'{actuator}'"
+    ):
+        planned(f"steps:\n  - {step}\n", rig)
+
+
 def test_all_mistakes_of_a_file_are_reported_together(planned: Callable[..., Plan]) -> None:
     with pytest.raises(RigctlError) as caught:
         planned("steps:\n  - heet: 1\n  - wait: 3\n  - heat: {to: 3 bar}\n")

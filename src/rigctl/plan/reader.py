@@ -16,7 +16,7 @@ from rigctl.files.yaml import Document
 from rigctl.plan.shown import shown_variable
 from rigctl.plan.statistics import DURATION, STATISTICS
 from rigctl.plan.values import MARK, Value, Variable, Variables, substituted
-from rigctl.rig import Channel, HeatRole, MoveRole, Rig, SetRole
+from rigctl.rig import Actuator, Channel, HeatRole, MoveRole, Rig, SetRole
 from rigctl.units import Quantity, show
 
 _Role = TypeVar("_Role", HeatRole, SetRole, MoveRole)
@@ -129,7 +129,9 @@ class Reader:
 
     def heat_role(self) -> HeatRole:
         """The actuator and channel of `heat`."""
-        return self._role("heat", self.rig.roles.heat)
+        role = self._role("heat", self.rig.roles.heat)
+        self.driven(role.actuator, "heat")
+        return role
 
     def pressure_role(self) -> SetRole:
         """The actuator and channel of `set_pressure`."""
@@ -137,7 +139,29 @@ class Reader:
 
     def move_role(self, verb: str) -> MoveRole:
         """The actuator of `extend` or `retract`."""
-        return self._role(verb, self.rig.roles.extend if verb == "extend" else self.rig.roles.retract)
+        role = self._role(verb, self.rig.roles.extend if verb == "extend" else self.rig.roles.retract)
+        self.driven(role.actuator, verb)
+        return role
+
+    def driven(self, name: str, *keys: Key) -> Actuator:
+        """An actuator that rigctl itself switches; `keys` locate its name.
+
+        Raises
+        ------
+        RigctlError
+            there is none of this name, or the operator turns it by hand.
+        """
+        with self.located(*keys):
+            if name not in self.rig.actuators:
+                raise unknown_name("actuator", name, self.rig.actuators)
+            if self.rig.actuators[name].by == "operator":
+                raise RigctlError(
+                    "this actuator is turned by hand",
+                    value=name,
+                    expected="a driven one",
+                    hint="'set' and 'prompt' ask the operator",
+                )
+        return self.rig.actuators[name]
 
     def _role(self, verb: str, role: _Role | None) -> _Role:
         if role is None:

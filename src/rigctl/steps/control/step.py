@@ -8,7 +8,7 @@ from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from rigctl.errors import RigctlError, unknown_name
+from rigctl.errors import RigctlError
 from rigctl.files.refusal import refusal
 from rigctl.plan.context import Context
 from rigctl.plan.fields import Name, Part
@@ -191,15 +191,12 @@ class _Builder:
         )
 
     def _driven_level(self) -> Actuator:
-        name, actuators = self._fields.actuator, self._context.rig.actuators
-        with self._context.located("control", "actuator"):
-            if name not in actuators:
-                raise unknown_name("actuator", name, actuators)
-            if actuators[name].by == "operator":
-                raise RigctlError("this actuator is turned by hand", value=name, expected="a driven one")
-            if actuators[name].kind != "level":
+        name, keys = self._fields.actuator, ("control", "actuator")
+        actuator = self._context.driven(name, *keys)
+        with self._context.located(*keys):
+            if actuator.kind != "level":
                 raise RigctlError("this actuator has positions only", value=name, expected="a level")
-        return actuators[name]
+        return actuator
 
     def _check_period(self, period: float) -> None:
         rest, around = self._actuator.min_interval, self._context.record_rate

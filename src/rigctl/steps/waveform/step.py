@@ -8,7 +8,7 @@ from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from rigctl.errors import RigctlError, unknown_name
+from rigctl.errors import RigctlError
 from rigctl.files.refusal import refusal
 from rigctl.plan.action import Action
 from rigctl.plan.behaviour import Behaviour, Bench, Row, Until
@@ -126,11 +126,8 @@ class WaveformStep(Step):
         fields = self.waveform
         name, at = fields.actuator, ("waveform",)
         rig = context.rig
+        context.driven(name, *at, "actuator")
         with context.located(*at, "actuator"):
-            if name not in rig.actuators:
-                raise unknown_name("actuator", name, rig.actuators)
-            if rig.actuators[name].by == "operator":
-                raise RigctlError("this actuator is turned by hand", value=name, expected="a driven one")
             if fields.then == "safe" and name not in rig.safe_state:
                 raise RigctlError("this actuator has no safe value to return to", value=name)
         (kind,) = (kind for kind in _SHAPES if getattr(fields, kind) is not None)
