@@ -64,7 +64,7 @@ class Adequacy:
         on the operating point), ``chi2`` (the total misfit).
     p_value: smallest p-value times the number of tests (Bonferroni; the first step of Holm's procedure).
     below_noise: a test rejects although the error of every channel is smaller than its noise: the noise
-        differs from the one learned (slower, or smaller here), and the tests, which rest on it, say nothing.
+        differs from the one learned (slower, or smaller here), and the tests, which rest on it, are invalid.
     agrees: no test rejects.
     adequate: no test rejects, or none can be trusted; ends a search, but does not say what explains the data.
     """
@@ -174,7 +174,7 @@ def _quantile(dof: int, known: int) -> float:
 
 
 def _outer(regions: Floats, plane: Floats) -> Floats:
-    """(rows, columns·basis)."""
+    """(rows, columns·basis) products of each region's column with each function of the basis."""
     return np.asarray((regions[:, :, None] * plane).reshape(regions.shape[0], -1))
 
 

@@ -209,7 +209,7 @@ def _weights(clusters: Sequence[int] | range, chance: np.random.Generator) -> Ma
 
 
 def _factor(fitted: FitResult, clusters: int) -> float:
-    """By how much residuals are smaller than the noise, because the fit has absorbed part of it."""
+    """The factor c, which corrects residuals for the part of the noise that the fit has absorbed."""
     solution = fitted.solution
     assert solution is not None  # noqa: S101 - asked before
     readings, free = solution.residual_count, solution.parameter_count

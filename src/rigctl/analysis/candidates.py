@@ -88,7 +88,7 @@ class Candidate:
     signs: of each column, 1 or -1 if physics allows one direction only, 0 if both.
     shapes: values of its shape parameters that differ from their starts, by qualified name, SI.
     secants: parameters that are evaluated at this value, by qualified name, SI, instead of their null,
-        because the effect has a threshold and its slope at the null says nothing about it.
+        because the effect has a threshold and its slope at the null is uninformative.
     """
 
     effect: Effect
@@ -156,7 +156,7 @@ def at_each_shape(effect: Effect, ranges: Ranges | None = None) -> Iterator[Cand
 
 
 def at_sizes(candidate: Candidate, count: int) -> Iterator[Candidate]:
-    """A candidate with one parameter at `count` sizes, in equal ratios between its typical one and its bound.
+    """A candidate with one parameter at `count` sizes, geometrically spaced from typical to its bound.
 
     None for a candidate with several parameters.
     """

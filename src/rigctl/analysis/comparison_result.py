@@ -114,7 +114,7 @@ class ModelComparison:
 
     @property
     def curve_bands(self) -> tuple[CurveBand, ...]:
-        """By how much the uncertainty bands of its measured curves move its readings."""
+        """Changes of its readings within the uncertainty bands of its measured curves."""
         return self.located.curve_bands
 
     @property

@@ -116,7 +116,7 @@ def _determined(
 ) -> bool:
     """Whether the remaining records determine the effect's parameters at all.
 
-    Without its only hot rows a table says nothing about the effect of temperature and predicts nothing; nor
+    Without its only hot rows a table does not determine the effect of temperature and predicts nothing; nor
     do records below the threshold at which an effect starts to act.
     """
     if not indices:

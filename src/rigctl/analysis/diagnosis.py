@@ -298,13 +298,13 @@ def _levels(
 
 
 def _scatters(search: Search, best: RefittedSet) -> list[SizeScatter]:
-    """How the sizes of those members that depend on no state or input scatter between records."""
+    """The scatter between records of the sizes of those members that depend on no state or input."""
     found = [search.at(best).scatter(one.name) for one in best.candidates] if search.tolerance else []
     return [one for one in found if one is not None]
 
 
 def _shape_alone(search: Search) -> str:
-    """That the misfit is within the shape tolerance of the model's effects; "" if it is not."""
+    """The sentence that the misfit is within the shape tolerance of the model's effects; "" if not."""
     if search.before.adequate or not _agrees_within_tolerance(search):
         return ""
     return (
@@ -316,7 +316,7 @@ def _shape_alone(search: Search) -> str:
 
 
 def _shape_mostly(search: Search, best: RefittedSet) -> str:
-    """That a further effect explains little beyond the shape tolerance of the model's; else ""."""
+    """The sentence that a further effect explains little beyond the model's shape tolerance; else ""."""
     if best.candidates or not search.bends_model or _agrees_within_tolerance(search):
         return ""
     paying = [one for one in search.trials.values() if search.mbic(one) < search.mbic(search.none)]

@@ -242,7 +242,7 @@ class HeldOutGroup:
         return ". ".join(self.sentences)
 
     def called(self, label: str) -> str:
-        """A record with the operating point that distinguishes it from the others."""
+        """The record's label with the operating point that distinguishes it from the others."""
         measurements = self.fit.problem.measurements
         record = {one.label: one for one in measurements.records}[label]
         known = {name: record.condition[name] for name in measurements.variables if name in record.condition}

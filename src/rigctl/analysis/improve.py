@@ -235,7 +235,7 @@ class _Choice:
 
 @dataclass
 class _Round:
-    """What one diagnosis leads to: `plan` lists the additions, and is empty if there are none."""
+    """The consequences of one diagnosis: `plan` lists the additions, and is empty if there are none."""
 
     first: bool
     room: int

@@ -154,7 +154,7 @@ class LinearisedSet:
 
     @cached_property
     def _alone(self) -> Linearisation:
-        """Without the effects that could be added, which hold most of the columns; for `bend_evidence`."""
+        """The linearisation without the effects to be added, which hold most columns; for `bend_evidence`."""
         known: Linearisation | None = self.__dict__.get("_everything")
         return self._linearised(()) if known is None else known
 
@@ -197,8 +197,7 @@ class LinearisedSet:
         return (*names, *switches), tuple(joined)
 
     def scatter(self, effect: str) -> SizeScatter | None:
-        """How the size of an effect in the model differs between records; None if it has explanatory
-        variables."""
+        """Scatter of an effect's size between records; None if the effect has explanatory variables."""
         return size_scatter(self.shaped(), effect)
 
     def _undriven(self, lin: Linearisation) -> list[tuple[str, Floats]]:
@@ -228,7 +227,6 @@ class LinearisedSet:
 
 
 def _from_here_to_null(member: Candidate) -> Candidate:
-    """Its shapes are those of the fit; an effect with a threshold gets the secant to its null, not a
-    slope."""
+    """The member at the shapes of the fit; with a threshold, by the secant to its null, not the slope."""
     null = {name: member.parameter(name).at_null for name in member.secants}
     return replace(member, shapes={}, secants=null)

@@ -192,7 +192,7 @@ def variable_units(measurements: Measurements) -> dict[str, str]:
     """The unit in which each operating variable is shown."""
     rig = measurements.rig
     units = {}
-    # in the order of the records: that of a set differs from process to process
+    # in the order of the records: the iteration order of a set differs between processes
     for name in dict.fromkeys(name for record in measurements.records for name in record.condition):
         channel = name.removeprefix(START)
         if rig is not None and channel in rig.channels:

@@ -1,7 +1,7 @@
-"""Where a fitted model's error lies, over what it grows, which equation may lack a term, and the sentence
-that says so.
+"""Where a fitted model's error lies, with which variables it grows, which equation may lack a term, and
+the sentence that says so.
 
-Only a reader looks at these, and they take as long as the tests: each is computed when it is first used.
+These are only displayed, and take as long as the tests: each is computed when it is first used.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class LocatedError:
     @cached_property
     @one_thread()
     def curve_bands(self) -> tuple[CurveBand, ...]:
-        """By how much the uncertainty bands of measured curves move the model's readings."""
+        """Changes of the model's readings within the uncertainty bands of its measured curves."""
         return curve_bands(self.fit)
 
     @cached_property

@@ -33,7 +33,7 @@ class Wanted:
     Attributes
     ----------
     kind: the change; `effect` is the name of its effect.
-    changed: makes the new model from the old one.
+    changed: returns the new model for the old one.
     fit: whether free parameters are fitted, also those of the old model, so that only the effect differs.
     hold_out, only: conditions for the records held out as proof, and for those used.
     assume: ``name=value`` of inputs that the runs themselves do not contain.

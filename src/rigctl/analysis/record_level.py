@@ -98,7 +98,7 @@ class RecordQuantity:
 
     @property
     def values(self) -> Floats:
-        """(records) SI."""
+        """(records) the estimates, SI."""
         return np.array([one.value for one in self.estimates])
 
     def shown(self, value: float, digits: int = 3) -> str:

@@ -153,7 +153,7 @@ Floats = NDArray[np.float64]
 
 #: a trial on noisy data is fitted until the next step would lower its cost by less than this share
 _COST = 1e-5
-#: the same where a coarse answer is enough, and the χ² by which a precise fit may then still lower it
+#: that share where a coarse fit suffices, and the χ² by which a precise fit may still lower its cost
 COARSE, NEAR = 1e-3, 40.0
 #: a parameter may double in one step: an effect starts at its null, far below its size
 STEP = 1.0

@@ -207,8 +207,8 @@ class RefittedSets:
     def below_noise(self, trial: RefittedSet) -> bool:
         """Whether to stop the search at this set, because its error is smaller than the noise.
 
-        The tests then say nothing about what it leaves: neither that something is missing nor that
-        nothing is.
+        The tests of what it leaves are then inconclusive: they show neither that something is missing
+        nor that nothing is.
         """
         return bool(trial.candidates) and self.at(trial).adequacy.below_noise
 
@@ -228,7 +228,7 @@ class RefittedSets:
         return self._points[key]
 
     def bent(self, trial: RefittedSet) -> View:
-        """As `at`, within the shape tolerance of the laws of all effects in the model."""
+        """The linearisation and the tests within the shape tolerance of the laws of all effects."""
         return self.at(trial).view(self.tolerance)
 
     def evidence(self, trial: RefittedSet) -> float:

@@ -75,7 +75,7 @@ def _of(fall: float, whole: float) -> float:
 
 
 def _starts(fitted: FitResult) -> Remedy | None:
-    """With the effects' own states free at the start of each record."""
+    """The remedy with the effects' own states free at the start of each record."""
     model = fitted.problem.model
     states = {name: model.effect(name).states for name in model.effects}
     stores = {name: its_states for name, its_states in states.items() if its_states}
@@ -135,7 +135,7 @@ def _free(name: str, start: float, scale: float) -> LocalUnknown:
 
 
 def _values(fitted: FitResult) -> Remedy | None:
-    """With the model's parameters fitted to these records alone."""
+    """The remedy with the model's parameters fitted to these records alone."""
     problem, known = _alone(fitted), _known(fitted)
     free = [
         replace(one, start=min(max(known[one.name], one.lower), one.upper))
@@ -174,7 +174,7 @@ def _moved(before: FitResult, after: FitResult) -> tuple[tuple[str, float, float
 
 
 def _effect(fitted: FitResult, judged: ModelComparison) -> Remedy | None:
-    """One more effect of the library, by its score."""
+    """The remedy with one more effect of the library, by its score."""
     seen = [one for one in judged.screening.scores if one.effect not in judged.screening.untestable]
     best = max(seen, key=lambda score: score.gain, default=None)
     if best is None or fitted.problem.measurements.table:  # a few values are compatible with every effect

@@ -57,7 +57,7 @@ class Score:
 
 @dataclass(frozen=True)
 class Screening:
-    """The scores of all candidates, best first, and the effects about which the data say nothing."""
+    """The scores of all candidates, best first, and the effects that these data cannot test."""
 
     scores: tuple[Score, ...]
     untestable: tuple[str, ...]

@@ -35,7 +35,7 @@ from rigctl.errors import RigctlError
 _BEST = 3
 _PAIRS = 2
 _SWAPS = 3
-#: number of sizes at which an effect is tried if its slope at the null says nothing
+#: number of sizes at which an effect is tried if its slope at the null is uninformative
 _SIZES = 2
 #: largest number of effects in one set: three wrong effects together explain almost anything, and three right
 #: ones are found one after the other by the loop
@@ -122,7 +122,7 @@ class Search(RefittedSets):
         return cos > ALIKE and separation(size, cos) < max(FAR, FAR_SHARE * size)
 
     def _at_sizes(self, best: RefittedSet) -> RefittedSet:
-        """With effects about which the slope at their null says nothing, if no other effect explains the
+        """The best set with effects whose slope at the null is uninformative, if no other explains the
         misfit.
 
         After the fitted parameters have compensated for a large effect, the slope of the residual with
@@ -209,8 +209,8 @@ class Search(RefittedSets):
         return instead if self.evidence(instead) < self.evidence(best) - surely else best
 
     def _exchanged(self, best: RefittedSet) -> RefittedSet:
-        """With a member of a pair that leaves something replaced by the next candidate of its
-        linearisation."""
+        """`best`, or a better set with one member of an incomplete pair replaced by the next candidate of
+        its linearisation."""
         for _ in range(_SWAPS):
             if len(best.candidates) < 2 or self.left(best) < TOLERANCE**2 or self.below_noise(best):
                 break
@@ -243,7 +243,7 @@ class Search(RefittedSets):
         return self.least([one for one in tried if one is not None]) if any(tried) else None
 
     def _backward(self, best: RefittedSet) -> RefittedSet:
-        """Without the members that do not lower mBIC, or explain no more than another law's shape may."""
+        """`best` without members that do not lower mBIC, or explain no more than another law's shape may."""
         while len(best.candidates) > 1:
             tried = [
                 self.refitted_also_from(tuple(one for one in best.candidates if one is not member), best)
@@ -281,7 +281,7 @@ class Search(RefittedSets):
         return best
 
     def _beyond_laws(self, best: RefittedSet) -> RefittedSet:
-        """No further effect, if the model's own laws explain much of it within their shape tolerance."""
+        """The empty set if the model's own laws explain much of `best` within their shape tolerance."""
         if len(best.candidates) == 1 and self.bends_model and self.slight(best, self.none):
             return self.none
         return best
@@ -300,7 +300,7 @@ class Search(RefittedSets):
         return best
 
     def _swapped(self, best: RefittedSet) -> RefittedSet:
-        """With a member replaced by a rival that explains more: the effect found first need not be right."""
+        """`best` with members replaced by rivals that explain more: the first found need not be right."""
         for _ in range(_SWAPS):
             sets = [rival for member in best.candidates for rival, _, _ in self.rivals(best, member)]
             least = self.least([best, *sets])

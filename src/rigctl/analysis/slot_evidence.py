@@ -335,7 +335,7 @@ def _features(conditions: Floats) -> Floats:
 
 
 def _one_each(tests: Sequence[_Found]) -> list[_Found]:
-    """For a slot that was tried in several ways, the best of them with the mean evidence of all."""
+    """For each slot tried by several hypotheses, the best one with the mean evidence of all."""
     ways: dict[tuple[Slot, ...], list[_Found]] = {}
     for one in tests:
         ways.setdefault(one.slots, []).append(one)

@@ -56,8 +56,7 @@ class Unexplained:
         return float(np.linalg.norm(self.of(changes)))
 
     def cosines(self, left: Floats) -> dict[str, float]:
-        """How well each effect alone, with the right signs and any size, would explain what is left: 0 …
-        1."""
+        """Cosine, 0 … 1, between what is left and its best fit by each effect alone, with allowed signs."""
         length = float(np.linalg.norm(left))
         by_name: dict[str, float] = {}
         for index, candidate in enumerate(self.candidates):
@@ -126,7 +125,7 @@ def unexplained(linearisation: Linearisation, whole: Problem) -> Unexplained:
 
 
 def _off_record_local(rows: Floats, record_local: Floats) -> Floats:
-    """Projected off the record's own unknowns; rows for their priors are appended."""
+    """The rows with the record's own unknowns projected off; rows for their priors are appended."""
     padded = np.concatenate([rows, np.zeros((record_local.shape[0] - rows.shape[0], *rows.shape[1:]))])
     return np.asarray(padded - record_local @ (record_local.T @ padded))
 

@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 _BESIDE: Final = 5.0
 #: longest time of one simulation of a record by default, s
 PATIENCE: Final = 60.0
-#: s between two checks of whether it is over
+#: interval at which the process is polled for its end, s
 _LOOK: Final = 0.2
 
 
@@ -104,8 +104,7 @@ def _first_readings(problem: Problem, index: int) -> Floats:
 def _shift(
     problem: Problem, index: int, runs: Sequence[Floats], step: Floats, columns: Sequence[int]
 ) -> Floats:
-    """By how much a record's initial values must move, from the runs at the first readings and beside
-    them."""
+    """The least-squares change of a record's initial values, by finite differences between `runs`."""
     values = problem.records[index].values
     base, *beside = (np.where(np.isnan(outputs), values, outputs) for outputs in runs)
     residual = whitened_residual(problem, base, index)
@@ -180,7 +179,7 @@ def _watched(name: str, command: Sequence[str], on_progress: Callable[[str], Non
 
 
 def _read_lines(process: subprocess.Popen[bytes], lines: SimpleQueue[bytes]) -> None:
-    """Pass on what the process says of its progress; the main thread must not wait for a line."""
+    """Forward the progress lines of the process; in a thread, because reading a line blocks."""
     for line in process.stdout or ():
         lines.put(line)
 

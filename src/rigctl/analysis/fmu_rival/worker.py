@@ -25,7 +25,7 @@ _STARTS = ("state.{}", "{}_start", "{}_0")
 _ABOUT = "modelDescription.xml"
 #: bytes that an FMU may unpack to at most, from which it counts as large, and that its description may have
 _LARGEST, _LARGE, _LONGEST = 2_000_000_000, 100_000_000, 50_000_000
-#: a large archive that shrank to less than one part in so many is made to fill disks
+#: compression ratio beyond which a large archive is taken for a decompression bomb
 _SQUEEZED = 100
 #: two times closer than this are equal, s
 _SAME = 1e-12
@@ -90,7 +90,7 @@ class _Fmu:
 
 
 def _checked_platforms(path: Path) -> list[str]:
-    """The kinds of computers that it has a program for.
+    """The platforms for which the FMU contains a binary.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def _checked_platforms(path: Path) -> list[str]:
                 "the description of the FMU is too long", value=f"{about.file_size / 1e6:.0f} MB"
             )
         text = archive.read(about)
-    # entities could stand for other files of this computer, or for more text than it has memory
+    # entities can include local files, or expand beyond the memory
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text or text[:2] in (b"\xff\xfe", b"\xfe\xff"):
         raise RigctlError("the description of the FMU declares a document type", value=_ABOUT)
     parts = [PurePosixPath(entry.filename).parts for entry in entries]
@@ -169,7 +169,7 @@ def _record(
     outputs: Sequence[str],
     starts: Mapping[str, str | None],
 ) -> list[list[float]]:
-    """One record; communication points are its samples and its switches."""
+    """Simulate one record; communication points are its samples and its switches."""
     from fmpy.simulation import instantiate_fmu
 
     signal = _Signal(job["inputs"], record)
@@ -212,7 +212,7 @@ def _record(
 
 
 def _finite(name: str, value: float) -> float:
-    """A value of an output: nothing that is no number may pass for one that the FMU does not have."""
+    """The value if it is finite, since NaN stands for an output that the FMU lacks; else ValueError."""
     if not math.isfinite(value):
         raise ValueError(f"{name} is {value}")
     return value

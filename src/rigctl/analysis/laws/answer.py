@@ -196,7 +196,7 @@ def laws_instead(search: Search) -> tuple[LawAnswer, ...]:
 
 
 def _takes_all(one: LawAnswer, here: RefittedSet, count: int) -> bool:
-    """Whether a fitted power is the whole law, and leaves next to nothing of the misfit."""
+    """Whether a fitted power is the whole law, and removes nearly all of the misfit."""
     if one.power is None or not one.follows:
         return False
     return one.power.gain > _NEARLY * (here.chi2 - count)

@@ -64,7 +64,7 @@ class EstimatedLaw:
     degrees: of freedom of that noise; 0 if it counts as known.
     tried: number of laws that were tested together.
     visited: the lowest and the highest value of the variable.
-    others: the same for the effect's other variables.
+    others: the ranges of the effect's other variables.
     term: the term itself, to be drawn and written.
     """
 
@@ -108,7 +108,7 @@ def estimated_laws(search: Search, trial: RefittedSet) -> tuple[EstimatedLaw, ..
 
 
 def laws_of(fit: FitResult, effects: Sequence[Effect]) -> tuple[EstimatedLaw, ...]:
-    """As `estimated_laws`, for `effects` in the model of any fit.
+    """The law that the data support for each of `effects` in the model of any fit.
 
     Raises
     ------
@@ -311,7 +311,7 @@ def _basis(bend: Bend, x: Floats) -> Floats:
 
 
 def _power_change(columns: Floats, residual: Floats, bend: Bend, x: Floats) -> tuple[float, float]:
-    """δ of ``T·|x|^δ`` and its standard deviation, to first order; 0 and infinite if nothing shows it."""
+    """δ of ``T·|x|^δ`` and its standard deviation, to first order; 0 and infinite if undetermined."""
     largest = float(np.abs(x).max())
     wanted = 0.5 * np.log(np.square(x / largest) + _CORNER**2)
     coefficients = np.linalg.lstsq(_basis(bend, x), wanted, rcond=None)[0]

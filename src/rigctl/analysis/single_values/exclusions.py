@@ -25,7 +25,7 @@ _THERE = 0.5
 
 
 def main_trend(before: ModelComparison) -> Trend | None:
-    """The change that a model gets most wrong; None if it gets none wrong that matters."""
+    """The trend with the largest relevant error of the model; None if there is none."""
     wrong = [trend for trend in before.trends if trend.matters and abs(trend.z) > 3.0]
     return wrong[0] if wrong else None
 

@@ -28,7 +28,7 @@ from rigctl.units import show
 
 Floats = NDArray[np.float64]
 
-#: readings that differ by this many times their noise are distinguished by eye
+#: readings that differ by this many times their noise are distinguished without statistics
 _PLAIN = 10.0
 #: number of samples of a simulated record
 _SAMPLES = 150
@@ -196,7 +196,7 @@ def _never_parted(parts: Sequence[_Part], names: list[str], quantity: str) -> li
 
 #: a reading shows a change of this many standard deviations
 _SEEN = 3.0
-#: probability that repeats miss what they are meant to show
+#: probability that repeats fail to show the effect (type II error)
 _MISSED = 0.1
 _MOST_REPEATS = 20
 
