@@ -29,7 +29,7 @@ DRAWS = 100
 _FAR = 400.0
 #: a smaller share of a gain than this counts as none
 _NOTHING = 1e-9
-#: a less probable rival than this is not drawn from, as it counts for nothing as a truth
+#: no draws are made from a less probable rival than this, as its weight as a truth is negligible
 _COUNTS = 1e-3
 
 
@@ -134,7 +134,7 @@ class Draws:
         }
 
     def _right_of(self, truth: int, chosen: Sequence[Proposal]) -> _Right:
-        """Kept for one set of records at a time, as there are many draws with many rows."""
+        """The draws of a truth; cached for one set of records at a time, as they take much memory."""
         names = tuple(map(id, chosen))
         if names != self._of:
             self._of, self._right = names, {}
@@ -152,7 +152,7 @@ class Draws:
         return _Right(truths, from_fit, refit.left(from_fit))
 
     def _refit(self, place: int, chosen: Sequence[Proposal]) -> tuple[Refit, Floats]:
-        """How a rival absorbs records, and its prediction of them at its fit, whitened."""
+        """The refit of a rival to records, and its whitened prediction of them at its present fit."""
         responses = [
             scene.predicted[place].response(scene.whitener) for scene in map(self.workshop.scene, chosen)
         ]
@@ -167,8 +167,8 @@ class _Right:
     Attributes
     ----------
     truths: (rows, draws) their predictions.
-    from_fit: the same less the prediction of the rival itself at its fit.
-    left: the part of that which remains after it is refitted.
+    from_fit: `truths` less the prediction of the rival itself at its fit.
+    left: the part of `from_fit` that remains after the rival is refitted.
     """
 
     truths: Floats

@@ -52,7 +52,7 @@ class Criterion(Protocol):
 
 @dataclass(frozen=True)
 class Margins:
-    """By how much the data so far prefer one rival to another, and the margin that a verdict requires.
+    """The margins by which the data so far prefer one rival to another, and those that a verdict requires.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Margins:
 
     @classmethod
     def of(cls, rivals: Sequence[Rival], none: int | None) -> Margins:
-        """For rivals that are fitted to the data so far."""
+        """The margins of rivals that are fitted to the data so far."""
         return cls(np.array([one.mbic for one in rivals]), np.array([one.trial.chi2 for one in rivals]), none)
 
     def margin(self, truth: int, rival: int) -> float:
@@ -166,7 +166,7 @@ class Discrimination:
         return enough(margin, so_far, self.margins.threshold(truth, distances))
 
     def promise(self, evidence: Evidence) -> float:
-        """At the rivals' fits, less an allowance for draws."""
+        """The probability at the rivals' fits, less an allowance for draws."""
         found = _SURE * self.distances(evidence)
         gains = {pair: Gain(found[pair][None], found[pair][None]) for pair in self.pairs}
         return self.together({pair: self.of_pair(pair, one, found) for pair, one in gains.items()})
@@ -218,12 +218,12 @@ class Detection:
         return self.question.pairs[0][1]
 
     def separation(self, evidence: Evidence) -> float:
-        """At the effects' usual sizes."""
+        """The criterion at the effects' usual sizes."""
         found = self.noncentralities(evidence)
         return sum(self.question.rivals[truth].weight * value for truth, value in found.items())
 
     def worth(self, evidence: Evidence) -> float:
-        """At the effects' usual sizes, as shares of what is enough."""
+        """The worth at the effects' usual sizes, each as a share of the sufficient λ²."""
         return sum(
             self.question.rivals[truth].weight * min(value / self._enough(truth), 1.0)
             for truth, value in self.noncentralities(evidence).items()
@@ -266,14 +266,14 @@ class Precision:
         return np.asarray(np.linalg.inv(whole), dtype=float)[np.ix_(self.places, self.places)]
 
     def worth(self, evidence: Evidence) -> float:
-        """At the fit."""
+        """The worth at the fit."""
         before, after = (np.linalg.slogdet(self.covariance(one))[1] for one in (None, evidence))
         return float(before - after)
 
     def separation(self, evidence: Evidence) -> float:
-        """At the fit."""
+        """The criterion at the fit."""
         return self.worth(evidence)
 
     def promise(self, evidence: Evidence) -> float:
-        """Never so certain that no further record is worthwhile."""
+        """0, so that a search never stops early: any further record improves the estimate."""
         return 0.0

@@ -172,7 +172,7 @@ class _Design:
     def on(
         cls, question: Question, rig: Rig, reference: str, seed: int, workers: Workers | None = None
     ) -> _Design:
-        """On the data to which the rivals were fitted."""
+        """The design for a question, on the data to which the rivals were fitted."""
         known = known_so_far(question.rivals)
         fit = question.rivals[0].fit
         stage = stage_of(fit, rig)
@@ -218,7 +218,7 @@ class _Design:
         return self._in_order(found)
 
     def _in_order(self, found: Sequence[Proposal]) -> list[Proposal]:
-        """In the order that takes the least bench time."""
+        """The records in the order that takes the least bench time."""
         order = self.clock.quickest([one.recipe for one in found]).order if found else ()
         return self.workshop.one_after_the_other([found[k] for k in order])
 
@@ -238,7 +238,7 @@ class _Design:
         return self._in_order(found)
 
     def _refit(self, found: Sequence[Proposal]) -> bool:
-        """Reduce the distances to what an actual refit leaves; return whether that is far less than
+        """Reduce the distances to those left by an actual refit; return whether they are far less than
         expected."""
         if not isinstance(self.criterion, Discrimination):
             return False

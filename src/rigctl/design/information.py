@@ -65,7 +65,7 @@ class Evidence:
 
     @classmethod
     def of(cls, responses: Sequence[Response]) -> Evidence:
-        """For one record, from every rival's response to it."""
+        """The evidence of one record, from every rival's response to it."""
         predicted = np.stack([one.predicted for one in responses], axis=1)
         squares = np.zeros((len(responses), len(responses)))
         slopes, information = [], []
@@ -80,7 +80,7 @@ class Evidence:
 
     @classmethod
     def total(cls, found: Iterable[Evidence]) -> Evidence:
-        """For several records together."""
+        """The evidence of several records together."""
         every = list(found)
         return cls(
             np.sum([one.squares for one in every], axis=0),
@@ -92,7 +92,7 @@ class Evidence:
         return Evidence.total((self, other))
 
     def scaled(self, factor: float) -> Evidence:
-        """Multiplied by a factor; 0 is no record at all."""
+        """The evidence multiplied by a factor; 0 gives that of no record."""
         return Evidence(
             factor * self.squares,
             tuple(factor * one for one in self.slopes),
@@ -125,7 +125,7 @@ class Refit:
 
     @classmethod
     def of(cls, responses: Sequence[Response], known: Floats) -> Refit:
-        """For new records together: the common parameters are shared, the record-level ones are not."""
+        """The refit to new records, which share the common parameters but not the record-level ones."""
         root = np.linalg.cholesky(np.linalg.inv(known)) if known.size else np.zeros((0, 0))
         shared = np.vstack([one.shared for one in responses]) @ root
         rows = [one.predicted.size for one in responses]

@@ -25,7 +25,7 @@ class Known:
     Attributes
     ----------
     information: for each rival, (p, p), with priors, about its common unknowns scaled by their typical sizes.
-    prior: the same without any data.
+    prior: this information without any data.
     repeats: for each fitted record, the evidence of a repeat of it; None if a rival cannot be simulated.
     """
 
@@ -65,7 +65,7 @@ def known_so_far(rivals: Sequence[Rival]) -> Known:
 
 
 def _responses(rival: Rival, first: Rival) -> list[Response]:
-    """For every fitted record, in the noise of `first`."""
+    """The response to every fitted record, in the noise of `first`."""
     fit = rival.fit
     problem = fit.problem.only(fit.fitted)
     columns = tuple(dict.fromkeys([*(u.name for u in problem.shared), *problem.local_names]))

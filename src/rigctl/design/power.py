@@ -43,7 +43,7 @@ class Gain:
     variance: Floats
 
     def scaled(self, factor: float) -> Gain:
-        """For noise with a variance `factor` times as large."""
+        """The gain for noise with a variance `factor` times as large."""
         return Gain(self.mean / factor, self.variance / factor)
 
 

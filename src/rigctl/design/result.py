@@ -154,7 +154,7 @@ class ProposedRecord:
     steps: the actions during the recording, a line each.
     why: what it shows, in words.
     separation: Σ w_i·min_j D_ij that it adds to the records before it.
-    of_repeat: the same for the best repeat of an earlier record, in its place.
+    of_repeat: that of the best repeat of an earlier record in its place.
     before, after: probability that the rivals are distinguished, without it and with it.
     duration: bench time including heating and settling, s.
     recorded: recorded time, s, at `rate` Hz.

@@ -60,7 +60,7 @@ class RigTime:
         return initial_state(self.bench)
 
     def in_order(self, recipes: Sequence[Recipe]) -> tuple[float, ...]:
-        """The time of each, one after the other."""
+        """The bench time of each recipe, s, if carried out in this order."""
         state, at, each = self.start, None, []
         for recipe in recipes:
             spent = 0.0
@@ -72,13 +72,13 @@ class RigTime:
         return tuple(each)
 
     def rising(self, recipes: Sequence[Recipe]) -> Ordered:
-        """The coldest first, because a tank is slow to cool."""
+        """The recipes in the order of their temperatures, because a tank is slow to cool."""
         return self._ordered(
             recipes, sorted(range(len(recipes)), key=lambda k: recipes[k].temperature or 0.0)
         )
 
     def quickest(self, recipes: Sequence[Recipe]) -> Ordered:
-        """In the order that takes the least bench time; of many records, the warmest last."""
+        """The recipes in the order that takes the least bench time; many are ordered by temperature."""
         rising = self.rising(recipes)
         if len(recipes) > _EVERY_ORDER:
             return rising

@@ -85,7 +85,7 @@ class Rival:
         return np.diag([(unknown.size / _spread(unknown)) ** 2 for unknown in self.fit.problem.shared])
 
     def described(self) -> DesignRival:
-        """As shown in a result."""
+        """The rival as shown in a result."""
         found = self.fit
         return DesignRival(
             name=self.name,

@@ -59,7 +59,7 @@ class Free:
     step: float
 
     def at(self, share: float) -> float:
-        """SI, at a share of the way from `low` to `high`, rounded as it would be written."""
+        """The value, SI, at a fraction of the range from `low` to `high`, rounded as it would be written."""
         return min(
             max(rounded(self.low + share * (self.high - self.low), self.unit, self.step), self.low), self.high
         )
@@ -231,8 +231,8 @@ def _staircase(
 def _ramp(
     stage: Stage, levels: Sequence[Free], point: Sequence[Free], time: Free, rate: float, rest: float
 ) -> Scheme:
-    """From one level to another and back, in small equal steps; levels that switch stay at their safe
-    values."""
+    """A scheme from one level to another and back, in small equal steps; switched levels stay at their
+    safe values."""
     free = [replace(one, name=f"{one.name} {end}") for end in ("begin", "top", "end") for one in levels]
     along = np.linspace(0.0, 1.0, _RAMP + 1)[1:]
 
@@ -251,7 +251,7 @@ def _ramp(
 
 
 def _on_the_way(level: Free, begin: float, to: float, share: float) -> float:
-    """A level on the way of a ramp, rounded as it would be written."""
+    """An intermediate level of a ramp, rounded as it would be written."""
     return min(max(rounded(begin + share * (to - begin), level.unit, level.step), level.low), level.high)
 
 

@@ -200,7 +200,7 @@ def _key(recipe: Recipe) -> object:
 
 
 def _some_at_once(scheme: Scheme, points: Floats) -> Floats:
-    """Every fourth at the bench's current state, because heating takes most of the bench time."""
+    """The points, every fourth at the bench's present temperature: heating takes most of the bench time."""
     for k, one in enumerate(scheme.free):
         if one.name == "temperature":
             points[::_AT_START, k] = 0.0
@@ -208,7 +208,7 @@ def _some_at_once(scheme: Scheme, points: Floats) -> Floats:
 
 
 def first_candidates(workshop: Workshop, schemes: Sequence[Scheme], seed: int) -> list[Proposal]:
-    """Spread evenly over all that the rig can do."""
+    """The initial candidates, spread evenly over the rig's operating range."""
     from scipy.stats.qmc import Sobol
 
     count = max(1, CANDIDATES // len(schemes))
@@ -301,7 +301,7 @@ class Search:
         return added / max(spent - before.seconds, 1.0) * 60.0 if self.per_minute else added
 
     def _exchanged(self, chosen: Sequence[Proposal], best: Proposal) -> Proposal:
-        """Its free numbers changed one after the other as long as that improves it."""
+        """`best` with its free numbers changed one after the other as long as that improves it."""
         taken = _Taken.of(chosen, self.criterion, self.clock)
         for _ in range(SWEEPS):
             before = self._rate(taken, best)

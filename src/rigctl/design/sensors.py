@@ -154,7 +154,7 @@ def _pairs(told: dict[tuple[int, int], float]) -> dict[tuple[int, int], bool]:
 
 
 def _evidence(scenes: Sequence[Scene | None], first: Rival, channels: Sequence[int]) -> Evidence:
-    """For all records, by some of their channels."""
+    """The evidence of all records in some of their channels."""
     places = list(channels)
     noise = first.fit.problem.noise
     some = replace(noise, channels=tuple(noise.channels[k] for k in places))

@@ -130,7 +130,7 @@ def _allowed(name: str, low: float, high: float, rig: Rig | None) -> tuple[float
 
 
 def _nearest(point: Mapping[str, float], rows: Sequence[MeasuredRecord]) -> MeasuredRecord:
-    """The row of the table nearest to a new one: it supplies all that the new point does not."""
+    """The row of the table nearest to a new one: it supplies what the new point leaves open."""
 
     def distance(row: MeasuredRecord) -> float:
         return sum(
@@ -159,7 +159,7 @@ def _row(point: Mapping[str, float], like: MeasuredRecord, question: Question) -
 
 
 def _chosen(criterion: Discrimination, candidates: Sequence[_Row], most: int) -> list[_Row]:
-    """Greedily, until the right one would be named reliably."""
+    """The rows chosen greedily, until the right rival would be named reliably."""
     chosen: list[_Row] = []
     while len(chosen) < most and candidates:
         so_far = _evidence(chosen)

@@ -47,7 +47,7 @@ class Course:
 
     @property
     def times(self) -> Floats:
-        """(n) of its samples."""
+        """(n) times of its samples, s."""
         return np.arange(round(self.length * self.rate) + 1) / self.rate
 
     def record(self, measurements: Measurements, group: int = 0) -> MeasuredRecord:
@@ -91,11 +91,11 @@ class Predicted:
     scattering: int
 
     def response(self, whitener: Whitener) -> Response:
-        """Whitened."""
+        """The whitened prediction."""
         return Response(whitener(self.outputs), whitener(self.slopes), whitener(self.own))
 
     def of_channels(self, places: Sequence[int]) -> Predicted:
-        """Some of its channels alone."""
+        """The prediction of some of its channels."""
         chosen = list(places)
         return replace(
             self, outputs=self.outputs[:, chosen], slopes=self.slopes[:, chosen], own=self.own[:, chosen]
@@ -201,18 +201,18 @@ class Outlines:
         return np.take(outputs, self.rival.fit.problem.channels, axis=1)
 
     def simulate(self) -> Trajectories:
-        """At the fit, without derivatives."""
+        """Outputs of every record at the fit, without derivatives."""
         problem = self.problem
         return problem.simulate(self.rival.fit.values, [_expected(own) for own in problem.local])
 
     def at_draws(self, values: Floats) -> Trajectories:
-        """The first record at each of the given common unknowns (draws, p), all at once."""
+        """Outputs of the first record at each draw of the common unknowns (draws, p), all at once."""
         problem = self.problem
         expected = _expected(problem.local[0])
         return simulate(problem.compiled, [problem.excitation(0, one, expected) for one in values])
 
     def predicted(self) -> list[Predicted | None]:
-        """With derivatives, in parts that fit into memory."""
+        """The predictions with derivatives, in parts that fit into memory."""
         problem = self.problem
         columns = tuple(dict.fromkeys([*(u.name for u in problem.shared), *problem.local_names]))
         found: list[Predicted | None] = []
@@ -221,7 +221,7 @@ class Outlines:
         return found
 
     def with_derivatives(self, columns: tuple[str, ...]) -> list[Predicted | None]:
-        """By these of its unknowns and by the records' initial states, all at once."""
+        """Outputs, and derivatives by the unknowns `columns` and the initial states, all at once."""
         problem = self.problem
         expected = [_expected(own) for own in problem.local]
         courses = problem.simulate(self.rival.fit.values, expected, columns, initial=True)
@@ -246,7 +246,7 @@ def predicted_of(rival: Rival, courses: Trajectories, place: int, own: Sequence[
 
 
 def scatters(one: LocalUnknown) -> bool:
-    """Whether it differs from record to record by chance, as a setting or a zero does."""
+    """Whether an unknown differs from record to record by chance, as a setting or a zero does."""
     return one.kind == "parameter" and one.unknown.prior is not None
 
 
