@@ -54,7 +54,7 @@ class Chance:
     ----------
     tests: number of hypotheses searched.
     least: (draws) the smallest p-value of each draw of white noise, sorted.
-    left: the same for the residuals beside the best term with random signs; None if not drawn.
+    left: (draws) those of the residuals beside the best term with random signs; None if not drawn.
     more: number of further hypotheses that were searched but not simulated: they count in full, by
         Bonferroni's bound.
     """

@@ -273,7 +273,7 @@ def _factors(argument: Argument, kinds: Callable[[float, float], Iterator[Form]]
 
 
 def _refined(formula: Formula, basis: _Basis) -> Formula:
-    """With its scales at a local optimum of the linear problem, near their starts."""
+    """The formula with its scales at a local optimum of the linear problem, near their starts."""
     if not formula.scales:
         return formula
     from scipy.optimize import minimize

@@ -91,7 +91,7 @@ def _library(diagnosis: Diagnosis) -> str:
 
 
 def _replicates_differ(before: ModelComparison) -> str:
-    """That records of one condition differ by more than the noise, and by most of the misfit; "" if not.
+    """The sentence that records of one condition differ by more than noise and by most of the misfit; or "".
 
     The whitened residuals of each phase and channel are summed, ``z ~ N(0, 1)`` each; no term of the model's
     variables explains their differences between the records of one condition.

@@ -57,7 +57,7 @@ class Argument:
     point: bool
 
     def of(self, z: Floats) -> Floats:
-        """(n) x."""
+        """(n) x at the values z of the variable."""
         return np.asarray((z - self.zero) / self.reference)
 
     @property
@@ -123,7 +123,7 @@ def _bracketed(amount: str) -> str:
 
 
 def round_to(value: float, size: float) -> float:
-    """Rounded to one significant figure of `size`."""
+    """A value rounded to one significant figure of `size`."""
     if value == 0.0 or size == 0.0:
         return 0.0
     step = 10.0 ** math.floor(math.log10(abs(size)))

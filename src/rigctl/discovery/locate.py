@@ -41,7 +41,7 @@ _ALIKE = 1e-3
 #: number of locations over one variable whose formulas are tried, and of pairs of variables at the first
 #: locations
 _SINGLES, _PAIRS = 4, (4, 2, 1)
-#: the same of those that explain as much as the best: number over one variable, locations, pairs at each
+#: of those that explain as much as the best: number over one variable, locations, pairs at each
 _MORE_SINGLES, _MORE_PLACES, _MORE_PAIRS = 16, 6, 3
 #: possible error of a linear model of a large effect, as a share of χ²: a smaller difference excludes no
 #: location
