@@ -16,7 +16,7 @@ class LearningEnd(StrEnum):
     NOT_DECIDED = "not_decided"  #: these data cannot tell whether anything is missing
     BUDGET = "budget"  #: the next records need more bench time than is left
     ROUNDS = "rounds"  #: the allowed number of rounds has been made
-    DECLINED = "declined"  #: the user declined; the proposal is kept
+    DECLINED = "declined"  #: the user declined; the proposal is stored
     STOPPED = "stopped"  #: a run did not finish; it ended safely, and learning can continue
 
     @property

@@ -156,7 +156,7 @@ class Learner:
         return round_outcome(here.promised, found, left)
 
     def _otherwise(self, here: Round, found: Diagnosis) -> bool:
-        """Whether the bench contradicted all predictions: then it is not the bench that was asked about, or
+        """Whether the bench contradicted all predictions: then it is not the bench of the question, or
         its behaviour is unknown, and nothing is added to the model for it."""
         came_out = self._came_out(here, found)
         return came_out is not None and not came_out.kept
@@ -271,7 +271,7 @@ class Learner:
             if (name in added or not added) and relative_width(last.before.fit, [name]) > wanted
         )
 
-    # --- what is common to them -----------------------------------------------------------------------------
+    # --- common to all rounds -------------------------------------------------------------------------------
 
     def _open_runs(self) -> list[Run]:
         return [open_run(find_run(name, self.runs)) for name in self.kept.runs]
