@@ -144,7 +144,7 @@ def _unnamed(judged: Judged, verdict: str, why: str) -> Named:
 
 
 def _of_parameters(plan: Plan, judged: Judged, found: Diagnosis) -> Named:
-    """If the model is adequate after the change, its parameters have changed."""
+    """The changed parameters, which are the cause if the model is adequate after the change."""
     own = [one for one in judged.changed if one.course.quantity.kind != "effect"]
     freed = [one for one in own if one.course.quantity.kind == "parameter"]
     if freed:
@@ -188,7 +188,7 @@ def _of_effects(
 
 
 def _not_slight(changed: Sequence[Tested]) -> list[Tested]:
-    """Without changes so small beside the first that they may be artefacts of the shape of its law."""
+    """The changes, without those so small beside the first that they may be artefacts of its law's shape."""
     return [one for one in changed if one.gain >= SLIGHT * changed[0].gain]
 
 

@@ -212,7 +212,7 @@ def _made(plan: Plan, problem: Problem, data: Data) -> Reading:
 
 
 def _linearised(plan: Plan, fitted: FitResult) -> Linearisation:
-    """Linearised at the fitted point, with the held parameters among the columns, without their priors."""
+    """The linearisation at the fit, with the held parameters among the columns, without their priors."""
     held = [replace(parameter_unknown(plan.model, name), prior=None) for name in plan.held]
     values = np.concatenate([fitted.values, [one.start for one in held]])
     problem = fitted.problem.with_shared((*fitted.problem.shared, *held))

@@ -144,7 +144,7 @@ class Judged:
 
     @property
     def p_value(self) -> float:
-        """That of the most significant change: that anything has changed."""
+        """The p-value of the most significant change, and so of any change at all."""
         return min((_or_one(one.p_value) for one in self.tested), default=1.0)
 
     @property

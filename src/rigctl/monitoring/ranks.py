@@ -16,7 +16,7 @@ from rigctl.monitoring.change_point import FEWEST_BESIDE, cuts_of
 
 Floats = NDArray[np.float64]
 
-#: scores of ranks are clipped at this value: of an outlier only its side remains
+#: scores of ranks are clipped at this value: of an outlier only its sign remains
 _MOST: Final = 1.0
 #: a run is clipped at this multiple of the usual difference of neighbours
 _OFF: Final = 3.0
