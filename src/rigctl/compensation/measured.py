@@ -76,7 +76,7 @@ class TakenMeasure:
         return tuple(dict.fromkeys(one.channel for one in self.measure.statistics))
 
     def of(self, times: Floats, values: Mapping[str, Floats], switches: Floats) -> float:
-        """Its value from the samples of a record, SI; `switches` are the times at which commands change."""
+        """The measure's value from the samples of a record, SI; commands change at the times `switches`."""
         first = 0.0
         if self.measure.stretch is Stretch.WINDOW:
             first = self.at - (self.measure.window or 0.0)

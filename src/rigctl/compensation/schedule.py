@@ -156,7 +156,7 @@ def _predictor(fit: FitResult, rig: Rig, measure: TakenMeasure, vary: str, over:
 
 
 def _range(one: Lever, fit: FitResult) -> tuple[float, float]:
-    """Its range in the fitted records."""
+    """Range of one quantity in the fitted records."""
     outputs = fit.problem.measurements.outputs
     values = np.array([one.of(fit.problem.records[k], outputs) for k in fit.fitted])
     values = values[np.isfinite(values)]

@@ -64,5 +64,5 @@ static inline float {name}(float at)
 
 
 def _floats(text: str) -> str:
-    """With a decimal point in every literal: ``30f`` is not a literal in C."""
+    """C source with a decimal point in every literal: ``30f`` is not valid in C."""
     return re.sub(r"(?<![\d.eE+-])(-?\d+)f\b", r"\1.0f", text)
