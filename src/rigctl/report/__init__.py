@@ -1,6 +1,6 @@
 """One self-contained page about one or more runs, and its figures as files.
 
-What makes the page is loaded with its first use: a command that prints an answer uses its words alone.
+The modules of the page are loaded on first use: a command that only prints an answer does not need them.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 __all__ = ["Report", "write_report"]
 
 
-if not TYPE_CHECKING:  # so that a type checker finds a name that is not there
+if not TYPE_CHECKING:  # so that a type checker reports an unknown name
 
     def __getattr__(name: str) -> Any:
-        """The name, loaded with its first use."""
+        """The object of that name, loaded on first use."""
         if name not in __all__:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         value = globals()[name] = getattr(import_module("rigctl.report.write"), name)

@@ -19,7 +19,7 @@ from rigctl.units import significant
 
 Tone = Literal["good", "warn", "bad"]
 
-#: as `chance_text` has it
+#: format of `chance_text`
 _CHANCE = re.compile(r" \(p [<=] [0-9.e+-]+\)")
 #: relative change of an error from which it counts as changed
 _CHANGED = 0.02
@@ -27,7 +27,7 @@ _CHANGED = 0.02
 
 @dataclass(frozen=True)
 class Answer:
-    """The answer alone.
+    """The answer, without its evidence.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ def without_chance(text: str) -> str:
 
 
 def said(facts: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
-    """The facts of which there is something to say."""
+    """The facts that are not empty."""
     return tuple((head, text) for head, text in facts if text)
 
 

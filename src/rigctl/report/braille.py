@@ -35,7 +35,7 @@ def draw_curve(
 
 
 def _parts(values: Sequence[float], columns: int) -> list[Sequence[float]]:
-    """The values under each column, and the last of the column before."""
+    """The values in each column, preceded by the last one of the previous column."""
     count = len(values)
     parts = []
     for column in range(columns):

@@ -1,4 +1,4 @@
-"""Decimation for display: points that a screen cannot show are left out, extremes never are."""
+"""Decimation for display: points that a screen cannot resolve are left out, extremes are kept."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def template(plot: Plot) -> dict[str, Any]:
 def arrays(plot: Plot) -> dict[str, list[str | int]]:
     """The numbers of every trace in the order of ``data``: ``x``, ``y``.
 
-    An x that was there before is given as its number in the list.
+    An x that occurred before is given as its index in the list.
     """
     xs: list[str | int] = []
     seen: dict[int, int] = {}
@@ -131,7 +131,7 @@ def _y_axis(panel: Panel, bottom: float, top: float) -> dict[str, Any]:
     axis: dict[str, Any] = {
         "domain": [round(bottom, 6), round(top, 6)],
         "title": {"text": _text(panel.title), "standoff": 6},
-        "exponentformat": "power",  # else 400B for 4·10¹¹
+        "exponentformat": "power",  # plotly's default would be 400B for 4·10¹¹
     }
     if panel.range is not None:
         axis["range"] = list(panel.range)

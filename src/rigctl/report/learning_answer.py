@@ -17,7 +17,7 @@ from rigctl.report.systematic import falls
 def learning_answer(
     found: Learned, fits: Sequence[FitResult] = (), left: Mapping[str, float] | None = None
 ) -> Answer:
-    """How a learning ended, what it added, how the error changed, and whether predictions came true.
+    """The end of a learning loop, the added effects, the change of the error, and the tested predictions.
 
     Parameters
     ----------

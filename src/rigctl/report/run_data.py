@@ -86,7 +86,7 @@ class RunData:
     signals: Mapping[str, Signal]
     records: tuple[RecordData, ...]
     events: tuple[EventEntry, ...]
-    measures: tuple[Measured, ...]  #: those of the run itself
+    measures: tuple[Measured, ...]  #: measures of the run itself
     rig: Rig | None
 
     def all_measures(self) -> Iterator[Measured]:
@@ -138,7 +138,7 @@ def _events(frame: pd.DataFrame) -> Iterator[EventEntry]:
 
 
 def _text(value: object) -> str | None:
-    """A cell of text; pandas marks a missing one in several ways."""
+    """A cell of text; "" for any of the missing-value markers of pandas."""
     return value if isinstance(value, str) else None
 
 
@@ -193,7 +193,7 @@ def _records(
 
 
 def _swept(si: float | None, unit: str) -> tuple[float, str]:
-    """A sweep value as shown, to the digits that survive the conversion: 30 bar, not 29.999…"""
+    """A sweep value as shown, without rounding errors of the conversion: 30 bar, not 29.999…"""
     value = float("nan") if si is None else parse_unit(unit).from_si(si)
     return (float(f"{value:.12g}"), unit)
 

@@ -182,7 +182,7 @@ def _trace(signal: Signal, rows: slice, time: NDArray[np.float64], points: int, 
 
 
 def _commands_panel(run: RunData, title: str, signals: Sequence[Signal], traces: tuple[Trace, ...]) -> Panel:
-    """Switches and valves: low, and with the names of a valve's positions where all of them are known."""
+    """A low panel of switches and valves, with the names of a valve's positions if all are known."""
     values = [signal.values[np.isfinite(signal.values)] for signal in signals]
     low = min((float(v.min()) for v in values if len(v)), default=0.0)
     high = max((float(v.max()) for v in values if len(v)), default=1.0)

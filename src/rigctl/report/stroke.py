@@ -1,4 +1,4 @@
-"""How far the cylinder went in a record: the main result of an open-loop campaign."""
+"""The cylinder's stroke in a record: the main result of an open-loop campaign."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def find_motion(run: RunData) -> Motion | None:
 
 
 def _is_valve(signal: Signal) -> bool:
-    """True for a command that was seen in both directions and nowhere between."""
+    """True for a command that takes both directions and no intermediate value but neutral."""
     return {-1.0, 1.0} <= set(np.unique(signal.values[~np.isnan(signal.values)])) <= {-1.0, 0.0, 1.0}
 
 

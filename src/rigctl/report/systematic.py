@@ -63,7 +63,7 @@ class ChannelFall:
         return self.sizes[place] == 0.0
 
     def sigmas(self, place: int) -> str:
-        """``41 sigma``, or that it is within the noise."""
+        """``41 sigma``, or a note that it is within the noise."""
         size = self.sizes[place]
         return (
             "within the noise"
@@ -130,7 +130,7 @@ def _rest(normalised: float, base: float) -> float:
 
 
 def _amplitude(error: ChannelError, size: float) -> float:
-    """Root mean square of the systematic error, in noises: at least what S says of white noise."""
+    """RMS of the systematic error in units of the noise; at least the value that S implies."""
     if size <= 0.0:
         return 0.0
     return max(math.sqrt(max(error.nrmse**2 - 1.0, 0.0)), size / math.sqrt(max(error.count, 1)))

@@ -77,7 +77,7 @@ def _rival(one: DesignRival) -> dict[str, object]:
 
 
 def record_plot(found: DesignResult, number: int) -> Plot:
-    """What the rivals predict of a record, with the noise of a reading around the first."""
+    """The rivals' predictions of a record, with the noise of a reading around the first."""
     record = found.records[number]
     names = [one.name for one in found.rivals][:_DRAWN]
     shown = [one for one in record.predictions if _differs(one, names)] or list(record.predictions[-1:])
@@ -111,7 +111,7 @@ def _panel(one: Prediction, names: list[str], *, named: bool) -> Panel:
 
 
 def _apart(one: Prediction, names: list[str]) -> Panel:
-    """The others less the first, in units of the noise."""
+    """The predictions of the other rivals less that of the first, in units of the noise."""
     first = one.by_rival[names[0]]
     traces = tuple(
         Trace(

@@ -41,7 +41,7 @@ def diagnosis_sections(diagnosis: Diagnosis, *, added: bool = False) -> list[Sec
     """
     signature = None if diagnosis.before.rows else signature_plot(diagnosis)
     curves = law_plots(diagnosis.laws)
-    ranked = not (diagnosis.before.rows and diagnosis.before.adequate)  # a ranking of few rows is chance
+    ranked = not (diagnosis.before.rows and diagnosis.before.adequate)  # a ranking of few rows is random
     body = render(
         "diagnosis.html",
         diagnosis=diagnosis,

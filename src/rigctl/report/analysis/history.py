@@ -109,5 +109,5 @@ def _waterfall(channel: str, steps: Sequence[tuple[str, ModelError]]) -> Markup:
 
 
 def _told(size: float, noise: float, unit: str) -> str:
-    """A size as text, or that it is within the noise."""
+    """A size as text, or a note that it is within the noise."""
     return "within the noise" if size < _WITHIN * noise else f"{significant(size, 2)} {unit}".rstrip()

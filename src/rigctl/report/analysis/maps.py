@@ -132,7 +132,7 @@ def _bias_stands_out(errors: Floats) -> bool:
 
 
 def _pooled(errors: Sequence[Floats], grid: _Grid) -> list[list[Floats]]:
-    """The errors of all records of each condition together."""
+    """The errors of each condition, pooled over its records."""
     cells: dict[tuple[float, float], list[Floats]] = {}
     for error, point in zip(errors, grid.points, strict=True):
         cells.setdefault(point, []).append(error[np.isfinite(error)])

@@ -175,7 +175,7 @@ def overlay_plot(
     record = problem.records[k]
     rows = np.unique(np.linspace(0, record.times.size - 1, min(record.times.size, _MOST_POINTS)).astype(int))
     seen = [c for c in range(len(problem.measurements.outputs)) if problem.ok[k][rows, c].any()]
-    times = record.times[rows]  # once: what traces share is written to the page once
+    times = record.times[rows]  # computed once, so that the page contains data shared by traces only once
     extra = [combined(curve_bands, problem.measurements.outputs[c], k) for c in seen]
     panels = [
         _channel_panel(models, k, c, rows, times, None if more is None else more[rows], named=c == seen[0])
@@ -228,7 +228,7 @@ def _channel_panel(
 
 
 def _spans(times: Floats, phase: NDArray[np.intp]) -> tuple[Span, ...]:
-    """Every second phase is shaded."""
+    """Shaded spans, one for every second phase."""
     found = []
     for number in np.unique(phase):
         inside = times[phase == number]

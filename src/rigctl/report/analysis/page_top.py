@@ -65,7 +65,7 @@ def answer_section(answer: Answer, told: NamedModels | None, *, about: str, sent
 
     Parameters
     ----------
-    told: the models that the answer is about; with None nothing is drawn.
+    told: the models of the answer; with None nothing is drawn.
     about: the model after which the page is named.
     sentence: replaces that of the answer, if that contains statistics.
     """
@@ -91,7 +91,7 @@ def answer_section(answer: Answer, told: NamedModels | None, *, about: str, sent
 
 
 def _shows(one: ChannelFall) -> bool:
-    """Whether a channel has anything to show: a change, or for a single model an error beyond the noise."""
+    """Whether to draw a channel: its error changed or, for a single model, exceeds the noise."""
     return one.changed if len(one.sizes) > 1 else not one.within(0)
 
 

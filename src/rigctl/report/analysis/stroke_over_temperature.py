@@ -38,7 +38,7 @@ def stroke_plot(models: Sequence[ModelComparison], key: str = "model-stroke") ->
         for model in models:
             name, faint = model.name if len(models) > 1 else "model", model is not models[-1]
             said = line(model, measured=False)[order]
-            # the names of the models once, those of the pressures at their marks
+            # the legend names each model once; pressures are labelled at their marks
             traces.append(Trace(name, x[order], said, Look.LINE, number, symbol(unit), faint, not number))
     x_title = f"{plain_name(hot)} [{symbol(units[hot])}]"
     caption = "Stroke against temperature: marks measured, lines the model"
@@ -47,7 +47,7 @@ def stroke_plot(models: Sequence[ModelComparison], key: str = "model-stroke") ->
 
 
 def _groups(problem: Problem, hot: str, units: dict[str, str]) -> list[tuple[str, list[int]]]:
-    """Records that differ only in temperature, by what they have in common."""
+    """Records that differ only in temperature, by their common conditions."""
     rest = [name for name in problem.measurements.variables if name != hot]
     groups: dict[tuple[float, ...], list[int]] = {}
     for k, record in enumerate(problem.records):

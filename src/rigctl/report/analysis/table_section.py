@@ -37,8 +37,8 @@ class TablePart:
 
 @dataclass(frozen=True)
 class _Curve:
-    """Rows that are joined by a line, in the order of x; `label` is what they have in common, "" for a single
-    curve."""
+    """Rows that are joined by a line, in the order of x; `label` states their common conditions, "" for a
+    single curve."""
 
     label: str
     number: int
@@ -140,7 +140,7 @@ def _of_models(
         values = np.array([shown(by_record[row.record]) for row in curve.rows])
         name = f"{curve.prefix}{model.name if len(models) > 1 else 'model'}{what}"
         colour, faint = curve.hue if curve.label else number, model is not models[-1]
-        # of several curves the marks and lines above have said which colour is which
+        # for several curves the legend of the traces above identifies the colours
         named = not (what and curve.label)
         found.append(Trace(name, curve.at, values, look, colour, unit, faint, named))
     return found

@@ -1,7 +1,7 @@
 """The page's sections, one file each; `SECTIONS` is their order on the page.
 
-A section that another part of rigctl contributes (a comparison, a diagnosis) is a `Section` handed to
-`write_report`; it is made in the same way as these.
+A section of another part of rigctl (a comparison, a diagnosis) is a `Section` passed to `write_report`; it is
+made in the same way as these.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from rigctl.report.run_data import RunData
 from rigctl.report.section import Section, cut, render
 from rigctl.report.signals import ALARMS
 
-#: kept in events.parquet, and too many to read
+#: kinds that are stored in events.parquet but not listed, because they are too many
 _LEFT_TO_THE_FILES = ("step", "command", "record", "measure", "session", "run", "end")
 
 

@@ -1,4 +1,4 @@
-"""Values that the procedure asked for, with their limits."""
+"""The measures of the procedure, with their limits."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _rows(run: RunData) -> list[Row]:
             place=_place(measured),
         )
         for measured in run.all_measures()
-        if run.time.size or measured.limited  # the values of a table are results already
+        if run.time.size or measured.limited  # the values of a table are shown as results
     ]
 
 

@@ -65,7 +65,7 @@ def summarise(run: RunData) -> RunSummary:
     missed = sum(not measured.passed for measured in run.all_measures())
     if missed and tone == "good":
         tone = "warn"
-    if run.info.get("unconfirmed"):  # somebody has to look at the bench
+    if run.info.get("unconfirmed"):  # the state of the outputs is unknown: the bench has to be inspected
         tone = "bad"
     kind = str(_part(run.info, "backend").get("kind", ""))
     return RunSummary(
@@ -159,7 +159,7 @@ def _measured(run: RunData) -> str:
 
 
 def _figures(run: RunData, missed: int) -> list[tuple[str, str]]:
-    """The few numbers a reader looks for first."""
+    """The key figures of a run."""
     complete, total = _complete(run), len(run.records)
     open_ended = run.info.get("status") != "finished" and complete == total
     found = [("records complete", str(complete) if open_ended else f"{complete} of {total}")]

@@ -97,7 +97,7 @@ def _interval(unit: str) -> str:
 
 
 def formula(coefficients: Sequence[float], unit: str) -> str:
-    """The calibration polynomial as it is written: ``−12.5 + 0.1222·raw bar``; nothing for none."""
+    """The calibration polynomial as a formula: ``−12.5 + 0.1222·raw bar``; "" without one."""
     if not coefficients:
         return ""
     powers = ("", "·raw", "·raw²", "·raw³")
