@@ -33,7 +33,7 @@ class Picture:
     channels: the error of each channel over the records here, and of those held out.
     chi2_reduced: only of an exact one.
     failures: why a record could not be simulated, by index.
-    seconds: computation time.
+    seconds: computation time, s.
     """
 
     exact: bool
@@ -49,7 +49,7 @@ class Picture:
     seconds: float = 0.0
 
     def document(self, units: Mapping[str, str]) -> dict[str, Any]:
-        """Everything but the arrays, as the page takes it; `units` are the channels'."""
+        """Everything but the arrays, as data for the page; `units` are the channels'."""
         return {
             "exact": self.exact,
             "records": list(self.records),

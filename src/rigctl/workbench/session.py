@@ -59,7 +59,7 @@ class Opened:
     model: as in its file.
     runs: that were opened.
     data: their records and noise.
-    subject: the same as typed on the command line.
+    subject: runs, model and choice of records as typed on the command line.
     """
 
     model: Model
@@ -344,7 +344,7 @@ class Workbench:
         return replace(problem, base=base, starts=made)
 
     def _values(self, state: State) -> Mapping[str, float]:
-        """What every parameter of the equations is, effects that are off at their null."""
+        """The value of every parameter of the equations; effects that are off are at their null."""
         values = dict(state.values)
         for name, value in self.model.values.items():  # dimensions have no slider
             values.setdefault(name, value)
@@ -366,7 +366,7 @@ class Workbench:
         return sorted(dict.fromkeys([*(k for k in shown if 0 <= k < count), *spread]))
 
     def _learn_cost(self, problem: Problem, each: float) -> None:
-        """Update the time of a record with these equations, s: average of the new and the previous value."""
+        """Update the simulation time per record with these equations, s: mean of new and previous value."""
         name = problem.compiled.source.digest
         self._cost[name] = 0.5 * (self._cost.get(name, each) + each)
 

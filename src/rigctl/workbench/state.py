@@ -37,7 +37,7 @@ class State:
         return hash((frozenset(self.values.items()), self.on))
 
     def moved(self, values: Mapping[str, float]) -> State:
-        """With other values of some sliders.
+        """The state with other values of some sliders.
 
         Raises
         ------
@@ -50,27 +50,27 @@ class State:
         return replace(self, values={**self.values, **values})
 
     def switched(self, effects: Iterable[str], *, on: bool) -> State:
-        """With effects switched on or off."""
+        """The state with effects switched on or off."""
         names = frozenset(effects)
         return replace(self, on=self.on | names if on else self.on - names)
 
 
 @dataclass(frozen=True)
 class Track:
-    """A state, those before it and those that were taken back; each step gives another track."""
+    """The present state, with its undo and redo steps; immutable."""
 
     present: State
     past: tuple[State, ...] = field(default=(), repr=False)
     future: tuple[State, ...] = field(default=(), repr=False)
 
     def then(self, state: State) -> Track:
-        """One step on; what was taken back is gone. The same state again is no step."""
+        """The track with a new step, its redo steps discarded; unchanged if the state is the present one."""
         if state == self.present:
             return self
         return Track(state, (*self.past, self.present)[-_REMEMBERED:])
 
     def undone(self) -> Track:
-        """One step back.
+        """The track one step back.
 
         Raises
         ------
@@ -82,7 +82,7 @@ class Track:
         return Track(self.past[-1], self.past[:-1], (self.present, *self.future))
 
     def redone(self) -> Track:
-        """The step that was last taken back.
+        """The track with the last undone step restored.
 
         Raises
         ------
