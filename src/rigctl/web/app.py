@@ -1,4 +1,4 @@
-"""The application: the frame page, its parts, and what they share."""
+"""The application: the frame page, its parts, and their common routes."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def installed_version() -> str:
 def _session(keys: Keys) -> Any:
     async def endpoint(request: Request) -> Response:
         try:
-            async with asyncio.timeout(PATIENCE):  # whoever is not known yet may not hold a connection
+            async with asyncio.timeout(PATIENCE):  # a client without a session may not hold a connection
                 token = (await read_fields(request, _MOST_TOKEN)).get("token")
         except (RigctlError, TimeoutError, ClientDisconnect):
             token = None

@@ -49,7 +49,7 @@ def _open(page: Path) -> None:
 
     with suppress(Exception):
         webbrowser.open(page.as_uri())
-    time.sleep(20.0)  # a browser that has to be started reads it late
+    time.sleep(20.0)  # a browser that is not running yet reads it only after its start
     with suppress(OSError):
         page.unlink()
         page.parent.rmdir()

@@ -112,7 +112,7 @@ def _curve(record: Record, name: str, grid: NDArray[np.float64]) -> NDArray[np.f
 
 
 def _mean(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Over the records, those left out that have no value; NaN where none has one."""
+    """The mean over the records, ignoring missing values; NaN where all are missing."""
     import numpy as np
 
     there = np.isfinite(rows)

@@ -61,7 +61,7 @@ _MOST_IN_ONE: Final = 60_000
 
 
 class Watcher:
-    """One window: what it wants to see, and the data that wait for it.
+    """One window: its requested time span, and its queue of unsent data.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class Watcher:
         self._events: deque[Mapping[str, Any]] = deque(maxlen=_MOST_EVENTS)
         self._thinning = Thinning(0.0)
         self._lock = threading.Lock()
-        self.dropped = 0  #: batches left out, since it was slow
+        self.dropped = 0  #: number of batches dropped because the window was slow
 
     def begin(self, rows: NDArray[np.float64], window: float, width: int) -> None:
         """Show the last `window` s, for a plot of `width` pixels, and continue from there."""
@@ -106,7 +106,7 @@ class Watcher:
         self._wake()
 
     def happened(self, events: list[Mapping[str, Any]]) -> None:
-        """Hand events on."""
+        """Pass on events."""
         with self._lock:
             self._events.extend(events)
         self._wake()
@@ -193,7 +193,7 @@ class Feed:
         self._watchers: list[Watcher] = []
         self._asked = monotonic()
         self._lock = threading.Lock()
-        self.over = False  #: nobody watches, and the thread has ended
+        self.over = False  #: True once the thread has ended because nobody watches
         threading.Thread(target=self._open_plan, name="plan", daemon=True).start()
         self._thread = threading.Thread(target=self._work, name=f"feed {folder.name}", daemon=True)
         self._thread.start()
@@ -226,7 +226,7 @@ class Feed:
         rows = envelope(rows[rows[:, 0] > after], window / max(width, 1))
         return {**told, "rows": rows}
 
-    # --- inside -------------------------------------------------------------------------------------------
+    # --- the thread ---------------------------------------------------------------------------------------
 
     def _work(self) -> None:
         next_state, faulty = 0.0, False
@@ -240,8 +240,8 @@ class Feed:
                     self._read_state()
                     self._tell_set_points()
             except (OSError, RigctlError, ValueError):
-                pass  # half written or gone: the next look may read it
-            except Exception:  # windows that watch must not freeze for it
+                pass  # half written or gone: the next poll may read it
+            except Exception:  # an error in it must not freeze the windows
                 if not faulty:
                     logger.exception("reading %s", self.folder)
                 faulty = True
@@ -306,7 +306,7 @@ class Feed:
                     watcher.tell("set_points", lines)
 
     def _first_reading(self, channel: str, time: float) -> float | None:
-        """From that time on; None where it has not come yet, is no number, or is no longer kept."""
+        """A channel's first reading from a time on; None if not received yet, missing, or discarded."""
         column = 1 + self.header.layout.channels.index(channel)
         if not self._rows.oldest <= time + _FRESH:
             return None

@@ -117,7 +117,7 @@ class Jobs:
         Raises
         ------
         RigctlError
-            so much is being worked on that more would only be slower.
+            the maximum number of jobs is running.
         """
         with self._lock:
             self._require_room()
@@ -188,7 +188,7 @@ class Jobs:
         return list(self._jobs.values())[::-1]
 
     def stop(self, job_id: str) -> Job:
-        """End a job, whatever it does; has no effect on one that has ended."""
+        """Terminate a job; has no effect on one that has ended."""
         job = self.find(job_id)
         with self._lock:
             if job.state == "working":
@@ -271,7 +271,7 @@ class Jobs:
 
 
 class _Command:
-    """A command with the methods of a process of `multiprocessing`."""
+    """A command with the interface of a `multiprocessing` process."""
 
     def __init__(self, process: subprocess.Popen[str]) -> None:
         self._process = process
@@ -322,7 +322,7 @@ def _end(process: Any) -> None:
 
 
 def _carry_out(pipe: Connection, folder: str, work: Work, arguments: tuple[Any, ...]) -> None:
-    """The process: do the work and report the outcome."""
+    """Entry point of the process: do the work and report the outcome."""
     import os
     import signal
 

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-#: rows of the blocks that are made of many small ones, which would take more room than what is in them
+#: rows to which small blocks are merged, since each block has an overhead larger than its content
 _BLOCK: Final = 2000
 
 

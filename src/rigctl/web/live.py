@@ -61,7 +61,7 @@ class Live:
         self._lock = threading.Lock()
         self._found: tuple[float, list[Path]] = (-1e9, [])
 
-    # --- what a page asks for -----------------------------------------------------------------------------
+    # --- requests of a page -------------------------------------------------------------------------------
 
     def runs(self, asked: PageRequest) -> dict[str, Any]:
         """The ids of the runs in progress, newest first, and who has the controls."""

@@ -109,7 +109,7 @@ def _endpoint(work: Work) -> Callable[[Request], Any]:
             if isinstance(found, Response):
                 return found
             return _json(to_json(found), 200)
-        except ClientDisconnect:  # nobody reads the answer
+        except ClientDisconnect:  # the client has disconnected
             return _json(refusal_text("the request has ended before its end"), 400)
         except RigctlError as error:
             failed = error.exit_code is ExitCode.FAILED

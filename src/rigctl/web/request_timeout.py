@@ -1,4 +1,4 @@
-"""Connections that are opened and ask nothing: two hundred of them would keep everybody else out."""
+"""A time-out for connections without a request: two hundred idle ones would block all other clients."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from typing import Final
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-#: s in which the head of a request has to be there
+#: time-out for the head of a request, s
 PATIENCE: Final = 5.0
 
 
 class PatientProtocol(H11Protocol):
-    """HTTP of uvicorn, which waits without end for the head of a request, for so long and no longer."""
+    """The HTTP protocol of uvicorn with a time-out for the head of a request, for which it has none."""
 
     _waiting: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Wait for the first request."""
+        """Start the time-out for the first request."""
         super().connection_made(transport)
         self._wait()
 
     def data_received(self, data: bytes) -> None:
-        """Wait for the rest of a head; time that has passed counts."""
+        """Keep the time-out running until the head is complete."""
         super().data_received(data)
         if self.conn.their_state is not h11.IDLE:
             self._stop()
@@ -31,7 +31,7 @@ class PatientProtocol(H11Protocol):
             self._wait()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Wait for nothing more."""
+        """Cancel the time-out."""
         self._stop()
         super().connection_lost(exc)
 
@@ -46,6 +46,6 @@ class PatientProtocol(H11Protocol):
 
     def _give_up(self) -> None:
         self._waiting = None
-        # one that has become a WebSocket is no longer among the connections of this kind
+        # a connection upgraded to a WebSocket is no longer in the set of HTTP connections
         if self in self.connections and self.conn.their_state is h11.IDLE:
             self.transport.close()

@@ -141,7 +141,7 @@ def series_of(problem: Problem, k: int) -> tuple[int, ...]:
 
 
 def _series_text(problem: Problem, k: int) -> str:
-    """What the rows on the curve of a row have in common."""
+    """The common conditions of the rows on the curve of a row, as text."""
     measured = problem.measurements
     if not measured.table:
         return ""
@@ -161,21 +161,21 @@ def shown_samples(problem: Problem, k: int) -> NDArray[np.intp]:
 
 
 def _drawn(problem: Problem, k: int, of: Callable[[int], Floats]) -> Floats:
-    """(points, channels) of what `of` says of each sample of a record; of a row, its reading on its curve."""
+    """(points, channels) values of `of` at each sample of a record; of a row, its reading on its curve."""
     if not problem.measurements.table:
         return of(k)[shown_samples(problem, k)]
     return np.array([_reading(problem, row, of(row)) for row in series_of(problem, k)])
 
 
 def _reading(problem: Problem, row: int, values: Floats) -> Floats:
-    """(channels) what belongs to the reading of each channel, which is the last that there is."""
+    """(channels) the value that belongs to each channel's reading, which is its last sample."""
     here = problem.records[row].here
     last = [int(np.flatnonzero(one)[-1]) if one.any() else -1 for one in here.T]
     return values[last, np.arange(len(last))]
 
 
 def _places(problem: Problem, k: int) -> Floats:
-    """(points) times, s; of a table's rows, what they are drawn over in its unit."""
+    """(points) times, s; for rows of a table the variable of the x axis, in its unit."""
     measured = problem.measurements
     if not measured.table:
         return problem.records[k].times[shown_samples(problem, k)]

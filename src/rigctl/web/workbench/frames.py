@@ -32,7 +32,7 @@ def read_frame(message: bytes) -> tuple[dict[str, Any], dict[str, NDArray[np.flo
     Raises
     ------
     ValueError
-        the message is none.
+        the message is not a frame.
     """
     if len(message) < 4:
         raise ValueError("no frame")

@@ -44,7 +44,7 @@ TEXT, BYTES = b"t", b"b"
 
 
 def attend(pipe: Connection, folder: str) -> None:
-    """Answer what comes through the pipe until it is closed."""
+    """Handle messages from the pipe until it is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the server's, which ends this process
     os.chdir(folder)
     session = _Session(pipe)
@@ -53,7 +53,7 @@ def attend(pipe: Connection, folder: str) -> None:
         try:
             message = pipe.recv_bytes()
         except (EOFError, OSError):
-            os._exit(0)  # threads may be in the middle of a simulation, which nobody waits for
+            os._exit(0)  # threads may still be simulating; their results are not needed
         session.read(message)
 
 

@@ -88,7 +88,7 @@ def _read(
     over: threading.Event,
 ) -> None:
     """Read a process's messages while there is `room`, so that a page that does not read fills no memory."""
-    with suppress(EOFError, OSError, RuntimeError):  # the last: the loop has ended
+    with suppress(EOFError, OSError, RuntimeError):  # the event loop has ended
         while True:
             room.acquire()
             if over.is_set():
@@ -124,10 +124,10 @@ async def _from_page(socket: WebSocket, pipe: Connection) -> None:
         if message["type"] == "websocket.disconnect":
             return
         text = message.get("text")
-        if text is None:  # the server closes one that is too long
+        if text is None:  # the server closes the socket after too long a message
             await socket.close(1003)
             return
-        with suppress(OSError):  # it has ended; the other task says so
+        with suppress(OSError):  # the process has ended, as the other task reports
             # a full pipe waits for a process that is busy, and the server must not wait with it
             await asyncio.to_thread(pipe.send_bytes, text.encode("utf-8", "replace"))
 
