@@ -53,7 +53,7 @@ def readings_table(readings: Readings, *, unicode: bool = True) -> Table:
 
     Parameters
     ----------
-    unicode: False for a terminal that has letters only.
+    unicode: False for a terminal that shows only ASCII.
     """
     from rich.table import Table
     from rich.text import Text
@@ -89,7 +89,7 @@ def shown(value: float, channel: Channel) -> str:
     unit = parse_unit(channel.unit)
     number = unit.from_si(value, difference=channel.difference)
     text = f"{number:.{places(channel)}f}"
-    text = text if float(text) else text.removeprefix("-")  # minus nothing is nothing
+    text = text if float(text) else text.removeprefix("-")  # -0 is shown as 0
     return f"{text} {channel.unit}".removesuffix(" 1")
 
 

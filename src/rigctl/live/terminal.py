@@ -54,7 +54,7 @@ class TerminalDisplay:
             get_renderable=self.render,
             console=self._console,
             refresh_per_second=_RATE,
-            redirect_stdout=False,  # results, not for this terminal alone
+            redirect_stdout=False,  # stdout carries results
         )
 
     def __enter__(self) -> Self:
