@@ -190,7 +190,7 @@ class _Walker(Visitor[PreviewNode]):
         )
 
     def group(self, node: Group, *, counted: bool = True) -> PreviewNode:
-        """The sum of its nodes and of the cleanup that always runs."""
+        """The forecast of a group: the sum over its nodes and the cleanup that always runs."""
         below = [self.visit(child) for child in node.children]
         below += [self.visit_uncounted(block) for block in (node.on_failure, node.on_abort) if block]
         if node.finally_ is not None:
@@ -198,14 +198,14 @@ class _Walker(Visitor[PreviewNode]):
         return _sum(node, node.kind.value, below, bindings=node.bindings, counted=counted)
 
     def record(self, node: RecordNode) -> PreviewNode:
-        """The duration of its body, and the number of samples in that time."""
+        """The forecast of a record: the duration of its body, and its number of samples."""
         body = self.group(node.body)
         samples = round(body.seconds * node.rate)
         warning = too_fast(self.bench.rig, node.rate)
         return _sum(node, "record", [*body.children], records=1, samples=samples, warning=warning)
 
     def loop(self, node: Loop) -> PreviewNode:
-        """Its first round, multiplied by the number of rounds."""
+        """The forecast of a loop: that of its first round times the number of rounds."""
         first = self.group(node.body)
         times = node.count
         if times == 0:
