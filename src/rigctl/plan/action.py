@@ -44,7 +44,7 @@ class Action(ABC):
 
     @abstractmethod
     def carry_out(self, bench: Bench) -> Behaviour:
-        """A generator that carries it out on `bench`, yields what it waits for, and returns its outcome.
+        """A generator that carries it out on `bench`, yields its wait conditions, and returns its outcome.
 
         Raises
         ------

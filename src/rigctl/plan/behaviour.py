@@ -176,15 +176,15 @@ class Bench(Protocol):
         ...
 
     def regulate(self, loop: LoopSettings) -> Waiting:
-        """Let the bench itself begin a closed loop, and wait until it says that it has."""
+        """Start a closed loop on the bench's own controller, and wait for its confirmation."""
         ...
 
     def loop_state(self, ahead: float | None = None) -> LoopState:
-        """What is known of the loop that the bench carries out; `ahead` is its feed-forward from now on."""
+        """The state of the loop on the bench's controller; `ahead` is its feed-forward from now on."""
         ...
 
     def stop_regulating(self, actuator: str) -> Waiting:
-        """End such a loop, its output as it is, and wait until the bench has said so and how it ran."""
+        """End such a loop with its output held, and wait for the confirmation and the loop's timing."""
         ...
 
     def release(self, actuator: str) -> None:
@@ -196,7 +196,7 @@ class Bench(Protocol):
         ...
 
     def is_at(self, actuator: str, value: float) -> bool:
-        """Whether the newest command to an actuator was `value` and has not gone unanswered."""
+        """Whether an actuator's newest command was `value`, with its acknowledgement received or pending."""
         ...
 
     def rested_at(self, actuator: str, value: float) -> float:

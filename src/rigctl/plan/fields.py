@@ -75,7 +75,7 @@ Condition = Annotated[
 
 
 def unit_text(written: object) -> str:
-    """The name of a unit; 1 is one too.
+    """The name of a unit, "1" included.
 
     Raises
     ------

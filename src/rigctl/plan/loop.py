@@ -1,4 +1,4 @@
-"""A closed loop that a bench's own controller carries out: what it is told, and what it says of itself."""
+"""A closed loop on a bench's own controller: its settings, its state and its timing statistics."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class LoopFigures:
     """
 
     updates: int
-    late: int  #: updates that were left out, since the one before was still being computed
-    missed: int  #: updates that held the output, since the reading was impossible
-    saturated: int  #: updates whose output was bounded
+    late: int  #: updates skipped because the previous one was still being computed
+    missed: int  #: updates that held the output because the reading was impossible
+    saturated: int  #: updates whose output was saturated
     jitter: tuple[float, float, float]  #: 50 %, 99 %, greatest
     latency: tuple[float, float, float]
 
