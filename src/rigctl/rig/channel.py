@@ -119,7 +119,7 @@ class Channel(Part):
         Raises
         ------
         RigctlError
-            the rig file says nothing of it.
+            the rig file states none.
         """
         if self.raw is None:
             raise RigctlError(

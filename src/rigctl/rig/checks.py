@@ -25,7 +25,7 @@ RESERVED = frozenset(
 
 
 def problems(rig: Rig) -> Iterator[Problem]:
-    """All errors that only the whole file shows."""
+    """All errors that involve several parts of the file."""
     yield from _names(rig)
     for name, channel in rig.channels.items():
         yield from _channel(("channels", name), channel)
@@ -58,7 +58,7 @@ def problems(rig: Rig) -> Iterator[Problem]:
 
 
 def _rates(rig: Rig) -> Iterator[Problem]:
-    """The rates at which the bench is read between records can be kept."""
+    """Check that the device supports the sampling rates between records."""
     moving = any(part.kind == "directional_valve" and part.by == "driven" for part in rig.actuators.values())
     part = next((name for name in ("lines", "modbus", "opcua") if getattr(rig.backend, name) is not None), "")
     for name in ("monitor_rate", "moving_rate") if moving else ("monitor_rate",):
@@ -89,7 +89,7 @@ def _amount(
 
 
 def _reading(keys: tuple[str | int, ...], amount: Amount, channel: Channel) -> Iterator[Problem]:
-    """An amount that is compared with readings of a channel: 5 degC is no temperature difference."""
+    """Check an amount that is compared with readings of a channel: 5 degC is no temperature difference."""
     yield from _amount(keys, amount, channel.unit)
     if channel.difference and amount.unit.offset:
         error = RigctlError(

@@ -1,8 +1,8 @@
 """A device behind a protocol library, described as a line-based device with the client's commands.
 
 The client (`rigctl.backends.transport.client_port.Client`) understands ``identify``, ``read N``, ``write NAME
-VALUE`` and ``beat``, and answers with numbers, ``ok``, or ``error`` and the reason. All that a bench of lines
-does holds for it as well: one question at a time, reconnection, its guard.
+VALUE`` and ``beat``, and answers with numbers, ``ok``, or ``error`` and the reason. It is operated like any
+line-based device: one query at a time, reconnection, a guard.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rigctl.rig.positions import position_problems
 from rigctl.rig.problem import Problem
 from rigctl.rig.setting import POSITIONS
 
-_MARGIN = 0.2  # s that an answer may take on its way between the client and the bench
+_MARGIN = 0.2  # allowance for the transfer of an answer from the client to the bench, s
 
 
 class Positioned(Protocol):
@@ -41,7 +41,7 @@ class Beating(Protocol):
 
 
 class ClientDevice(Protocol):
-    """A device that a library speaks to, as its part of a rig file describes it; times in s, rates in Hz."""
+    """A device behind a protocol library, as described in a rig file; times in s, rates in Hz."""
 
     @property
     def timeout(self) -> float:
@@ -57,7 +57,7 @@ class ClientDevice(Protocol):
 
     @property
     def fastest(self) -> float | None:
-        """The highest rate at which it can be asked; None where nothing says it."""
+        """The highest polling rate; None if not stated."""
 
     @property
     def actuators(self) -> Mapping[str, Positioned]:
@@ -65,11 +65,11 @@ class ClientDevice(Protocol):
 
     @property
     def heartbeat(self) -> Beating | None:
-        """None where it wants none."""
+        """The heartbeat counter; None if the device has none."""
 
     @property
     def watchdog(self) -> float:
-        """After how long without rigctl its guard makes outputs safe."""
+        """Time without contact to rigctl after which the guard makes outputs safe."""
 
 
 #: fields that such devices share
@@ -96,13 +96,13 @@ def client_lines(
     identity: str,
     reads: Sequence[tuple[Sequence[str], float | None]],
 ) -> Lines:
-    """The lines of a client.
+    """The line protocol of a client.
 
     Parameters
     ----------
     actuators: of the rig.
-    identity: what it answers to ``identify``, as a pattern.
-    reads: the names that each ``read`` gives, and how often in s it is asked at the most; None: each sample.
+    identity: pattern of its answer to ``identify``.
+    reads: the names that each ``read`` returns, and its shortest interval, s; None: every sample.
     """
     writes = {name: _positions_of(actuators, name, part.values) for name, part in device.actuators.items()}
     beat = device.heartbeat
@@ -155,18 +155,18 @@ def client_problems(
     read: Mapping[str, object],
     written: Mapping[str, Mapping[str, float] | None],
 ) -> Iterator[Problem]:
-    """Each channel is read, each driven actuator written, each position has a number, no other name is used.
+    """Check that each channel is read, each driven actuator written, each position numbered, no name unknown.
 
     Parameters
     ----------
-    at: where the device's part is in the file.
-    read: what is read, by channel.
-    written: what is written, by actuator: the numbers of its positions.
+    at: location of the device's part in the file.
+    read: the registers or nodes that are read, by channel.
+    written: for each actuator that is written, the numbers of its positions.
     """
     for name in read:
         if name not in channels:
             yield Problem((*at, "channels", name), unknown_name("channel", name, channels), of_key=True)
-    misspelt = any(name not in channels for name in read)  # hides the one that it left missing
+    misspelt = any(name not in channels for name in read)  # explains a missing one
     for name in channels:
         if name not in read and not misspelt:
             error = RigctlError(f"channels: nothing says where '{name}' is read", expected="every channel")

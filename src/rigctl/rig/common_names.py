@@ -1,4 +1,4 @@
-"""Names that mean the same on every bench, and the bench's own for them."""
+"""Names common to all benches, and their equivalents on one bench."""
 
 from __future__ import annotations
 

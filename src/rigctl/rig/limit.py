@@ -1,4 +1,4 @@
-"""Interlocks: what warns, and what stops a run."""
+"""Interlocks: limits that warn, and limits that stop a run."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Patterns of commands and answers of line devices: texts with placeholders in braces.
 
-``Q1 {value:.1f}`` is sent with a number in the place of the braces. ``{_},{pressure},{position}`` reads two
-numbers out of an answer and passes over what stands before them. Matching looks for each literal once, from
+``Q1 {value:.1f}`` is sent with a number in place of the braces. ``{_},{pressure},{position}`` reads two
+numbers from an answer and ignores the text before them. Matching looks for each literal once, from
 left to right: its time grows with the length of the line, whatever a device sends.
 """
 
@@ -18,8 +18,8 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 from rigctl.errors import RigctlError
 from rigctl.files.refusal import refusal
 
-ANYTHING = "_"  #: the place of what is passed over
-VALUE = "value"  #: the place of what an actuator is set to
+ANYTHING = "_"  #: placeholder for text that is ignored
+VALUE = "value"  #: placeholder for the value of an actuator
 _PLACE = re.compile(r"\{\{|\}\}|\{([^{}]*)\}|[{}]")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}|_")
 _FORMAT = re.compile(r"(?:\.\d)?[feg]|d")
@@ -28,7 +28,7 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
 
 @dataclass(frozen=True)
 class ReplyPattern:
-    """One line of an answer: literal, place, literal, …, with a literal (maybe empty) at both ends."""
+    """One line of an answer: literal, placeholder, literal, …, with a literal, maybe empty, at both ends."""
 
     literals: tuple[str, ...]
     places: tuple[str, ...]
@@ -41,7 +41,7 @@ class ReplyPattern:
             return None
         position, found = len(first), dict[str, str]()
         for index, (name, literal) in enumerate(zip(self.places, others, strict=True)):
-            if index == len(self.places) - 1:  # the last one holds whatever is left
+            if index == len(self.places) - 1:  # the last placeholder takes the rest
                 end = len(line) - len(literal)
                 if end < position or not line.endswith(literal):
                     return None
@@ -57,32 +57,32 @@ class ReplyPattern:
 
 @dataclass(frozen=True)
 class SendTemplate:
-    """A command with at most one place, for the value."""
+    """A command with at most one placeholder, for the value."""
 
     before: str
     after: str = ""
     form: str | None = None  #: format of its number; None without a placeholder
 
     def fill(self, value: float | str) -> str:
-        """The command with a number, or a word, in its place."""
+        """The command with a number or word in place of its placeholder."""
         return self.before if self.form is None else f"{self.before}{self.written(value)}{self.after}"
 
     def written(self, value: float | str) -> str:
-        """A number, or a word, as it is sent."""
+        """A number or word as it is sent."""
         if isinstance(value, str):
             return value
         return str(round(value)) if self.form == "d" else format(value, self.form or "g")
 
 
 def read_number(text: str) -> float | None:
-    """A number as devices write it, NaN where one says so; None for any other text."""
+    """The number in a device's answer, which may be NaN; None for any other text."""
     if _NUMBER.fullmatch(text):
         return float(text)
     return math.nan if text.casefold() == "nan" else None
 
 
 def resolution(text: str) -> float:
-    """The worth of the last digit of a number as it is written."""
+    """The place value of the last digit of a number in text."""
     mantissa, _, exponent = text.casefold().partition("e")
     decimals = len(mantissa.partition(".")[2])
     return float(10.0 ** (int(exponent or 0) - decimals))
@@ -94,7 +94,7 @@ def reply_pattern(text: str) -> ReplyPattern:
     Raises
     ------
     RigctlError
-        a brace is left open, a place has no proper name or comes twice, or two places touch.
+        a brace is not closed, a placeholder has no valid name or is repeated, or two are adjacent.
     """
     literals, places = _split(text)
     for place in places:
@@ -113,7 +113,7 @@ def send_template(text: str) -> SendTemplate:
     Raises
     ------
     RigctlError
-        it is empty, holds more than one line, a place other than ``{value}``, or two of them.
+        it is empty, or has more than one line, a placeholder other than ``{value}``, or two of them.
     """
     if not text.strip() or "\n" in text or "\r" in text:
         raise RigctlError("a command is one line", value=repr(text), expected="e.g. 'Q1 {value:.1f}'")
@@ -131,7 +131,7 @@ def send_template(text: str) -> SendTemplate:
 
 
 def _split(text: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Literals and places; a doubled brace is a brace."""
+    """Literals and placeholders; a doubled brace is a literal brace."""
     literals, places, position = [""], list[str](), 0
     for found in _PLACE.finditer(text):
         literals[-1] += text[position : found.start()]

@@ -1,4 +1,4 @@
-"""A device that is spoken to in lines: what to send, what its answers mean, and how it is switched off."""
+"""A line-based device: its commands, the meaning of its answers, and how it is switched off."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ Watchdog = Annotated[
     Q("s", low="0.5 s", high="60 s"),
     Field(description="if rigctl hangs for this long, or is killed, its guard makes the outputs safe"),
 ]
-#: s, the watchdog where a rig file gives none; a server that answers slowly has a longer one of its own
+#: default watchdog time-out, s; a slow server has a longer one of its own
 WATCHDOG: Final = 2.0
 
 
 class Exchange(Part):
-    """A command and the lines that the device answers."""
+    """A command and the lines of the device's answer."""
 
     send: SendText = Field(description="the command, without its line end")
     reply: ReplyLines = Field(
@@ -42,12 +42,12 @@ class Exchange(Part):
 
     @cached_property
     def patterns(self) -> tuple[ReplyPattern, ...]:
-        """The answer's lines, read."""
+        """The parsed patterns of the answer's lines."""
         return tuple(reply_pattern(text) for text in self.reply)
 
     @cached_property
     def template(self) -> SendTemplate:
-        """The command, read."""
+        """The parsed command."""
         return send_template(self.send)
 
     @property
@@ -86,7 +86,7 @@ class LineActuator(Exchange):
 
 
 class Lines(Part):
-    """The protocol of a device that is spoken to in lines."""
+    """The protocol of a line-based device."""
 
     send_ends: str = Field(default="\n", min_length=1, max_length=4, description="terminator of a command")
     reply_ends: str = Field(
@@ -132,7 +132,7 @@ class Lines(Part):
 
     @cached_property
     def error_patterns(self) -> tuple[ReplyPattern, ...]:
-        """`errors`, read."""
+        """The parsed patterns of `errors`."""
         return tuple(reply_pattern(text) for text in self.errors)
 
     @cached_property

@@ -17,13 +17,13 @@ def load_rig(path: str | Path) -> Rig:
     Raises
     ------
     RigctlError
-        the file cannot be read or something in it is wrong, with the place.
+        the file cannot be read, or something in it is wrong; with the location.
     """
     return _build(read_document(Path(path)))
 
 
 def parse_rig(text: str, path: Path | None = None) -> Rig:
-    """The rig that a text describes, e.g. the one kept with a run; `path` is what messages call it.
+    """The rig that a text describes, e.g. the one kept with a run; `path` names it in messages.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A device with Modbus registers: where each number stands, how it is written there, and what it means."""
+"""A device with Modbus registers: the address, encoding and meaning of each number."""
 
 from __future__ import annotations
 
@@ -58,12 +58,12 @@ class Register(Part):
 
     @property
     def number_type(self) -> NumberType:
-        """The type, also where the file does not say it."""
+        """The data type, or its default if the file does not state one."""
         return self.type or ("bool" if self.table in BITS else "uint16")
 
     @property
     def end(self) -> int:
-        """The address after it."""
+        """The address after its last register."""
         return self.address + WIDTHS[self.number_type]
 
 
@@ -136,7 +136,7 @@ class Modbus(Part):
         return f"modbus unit {self.unit}{known}"
 
     def in_lines(self, actuators: Mapping[str, Actuator]) -> Lines:
-        """The lines that its client understands, `rigctl.backends.modbus.client`."""
+        """The line protocol of its client, `rigctl.backends.modbus.client`."""
         return client_lines(
             self,
             actuators,
@@ -147,11 +147,11 @@ class Modbus(Part):
 
 @dataclass(frozen=True)
 class Block:
-    """Neighbouring registers that one request reads, by the names of what they hold.
+    """Adjacent registers that one request reads, by the names of their numbers.
 
     Parameters
     ----------
-    every: s between two requests at the least; None for each sample.
+    every: shortest interval of two requests, s; None for every sample.
     """
 
     table: Table
@@ -162,7 +162,7 @@ class Block:
 
 
 def _blocks(modbus: Modbus) -> Iterator[Block]:
-    """Neighbours of one table that are read equally often, each group as one block."""
+    """Adjacent registers of one table with the same interval, each group as one block."""
     read: dict[tuple[Table, float | None], list[tuple[Register, str]]] = {}
     for name, channel in modbus.channels.items():
         read.setdefault((channel.table, channel.every), []).append((channel, name))

@@ -13,7 +13,7 @@ from rigctl.rig.problem import Problem
 from rigctl.rig.setting import POSITIONS, Setting
 from rigctl.units import parse_unit
 
-#: smallest and largest number of each type that has no fractions
+#: smallest and largest number of each integer type
 _INTEGERS: Mapping[str, tuple[int, int]] = {
     "bool": (0, 1),
     **{f"int{bits}": (-(1 << bits - 1), (1 << bits - 1) - 1) for bits in (16, 32, 64)},
@@ -28,7 +28,7 @@ def register_problems(
     actuators: Mapping[str, Actuator],
     safe_state: Mapping[str, Setting],
 ) -> Iterator[Problem]:
-    """Everything wrong with a register map that the rest of the rig file shows."""
+    """All inconsistencies between a register map and the rest of the rig file."""
     written = {name: part.values for name, part in modbus.actuators.items()}
     yield from client_problems(channels, actuators, _AT, modbus.channels, written)
     for name, register in modbus.channels.items():

@@ -1,4 +1,4 @@
-"""A server of OPC UA: which node is read for each channel, and which is written for each actuator."""
+"""An OPC UA server: the node read for each channel, and the node written for each actuator."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NODE = r"^(ns=\d{1,5};)?(i=\d{1,10}|s=.{1,1024}|g=[0-9A-Fa-f-]{36}|b=[A-Za-z0-9+
 
 
 class Node(Part):
-    """A variable of the server, and what its number means."""
+    """A variable of the server, and the meaning of its number."""
 
     node: str = Field(pattern=NODE, description="its node id, e.g. ns=2;s=Circuit.SupplyPressure")
     scale: FiniteFloat = Field(default=1.0, description="the number in its unit is node * scale + offset")
@@ -69,7 +69,7 @@ class WrittenNode(Node):
 
 
 class OpcUa(Part):
-    """A server of OPC UA, without encryption and as an anonymous user."""
+    """An OPC UA server, without encryption and as an anonymous user."""
 
     timeout: Annotated[float, Q("s", low="0.1 s", high="10 s")] = Field(
         default=1.0, description="how long an answer may take"
@@ -101,7 +101,7 @@ class OpcUa(Part):
         return tuple(found.items())
 
     def in_lines(self, actuators: Mapping[str, Actuator]) -> Lines:
-        """The lines that its client understands, `rigctl.backends.opcua.client`."""
+        """The line protocol of its client, `rigctl.backends.opcua.client`."""
         return client_lines(
             self,
             actuators,

@@ -17,7 +17,7 @@ _AT = ("backend", "opcua")
 def node_problems(
     server: OpcUa, channels: dict[str, Channel], actuators: dict[str, Actuator]
 ) -> Iterator[Problem]:
-    """Everything wrong with the nodes that the rest of the rig file shows."""
+    """All inconsistencies between the nodes and the rest of the rig file."""
     written = {name: part.values for name, part in server.actuators.items()}
     yield from client_problems(channels, actuators, _AT, server.channels, written)
     for name, channel in server.channels.items():

@@ -1,4 +1,4 @@
-"""The positions of an actuator, each with what stands for it on the line."""
+"""The positions of an actuator and their representations in a protocol."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from rigctl.rig.problem import Problem
 def position_problems(
     field: str, positions: Iterable[str], given: Mapping[str, object], keys: tuple[str | int, ...]
 ) -> Iterator[Problem]:
-    """Each position stands there once, no other does, and no two look alike on the line.
+    """Check that each position has one representation, no other name has one, and no two are equal.
 
     Parameters
     ----------
-    field: what holds them, in words.
-    given: what stands for each.
-    keys: where they are in the file.
+    field: description of the field that holds them.
+    given: the representation of each.
+    keys: their location in the file.
     """
     known = tuple(positions)
     for word in given:

@@ -1,4 +1,4 @@
-"""An error in a rig file that only the whole file shows."""
+"""An error in a rig file that involves several parts of it."""
 
 from __future__ import annotations
 

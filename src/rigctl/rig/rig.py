@@ -55,7 +55,7 @@ class Backend(Part):
 
 
 class Rig(Part):
-    """Channels, actuators, what the model needs to know, limits and the safe state."""
+    """Channels, actuators, constants of the model, limits and the safe state."""
 
     name: str = Field(min_length=1, description="name of the bench")
     description: str = Field(default="", description="for reports")
@@ -160,7 +160,7 @@ class Rig(Part):
 
     @property
     def lines(self) -> Lines | None:
-        """The lines that its device, or the client of its device, is spoken to in; None without any."""
+        """The line protocol of its device, or of its device's client; None without one."""
         backend = self.backend
         if backend.lines is None and backend.modbus is not None:
             return backend.modbus.in_lines(self.actuators)
@@ -172,7 +172,7 @@ class Rig(Part):
 
     @property
     def fastest(self) -> float:
-        """The highest rate at which its device can be asked, Hz; infinite where nothing says it."""
+        """The highest polling rate of its device, Hz; infinite if not stated."""
         device = self.backend.lines or self.backend.modbus or self.backend.opcua
         return math.inf if device is None or device.fastest is None else device.fastest
 

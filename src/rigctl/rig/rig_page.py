@@ -52,7 +52,7 @@ An OPC UA server, without encryption and as an anonymous user, with its nodes.
 [How to connect an OPC UA server](../how-to/connect-an-opc-ua-server.md) explains it.
 """
 
-#: heading, where it is written, the model, and what stands before its table
+#: heading, location in the file, model, and the text before its table
 _PARTS: tuple[tuple[str, type[BaseModel], str], ...] = (
     ("backend", Backend, ""),
     ("backend.lines", Lines, _LINES),
@@ -85,7 +85,7 @@ _PARTS: tuple[tuple[str, type[BaseModel], str], ...] = (
 
 
 def rig_page() -> str:
-    """The page: the file's own fields, then those of every part."""
+    """The page: the top-level fields, then those of every part."""
     schema = json_schema(Rig, title="")
     lines = [_HEAD, "## The file", "", *_table(Rig, schema["properties"])]
     for heading, model, before in _PARTS:
