@@ -55,7 +55,7 @@ class Bench:
         self._switches: dict[str, float] = {}  # s, when each actuator was last switched, at the latest
         self._known: dict[str, float] = {}  # s, time of the newest receipt of each actuator
         self.regulated: set[str] = set()  #: actuators that the step in progress commands repeatedly itself
-        self._loops: set[str] = set()  # what the bench itself commands in a closed loop
+        self._loops: set[str] = set()  # outputs that the bench itself commands in a closed loop
         self._changed = -1.0  # s, when a command was last given
         # the values at which nothing driven by a directional valve can move
         self._resting = {
@@ -83,7 +83,7 @@ class Bench:
         self.log(self.now, kind, path=self.path, message=message, **fields)
 
     def log(self, time: float, kind: str, **fields: Any) -> None:
-        """Log something. Never raises: making outputs safe must not fail at a full disk.
+        """Log an event. Never raises: making outputs safe must not fail because of a full disk.
 
         The failure is kept, and ends the run at the next sample.
         """
@@ -222,7 +222,7 @@ class Bench:
         return sent
 
     def take_answers(self) -> None:
-        """Note what has become of commands since the last call.
+        """Process the acknowledgements of commands since the last call.
 
         Raises
         ------
@@ -271,7 +271,7 @@ class Bench:
             self.try_switch(actuator, self.safe_value(actuator))
 
     def is_at(self, actuator: str, value: float) -> bool:
-        """Whether the newest command to an actuator was `value` and has not gone unanswered."""
+        """Whether an actuator's newest command was `value`, with its acknowledgement received or pending."""
         if actuator in self._sent:
             return self._sent[actuator][0].value == value
         return self.commanded.get(actuator) == value and actuator not in self.doubtful
@@ -373,7 +373,7 @@ class Bench:
         self.reachable = True
         self.doubtful.clear()
         self._loops.clear()
-        self._sent.clear()  # dropped, or carried out and over
+        self._sent.clear()  # pending commands are dropped, or have been carried out
         self.take_receipts()
         for actuator, value in self.rig.safe_state.items():
             changed = self.commanded.get(actuator) != float(value)
@@ -438,7 +438,7 @@ class Bench:
             message=message,
         )
 
-    # --- asking ------------------------------------------------------------------------------------------
+    # --- questions to the operator -----------------------------------------------------------------------
 
     def ask(self, question: Question) -> Generator[Until, Row | None, Answer]:
         """Ask the operator and wait for the answer; sampling and interlocks continue meanwhile."""

@@ -81,7 +81,7 @@ def bench_options(
     Raises
     ------
     RigctlError
-        something is given that this backend has no use for.
+        an option does not apply to this backend.
     """
     given: dict[str, object] = {
         "port": port,

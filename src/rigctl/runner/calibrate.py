@@ -121,7 +121,7 @@ def take_points(
                 continue
             try:
                 answer = operator.ask(question)
-            except RigctlError:  # no further answer can come
+            except RigctlError:  # no further input is possible
                 return series.points
             if answer is not None:
                 series.answer(answer.text)

@@ -68,7 +68,7 @@ class Console:
         """Nothing to do: the display shows the state."""
 
     def close(self) -> None:
-        """Give the terminal back."""
+        """Restore the terminal."""
         self._keys.close()
 
     def ask(self, question: Question) -> Answer | None:

@@ -26,7 +26,7 @@ class Aside:
         self._control = control
         self._orders: deque[Order] = deque()
         self._answers: deque[tuple[Order, str]] = deque()
-        self._views: deque[View] = deque(maxlen=1)  # another thread takes it: none may be lost in between
+        self._views: deque[View] = deque(maxlen=1)  # shared with another thread; no request may be lost
         self._wake = threading.Event()
         self._ended = False
         self._thread = threading.Thread(target=self._work, name="requests", daemon=True)

@@ -141,7 +141,7 @@ class Return:
     """Whether a reading returns to the limit that has stopped the run, while an output is driven on.
 
     A tripped limit does not trip again, so that cleanup can drive away from it. Where the mean excess over
-    `_RETURN` s has not become smaller than over the `_RETURN` s before, the output does not do that.
+    `_RETURN` s has not become smaller than over the `_RETURN` s before, it does not return.
     """
 
     watch: Watch
@@ -265,7 +265,7 @@ class Interlocks:
             if actuator.by == "driven"
         ]
         self._busy = False
-        #: once a limit has stopped the run: the outputs that were on, with the sign of what they did
+        #: once a limit has stopped the run: the outputs that were on, with the sign of their deviation
         self._driving: dict[int, float] | None = None
         self._silent = False
 
@@ -273,7 +273,7 @@ class Interlocks:
         """The alarms that this row raises or clears; almost always none."""
         alarms = self._check(row)
         if self._driving is not None:
-            # a cooling pump that was off may take longer than `_RETURN` to act, and is let
+            # an output that was off may be switched on: a cooling pump may take longer than `_RETURN` to act
             driven = not self._driving.items().isdisjoint(self._driven(row).items())
             found = (one.update(row[0], row[one.watch.column], driven=driven) for one in self._returns)
             return [*alarms, *(alarm for alarm in found if alarm is not None)]

@@ -60,7 +60,7 @@ def input_is_empty(stream: TextIO | None = None) -> bool:
         if stat.S_ISREG(found.st_mode):
             return os.lseek(descriptor, 0, os.SEEK_CUR) >= found.st_size
         return stat.S_ISCHR(found.st_mode) and os.path.samestat(found, os.stat(os.devnull))  # noqa: PTH116
-    except (OSError, ValueError):  # no file of the system
+    except (OSError, ValueError):  # not a file of the operating system
         return False
 
 

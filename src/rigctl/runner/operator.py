@@ -83,7 +83,7 @@ class AutomaticOperator:
         return Answer(show(value, question.unit or "1", digits=6), value)
 
     def withdraw(self, question: Question) -> None:
-        """Nothing to take back."""
+        """Nothing to withdraw."""
 
 
 class ScriptedOperator:
@@ -114,7 +114,7 @@ class ScriptedOperator:
         return read_answer(question, self._answers[name])
 
     def withdraw(self, question: Question) -> None:
-        """Nothing to take back."""
+        """Nothing to withdraw."""
 
 
 def scripted(plan: Plan, answers: Mapping[str, str]) -> ScriptedOperator:

@@ -84,17 +84,17 @@ class _Answers:
         return ()
 
     def acknowledge(self, order: Order, message: str) -> None:
-        """Nothing was ordered."""
+        """Nothing to acknowledge."""
 
     def publish(self, view: View) -> None:
-        """Take the run's folder."""
+        """Note the run's folder."""
         if self._lines is None and view.run:
             from rigctl.dataset import find_run
 
             self._lines = AppendedLines(find_run(view.run, self._runs) / CONTROL_NAME)
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Nothing to close."""
 
 
 def send_answer(folder: Path, question: str, text: str) -> None:

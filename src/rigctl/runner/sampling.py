@@ -53,8 +53,8 @@ class Sampling:
         self._secure = secure
         self.newest = bench.now  #: s, time of the newest sample
         self._awaited: _Awaited | None = None  # a lost bench whose record will be measured again
-        self._told = False  # that the data cannot be kept
-        self._fault = ""  # that the bench has told of since the newest sample
+        self._told = False  # whether it was reported that data cannot be stored
+        self._fault = ""  # fault reported by the bench since the newest sample
         self.repeatable = False  #: the open record will be measured again if samples are lost
         self.alarms: dict[str, Alarm] = {}  #: latched, by name
         self.happenings: deque[ShownEvent] = deque(maxlen=12)
@@ -81,7 +81,7 @@ class Sampling:
         try:
             sample = self._next_sample(timeout)
             if sample is None and self._bench.now - self.newest >= self.longest_silence:
-                # a computer that stood still is late itself: what has come meanwhile is no silence
+                # after a suspension of this computer, buffered samples are read first: that is not silence
                 sample = self._next_sample(0.0)
         except BackendLost as error:
             self._end(Lost(str(error)))

@@ -56,7 +56,7 @@ class RunResult:
     duration: s of bench time.
     unconfirmed: outputs that may still be on, because the bench could not be reached at the end; None if it
         has confirmed that they are safe.
-    by_hand: what is to be done then.
+    by_hand: what the operator then has to do.
     warnings: where a simulated bench left the ranges of validity of its effects.
     test: whether the device under test has passed, over all sessions; None if nothing was recorded.
     """
@@ -348,7 +348,7 @@ class _Session:
 
 
 def _refuse_impossible(plan: Plan, bench: Bench) -> None:
-    """Refuse a step that this bench cannot carry out; raises `RigctlError` with its place."""
+    """Refuse a step that this bench cannot carry out; raises `RigctlError` with its location."""
     for node in all_nodes(plan):
         if isinstance(node, Leaf) and (refused := node.action.refusal(bench)) is not None:
             raise refused.at(node.where)

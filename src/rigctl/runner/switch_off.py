@@ -1,4 +1,4 @@
-"""Everything off, whichever program has the bench: the function behind `rigctl off`."""
+"""All outputs to the safe state, whichever program controls the bench: the function behind `rigctl off`."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class SwitchedOff:
     done: one sentence.
     confirmed: whether every output was read back, or the bench has acknowledged its command, or the run in
         control of the bench has confirmed it.
-    known_by: how that is known.
+    known_by: the source of the confirmation.
     ended: the runs that were ended, each with its answer.
     """
 
@@ -124,7 +124,7 @@ def _made_safe(folder: Path) -> bool:
 
 
 def _switch_off_here(rig: Rig, how: Access) -> tuple[str, bool, str]:
-    """Switch off; return a description, whether it is confirmed, and by what."""
+    """Switch off; return a description, whether it is confirmed, and the source of the confirmation."""
     told = ""
     confirmed, known_by = True, "the bench has answered each command"
     with RigLock(rig.name, "'rigctl off'", how.lock_folder, at_any_cost=True):
@@ -147,7 +147,7 @@ def _switch_off_here(rig: Rig, how: Access) -> tuple[str, bool, str]:
 
 
 def _known_by(rig: Rig, read: frozenset[str], answered: frozenset[str]) -> tuple[bool, str]:
-    """Whether every driven output is confirmed to be safe, and by what."""
+    """Whether every driven output is confirmed to be safe, and the source of the confirmation."""
     outputs = [name for name in rig.safe_state if rig.actuators[name].by == "driven"]
     unsure = [name for name in outputs if name not in read | answered]
     if unsure:

@@ -52,7 +52,7 @@ class Walker(Visitor[Waiting]):
         self._rounds: list[tuple[Loop, int]] = []
         self._again = False  # the record in progress will be repeated if samples are lost
         self._hopeless = False  # no further cleanup block can be carried out
-        self.limit = math.inf  #: s, when the step in progress has to be over
+        self.limit = math.inf  #: deadline of the step in progress, s
         self.baseline: dict[str, float] = {}  #: commands at the start of the step in progress
 
     def plan(self, plan: Plan) -> Waiting:
@@ -253,7 +253,7 @@ class Walker(Visitor[Waiting]):
             self._secure(ending)
             raise ending from None
 
-    # --- places ------------------------------------------------------------------------------------------
+    # --- paths -------------------------------------------------------------------------------------------
 
     def _path(self, path: str) -> str:
         """The path of a node with the rounds of the loops around it."""
