@@ -1,4 +1,4 @@
-"""Assertions on a run; each says what was found instead."""
+"""Assertions on a run; a failure states the actual result."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from rigctl.testing.run_log import RunLog
 
 
 def assert_finished(run: RunLog) -> None:
-    """The run did all it was asked, and every measure lay within its limits.
+    """The run was completed, and every measure lay within its limits.
 
     Raises
     ------
     AssertionError
-        it did not; says how it ended and why.
+        it did not; states how it ended and why.
     """
     status, code = run.result.status, int(run.result.exit_code)
     if (status, code) != ("finished", 0):
@@ -21,7 +21,7 @@ def assert_finished(run: RunLog) -> None:
 
 
 def assert_safe(run: RunLog) -> None:
-    """The last that each driven actuator was commanded to is its safe value, and the bench confirmed it.
+    """The last command to each driven actuator was its safe value, and the bench confirmed it.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def assert_commanded(
     Raises
     ------
     AssertionError
-        it was not; says what it was commanded to.
+        it was not; states the actual commands.
     """
     found = run.commands(actuator)
     same = len(found) == len(expected) and all(

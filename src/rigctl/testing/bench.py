@@ -1,4 +1,4 @@
-"""A bench in virtual time: what a procedure does on a rig, without the bench."""
+"""A bench in virtual time: procedures carried out on a rig without hardware."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ from rigctl.runner.operator import AutomaticOperator
 from rigctl.runner.session import run
 from rigctl.testing.run_log import RunLog
 
-#: when every run begins
+#: start time of every run
 _BEGAN = datetime(2000, 1, 1, tzinfo=UTC)
 
 
 @dataclass
 class VirtualBench:
-    """Carries procedures out in virtual time, and keeps the runs in a folder of the test.
+    """Carries out procedures in virtual time, and keeps the runs in a folder of the test.
 
     Attributes
     ----------
     folder: for the runs.
     rig_file: of the bench; the shipped cylinder's when None.
-    options: of every simulated bench: without noise and steps of the converters unless they say otherwise.
-        ``{"plant": "roles"}`` is a quick bench without physics, in which each role does what it says.
+    options: of every simulated bench; by default without noise and quantisation.
+        ``{"plant": "roles"}`` is a quick bench without physics, in which each role has its nominal effect.
     """
 
     folder: Path
@@ -61,7 +61,7 @@ class VirtualBench:
         return expand(parse_procedure(f"procedure: test\n{steps}"), rig or self.rig(), arguments)
 
     def backend(self, rig: Rig, clock: Clock | None = None, **options: object) -> Backend:
-        """The simulated bench of a rig, opened; `options` come on top of the bench's own."""
+        """The simulated bench of a rig, opened; `options` are added to those of this object."""
         backend = create_backend(rig, "simulated", clock or VirtualClock(), {**self.options, **options})
         backend.open()
         return backend
@@ -89,14 +89,14 @@ class VirtualBench:
         options: Mapping[str, object] | None = None,
         **more: Any,
     ) -> RunLog:
-        """Carry out a procedure; requests are looked at after every sample.
+        """Carry out a procedure; requests are handled after every sample.
 
         Parameters
         ----------
         steps: a procedure file, or the text below ``procedure: test``.
         arguments: of the procedure, with units.
         options: of the simulated bench: ``{"faults": ("sensor_stuck:position@1 s",)}``.
-        more: ``backend`` (opened) for another bench, ``writer``, and what `rigctl.runner.session.run` takes.
+        more: ``backend`` (opened) for another bench, ``writer``, arguments of `rigctl.runner.session.run`.
         """
         plan = self.plan(steps, rig, **dict(arguments or {}))
         backend: Backend | None = more.pop("backend", None)

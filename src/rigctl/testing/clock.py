@@ -1,4 +1,4 @@
-"""Virtual time in which things happen."""
+"""A virtual clock with scheduled actions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigctl.clock import VirtualClock
 
 @dataclass
 class ScriptedClock(VirtualClock):
-    """A virtual clock that calls what it was given at its times, whoever is waiting: a plug pulled at 3 s."""
+    """A virtual clock that calls scheduled actions at their times: e.g. a plug pulled at 3 s."""
 
     actions: list[tuple[float, Callable[[], object]]] = field(default_factory=list)
 
@@ -20,7 +20,7 @@ class ScriptedClock(VirtualClock):
         self.actions.sort(key=lambda entry: entry[0])
 
     def sleep_until(self, when: float) -> None:
-        """Let time pass, and do on the way what is due."""
+        """Let time pass, and call the actions that are due."""
         while self.actions and self.actions[0][0] <= when:
             time, action = self.actions.pop(0)
             super().sleep_until(time)

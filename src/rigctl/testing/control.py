@@ -10,13 +10,13 @@ from rigctl.runner.snapshot import View
 
 @dataclass
 class ScriptedControl:
-    """Asks for a pause, an end, … at bench times, and keeps what it was answered and shown.
+    """Sends requests (pause, end, …) at given bench times, and keeps the answers and the published views.
 
     Attributes
     ----------
-    orders: bench time in s, and what is asked for then.
-    answers: what became of each.
-    views: everything that was shown of the run, in order.
+    orders: bench time, s, and the request at that time.
+    answers: the acknowledgement of each.
+    views: every published view of the run, in order.
     """
 
     orders: list[tuple[float, Request]] = field(default_factory=list)
@@ -31,13 +31,13 @@ class ScriptedControl:
         return [Order(request, "a test") for request in due]
 
     def acknowledge(self, order: Order, message: str) -> None:
-        """Keep what became of a request."""
+        """Keep the acknowledgement of a request."""
         self.answers.append(message)
 
     def publish(self, view: View) -> None:
-        """Keep what is shown of the run."""
+        """Keep a published view of the run."""
         self.time = view.time
         self.views.append(view)
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Nothing to close."""

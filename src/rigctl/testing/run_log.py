@@ -1,4 +1,4 @@
-"""A run that is over, with what it logged, as assertions want to read it."""
+"""A finished run with its log, in a form convenient for assertions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class RunLog:
     ----------
     result: status, reason, exit code, folder.
     log: one mapping for each event, as in ``log.jsonl``.
-    rig: that it was carried out on.
+    rig: on which it was carried out.
     """
 
     result: RunResult
@@ -48,7 +48,7 @@ class RunLog:
         Raises
         ------
         LookupError
-            no step of this label was carried out.
+            no step with this label was carried out.
         """
         steps = self.events("step")
         paths = [e["path"] for e in steps if e["state"] == "begin" and e["message"].startswith(label)]

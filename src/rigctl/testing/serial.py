@@ -1,4 +1,4 @@
-"""A serial device in memory: a port that a bench of lines opens, and a device that answers from a table."""
+"""A serial device in memory: a port for a line-based bench, and a device that answers from a table."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Device(Protocol):
     """The device at the other end of the line."""
 
     def take(self, data: bytes) -> bytes:
-        """Take what was sent and give what is answered at once; nothing where the line is not complete."""
+        """Take the bytes sent, and return the answer; empty until a line is complete."""
         ...
 
 
@@ -26,13 +26,13 @@ class FakeDevice:
 
     Parameters
     ----------
-    answers: pattern (a regular expression) to the answer, or to a function of the match that gives it. What
-        no pattern fits stays without an answer.
-    end: what ends a line, both ways.
+    answers: maps a regular expression to the answer, or to a function of the match that returns it. Lines
+        that match no expression are not answered.
+    end: line terminator, in both directions.
 
     Attributes
     ----------
-    sent: every whole line that it got, without the end.
+    sent: every complete line received, without the terminator.
     """
 
     def __init__(self, answers: Mapping[str, str | Callable[[re.Match[str]], str]], end: str = "\n") -> None:
@@ -64,7 +64,7 @@ class FakeSerial:
     gone: the plug is pulled; may be set at any time.
     mute: the device does not answer any more; may be set at any time.
     delay: s from a line to its answer; may be changed at any time.
-    closed: whether the bench has let it go.
+    closed: whether the bench has closed it.
     """
 
     name = "a device in memory"
@@ -79,7 +79,7 @@ class FakeSerial:
         self._coming: list[tuple[float, bytes]] = []
 
     def check(self) -> None:
-        """Open it; raises `PortLost` where the plug is pulled."""
+        """Open it; raises `PortLost` if the plug is pulled."""
         self._present()
         self.closed = False
 
@@ -92,7 +92,7 @@ class FakeSerial:
                 self._coming.append((self.clock.now() + self.delay, answer))
 
     def send_unasked(self, data: bytes) -> None:
-        """Let the device send by itself."""
+        """Let the device send unsolicited data."""
         self._coming.append((self.clock.now(), data))
 
     def read(self, until: float) -> bytes:
@@ -106,7 +106,7 @@ class FakeSerial:
         return data
 
     def close(self) -> None:
-        """Let it go."""
+        """Close it."""
         self.closed = True
 
     def _present(self) -> None:
@@ -120,7 +120,7 @@ def line_bench(rig: Rig, device: Device | FakeSerial, clock: Clock | None = None
     Raises
     ------
     RigctlError
-        the rig file describes no device of lines.
+        the rig file describes no line-based device.
     """
     if rig.backend.lines is None:
         raise RigctlError(f"the rig '{rig.name}' describes no device of lines", expected="'lines:' in it")
