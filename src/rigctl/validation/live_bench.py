@@ -85,7 +85,7 @@ class SeparatePlant:
 
 
 def live_bench(campaign: Campaign, rig: Rig, clock: Clock) -> SimulatedBench:
-    """A backend, not yet open, with the bench of `campaign`, cold and retracted as in the rig file.
+    """An unopened backend with the bench of `campaign`, cold and retracted as in the rig file.
 
     It adds neither noise nor quantisation to those of the campaign's own sensors.
     """

@@ -47,7 +47,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Claim:
-    """The certain statements of a diagnosis on an effect that it names: its location, variables and law."""
+    """The claims of a diagnosis about an effect that it names: its location, variables and law."""
 
     effect: str
     place: bool
@@ -61,7 +61,7 @@ class Searched:
 
     Attributes
     ----------
-    gate: why it searched, or did not.
+    gate: the reason for searching, or for not searching.
     places: the first two locations of the answer, each with those at which a term has the same signature.
     over: the variables of the first one.
     formulas: the set, as ``slot: form of variable``.
@@ -156,7 +156,7 @@ class TrialOutcome(Generic[AnyTrial]):
     learnt: the result of learning, if the bench was measured again.
     untested: why there was nothing to diagnose, e.g. that no amplitude has the wanted size.
     failure: the error, if any; such a trial counts against the tool.
-    seconds: processor time.
+    seconds: CPU time, s.
     """
 
     scenario: AnyTrial

@@ -12,7 +12,7 @@ from rigctl.validation.outcome import Outcome
 
 #: separation below which a class must be reported, and above which one effect
 SEPARABLE = 2.33
-#: a rival with a larger cosine than this limits what any method can achieve
+#: a rival with a larger cosine than this limits the power of any method
 NEAR_TWIN = 0.85
 #: least λ of two effects that are to be found together
 TOGETHER = 10.0

@@ -1,4 +1,4 @@
-"""One trial of the benchmark: what is hidden, how large, in which shape and noise."""
+"""One trial of the benchmark: the hidden effects, their sizes and shapes, and the noise."""
 
 from __future__ import annotations
 

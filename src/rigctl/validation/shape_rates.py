@@ -64,7 +64,7 @@ def shape_rates(outcomes: Sequence[Outcome]) -> tuple[Rate, ...]:
 
 
 def wrongly_claimed(outcome: Outcome) -> bool:
-    """Whether anything stated as certain is true of none of the hidden effects."""
+    """Whether any claim is true of none of the hidden effects."""
     return any(_wrong(claim, outcome.scenario.truth) for claim in outcome.claims)
 
 
@@ -77,7 +77,7 @@ def _wrong(claim: Claim, truth: Sequence[str]) -> bool:
 
 
 def _wrong_cause(outcome: Outcome) -> bool:
-    """Whether a location or variable stated as certain is that of none of the hidden effects."""
+    """Whether a claimed location or variable is that of none of the hidden effects."""
     truth = outcome.scenario.truth
     return any(
         (claim.driver and not any(same_cause(_effect(claim.effect), _effect(name)) for name in truth))
@@ -92,9 +92,9 @@ def _honest(outcome: Outcome) -> bool:
 
 
 def _cause_named(outcome: Outcome) -> bool:
-    """Whether location and variables of the hidden effect are among what is stated as certain.
+    """Whether location and variables of the hidden effect are claimed.
 
-    The variables of a law that depends on one more than the library's are not to be claimed: its location is.
+    For a law that depends on one variable more than the library's, only the location has to be claimed.
     """
     truth = outcome.scenario.truth[0]
     if outcome.scenario.shape == "wrong" and find_hidden(truth).depends_also:

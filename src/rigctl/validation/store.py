@@ -24,7 +24,7 @@ class ResultStore(Generic[AnyTrial]):
     Attributes
     ----------
     path: of the file; it and its folder are created with the first result.
-    version: of what is judged; results of other versions stay in the file and are ignored.
+    version: of the tool under test; results of other versions stay in the file and are ignored.
     read: makes a trial from plain data.
     """
 

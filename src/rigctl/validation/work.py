@@ -227,7 +227,7 @@ def diagnose_campaign(scenario: Scenario, campaign: Campaign) -> Diagnosis:
 
 
 def _alike(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> list[Likeness]:
-    """For each hidden effect, by itself."""
+    """The similarity of other effects to each hidden effect by itself."""
     seen = reference_of(plain_of(scenario)).seen
     return [
         likeness(seen, _left(scenario, [each]), each[0].effect, each[1].size)
@@ -238,7 +238,7 @@ def _alike(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> list[Likeness
 def _beside(
     scenario: Scenario, amplitudes: Sequence[Amplitude], alike: Sequence[Likeness]
 ) -> tuple[float, ...]:
-    """λ of each of several hidden effects beside the others; empty for one, and if unknown."""
+    """λ of each hidden effect beside the others; empty for a single one, or if unknown."""
     chosen = [each.own for each in alike if each.own is not None]
     if len(chosen) < 2 or len(chosen) < len(amplitudes):
         return ()

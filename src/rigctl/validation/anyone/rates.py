@@ -13,7 +13,7 @@ _PLAIN = 30.0
 
 
 def bench_rates(outcomes: Iterable[BenchOutcome]) -> tuple[Rate, ...]:
-    """The rates that have a target, then the same by bench and by how the data were taken."""
+    """The rates that have a target, then these rates by bench and by how the data were taken."""
     made = [outcome for outcome in outcomes if outcome.counts]
     nothing = [outcome for outcome in made if not outcome.scenario.size]
     hidden = [outcome for outcome in made if outcome.scenario.size >= _PLAIN]

@@ -10,7 +10,7 @@ from rigctl.validation.anyone.trial import BenchTrial
 from rigctl.validation.benches.bench import NOISES, SAMPLES
 from rigctl.validation.benches.register import BENCHES
 
-#: λ of the hidden effect: one that cannot be missed, and one visible to the eye
+#: λ of the hidden effect: one that is surely detectable, and one visible in a plot
 SIZES = (30.0, 100.0)
 _SEEDS = 2
 

@@ -1,4 +1,4 @@
-"""One trial on a small bench: what is hidden and how large, how it was sampled, recorded and disturbed."""
+"""One trial on a small bench: the hidden effect and its size, sampling, recorded inputs and noise."""
 
 from __future__ import annotations
 

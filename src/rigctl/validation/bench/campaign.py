@@ -39,7 +39,7 @@ class Scatter:
 
 @dataclass(frozen=True)
 class Campaign:
-    """Everything that makes the data of one campaign; the same seed gives the same bytes."""
+    """All settings of one campaign; equal seeds give identical data."""
 
     bench: Bench = field(default_factory=Bench)
     sensors: Sensors = field(default_factory=Sensors)
@@ -55,7 +55,7 @@ class Campaign:
 
 @dataclass(frozen=True)
 class Measured:
-    """One record as it is recorded: SI, one value per sample; `setting` [Pa] is what was meant."""
+    """One record as logged: SI, one value per sample; `setting` [Pa] is the nominal pressure setting."""
 
     time: NDArray[np.float64]
     command: NDArray[np.float64]
@@ -90,7 +90,7 @@ def clean_outputs(campaign: Campaign) -> list[tuple[NDArray[np.float64], dict[st
 
 
 def simulate_records(campaign: Campaign) -> list[Measured]:
-    """Every record as it is recorded; each has random numbers of its own."""
+    """Every record as logged; each has an independent random stream."""
     points = operating_points(campaign)
     return [
         _measured(campaign, oil, pressure, _generator(campaign.seed, 1 + i))
@@ -104,7 +104,7 @@ def _generator(seed: int, stream: int) -> np.random.Generator:
 
 @lru_cache(maxsize=_KEPT)
 def _trace(bench: Bench, condition: Condition, switching: Switching) -> Trace:
-    """Outputs without randomness, simulated once; the arrays are read-only."""
+    """Noise-free outputs, simulated once; the arrays are read-only."""
     trace = simulate_record(bench, condition, switching=switching)
     for array in (trace.time, trace.command, trace.states):
         array.flags.writeable = False
@@ -130,7 +130,7 @@ def _measured(campaign: Campaign, oil: float, pressure: float, rng: np.random.Ge
 
 
 def simulate_campaign(campaign: Campaign) -> pd.DataFrame:
-    """All records as one table, columns named with their units as in a file to import."""
+    """All records as one table; column names have units, as in a file for import."""
     import pandas as pd
 
     records = simulate_records(campaign)
@@ -154,6 +154,6 @@ def _table(name: str, record: Measured) -> pd.DataFrame:
 
 
 def write_csv(campaign: Campaign, path: Path, digits: int = 9) -> None:
-    """The campaign as a self-describing CSV file that `rigctl import` takes, its numbers to some digits."""
+    """Write the campaign as a CSV file for `rigctl import`, with this number of significant digits."""
     table = simulate_campaign(campaign)
     table.to_csv(path, index=False, float_format=f"%.{digits}g", lineterminator="\n")

@@ -1,8 +1,8 @@
 """Machine code of the separate bench, compiled once for all processes of a user.
 
-numba keeps what it compiles, and looks at the file of a function to know whether that is still good: it would
-not notice that a function of another file, which is called there, has changed. What is kept therefore lies in
-a folder that the text of all files of this package names.
+numba caches compiled functions, and invalidates an entry when the function's own file changes: it would not
+notice a change of a called function in another file. The name of the cache folder is therefore a hash of all
+files of this package.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from numba import config, njit
 
 from rigctl.files.cache_folder import cache_folder
 
-#: folders that are kept, of the versions of this package that were compiled last
+#: number of cache folders that are kept, those of the latest versions of this package
 _KEPT = 8
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """`function` as machine code, from the user's cache where it is there.
+    """`function` as machine code, from the user's cache if possible.
 
-    For what Python calls; what only compiled code calls is compiled into that, and needs no more than
-    ``njit``. Where nothing can be written it is compiled in each process.
+    For functions called from Python; those called only from compiled code are compiled into their callers
+    and need only ``njit``. Without a writable cache it is compiled in each process.
     """
     folder = folder_of(Path(__file__).parent)
     if folder is None:
@@ -49,13 +49,13 @@ def folder_of(package: Path) -> Path | None:
         if not folder.is_dir():
             folder.mkdir(parents=True)
             _prune(root)
-    except OSError:  # another process has made it, or nothing can be made there
+    except OSError:  # another process has made it, or it cannot be made
         pass
     return folder if os.access(folder, os.W_OK) else None
 
 
 def _prune(root: Path) -> None:
-    """Delete what is left of earlier versions; a process that has loaded it does not need it again."""
+    """Delete the folders of earlier versions; a process that has loaded one does not need it again."""
     made = sorted(root.iterdir(), key=lambda path: path.stat().st_mtime, reverse=True)
     for path in made[_KEPT:]:
         shutil.rmtree(path, ignore_errors=True)
@@ -63,7 +63,7 @@ def _prune(root: Path) -> None:
 
 @contextmanager
 def _kept_in(folder: Path) -> Iterator[None]:
-    """Functions that are declared meanwhile are kept there."""
+    """Cache functions that are declared within the context in this folder."""
     options: Any = config
     before = options.CACHE_DIR
     options.CACHE_DIR = str(folder)

@@ -1,7 +1,7 @@
 """The right-hand side of the separate bench: the published model, written as plain numbers.
 
 State: oil temperature T [K], spool u [1], supply pressure ps, chamber pressures pA, pB [Pa, gauge],
-position x [m], speed v [m/s], then states that only secrets use: bristle z [m], pilot of the spool w [1],
+position x [m], speed v [m/s], then states of hidden effects only: bristle z [m], pilot of the spool w [1],
 oil temperature in cylinder and lines [K], temperature of the thermocouple [K], pressure at the transducer
 [Pa]. Inputs: valve command, pressure setting [Pa], heater power [W], ambient temperature [K].
 
@@ -24,7 +24,7 @@ SCALE = (0.1, 1e-3, 1e4, 1e4, 1e4, 1e-4, 1e-3, 1e-6, 1e-3, 0.1, 0.1, 1e4)
 
 ATMOSPHERE = 1.01325e5  # Pa
 VAPOUR = -0.7e5  # Pa gauge
-CONTACT = 2e-6  # m, over which an end stop begins to carry
+CONTACT = 2e-6  # m, over which the contact of an end stop is smoothed
 SIGMA = 5.670374419e-8  # W/(m²·K⁴)
 DRIFT_ORIGIN = 293.15  # K: drifts are counted from 20 °C
 
@@ -51,7 +51,7 @@ def viscosity(t, p, b):
 
 @njit
 def stiffness(p, b):
-    """Bulk modulus of oil with free air and hoses; falls away where vapour forms."""
+    """Bulk modulus of oil with free air and hoses; it vanishes where vapour forms."""
     absolute = max(p + ATMOSPHERE, 2e3)
     compliance = 1.0 / b.beta_oil
     if b.air > 0.0:
@@ -110,7 +110,7 @@ def past_piston(dp, mu, b):
 
 @njit
 def end_stop(depth, speed, b):
-    """Push of a stop that is pressed in by `depth` [m] at `speed` [m/s]; it begins over some µm."""
+    """Force of an end stop compressed by `depth` [m] at `speed` [m/s]; contact is smoothed over some µm."""
     reach = math.sqrt(depth * depth + CONTACT * CONTACT)
     spring = b.stop_stiffness * 0.5 * (depth + reach)
     return spring + b.stop_damping * 0.5 * (1.0 + depth / reach) * speed

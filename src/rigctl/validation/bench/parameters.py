@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 
 class Bench(NamedTuple):
-    """The published bench; the fields after `base ends` are secrets, exactly off at their defaults."""
+    """The published bench; the fields after `base ends` are hidden effects, exactly off at their defaults."""
 
     # geometry
     area_a: float = math.pi / 4 * 0.050**2  # m²
@@ -43,7 +43,7 @@ class Bench(NamedTuple):
     loss: float = 12.0  # W/K
     efficiency: float = 0.9
     pump_heat: float = 1.0  # share of the pump's power that warms the oil
-    # --- base ends: secrets below
+    # --- base ends: hidden effects below
     # leakages
     piston_gap: float = 0.0  # m, radial clearance of the piston
     piston_length: float = 0.020  # m
@@ -58,7 +58,7 @@ class Bench(NamedTuple):
     slip_turbulent: float = 0.1  # the same share of the pump's slip
     # supply
     relief_extra_r: float = 0.0  # Pa/(m³/s)
-    relief_soft: float = 2e5  # Pa: so far away from the setting half of it is left
+    relief_soft: float = 2e5  # Pa: deviation from the setting at which half of it is left
     relief_drift: float = 0.0  # 1/K, of the setting
     # orifices and lines
     transition: float = 0.0  # Re_t of the throttle: Cd/√(1 + 2·(Re_t/Re)^n)
@@ -91,7 +91,7 @@ class Bench(NamedTuple):
     # command
     spool_second: float = 0.0  # s, a second lag of the spool
     # heat
-    line_share: float = 0.0  # oil in cylinder and lines starts so far towards the room's temperature
+    line_share: float = 0.0  # initial share of the way to room temperature, oil in cylinder and lines
     line_mixing: float = 2e-3  # m³ in which oil from the tank then mixes with it
     wall_capacity: float = 0.0  # J/K, moves with the oil
     radiation: float = 0.0  # m², emissivity times area
@@ -138,7 +138,7 @@ class Sensors(NamedTuple):
     pressure_offset: float = 0.0  # Pa
     pressure_offset_warming: float = 0.0  # 1/K from 20 °C: the offset grows by 1 + this·ΔT
     thermocouple_offset: float = 0.0  # K
-    # what is in no library
+    # errors that are in no library
     dented_scale: float = 0.0  # m, about 60 mm
     root_scale: float = 0.0  # m at 100 mm, with √x
     soft_transducer: float = 0.0  # Pa at 3 MPa, with p²

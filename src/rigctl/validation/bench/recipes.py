@@ -21,12 +21,12 @@ RECIPES: Final[Mapping[str, Campaign]] = {
 
 
 def with_hidden(campaign: Campaign, hidden: Mapping[str, float]) -> Campaign:
-    """The campaign with some secrets of the bench, of its sensors or of its valve set; values are SI.
+    """The campaign with hidden effects of the bench, its sensors or its valve set to values in SI.
 
     Raises
     ------
     RigctlError
-        there is no such secret.
+        there is no such parameter.
     """
     for name, value in hidden.items():
         if name in Bench._fields:
@@ -47,7 +47,7 @@ def read_hidden(texts: list[str]) -> dict[str, float]:
     Raises
     ------
     RigctlError
-        a text is no such pair.
+        a text has another form.
     """
     found = {}
     for text in texts:

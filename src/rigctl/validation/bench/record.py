@@ -25,7 +25,7 @@ class Condition:
     """The operating point of a record; SI, pressures gauge."""
 
     oil: float  # K
-    setting: float  # Pa, what the relief valve really stands at
+    setting: float  # Pa, actual setting of the relief valve
     ambient: float = 295.15  # K
     heater: float = 0.0  # W
     trapped: float = 0.9  # rod-side pressure at the start, as a share of the setting
@@ -33,7 +33,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Trace:
-    """A record without noise: `states` has one row per sample, `command` what the valve was told."""
+    """A noise-free record: `states` has one row per sample, `command` the commands of the valve."""
 
     time: NDArray[np.float64]
     command: NDArray[np.float64]
@@ -41,7 +41,7 @@ class Trace:
 
 
 class BenchFailure(ArithmeticError):
-    """The separate bench could not be integrated: its secrets are not physical together."""
+    """The separate bench could not be integrated: its hidden effects are not physical together."""
 
 
 def simulate_record(
@@ -52,7 +52,7 @@ def simulate_record(
     schedule: Sequence[tuple[float, float]] = STANDARD,
     rng: np.random.Generator | None = None,
 ) -> Trace:
-    """Integrate one record; switches happen late as `switching` says, samples are not moved.
+    """Integrate one record; switches are delayed according to `switching`, sampling times are not.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def delayed(
     condition: Condition,
     rng: np.random.Generator | None,
 ) -> list[tuple[float, float]]:
-    """When the valve really switches: (time, command), each opening and closing with its own delay."""
+    """Actual switches of the valve: (time, command), each opening and closing with its own delay."""
     told, when, switches = 0.0, 0.0, []
     for value, duration in schedule:
         delay = switching_delay(switching, condition.oil, value, rng) if value != told else 0.0

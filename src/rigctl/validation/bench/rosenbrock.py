@@ -38,7 +38,7 @@ C = np.array([
 ])  # fmt: skip
 STAGES = 6
 
-SMALLEST_STEP = 1e-12  # s; below it the equations, not the method, are at fault
+SMALLEST_STEP = 1e-12  # s; a smaller step indicates an error of the equations, not of the method
 
 
 @njit
@@ -96,7 +96,7 @@ def jacobian(y, inputs, bench, scale, f, shifted, matrix):
 def integrate(y, duration, first_step, inputs, bench, scale, tolerance):
     """Advance `y` in place by `duration` seconds of constant inputs; returns the last step, or −1 on failure.
 
-    `scale` is what counts as small in each state: the error of a step is weighed by
+    `scale` is the absolute tolerance of each state: the error of a step is weighted by
     tolerance·(scale + |y|).
     """
     n = y.size

@@ -1,5 +1,5 @@
 # mypy: disable-error-code="no-untyped-call"
-"""The separate bench as it stands there: advanced from switch to switch, and read whenever it is asked."""
+"""The separate bench in operation: advanced from switch to switch, and read at any time."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from rigctl.validation.bench.record import (
 from rigctl.validation.bench.rosenbrock import integrate
 from rigctl.validation.bench.sensing import Correlated, true_channels
 
-#: s; a switch that is due within it is due
+#: tolerance for a switch to count as due, s
 _ROUNDING = 1e-12
 
 
 @dataclass
 class RunningBench:
-    """The bench of a campaign, with what it hides, from the moment it was switched on.
+    """The bench of a campaign with its hidden effects, from the time at which it was switched on.
 
-    Where `rigctl.validation.bench.record` makes a record of known schedule, this one does not know what it
-    will be told next, so that a procedure can be carried out on it.
+    `rigctl.validation.bench.record` makes a record of a known schedule; here future commands are unknown, so
+    that a procedure can be carried out.
 
     Parameters
     ----------
     campaign: bench, sensors, switching, noise, and the seed of everything random.
-    condition: how it stands when it is switched on.
+    condition: its operating point when it is switched on.
     """
 
     campaign: Campaign
@@ -59,7 +59,7 @@ class RunningBench:
         self._noise = Correlated(np.random.Generator(np.random.PCG64(noise)), self.campaign.noise)
 
     def advance(self, time: float) -> None:
-        """Let it run to `time`, s; the spool moves when its delay has passed.
+        """Integrate to `time`, s; the spool moves when its delay has passed.
 
         Raises
         ------
@@ -73,7 +73,7 @@ class RunningBench:
         self._integrate(time)
 
     def valve(self, command: float) -> None:
-        """Tell the directional valve to extend (1), close (0) or retract (−1); it obeys after its delay."""
+        """Command the directional valve: extend (1), close (0), retract (−1); it switches after its delay."""
         if command == self._told:
             return
         self._told = command
@@ -84,21 +84,21 @@ class RunningBench:
         self._pending = sorted([*self._pending, (when, command)], key=lambda switch: switch[0])
 
     def relief(self, setting: float) -> None:
-        """Turn the relief valve to `setting`, Pa, as well as it is repeated."""
+        """Set the relief valve to `setting`, Pa, within its repeatability."""
         share = self.campaign.scatter.setting * float(self._settings.standard_normal())
         self._change(1, setting * (1.0 + share))
 
     def heat(self, power: float) -> None:
-        """Switch the heaters, W."""
+        """Set the heater power, W."""
         self._change(2, power)
 
     def read(self) -> dict[str, float]:
-        """Every channel as its sensor reports it now, SI, with its noise."""
+        """The present reading of every channel's sensor, SI, with its noise."""
         shown = self._shown()
         return self._noise.added(shown)
 
     def _shown(self) -> dict[str, float]:
-        """Readings before noise; backlash has a memory."""
+        """Noise-free readings; backlash makes them depend on the history."""
         sensors, half = self.campaign.sensors, self.campaign.sensors.position_backlash / 2.0
         x = float(self._state[equations.X])
         self._play = min(max(self._play, x - half), x + half)
@@ -131,5 +131,5 @@ class RunningBench:
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """The states as they are now, see `equations`."""
+        """The present states, see `equations`."""
         return self._state.copy()

@@ -12,7 +12,7 @@ from rigctl.validation.bench import equations
 from rigctl.validation.bench.parameters import Sensors
 from rigctl.validation.bench.record import Trace
 
-#: state that a channel shows
+#: state measured by each channel
 CHANNELS = {
     "oil_temperature": equations.T_PROBE,
     "supply_pressure": equations.P_PROBE,
@@ -50,7 +50,7 @@ TEN_BITS = {
 
 
 def true_channels(trace: Trace, sensors: Sensors) -> dict[str, NDArray[np.float64]]:
-    """Each channel as its sensor shows it before noise: gain, offset, drift, play."""
+    """Each channel's reading before noise: with errors of gain, offset, drift and play."""
     shown = {name: trace.states[:, state].copy() for name, state in CHANNELS.items()}
     oil = trace.states[:, equations.T_OIL]
     warm = equations.above_20_celsius(oil[0], sensors.position_drift_fade)
@@ -120,7 +120,7 @@ class Correlated:
 def measure(
     trace: Trace, sensors: Sensors, noise: Noise, rng: np.random.Generator
 ) -> dict[str, NDArray[np.float64]]:
-    """The channels as they are recorded."""
+    """The channels as recorded."""
     recorded = {}
     for name, truth in true_channels(trace, sensors).items():
         value = truth + coloured(rng, truth.size, noise.sigma[name], noise.correlation)

@@ -1,4 +1,4 @@
-"""A lithium cell as a circuit of two resistors and a capacitor; it can hide that it discharges by itself."""
+"""A lithium cell as a circuit of two resistors and a capacitor; it can hide self-discharge."""
 
 from __future__ import annotations
 

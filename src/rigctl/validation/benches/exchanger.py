@@ -1,4 +1,4 @@
-"""A heat exchanger as two stirred sides; it can hide that the hot side's thermometer is slow."""
+"""A heat exchanger as two stirred sides; it can hide a slow thermometer on the hot side."""
 
 from __future__ import annotations
 

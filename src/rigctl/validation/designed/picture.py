@@ -64,7 +64,7 @@ def _point(one: Promises) -> Iterator[str]:
     yield f'<path d="M{x:.1f},{_y(rate.low):.1f} V{_y(rate.high):.1f}" stroke="#0072b2" stroke-width="1.5"/>'
     yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4.5" fill="#0072b2"/>'
     side, anchor = (8.0, "start") if one.mean < 0.8 else (-8.0, "end")
-    below = 16.0 if rate.value > _LOW else -8.0  # clear of the axis
+    below = 16.0 if rate.value > _LOW else -8.0  # not over the axis
     yield (
         f'<text x="{x + side:.1f}" y="{y + below:.1f}" text-anchor="{anchor}" fill="#111111">'
         f"{one.came_out} of {one.pairs}</text>"

@@ -1,4 +1,4 @@
-"""Rates of the tier ``design``: what designed records distinguished, and whether that was as predicted."""
+"""Rates of the tier ``design``: the pairs distinguished by designed records, against the predictions."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _proposed(outcome: DesignOutcome) -> bool:
 
 
 def _reported(outcome: DesignOutcome) -> bool:
-    """Whether the ending says that no record would separate the class."""
+    """Whether the loop ended because no record would distinguish the class."""
     return _of(outcome).ended == LearningEnd.NOT_SEPARABLE
 
 
@@ -127,7 +127,7 @@ def _wrong(outcome: DesignOutcome) -> bool:
 
 
 def _learnt(outcome: DesignOutcome) -> bool:
-    """Whether it ends with exactly what is hidden, or says that the rest cannot be distinguished here."""
+    """Whether it ends with exactly the hidden effects, or states that the rest cannot be distinguished."""
     found = _of(outcome)
     if _wrong(outcome):
         return False

@@ -77,7 +77,7 @@ class Proposer:
 
     @classmethod
     def after(cls, compared: ModelComparison, rig: Rig, effects: Sequence[str]) -> Proposer:
-        """With the fitted model, and each of these effects at its usual size, as explanations.
+        """The proposer with the fitted model, and each of these effects at its usual size, as explanations.
 
         Effects that cannot be simulated here are left out.
         """
@@ -91,7 +91,7 @@ class Proposer:
         return cls(rig, stage, schemes, Workshop(rivals, known_so_far(rivals), stage))
 
     def carry_out(self, rounds: int, seed: int) -> Tally:
-        """This many records at random points of all schemes, each carried out once."""
+        """Carry out this many records, once each, at random points of all schemes."""
         rng = np.random.default_rng(seed)
         carried_out, refused, held_back, failed, tripped = 0, 0, 0, 0, list[Tripped]()
         for proposal in self._proposals(rng):
@@ -114,7 +114,7 @@ class Proposer:
         return Tally(carried_out, refused, held_back, failed, tuple(tripped))
 
     def _draws(self, seed: int) -> Draws:
-        """As used by a design for its chosen records."""
+        """The draws that a design uses for its chosen records."""
         return Draws(self.workshop.known, self.workshop, seed, DRAWS)
 
     def _proposals(self, rng: np.random.Generator) -> Iterator[Proposal | None]:

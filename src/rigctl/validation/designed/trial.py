@@ -12,7 +12,7 @@ import numpy as np
 
 from rigctl.validation.scenario import Scenario, Wanted
 
-#: λ of the hidden effect in the first campaign: from hardly visible to distinguished from its twins
+#: λ of the hidden effect in the first campaign: from hardly detectable to distinguished from its twins
 SIZES = (10.0, 20.0, 40.0)
 _SEEDS, _FIRST_SEED = 3, 70_000
 #: sets of records at random for each first campaign, the first of one record

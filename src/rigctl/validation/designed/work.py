@@ -100,7 +100,7 @@ def _learned(
 
 
 def _at_random(trial: DesignTrial) -> Callable[..., DesignResult]:
-    """Returns as many records at random points as the trial specifies."""
+    """A designer that returns as many records at random points as the trial specifies."""
 
     def records(runs: Sequence[Run], model: Model, *, diagnosis: Diagnosis, **_: object) -> DesignResult:
         return random_experiment(runs, diagnosis, records=trial.taken, seed=1000 * trial.seed + trial.draw)

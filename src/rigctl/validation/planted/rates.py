@@ -87,7 +87,7 @@ def _within(outcome: PlantedOutcome) -> bool:
 
 
 def _confusion(outcomes: Sequence[PlantedOutcome]) -> dict[str, dict[str, int]]:
-    """By what was planted, the answer given."""
+    """Counts of the answers, by planted term."""
     table: dict[str, dict[str, int]] = {}
     for outcome in outcomes:
         if outcome.counts:
@@ -98,7 +98,7 @@ def _confusion(outcomes: Sequence[PlantedOutcome]) -> dict[str, dict[str, int]]:
 
 
 def _said(outcome: PlantedOutcome) -> str:
-    """The answer, or what was planted if that is in it."""
+    """The answer, or the planted term if the answer contains it."""
     found = _of(outcome)
     truth = outcome.scenario.term
     if outcome.failure:

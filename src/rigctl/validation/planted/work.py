@@ -28,7 +28,7 @@ from rigctl.validation.work import claim_of, diagnose_campaign, plain_of, refere
 Floats = NDArray[np.float64]
 PlantedOutcome: TypeAlias = TrialOutcome[PlantedTrial]
 
-#: the right place must be among this many first ones
+#: the true location must be among this many first ones
 _FIRST = 2
 
 
@@ -87,7 +87,7 @@ def _searched(trial: PlantedTrial, amplitude: Amplitude | None, found: Discovery
 
 
 def _places(found: Discovery) -> list[str]:
-    """The first places of the answer, each with those at which a term has the same effect."""
+    """The first locations of the answer, each with those at which a term has the same effect."""
     alike = {one.slot.name: one.alike for one in found.located}
     names: list[str] = []
     slots: list[str] = []
