@@ -12,7 +12,7 @@ UNREAD: Final = 141
 
 
 def by_closed_pipe(end: BaseException) -> bool:
-    """Return whether the command ended since its output's reader closed the pipe."""
+    """Return whether the command ended because its output's reader closed the pipe."""
     return has_broken_pipe(end) and is_unread()
 
 
@@ -45,7 +45,7 @@ def _is_null_device() -> bool:
 
 
 def discard_output() -> None:
-    """Let what is left in the streams go nowhere: the interpreter writes it when it ends."""
+    """Discard the streams' buffers, which the interpreter would otherwise write when it ends."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream, handle in ((sys.stdout, 1), (sys.stderr, 2)):
         try:

@@ -26,10 +26,10 @@ def main() -> None:
     except SystemExit as end:
         code, unread = end.code, by_closed_pipe(end)
     except BrokenPipeError:
-        if not is_unread():  # of something else
+        if not is_unread():  # not of stdout or stderr
             raise
         unread = True
-    except KeyboardInterrupt:  # another one, while the first was dealt with
+    except KeyboardInterrupt:  # a second Ctrl-C while the first was handled
         code = INTERRUPTED
     # one more ends the process at once, without a traceback from the interpreter's own end
     signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -60,6 +60,6 @@ def _show_or_carry_out() -> None:
 
 
 def _skip_last_collection() -> None:
-    """Spare a command the last search for cycles, 0.1 to 0.2 s."""
-    if "duckdb" not in sys.modules:  # its bindings report all that is not collected as leaked, on stderr
+    """Skip the garbage collection at the end of the interpreter, 0.1 to 0.2 s."""
+    if "duckdb" not in sys.modules:  # its bindings would report uncollected objects as leaks on stderr
         gc.freeze()

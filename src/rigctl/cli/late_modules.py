@@ -1,7 +1,7 @@
-"""Modules that SciPy loads and no command uses, loaded when something of them is asked for.
+"""Lazy loading of modules that SciPy imports and no command uses.
 
-SciPy takes over all public names of NumPy, and with them its compiler of Fortran and its help for tests, and
-what these need: 0.1 s of processor of every command that asks SciPy for a distribution.
+SciPy imports all public names of NumPy, and with them numpy.f2py, numpy.testing and their dependencies: 0.1 s
+of CPU time of every command that uses a distribution of SciPy.
 """
 
 from __future__ import annotations
@@ -29,5 +29,5 @@ class _LateFinder:
 
 
 def load_late() -> None:
-    """For a process of `rigctl`'s own, before NumPy is imported; where it is already, nothing changes."""
+    """Install lazy loading in a process of `rigctl`; has no effect once NumPy has been imported."""
     sys.meta_path.insert(0, _LateFinder())

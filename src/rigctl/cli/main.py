@@ -31,7 +31,7 @@ class LazyGroup(TyperGroup):
         return [entry.name for entry in ENTRIES]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """A stand-in that knows its name and summary: all that the overview shows."""
+        """A placeholder with the name and summary that the overview shows."""
         entry = BY_NAME.get(cmd_name)
         if entry is None:
             return None
@@ -57,7 +57,7 @@ def load_command(name: str) -> Any:
         function, target = target, typer.Typer(add_completion=False)
         target.command(name, no_args_is_help=False)(function)
     target.pretty_exceptions_enable = False
-    target.rich_markup_mode = "markdown"  # plain brackets, as in 'time [s]', mean themselves there
+    target.rich_markup_mode = "markdown"  # no markup: brackets, as in 'time [s]', are literal
     command = typer.main.get_command(target)
     command.name = name
     for one in getattr(command, "commands", {}).values() or [command]:
@@ -81,7 +81,7 @@ def _with_local_paths(carry_out_command: Callable[..., Any]) -> Callable[..., An
     return checked
 
 
-#: containers made between two garbage collections in a command that no bench waits for
+#: allocations between two garbage collections in a command that does not operate a bench
 _SELDOM = 50_000
 
 app = typer.Typer(
@@ -123,7 +123,7 @@ def main() -> None:
     if sys.argv[1:2] and sys.argv[1] in ON_A_BENCH:
         carry_out(_carry_out)
     else:
-        # to look through all libraries for cycles takes longer than what it frees is worth in a few seconds;
+        # in a few seconds a garbage collection over all libraries costs more than it frees;
         # on a bench, where a pause counts, often and shortly
         gc.set_threshold(_SELDOM)
         _carry_out()
@@ -141,7 +141,7 @@ def _carry_out() -> None:
         _refuse(RigctlError("out of memory", exit_code=ExitCode.FAILED), as_json=wanted)
     except BrokenPipeError:
         raise  # see `rigctl.cli.entry`
-    except OSError as problem:  # a disk that is full or gone, anywhere
+    except OSError as problem:  # e.g. a disk that is full or missing
         name = Path(problem.filename) if isinstance(problem.filename, str) else None
         text = problem.strerror or str(problem)
         _refuse(RigctlError(text, where=Location(name), exit_code=ExitCode.FAILED), as_json=wanted)
@@ -160,7 +160,7 @@ def _carry_out() -> None:
 
 
 def _by_keyboard(end: BaseException) -> bool:
-    """True where Ctrl-C broke the work off; a command that ends by itself after it has said what it did."""
+    """True if Ctrl-C interrupted the work; False for a command that then reported and ended by itself."""
     error: BaseException | None = end
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
@@ -169,7 +169,7 @@ def _by_keyboard(end: BaseException) -> bool:
 
 def _refuse(error: RigctlError, *, as_json: bool) -> NoReturn:
     """One message on stderr, one document on stdout where a program asked for it, and the exit code."""
-    with suppress(BrokenPipeError):  # the exit code is still the mistake's
+    with suppress(BrokenPipeError):  # the exit code remains that of the error
         print(f"rigctl: {error}", file=sys.stderr)  # noqa: T201
     if as_json:
         _print_refusal(error)

@@ -15,7 +15,7 @@ from rigctl.cli.closed_output import UNREAD
 
 #: commands that operate a bench, and whose output may be dropped if nobody reads it
 ON_A_BENCH = ("run", "simulate", "resume", "jog", "off")
-_LAST_WORDS = 3.0  # s that the end waits for the output to be read
+_LAST_WORDS = 3.0  # time-out at the end for the output to be read, s
 _WAITING = 1 << 20  # most waiting characters; beyond that, the oldest are dropped
 
 
@@ -77,23 +77,23 @@ class Outlet(io.TextIOBase):
             )
 
     def flush(self) -> None:
-        """The thread does that."""
+        """No effect: the thread flushes."""
 
     def writable(self) -> bool:
-        """It is."""
+        """True."""
         return True
 
     def isatty(self) -> bool:
-        """Whether a terminal is at its end."""
+        """Whether the destination is a terminal."""
         return self._stream.isatty()
 
     def fileno(self) -> int:
-        """Of the stream behind it."""
+        """File descriptor of the destination."""
         return self._stream.fileno()
 
     @property
     def encoding(self) -> str:  # type: ignore[override]
-        """Of the stream behind it."""
+        """Encoding of the destination."""
         return self._stream.encoding
 
     def __getattr__(self, name: str) -> Any:

@@ -1,4 +1,4 @@
-"""What `rigctl --help` shows: the commands in the order of a user's work, from the table alone."""
+"""The output of `rigctl --help`: the commands in the order of a user's work, from the table alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a command that takes a while says meanwhile, on stderr, and when it is stopped."""
+"""Progress messages of a long command on stderr, and its message when interrupted."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from time import monotonic
 
 from rigctl.errors import ExitCode, RigctlError
 
-#: s between two lines that differ in their numbers alone
+#: interval between two lines that differ only in their numbers, s
 _SPARSE = 30.0
 _COUNT = re.compile(r"\d+(?:[.,]\d+)?")
 
 
 def _thinned(tell: Callable[[str], None], now: Callable[[], float] = monotonic) -> Callable[[str], None]:
-    """Leave out what was just said with other numbers, or word for word, until `_SPARSE` have passed."""
+    """Suppress lines that repeat the last one, numbers aside, until `_SPARSE` s have passed."""
     last: dict[str, float] = {}
 
     def told(text: str) -> None:
@@ -29,14 +29,14 @@ def _thinned(tell: Callable[[str], None], now: Callable[[], float] = monotonic) 
 
 @contextmanager
 def telling(stopped: str = "") -> Iterator[Callable[[str], None]]:
-    """Give a function that is called with a description of the current step.
+    """Yield a function that is to be called with a description of each step.
 
-    On a terminal it is one line that changes and goes when the work is done; else a line each, but of what
-    is counted one at most in a while, so that a log of hours of work can be read.
+    On a terminal it rewrites one line, which is removed at the end; otherwise it prints a line each time, but
+    counts only now and then, so that a log of hours of work remains readable.
 
     Parameters
     ----------
-    stopped: said of what is left of the work when Ctrl-C ends it.
+    stopped: the message on the state of the work when Ctrl-C ends it.
 
     Raises
     ------

@@ -23,10 +23,10 @@ def print_json(document: Mapping[str, Any]) -> None:
 
 
 class PrintableConsole(Console):
-    """A console to which texts of files and devices can do nothing but be read."""
+    """A console that strips terminal control characters from texts of files and devices."""
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """A text, which may have markup, without what controls a terminal."""
+        """A text, which may have markup, without terminal control characters."""
         return super().render_str(printable(text, keep="\n\t"), **options)
 
 

@@ -18,7 +18,7 @@ def kind_of(path: Path) -> str:
     Raises
     ------
     RigctlError
-        the file cannot be read, or is none of these.
+        the file cannot be read, or is of another kind.
     """
     from rigctl.files.kinds import kind_of_keys
     from rigctl.files.yaml import read_document
@@ -45,7 +45,7 @@ def _none_of_ours(path: Path, found: str) -> RigctlError:
 
 
 def describe(kind: str, path: Path) -> dict[str, Any]:
-    """The file, read and checked: its kind, its name and what is in it.
+    """A description of a file that was read and checked: its kind, name and content.
 
     Raises
     ------

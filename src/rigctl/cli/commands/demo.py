@@ -21,8 +21,8 @@ _PROCEDURE = Path("procedures") / "campaign.yaml"
 _MODEL = Path("models") / "hl32-textbook.yaml"
 #: name of the copy; for further demos in a folder with a number appended
 _DEMO = "hl32-demo"
-#: what the bench may hide, so weakly that the campaign cannot identify it; the seed chooses, so that
-#: a reader of this file does not know either
+#: effects that the bench may hide, too weak for the campaign to identify; chosen by the seed, so that
+#: a reader of this file does not know which either
 _HIDDEN = (
     "rod_leakage:conductance=3e-15 m^3",
     "valve_leakage:conductance=4e-16 m^3",

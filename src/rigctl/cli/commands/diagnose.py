@@ -133,7 +133,7 @@ def diagnose(
             )
             found = _with_intervals(found, repetitions, at, on_progress)
         next_one = None
-        if design:  # which reads what steps there are, and is not asked for often
+        if design:  # imports all kinds of steps, and is rarely needed
             from rigctl.design.design import with_next_experiment
 
             found, next_one = with_next_experiment(found, open_runs(runs), on_progress=on_progress)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def port_findings(ports: Sequence[PortInfo]) -> Iterator[Finding]:
-    """Every port with what is most likely behind it; one of USB that may not be opened is not well."""
+    """Every port with its most likely device; a USB port without permission to open it is a problem."""
     from rigctl.backends.transport.serial_ports import missing_port_fix
 
     if not any(port.vendor is not None for port in ports):
@@ -32,7 +32,7 @@ def port_findings(ports: Sequence[PortInfo]) -> Iterator[Finding]:
         if port.accessible:
             yield Finding(port.device, "ok", detail, "")
         else:
-            # what is no USB is most likely soldered in, and nobody's bench
+            # a port that is not USB is most likely built in, and not that of a bench
             yield Finding(
                 port.device,
                 "broken" if port.vendor is not None else "optional",
@@ -42,7 +42,7 @@ def port_findings(ports: Sequence[PortInfo]) -> Iterator[Finding]:
 
 
 def guard_findings() -> Iterator[Finding]:
-    """Guards that are still trying, or have given up, to make a device safe."""
+    """Guards that are still trying to make a device safe, or have given up."""
     from rigctl.backends.transport.pursuit import pursuits
 
     for notice in pursuits():

@@ -8,7 +8,7 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of one check: `fix` is the remedy if something is wrong."""
+    """The result of one check: `fix` is the remedy if it failed."""
 
     subject: str
     state: Literal["ok", "optional", "broken"]

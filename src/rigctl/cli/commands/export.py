@@ -113,7 +113,7 @@ def export(
 
 
 def _form(to: str | None, output: Path | None) -> str | None:
-    """What is written besides tables: as it is named, or as the end of the file's name says."""
+    """The form besides tables: as named, or by the extension of the file."""
     from rigctl.errors import unknown_name
 
     if to is not None and to not in _FORMS:
@@ -124,7 +124,7 @@ def _form(to: str | None, output: Path | None) -> str | None:
 
 
 def _only(runs: list[str], licence: str | None, title: str | None) -> str:
-    """The only run of a form that has room for one, and which knows no terms of use."""
+    """The only run, for a form that holds one run and no licence."""
     from rigctl.errors import RigctlError
 
     if licence is not None or title is not None:

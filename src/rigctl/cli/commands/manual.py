@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rigctl.runner.bench_access import Access
     from rigctl.runner.manual import Reading
 
-_NO_ANSWER = 1.5  # s after which somebody has to be told what to do by hand
+_NO_ANSWER = 1.5  # s after which the operator is told what to do by hand
 
 RigFile = Annotated[Path | None, typer.Option(help="Rig file; by default the project's.", show_default=False)]
 Backend = Annotated[str | None, typer.Option(help="Backend; by default that of the rig file.")]
@@ -181,12 +181,12 @@ def say_guards() -> None:
 
 
 def open_rig(path: Path | None) -> Rig:
-    """The rig that is meant.
+    """The rig at a path, or else that of the project.
 
     Raises
     ------
     RigctlError
-        none is named, neither here nor in the project file, and there is not exactly one in the project.
+        none is named, here or in the project file, and the project has none or several.
     """
     from rigctl.project import MARKER, find_file, find_project
     from rigctl.rig import load_rig

@@ -26,7 +26,7 @@ from rigctl.project import find_file
 from rigctl.report.answer import Answer
 from rigctl.units import significant
 
-#: fitted parameters that the answer tells
+#: number of fitted parameters in the answer
 _NAMED = 4
 
 
@@ -38,7 +38,7 @@ def carry_out(
     Raises
     ------
     RigctlError
-        the records or the model do not allow it.
+        the records or the model are not suitable.
     """
     with telling("nothing was saved") as on_progress:
         opened = open_runs(runs, load_model(path), wanted.assume) if runs else []
@@ -58,7 +58,7 @@ def read_effect(model: Model, written: str) -> tuple[Effect, dict[str, float], t
 
 
 def _show(changed: Changed, *, verbose: bool) -> None:
-    """What became of the file and of the error, and the values found; with `verbose` bars and a table."""
+    """Show the new version, the change of the error, and the values; with `verbose` bars and a table."""
     version = changed.version
     done, head = version.done, version.head
     old, new = {

@@ -17,7 +17,7 @@ from rigctl.model.setting import read_settings, set_by_hand, words_of
 
 @dataclass(frozen=True)
 class _Settings:
-    """Effects out, effects in, then values."""
+    """Changes in order: effects removed, effects added, values set."""
 
     values: dict[str, str]
     add: tuple[tuple[Effect, dict[str, float]], ...]
@@ -38,9 +38,9 @@ def settings_wanted(
     remove: Sequence[str],
     choice: tuple[str | None, str | None, Sequence[str]],
 ) -> Wanted:
-    """The change of a model that sets these values, with and without these effects.
+    """The change of a model that sets these values, and adds and removes these effects.
 
-    `choice` are the records held out, those looked at, and what is assumed of them.
+    `choice` are the conditions for records held out and used, and the assumed inputs.
 
     Raises
     ------

@@ -66,16 +66,16 @@ def list_(
     if last and every:
         raise RigctlError("'--last' and '--all' exclude each other")
     most = None if every or (as_json and not last) else last or SHOWN
-    # one more than is shown tells whether there are more
+    # one more than shown, to know whether there are more
     wanted = most + 1 if most and not last else most
     try:
         found = list_runs(where=where, last=wanted)
     except RigctlError as problem:
-        found = list_runs(where=where, last=wanted, stored=False)  # a wrong condition is refused here again
+        found = list_runs(where=where, last=wanted, stored=False)  # repeats a condition's error
         echo(f"note: {problem}. Only the runs of this computer are listed", err=True)
     shown = found[-most:] if most else found
     if as_json:
-        _print_json({"runs": [vars(run) for run in shown]})  # asdict copies deeply
+        _print_json({"runs": [vars(run) for run in shown]})  # asdict() would make deep copies
     elif not shown:
         none = (
             "No run meets the condition."
@@ -283,9 +283,9 @@ def sql(
 
 
 def _print_rows(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-    """Print the rows of a query: of many, a terminal shows the first, a pipe gets all.
+    """Print the rows of a query: a terminal shows the first ones, a pipe gets all.
 
-    These are aligned here, since a table that can be folded takes minutes for them.
+    All rows are aligned here, since a table with folded cells would take minutes.
     """
     if len(rows) <= _SHOWN_ROWS or sys.stdout.isatty():
         _print_table(_table(columns, [[_cell(value) for value in row] for row in rows[:_SHOWN_ROWS]]))
@@ -382,7 +382,7 @@ def _source(source: Mapping[str, str]) -> str:
 
 
 def _records(folder: Path | StoredFolder) -> tuple[list[dict[str, Any]], dict[str, dict[str, str]]]:
-    """The rows of records.parquet, and what each of its columns says of itself."""
+    """The rows of records.parquet, and the metadata of its columns."""
     from rigctl.dataset import records_file
     from rigctl.dataset.parquet import open_parquet
 
@@ -396,7 +396,7 @@ def _records(folder: Path | StoredFolder) -> tuple[list[dict[str, Any]], dict[st
 
 
 def _records_table(records: Sequence[Mapping[str, Any]], facts: Mapping[str, Mapping[str, str]]) -> Table:
-    """One line per record; a measure that missed its limits says so."""
+    """One line per record; a measure outside its limits is marked."""
     hidden = {"path", "rate", "session"}
     if not any(record["excluded"] for record in records):
         hidden.add("excluded")
@@ -417,7 +417,7 @@ def _records_table(records: Sequence[Mapping[str, Any]], facts: Mapping[str, Map
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    """Plain columns; what users wrote is text and never markup."""
+    """A table of plain columns; users' texts are never interpreted as markup."""
     from rich.table import Table
     from rich.text import Text
 
@@ -456,7 +456,7 @@ def _cell(value: object) -> str:
 
 
 def _reading(value: object) -> str:
-    """A measured value: four digits are what a bench is good for; '--json' has them all."""
+    """A measured value to four digits, the accuracy of a bench; '--json' has all."""
     return significant(value) if isinstance(value, float) else _cell(value)
 
 
@@ -470,7 +470,7 @@ def _instant(text: str) -> str:
 
 
 def _plain_cell(value: object) -> object:
-    """What a database can answer, as JSON has it."""
+    """A value of a query's result in a form for JSON."""
     if isinstance(value, bool | int | float | str | list | tuple | dict) or value is None:
         return value
     return value.isoformat() if hasattr(value, "isoformat") else str(value)

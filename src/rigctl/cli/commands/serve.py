@@ -13,7 +13,7 @@ import typer
 from rigctl.cli.echo import echo
 from rigctl.errors import RigctlError, unknown_name
 
-#: as `rigctl.web.parts` has them; that module needs packages that may be missing
+#: copied from `rigctl.web.parts`, which needs optional packages
 PAGES = ("runs", "live", "workbench", "procedure", "report", "docs")
 
 
@@ -82,7 +82,7 @@ def serve(
 
 
 def _input_ended() -> Callable[[], bool]:
-    """Whether stdin has come to its end: whoever has begun this program is gone, or wants it to end."""
+    """Whether stdin is at its end: the parent process has ended, or requests the end of this one."""
     ended = threading.Event()
 
     def read() -> None:
@@ -100,7 +100,7 @@ def require_web() -> None:
     Raises
     ------
     RigctlError
-        they are not installed; says how to get them.
+        they are not installed; the message states how to install them.
     """
     from importlib.util import find_spec
 

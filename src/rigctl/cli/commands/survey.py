@@ -161,7 +161,7 @@ def survey(
 
 
 def _opened(written: list[str], where: str | None) -> tuple[list[Run], list[str]]:
-    """The runs that are named, of ``all`` those that are over; and which of them are damaged, in words."""
+    """The named runs, for ``all`` every finished one; and notes on those that are damaged."""
     from rigctl.dataset import list_runs, open_run
     from rigctl.dataset.run_json import RUNNING
     from rigctl.errors import ExitCode, RigctlError

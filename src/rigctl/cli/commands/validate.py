@@ -110,7 +110,7 @@ def _carried_out(
 
 
 def _version(tier: TierName) -> str:
-    """What the results of a tier are of: verdicts alone, or searches for formulas as well."""
+    """The version of the results of a tier: of the method and, for searches, of the discovery."""
     from rigctl.method_version import DISCOVERY_VERSION, METHOD_VERSION
 
     searched = f", discovery {DISCOVERY_VERSION}" if tier is TierName.DISCOVERY else ""

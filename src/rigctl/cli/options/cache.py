@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def _without(context: typer.Context, wanted: bool) -> bool:
-    """Neither use nor keep results until the command ends."""
+    """Neither use nor store cached results until the command ends."""
     if wanted and not context.resilient_parsing:
         from rigctl.engine.kept import switched_off
 

@@ -46,12 +46,12 @@ def use_family(context: typer.Context, written: str | None) -> str | None:
 
 
 def check_family_of(rig: Rig) -> None:
-    """Require that the rig's own family is there and has what the rig says of it.
+    """Require that the rig's own family is registered and matches the rig file.
 
     Raises
     ------
     RigctlError
-        it is not, or has not; a family that comes with rigctl was checked with the rig file.
+        it is not, or does not; a shipped family was checked with the rig file.
     """
     from rigctl.rig.constants import CONSTANTS
 

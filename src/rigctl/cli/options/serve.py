@@ -1,7 +1,7 @@
-"""`--serve`: a command that works for long shows the project in a browser meanwhile.
+"""`--serve`: show the project in a browser during a long command.
 
-The page is served by a process of its own, which reads what the command writes, so that no viewer can keep
-the command waiting.
+The page is served by a separate process, which reads the command's files, so that no viewer can delay the
+command.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def _begin() -> subprocess.Popen[str] | None:
 
     require_web()
     command = [sys.executable, "-m", "rigctl", "serve", str(find_project().root), "--page", "live"]
-    # a Ctrl-C that ends the command is none of the server's: the end of a run can be watched too
+    # Ctrl-C ends only the command, not the server: the end of a run can be watched too
     group = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
     server = subprocess.Popen(  # noqa: S603 - this program, no shell
         [*command, "--until-input-ends"],
@@ -71,7 +71,7 @@ def _begin() -> subprocess.Popen[str] | None:
 
 
 def _first_words(server: subprocess.Popen[str]) -> str:
-    """The address that a server prints, or why there is none."""
+    """The address that a server prints, or the reason why there is none."""
     assert server.stdout is not None  # noqa: S101 - opened as a pipe
     said: list[str] = []
     for line in server.stdout:
@@ -90,7 +90,7 @@ def _drain(stream: IO[str]) -> None:
 
 
 def _end(server: subprocess.Popen[str]) -> None:
-    """End it by the end of its input, which it watches; so it does too when this program is killed."""
+    """End the server by closing its stdin, which it monitors; it also ends if this program is killed."""
     with suppress(OSError):
         if server.stdin is not None:
             server.stdin.close()

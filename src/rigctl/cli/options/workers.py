@@ -1,4 +1,4 @@
-"""Options of commands that hand work out."""
+"""Options of commands that distribute work."""
 
 from __future__ import annotations
 

@@ -80,8 +80,8 @@ def show_comparison(found: Comparison, *, verbose: bool = False) -> None:
 
 #: a note on the spikes of one channel
 _SPIKES = re.compile(r"^\d+ spikes? of \w+ (was|were) masked: ")
-#: how the notes begin, or what is in those, that every comparison has of how its data were taken, or that
-#: repeat the line on the error
+#: beginnings or parts of notes that every comparison has about how its data were taken, or that repeat
+#: the line on the error
 _ROUTINE = (
     "Noise: ",
     "Noise of ",

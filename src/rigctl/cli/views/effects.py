@@ -151,7 +151,7 @@ def _shown(parameter: EffectParameter, si: float) -> str:
 
 
 def show_signature(seen: Signature, rig: Rig | None) -> None:
-    """A small picture of what the effect changes in each reading."""
+    """Show a small plot of the change of each reading by the effect."""
     out = console()
     out.print(f"\nWhat it changes at its typical size. Standard record: {seen.record.description}.")
     for index, name in enumerate(seen.output_names):
@@ -187,7 +187,7 @@ def _in_noise(seen: Signature, index: int, rig: Rig | None) -> str:
 
 
 def signature_document(seen: Signature, rig: Rig | None) -> dict[str, Any]:
-    """What an effect changes, in the units in which it is shown."""
+    """The changes of the readings by an effect as data, in display units."""
     outputs = {}
     for index, name in enumerate(seen.output_names):
         unit = shown_unit(name, seen.output_units[index], rig)

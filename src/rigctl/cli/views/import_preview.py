@@ -14,7 +14,7 @@ from rigctl.report.braille import draw_curve
 if TYPE_CHECKING:
     from rigctl.dataset.importing.preview import ColumnPreview, Preview
 
-#: characters of a picture, and the most records that are listed one by one
+#: width of a plot in characters, and largest number of records that are listed one by one
 _WIDTH: Final = 48
 _LISTED: Final = 20
 
@@ -52,7 +52,7 @@ def show_preview(preview: Preview) -> None:
 
 
 def _show_course(column: ColumnPreview) -> None:
-    """Two lines of braille with the course of a column, and the values at their edges."""
+    """Show the time series of a column as two lines of braille, with the values at the edges."""
     if column.low is None or column.high is None:
         return
     values = [value for pair in column.course.T.tolist() for value in pair if value == value]  # noqa: PLR0124

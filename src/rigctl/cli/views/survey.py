@@ -15,17 +15,17 @@ from rigctl.monitoring.result import Line, Survey
 from rigctl.report.answer import Answer
 from rigctl.report.numbers import plural
 
-#: courses, runs and tests that a terminal shows
+#: number of series, runs and tests that a terminal shows
 _COURSES, _LINES, _TESTS = 4, 24, 8
-#: changes that are told in full; single runs and failures that are named
+#: number of changes reported in full; of single runs and failures that are named
 _CHANGES, _NAMED = 4, 3
-#: notes on the data that are told without ``-v``
+#: number of notes on the data without ``-v``
 _NOTES = 2
 _HEADS = {"changed": "Changed", "no_change_seen": "No change seen", "cannot_tell": "Cannot tell"}
 
 
 def show_survey(found: Survey, written: Sequence[Path], *, verbose: bool = False) -> None:
-    """The answer; with `verbose` the runs with what they say, and what was tested."""
+    """Show the answer; with `verbose` the values of the runs, and the tested quantities."""
     out = console()
     notes = _notes_on_data(found)
     more = [
@@ -48,7 +48,7 @@ def show_survey(found: Survey, written: Sequence[Path], *, verbose: bool = False
 
 
 def _notes_on_data(found: Survey) -> list[str]:
-    """The notes on the data that are told without ``-v``: not the routine ones, those of most runs first."""
+    """The notes on the data shown without ``-v``: not the routine ones, those of most runs first."""
     usual = set(routine(list(found.data_notes)))
     unusual = sorted(
         (one for one in found.data_notes.items() if one[0] not in usual), key=lambda one: -len(one[1])
@@ -79,7 +79,7 @@ def _agreement(found: Survey) -> str:
 
 
 def _apart(found: Survey) -> str:
-    """Single runs that are far from their neighbours: a mistake perhaps, and no change."""
+    """Single runs that are outliers among their neighbours: possibly mistakes, but no change."""
     said: dict[str, list[str]] = {}
     for one in found.judged.tested:
         for k in one.apart:
