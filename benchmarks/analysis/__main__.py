@@ -48,11 +48,11 @@ ASKED_OF_COMMANDS = {"rigctl compare": 4.0, "rigctl diagnose": 8.0}
 TIMES = 2
 #: required wall time on two cores, warm, s
 ASKED = {"fit": 4.0, "compare beside it": 3.0, "diagnose, singles": 8.0, "diagnose, pairs": 20.0}
-#: the same for a user's bench, as a whole command
+#: required wall time for a user's bench, as a whole command, s
 OWN = {"compiled for the first time": 20.0, "afterwards": 5.0}
 #: names of the results of each option
 OF_LONGER = {"--own": "own bench", "--apply": "apply", "--discover": "discover"}
-#: the same for the longer commands
+#: names of the results of the longer commands
 APPLY, DISCOVER = 30.0, 60.0
 RECORDS = (28, 100, 300, 1000)
 #: times the standard campaign's 28 records of ten thousand samples
@@ -193,8 +193,7 @@ def discover(folder: Path) -> dict[str, float]:
 
 
 def _once(folder: Path, command: list[str]) -> tuple[dict[str, float], dict[str, Any]]:
-    """Wall and processor seconds of a command of rigctl whose machine code and bytecode are there, and what
-    it says."""
+    """Wall and CPU time, s, of a command of rigctl with cached machine code and bytecode, and its output."""
     rigctl = [sys.executable, "-m", "rigctl"]
     warm = [*rigctl, "compare", command[1], "--model", str(MODEL), "--json"]
     subprocess.run(warm, check=True, capture_output=True, cwd=folder)

@@ -15,7 +15,7 @@ from rigctl.clock import VirtualClock
 from rigctl.files.shipped import shipped
 from rigctl.rig import load_rig
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))  # the chip is the tests' own
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))  # the chip is part of the tests
 from board_chip import Chip
 
 TITLE = "the board and its line, in board time"

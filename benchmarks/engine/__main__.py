@@ -1,12 +1,12 @@
-"""Simulating, differentiating and fitting 28 records, beside what people use instead.
+"""Simulating, differentiating and fitting 28 records, compared with the usual alternatives.
 
     python -m benchmarks.engine [--runs 20] [--slow] [--venvs DIR] [--install] [--only NAME]
 
 SciPy and CasADi take part where they are installed here. diffrax lives in a virtual environment of its own
 under DIR; `--install` makes it. `--slow` also times 28 columns of those that take a minute for them; `--only`
 measures one peer or part again and keeps the rest.
-Every peer is measured in a process of its own. The shortest of several runs counts: it is what the work
-takes by itself, whatever else the machine does meanwhile. Beside it stands the processor time of all threads.
+Every peer is measured in a separate process. The shortest of several runs counts, as it is the one least
+affected by other load of the machine. The CPU time of all threads is given beside it.
 """
 
 from __future__ import annotations

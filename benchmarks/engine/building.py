@@ -2,7 +2,7 @@
 
     python -m benchmarks.engine.building
 
-Each start is a process of its own on a cache of its own. Imports stand apart: they are the same for all.
+Each start is a new process with a new cache. Imports are given separately: they are the same for all.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ STAGES = ("imports", "integrator", "superset", "own_effect", "cached")
 
 
 def results(runs: int = 2) -> dict[str, dict[str, float]]:
-    """Wall and processor seconds of each stage, the shortest of `runs` fresh caches."""
+    """Wall and CPU time of each stage, s, the shortest with `runs` fresh caches."""
     runs_of: dict[str, list[dict[str, float]]] = {stage: [] for stage in STAGES}
     for _ in range(runs):
         with tempfile.TemporaryDirectory() as folder:

@@ -27,7 +27,7 @@ class CasadiPeer:
         return [shown(self.system, states, 0.2e5) for states, _ in self._run(())]
 
     def jacobian(self, columns: Sequence[str]) -> list[Floats]:
-        """The column of the pressure sensors' offset is known: CVODES is spared it."""
+        """The column of the pressure sensors' offset is known, and not integrated by CVODES."""
         moving = tuple(name for name in columns if name != "pressure_offset")
         places = [self.system.state_names.index(name) for name in self.system.output_names]
         found = []

@@ -54,7 +54,7 @@ class Peer(Protocol):
 
 
 def equations(system: System, result: str) -> str:
-    """The source of ``rhs(y, u, q)``; `result` says how the derivatives are put together: ``"({})"``."""
+    """The source of ``rhs(y, u, q)``; `result` is the format of the derivatives' list: ``"({})"``."""
     lines = ["def rhs(y, u, q):"]
     for array, names in (("y", system.state_names), ("u", system.input_names), ("q", system.parameter_names)):
         lines += [f"    {name} = {array}[{place}]" for place, name in enumerate(names)]

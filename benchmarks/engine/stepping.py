@@ -10,7 +10,7 @@ CALLS = 65_000
 
 
 def results(runs: int = 3) -> dict[str, float]:
-    """Wall and processor seconds of all calls."""
+    """Wall and CPU time of all calls, s."""
     peer = RigctlPeer()
     record = peer.records[3]
 

@@ -100,7 +100,7 @@ def errors(
 
 
 def typical_sizes(columns: list[str], system: System) -> Floats:
-    """(columns): how far each parameter is apt to be from its value here; one unit where nothing says."""
+    """(columns): typical deviation of each parameter from its value; one unit if not declared."""
     effects = library(find_family(FAMILY))
     found = []
     for name, value in zip(columns, system.nominal, strict=True):

@@ -81,7 +81,7 @@ def write(path: Path, rows: int, *, records: bool = True) -> None:
 
 
 def bring_in(path: Path, folder: Path) -> tuple[float, float, float, int, int]:
-    """Seconds, of them computing, MB at the most, records and rows of one import in a process of its own."""
+    """Wall and CPU time, s, peak memory, MB, records and rows of one import in a separate process."""
     command = [sys.executable, "-c", _IMPORT, str(path), str(RIG), str(folder)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     seconds, computing, megabytes, records, rows = json.loads(done.stdout)

@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 
 from benchmarks.record import table
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))  # the flywheel is the tests' own
+sys.path.insert(0, str(Path(__file__).parents[2] / "tests"))  # the flywheel is part of the tests
 import flywheel
 
 

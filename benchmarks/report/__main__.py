@@ -10,7 +10,7 @@ from benchmarks.record import command_seconds, keep, median_seconds, table
 
 HERE = Path(__file__).parent
 TARGET = 3.0  # s
-sys.path.insert(0, str(HERE.parents[1] / "tests"))  # the made-up campaign is the tests' own
+sys.path.insert(0, str(HERE.parents[1] / "tests"))  # the synthetic campaign is part of the tests
 
 
 def main() -> None:

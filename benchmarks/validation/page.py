@@ -21,7 +21,7 @@ _BLOCK = re.compile(
     r"(<!-- rates of the tier (?P<tier>\w+): make docs -->\n).*?(<!-- end of rates -->\n)", re.DOTALL
 )
 _SOURCE = "\nMade with {versions}; every trial is in `benchmarks/validation/{tier}.jsonl`.\n"
-#: what the parts of a stored version are of
+#: meaning of the parts of a stored version
 _PARTS = {"method": "the method", "discovery": "the search for formulas"}
 
 
