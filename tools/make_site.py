@@ -38,25 +38,25 @@ _FENCE = re.compile(r"(^```.*?^```$)", re.MULTILINE | re.DOTALL)
 def linked(text: str, written: str) -> list[str]:
     """Return the repository files linked from the Markdown of the file ``written``."""
     links = [link for part in _FENCE.split(text)[::2] for link, _ in _LINK.findall(part)]
-    return [meant(link, written) for link in links if not _ADDRESS.match(link)]
+    return [link_target(link, written) for link in links if not _ADDRESS.match(link)]
 
 
-def meant(link: str, written: str) -> str:
+def link_target(link: str, written: str) -> str:
     """Return the repository file of a relative link in the file ``written``."""
     return posixpath.normpath(posixpath.join(posixpath.dirname(written), link))
 
 
-def led(text: str, written: str) -> str:
+def with_site_links(text: str, written: str) -> str:
     """Return the Markdown of the file ``written``, with links to the places on the site."""
     folder = posixpath.dirname(on_site(written)) or "."
 
-    def lead(match: re.Match[str]) -> str:
+    def relink(match: re.Match[str]) -> str:
         if _ADDRESS.match(match[1]):
             return match[0]
-        return f"]({posixpath.relpath(on_site(meant(match[1], written)), folder)}{match[2] or ''})"
+        return f"]({posixpath.relpath(on_site(link_target(match[1], written)), folder)}{match[2] or ''})"
 
     parts = _FENCE.split(text)
-    parts[::2] = [_LINK.sub(lead, part) for part in parts[::2]]
+    parts[::2] = [_LINK.sub(relink, part) for part in parts[::2]]
     return "".join(parts)
 
 
@@ -77,7 +77,7 @@ def copy_pages(folder: Path) -> None:
         place.parent.mkdir(parents=True, exist_ok=True)
         if written.endswith(".md"):
             text = (ROOT / written).read_text(encoding="utf-8")
-            place.write_text(led(text, written), encoding="utf-8")
+            place.write_text(with_site_links(text, written), encoding="utf-8")
             left += [path for path in linked(text, written) if path not in left and (ROOT / path).is_file()]
         else:
             shutil.copyfile(ROOT / written, place)

@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 from rigctl.errors import RigctlError
 from rigctl.learning.ending import LearningEnd
 from rigctl.learning.keep import Kept, Task
-from rigctl.learning.result import Learned, Promised, Round, RoundOutcome
+from rigctl.learning.result import Learned, PredictedRound, Round, RoundOutcome
 
 NAMES = st.sampled_from(["leak", "drift", "coulomb_friction", "none"])
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
 TEXTS = st.text(max_size=20)
 
 PROMISES = st.builds(
-    Promised,
+    PredictedRound,
     rivals=st.dictionaries(NAMES, st.floats(0, 1), max_size=3),
     separation=NUMBERS,
     probability=st.floats(0, 1),
@@ -68,7 +68,7 @@ def test_a_round_survives_json(one: Round) -> None:
 
 def test_the_state_of_an_earlier_version_is_read() -> None:
     """Its predictions have no aim, its outcomes no sizes, and its task no precision."""
-    promise = Promised({"leak": 1.0}, 12.0, 0.9, (), 600.0, ("oil 60 degC",))
+    promise = PredictedRound({"leak": 1.0}, 12.0, 0.9, (), 600.0, ("oil 60 degC",))
     out = RoundOutcome("leak", {}, {}, told=True, kept=True, statement="leak is told apart")
     document = Round(2, "round-2.yaml", promised=promise, came_out=out).document()
     for part, names in (("promised", ("aim", "sharpened")), ("came_out", ("sizes",))):

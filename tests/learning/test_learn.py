@@ -12,7 +12,7 @@ import pytest
 
 from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.design.refusals import NothingLeft, NothingToSet, TooLittleTime
-from rigctl.design.result import DesignResult, Sharpened
+from rigctl.design.result import DesignResult, PrecisionGain
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.learning import learn, predicted_and_achieved
@@ -118,7 +118,7 @@ def verdict(
 
 
 #: half widths of a leak's conductance, before a round for its precision and after
-SHARPER = Sharpened("leak.conductance", "m^3", 3e-16, 1e-16)
+SHARPER = PrecisionGain("leak.conductance", "m^3", 3e-16, 1e-16)
 
 
 def design(

@@ -9,17 +9,19 @@ import pytest
 
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.learning.predicted_and_achieved import round_outcome
-from rigctl.learning.result import Promised
+from rigctl.learning.result import PredictedRound
 
 
-def promised(**weights: float) -> Promised:
+def promised(**weights: float) -> PredictedRound:
     """Between leak and drift; the data so far prefer the leak by 3."""
     pairs = [("leak", "drift", 3.0, 20.0), ("drift", "leak", -3.0, 16.0)]
     outlooks = tuple(
         {"truth": truth, "rival": rival, "margin": margin, "separation": d}
         for truth, rival, margin, d in pairs
     )
-    return Promised(weights or {"leak": 0.8, "drift": 0.2}, 19.0, 0.9, outlooks, 600.0, ("oil 60 degC",))
+    return PredictedRound(
+        weights or {"leak": 0.8, "drift": 0.2}, 19.0, 0.9, outlooks, 600.0, ("oil 60 degC",)
+    )
 
 
 def diagnosis(verdict: Verdict, classes: list[list[str]], **scores: float) -> Diagnosis:

@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from rigctl.validation.designed.picture import calibration_svg
-from rigctl.validation.designed.rates import Promises, design_rates, promises
+from rigctl.validation.designed.rates import CalibrationBin, calibration_bins, design_rates
 from rigctl.validation.designed.trial import TWINS, DesignTrial, design_trials
 from rigctl.validation.designed.work import DesignOutcome
 from rigctl.validation.hidden_library import find_hidden
@@ -67,13 +67,13 @@ def test_pairs_are_counted_by_their_predicted_probability() -> None:
     kept = outcome(chances={"drift": 0.85, "spring": 1.0}, apart=("drift", "spring"))
     broken = at_random(chances={"drift": 0.95, "spring": 0.1}, apart=("spring",))
     never = outcome(probability=None)
-    low, high = promises((kept, broken, never))
+    low, high = calibration_bins((kept, broken, never))
     assert (low.low, low.mean, low.came_out, low.pairs) == (0.0, 0.1, 1, 1)
     assert (high.low, high.mean) == (0.8, pytest.approx((0.85 + 1.0 + 0.95) / 3.0))
     assert (high.came_out, high.pairs) == (2, 3)
     assert high.rate.met is None  # three pairs are too few for a rate
     many = [kept] * 12 + [broken] * 12
-    (high,) = [one for one in promises(many) if one.high == 1.0]
+    (high,) = [one for one in calibration_bins(many) if one.high == 1.0]
     assert high.rate.met is False  # 67 % were separated, 93 % predicted
     assert high.rate.at_least == pytest.approx(high.mean - 0.1)
     assert rate("the campaign leaves a class", "records are proposed", kept, broken, never) == (1, 2)
@@ -89,7 +89,7 @@ def test_results_of_an_earlier_version_count_as_one_prediction(tmp_path: Path) -
     path.write_text(json.dumps({"scenario": "x", "version": "method 17", "outcome": document}) + "\n")
     read = every_outcome(path, DesignTrial.read)
     assert read == (old,)
-    (found,) = promises(read)
+    (found,) = calibration_bins(read)
     assert (found.low, found.mean, found.came_out, found.pairs) == (0.8, 0.93, 1, 1)
 
 
@@ -115,7 +115,7 @@ def test_a_design_is_compared_with_the_median_random_one() -> None:
 
 
 def test_the_calibration_plot_has_a_point_for_each_bin() -> None:
-    found = [Promises(0.0, 0.2, 0.1, 1, 20), Promises(0.8, 1.0, 0.9, 19, 20)]
+    found = [CalibrationBin(0.0, 0.2, 0.1, 1, 20), CalibrationBin(0.8, 1.0, 0.9, 19, 20)]
     svg = calibration_svg(found)
     root = ET.fromstring(svg)
     points = [one for one in root.iter() if one.tag.endswith("circle")]

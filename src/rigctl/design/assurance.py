@@ -64,7 +64,7 @@ class Draws:
     count: int
     _outputs: dict[tuple[int, int], Floats] = field(default_factory=dict)
     _kept: list[Proposal] = field(default_factory=list)
-    _right: dict[int, _Right] = field(default_factory=dict)
+    _cached: dict[int, _TruthDraws] = field(default_factory=dict)
     _of: tuple[int, ...] = ()
 
     @property
@@ -109,7 +109,7 @@ class Draws:
     def gain(self, pair: Pair, chosen: Sequence[Proposal]) -> Gain:
         """The gain of records together, if the first of the pair is right."""
         truth, rival = pair
-        right = self._right_of(truth, chosen)
+        right = self._truth_draws(truth, chosen)
         refit, fit = self._refit(rival, chosen)
         away = right.truths - fit[:, None]
         return gain(right.from_fit, right.left, away, refit.left(away)).scaled(
@@ -133,23 +133,23 @@ class Draws:
             for pair, distance in linear.items()
         }
 
-    def _right_of(self, truth: int, chosen: Sequence[Proposal]) -> _Right:
+    def _truth_draws(self, truth: int, chosen: Sequence[Proposal]) -> _TruthDraws:
         """The draws of a truth; cached for one set of records at a time, as they take much memory."""
         names = tuple(map(id, chosen))
         if names != self._of:
-            self._of, self._right = names, {}
-        if truth not in self._right:
-            self._right[truth] = self._were_right(truth, chosen)
-        return self._right[truth]
+            self._of, self._cached = names, {}
+        if truth not in self._cached:
+            self._cached[truth] = self._compute_truth_draws(truth, chosen)
+        return self._cached[truth]
 
-    def _were_right(self, truth: int, chosen: Sequence[Proposal]) -> _Right:
+    def _compute_truth_draws(self, truth: int, chosen: Sequence[Proposal]) -> _TruthDraws:
         refit, fit = self._refit(truth, chosen)
         drawn_rows = np.vstack(
             [self.workshop.scene(one).whitener(np.moveaxis(self.outputs(truth, one), 0, 2)) for one in chosen]
         )
         truths = drawn_rows[:, np.isfinite(drawn_rows).all(axis=0)]
         from_fit = truths - fit[:, None]
-        return _Right(truths, from_fit, refit.left(from_fit))
+        return _TruthDraws(truths, from_fit, refit.left(from_fit))
 
     def _refit(self, place: int, chosen: Sequence[Proposal]) -> tuple[Refit, Floats]:
         """The refit of a rival to records, and its whitened prediction of them at its present fit."""
@@ -161,7 +161,7 @@ class Draws:
 
 
 @dataclass(frozen=True)
-class _Right:
+class _TruthDraws:
     """Draws of what may be right, whitened.
 
     Attributes
@@ -177,7 +177,7 @@ class _Right:
 
 
 @dataclass(frozen=True)
-class Promise:
+class PredictedResult:
     """The predicted result of some records.
 
     Attributes
@@ -204,7 +204,7 @@ def as_refitted(
     return replace(criterion, reach=draws.reach(nearby, chosen, workers))
 
 
-def promised(criterion: Discrimination, draws: Draws, chosen: Sequence[Proposal]) -> Promise:
+def predicted_result(criterion: Discrimination, draws: Draws, chosen: Sequence[Proposal]) -> PredictedResult:
     """The predicted result of records together; with no records, that of the data so far."""
     nothing = Gain(np.zeros(1), np.zeros(1))
     rivals = criterion.question.rivals
@@ -233,4 +233,4 @@ def promised(criterion: Discrimination, draws: Draws, chosen: Sequence[Proposal]
         for pair in criterion.pairs
     )
     means = {pair: float(np.mean(one.mean)) for pair, one in gains.items()}
-    return Promise(outlooks, criterion.together(means), criterion.together(after))
+    return PredictedResult(outlooks, criterion.together(means), criterion.together(after))

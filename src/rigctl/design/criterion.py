@@ -45,7 +45,7 @@ class Criterion(Protocol):
         """The criterion as displayed: D, λ², or the logarithm of a ratio of volumes."""
         ...
 
-    def promise(self, evidence: Evidence) -> float:
+    def predicted_probability(self, evidence: Evidence) -> float:
         """The probability, at the rivals' fits, that the records answer the question."""
         ...
 
@@ -165,7 +165,7 @@ class Discrimination:
         margin, so_far = self.margins.margin(truth, rival), self.so_far((truth, rival))
         return enough(margin, so_far, self.margins.threshold(truth, distances))
 
-    def promise(self, evidence: Evidence) -> float:
+    def predicted_probability(self, evidence: Evidence) -> float:
         """The probability at the rivals' fits, less an allowance for draws."""
         found = _SURE * self.distances(evidence)
         gains = {pair: Gain(found[pair][None], found[pair][None]) for pair in self.pairs}
@@ -239,7 +239,7 @@ class Detection:
             for truth, value in self.noncentralities(evidence).items()
         }
 
-    def promise(self, evidence: Evidence) -> float:
+    def predicted_probability(self, evidence: Evidence) -> float:
         """The power, averaged over the effects."""
         found = self.of_each(evidence)
         return sum(self.question.rivals[truth].weight * value for truth, value in found.items())
@@ -274,6 +274,6 @@ class Precision:
         """The criterion at the fit."""
         return self.worth(evidence)
 
-    def promise(self, evidence: Evidence) -> float:
+    def predicted_probability(self, evidence: Evidence) -> float:
         """0, so that a search never stops early: any further record improves the estimate."""
         return 0.0

@@ -17,7 +17,7 @@ from rigctl.analysis.diagnosis import diagnose
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.fitting import OnProgress, no_progress
 from rigctl.dataset.run import Run
-from rigctl.design.assurance import DRAWS, Draws, Promise, as_refitted, promised
+from rigctl.design.assurance import DRAWS, Draws, PredictedResult, as_refitted, predicted_result
 from rigctl.design.criterion import Criterion, Detection, Discrimination, Precision
 from rigctl.design.information import Evidence
 from rigctl.design.information_so_far import Known, known_so_far
@@ -26,7 +26,7 @@ from rigctl.design.procedure_text import Writer, called_so_far
 from rigctl.design.recipe import Stage, lines_of
 from rigctl.design.refitted_gain import TAKEN_UP
 from rigctl.design.refusals import NothingLeft, NothingToSet, TooLittleTime
-from rigctl.design.result import DesignResult, PredictedPower, Prediction, ProposedRecord, Sharpened
+from rigctl.design.result import DesignResult, PrecisionGain, PredictedPower, Prediction, ProposedRecord
 from rigctl.design.rig_file import rig_reference
 from rigctl.design.rig_time import Ordered, RigTime, forecast
 from rigctl.design.rivals import Question, nothing_left, question_of, require_names
@@ -250,7 +250,8 @@ class _Design:
         if isinstance(self.criterion, Precision):
             return True
         cheap, telling = (
-            self._promise(replace(search, per_minute=one, exchange=False).best_set()) for one in (True, False)
+            self._predicted_probability(replace(search, per_minute=one, exchange=False).best_set())
+            for one in (True, False)
         )
         # among sets that reach less, the most informative one is chosen, however long it takes
         return cheap >= HALF or cheap >= telling
@@ -283,8 +284,8 @@ class _Design:
                 expected=f"at least {math.ceil(least / 6.0) / 10.0:g} min, which the quickest record takes",
             )
 
-    def _promise(self, chosen: Sequence[Proposal]) -> float:
-        return self.criterion.promise(together(chosen)) if chosen else 0.0
+    def _predicted_probability(self, chosen: Sequence[Proposal]) -> float:
+        return self.criterion.predicted_probability(together(chosen)) if chosen else 0.0
 
     # --- description of the records
 
@@ -308,7 +309,7 @@ class _Design:
             duration=timed.seconds,
             procedure="",
             statement="",
-            sharpened=self._sharpened(chosen),
+            sharpened=self._precision_gains(chosen),
             of_random=self._of_random(),
             notes=(self._tried(),),
             diagnosis=diagnosis,
@@ -364,18 +365,18 @@ class _Design:
         )
         return replace(made, procedure=text if made.records else "")
 
-    def _after(self, chosen: Sequence[Proposal]) -> Promise:
+    def _after(self, chosen: Sequence[Proposal]) -> PredictedResult:
         """The predicted power of records together."""
         criterion = self.criterion
         if isinstance(criterion, Discrimination):
-            return promised(criterion, self.draws, chosen)
+            return predicted_result(criterion, self.draws, chosen)
         if isinstance(criterion, Detection):
             return self._detected(criterion, chosen)
         worth = criterion.separation(together(chosen)) if chosen else 0.0
         probability = self.question.rivals[0].weight
-        return Promise((), worth, probability)
+        return PredictedResult((), worth, probability)
 
-    def _detected(self, criterion: Detection, chosen: Sequence[Proposal]) -> Promise:
+    def _detected(self, criterion: Detection, chosen: Sequence[Proposal]) -> PredictedResult:
         nothing = self.known.evidence.scaled(0.0)
         evidence = together(chosen) if chosen else nothing
         before, after = criterion.of_each(nothing), criterion.of_each(evidence)
@@ -387,10 +388,17 @@ class _Design:
             )
             for k in after
         )
-        return Promise(outlooks, criterion.separation(evidence), criterion.promise(evidence))
+        return PredictedResult(
+            outlooks, criterion.separation(evidence), criterion.predicted_probability(evidence)
+        )
 
     def _record(
-        self, chosen: Sequence[Proposal], k: int, before: Promise, after: Promise, seconds: float
+        self,
+        chosen: Sequence[Proposal],
+        k: int,
+        before: PredictedResult,
+        after: PredictedResult,
+        seconds: float,
     ) -> ProposedRecord:
         proposal, rig = chosen[k], self.stage.rig
         separation, of_repeat = after.separation - before.separation, self._of_repeat(chosen[:k])
@@ -435,7 +443,7 @@ class _Design:
             found.append(Prediction(name, unit, scene.record.times, by_rival, sigma))
         return tuple(found)
 
-    def _sharpened(self, chosen: Sequence[Proposal]) -> tuple[Sharpened, ...]:
+    def _precision_gains(self, chosen: Sequence[Proposal]) -> tuple[PrecisionGain, ...]:
         """The precision of the parameters of the accepted effect, before and after."""
         if not isinstance(self.criterion, Precision) or not chosen:
             return ()
@@ -449,6 +457,6 @@ class _Design:
         ]
         model = rival.fit.problem.model
         return tuple(
-            Sharpened(name, unit_of(model, name), *(half_width(model, name, std) for std in two))
+            PrecisionGain(name, unit_of(model, name), *(half_width(model, name, std) for std in two))
             for name, *two in stds
         )

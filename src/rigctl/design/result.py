@@ -242,7 +242,7 @@ class SensorSet:
 
 
 @dataclass(frozen=True)
-class Sharpened:
+class PrecisionGain:
     """The precision of a parameter, in the unit in which it is shown: half-widths of 95 % intervals."""
 
     name: str
@@ -293,7 +293,7 @@ class DesignResult:
     statement: str
     sensor: SensorSet | None = None
     sensors: tuple[SensorSet, ...] = ()
-    sharpened: tuple[Sharpened, ...] = ()
+    sharpened: tuple[PrecisionGain, ...] = ()
     of_random: float = 0.0
     notes: tuple[str, ...] = ()
     diagnosis: Diagnosis | None = field(default=None, repr=False)

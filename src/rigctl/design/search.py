@@ -266,7 +266,7 @@ class Search:
             if added is None or (chosen and self._adds_little(chosen, added)):
                 break
             chosen.append(added)
-            if self.criterion.promise(together(chosen)) >= ENOUGH:
+            if self.criterion.predicted_probability(together(chosen)) >= ENOUGH:
                 break
         return chosen
 

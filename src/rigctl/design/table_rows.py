@@ -53,7 +53,7 @@ def design_rows(diagnosis: Diagnosis, question: Question, most: int) -> DesignRe
     measurements = question.rivals[0].fit.problem.measurements
     chosen = _chosen(criterion, _candidates(question, measurements), most)
     steps = [_evidence(chosen[:count]) for count in range(len(chosen) + 1)]
-    chances = [0.0 if one is None else criterion.promise(one) for one in steps]
+    chances = [0.0 if one is None else criterion.predicted_probability(one) for one in steps]
     separations = [0.0 if one is None else criterion.separation(one) for one in steps]
     repeats = [one for one in known.repeats if one is not None]
     units = variable_units(measurements)
@@ -168,7 +168,7 @@ def _chosen(criterion: Discrimination, candidates: Sequence[_Row], most: int) ->
         if criterion.worth(whole[k]) <= (0.0 if so_far is None else criterion.worth(so_far)):
             break
         chosen.append(candidates[k])
-        if criterion.promise(whole[k]) >= _ENOUGH:
+        if criterion.predicted_probability(whole[k]) >= _ENOUGH:
             break
     return chosen
 

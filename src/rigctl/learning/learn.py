@@ -125,7 +125,7 @@ class Learner:
                 compared,
                 path,
                 sure=True,
-                unless=lambda found: not here.judged and self._otherwise(here, found),
+                unless=lambda found: not here.judged and self._contradicted(here, found),
                 on_progress=on_progress,
             )
         if here.judged:  # judged before the interruption: that result stays
@@ -141,13 +141,13 @@ class Learner:
             error={name: error.nrmse for name, error in now.errors.items()},
             chi2=now.chi2_reduced,
             statement=first.statement,
-            came_out=self._came_out(here, first),
+            came_out=self._outcome(here, first),
         )
         self.kept.update(judged)
         self.on_round(judged)
         return judged, improved
 
-    def _came_out(self, here: Round, found: Diagnosis) -> RoundOutcome | None:
+    def _outcome(self, here: Round, found: Diagnosis) -> RoundOutcome | None:
         """The outcome of a round compared with its prediction; None if there was none."""
         if here.promised is None:
             return None
@@ -155,10 +155,10 @@ class Learner:
         left = {name for names in before.classes for name in names}
         return round_outcome(here.promised, found, left)
 
-    def _otherwise(self, here: Round, found: Diagnosis) -> bool:
+    def _contradicted(self, here: Round, found: Diagnosis) -> bool:
         """Whether the bench contradicted all predictions: then it is not the bench of the question, or
         its behaviour is unknown, and nothing is added to the model for it."""
-        came_out = self._came_out(here, found)
+        came_out = self._outcome(here, found)
         return came_out is not None and not came_out.kept
 
     def _added(self, path: Path) -> tuple[tuple[str, int], ...]:

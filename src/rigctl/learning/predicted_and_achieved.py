@@ -7,12 +7,12 @@ from collections.abc import Collection, Mapping
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.design.precision import known_to
 from rigctl.design.result import NONE, DesignResult
-from rigctl.learning.result import Promised, RoundOutcome
+from rigctl.learning.result import PredictedRound, RoundOutcome
 
 
-def prediction_of(design: DesignResult) -> Promised:
+def prediction_of(design: DesignResult) -> PredictedRound:
     """The predictions of a design, in the form that is kept before anything is measured."""
-    return Promised(
+    return PredictedRound(
         rivals={one.name: one.weight for one in design.rivals},
         separation=design.separation,
         probability=design.after,
@@ -26,7 +26,7 @@ def prediction_of(design: DesignResult) -> Promised:
     )
 
 
-def round_outcome(promised: Promised, found: Diagnosis, left: Collection[str] = ()) -> RoundOutcome:
+def round_outcome(promised: PredictedRound, found: Diagnosis, left: Collection[str] = ()) -> RoundOutcome:
     """The margins between the rivals after a round, compared with the predictions.
 
     The gain of a pair is the change of its margin in mBIC, ``m_rival − m_winner``, by the round; its
@@ -61,13 +61,13 @@ def round_outcome(promised: Promised, found: Diagnosis, left: Collection[str] = 
         if rival in here and winner in here
     }
     expected = {rival: float(pair["separation"]) for rival, pair in pairs.items()}
-    told = _told(winner, promised, found)
+    told = _distinguished(winner, promised, found)
     return RoundOutcome(
-        winner, gains, expected, told=told, kept=True, statement=_said(winner, gains, expected, told)
+        winner, gains, expected, told=told, kept=True, statement=_statement(winner, gains, expected, told)
     )
 
 
-def _sized(promised: Promised, found: Diagnosis) -> RoundOutcome:
+def _sized(promised: PredictedRound, found: Diagnosis) -> RoundOutcome:
     """The precision of the sizes now, compared with the prediction.
 
     They are those of effects that the model has, or of the one that these data name. If the diagnosis names
@@ -97,7 +97,7 @@ def _scores(found: Diagnosis) -> Mapping[str, float]:
     return scores | {NONE: 0.0}
 
 
-def _winner(promised: Promised, found: Diagnosis, scores: Mapping[str, float]) -> str:
+def _winner(promised: PredictedRound, found: Diagnosis, scores: Mapping[str, float]) -> str:
     """The rival that the diagnosis names now; "" if it names none of them."""
     if found.verdict is Verdict.ADEQUATE and NONE in promised.rivals:
         return NONE
@@ -107,13 +107,13 @@ def _winner(promised: Promised, found: Diagnosis, scores: Mapping[str, float]) -
     return min(named, key=lambda name: scores.get(name, 0.0), default="")
 
 
-def _told(winner: str, promised: Promised, found: Diagnosis) -> bool:
+def _distinguished(winner: str, promised: PredictedRound, found: Diagnosis) -> bool:
     """Whether no other rival shares a class with the winner."""
     others = set(promised.rivals) - {winner}
     return not any(winner in names and others & set(names) for names in found.classes)
 
 
-def _said(winner: str, gains: Mapping[str, float], expected: Mapping[str, float], told: bool) -> str:
+def _statement(winner: str, gains: Mapping[str, float], expected: Mapping[str, float], told: bool) -> str:
     how = "is distinguished" if told else "is not distinguished"
     said = f"{winner} {how}"
     if not gains:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Promised:
+class PredictedRound:
     """The predicted power of a designed round, as recorded before anything was measured.
 
     If its aim is to estimate a size better, there are no rivals to be distinguished.
@@ -56,7 +56,7 @@ class Promised:
         }
 
     @classmethod
-    def read(cls, document: Mapping[str, Any]) -> Promised:
+    def read(cls, document: Mapping[str, Any]) -> PredictedRound:
         """The prediction that `document` describes."""
         return cls(
             rivals=dict(document["weights"]),
@@ -83,7 +83,7 @@ class RoundOutcome:
     kept: whether the bench behaved as one of the rivals predicted; if False, `rigctl discover` is suggested.
     statement: in words.
     sizes: for a round for precision, the half-width with which each parameter is known now, in the units of
-        `Promised.sharpened`.
+        `PredictedRound.sharpened`.
     """
 
     winner: str
@@ -155,7 +155,7 @@ class Round:
     error: Mapping[str, float] = field(default_factory=dict)
     chi2: float | None = None
     statement: str = ""
-    promised: Promised | None = None
+    promised: PredictedRound | None = None
     came_out: RoundOutcome | None = None
     answer: str = ""
 
@@ -203,7 +203,7 @@ class Round:
             error=dict(document["error"]),
             chi2=document["chi2_reduced"],
             statement=document["statement"],
-            promised=None if promised is None else Promised.read(promised),
+            promised=None if promised is None else PredictedRound.read(promised),
             came_out=None if came_out is None else RoundOutcome.read(came_out),
             answer=document["answer"] or "",
         )
@@ -238,7 +238,7 @@ class Learned:
         return tuple(name for one in self.rounds for name, _ in one.added)
 
     @property
-    def promises(self) -> tuple[tuple[Promised, RoundOutcome], ...]:
+    def promises(self) -> tuple[tuple[PredictedRound, RoundOutcome], ...]:
         """The prediction and the outcome of each round that was carried out."""
         return tuple((one.promised, one.came_out) for one in self.rounds if one.promised and one.came_out)
 

@@ -108,14 +108,14 @@ def shape_of(values: Floats, std: Floats, over: Floats, correlation: float, *, s
     steps: fit only a step.
     """
     whole = whole_scatter(values, std)
-    tame = tamed(values, whole)
+    clipped_values = clipped(values, whole)
     weights = 1.0 / np.square(whole)
     # if the residuals exceed the runs' scatter, they determine the standard deviations of the levels
     best: tuple[float, str, int] | None = None
     costs: dict[tuple[str, int], float] = {}
     for kind in ("step",) if steps else ("step", "growth"):
         for cut in _cuts(values.size, kind):
-            _, cost, _ = _fitted(kind, cut, tame, weights, over)
+            _, cost, _ = _fitted(kind, cut, clipped_values, weights, over)
             costs[kind, cut] = cost
             if best is None or cost < best[0]:
                 best = cost, kind, cut
@@ -124,7 +124,7 @@ def shape_of(values: Floats, std: Floats, over: Floats, correlation: float, *, s
     cost, kind, cut = best
     inflated = (1.0 + correlation) / (1.0 - correlation) * max(1.0, cost / max(1, values.size - 3))
     alike = [at for (name, at), other in costs.items() if name == kind and other - cost <= _ALIKE * inflated]
-    coefficients, _, covariance = _fitted(kind, cut, tame, weights, over)
+    coefficients, _, covariance = _fitted(kind, cut, clipped_values, weights, over)
     first, last = _columns(kind, cut, over)[[0, -1]]
     error = [math.sqrt(max(0.0, float(row @ covariance @ row)) * inflated) for row in (first, last)]
     return Shape(
@@ -143,10 +143,10 @@ def shape_of(values: Floats, std: Floats, over: Floats, correlation: float, *, s
 def chi2_about(levels: Floats, values: Floats, std: Floats) -> float:
     """χ² of a series about given levels, outliers clipped."""
     whole = whole_scatter(values, std)
-    return float(np.sum(np.square((tamed(values, whole) - levels) / whole)))
+    return float(np.sum(np.square((clipped(values, whole) - levels) / whole)))
 
 
-def tamed(values: Floats, whole: Floats) -> Floats:
+def clipped(values: Floats, whole: Floats) -> Floats:
     """The values, outliers clipped to `_OFF` standard deviations from their neighbours' median."""
     found = values.copy()
     for k in range(values.size):

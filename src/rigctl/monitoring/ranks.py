@@ -65,7 +65,7 @@ def neighbours(values: Floats, scores: Floats) -> Floats:
     scaled = values / np.where(usual > 0.0, usual, 1.0)
     figures = (
         _correlation(_left(scores)),
-        _correlation(_left(_tamed(scaled))),
+        _correlation(_left(_clipped(scaled))),
         _between_jumps(scaled),
         far / np.maximum(near, 1e-12) - 1.0,
     )
@@ -84,7 +84,7 @@ def _between_jumps(values: Floats) -> Floats:
     return np.asarray(np.sum(products, axis=1) / np.maximum(np.sum(np.square(left), axis=1), 1e-9))
 
 
-def _tamed(values: Floats) -> Floats:
+def _clipped(values: Floats) -> Floats:
     """Each run clipped to a distance from the median of three, itself and its neighbours."""
     padded = np.concatenate([values[:, 2:3], values, values[:, -3:-2]], axis=1)
     before, after = padded[:, :-2], padded[:, 2:]

@@ -12,7 +12,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 PATIENCE: Final = 5.0
 
 
-class PatientProtocol(H11Protocol):
+class TimeoutProtocol(H11Protocol):
     """The HTTP protocol of uvicorn with a time-out for the head of a request, for which it has none."""
 
     _waiting: asyncio.TimerHandle | None = None

@@ -103,7 +103,7 @@ def serve(settings: Settings, started: Callable[[str], None], ends: Callable[[],
         from rigctl.web.access_control import Keys
         from rigctl.web.app import application
         from rigctl.web.jobs import Jobs
-        from rigctl.web.request_timeout import PatientProtocol
+        from rigctl.web.request_timeout import TimeoutProtocol
         from rigctl.web.server_state import LONGEST_MESSAGE, Site
 
         port = int(listener.getsockname()[1])
@@ -113,7 +113,7 @@ def serve(settings: Settings, started: Callable[[str], None], ends: Callable[[],
         app = application(site, keys, host_names(settings, port), secure=settings.secure)
         config = uvicorn.Config(
             app,
-            http=PatientProtocol,
+            http=TimeoutProtocol,
             ws="websockets-sansio",
             ws_max_size=LONGEST_MESSAGE,
             ws_per_message_deflate=False,

@@ -103,9 +103,9 @@ def _carried_out(
     )
     if tier is TierName.DESIGN:
         from rigctl.validation.designed.picture import calibration_svg
-        from rigctl.validation.designed.rates import promises
+        from rigctl.validation.designed.rates import calibration_bins
 
-        write_text(out / "promises.svg", calibration_svg(tuple(promises(outcomes))))
+        write_text(out / "promises.svg", calibration_svg(tuple(calibration_bins(outcomes))))
     return definition.figures(outcomes), path
 
 

@@ -44,7 +44,7 @@ def learning_sections(learned: Learned, model: Path, told: NamedModels | None = 
         rounds=[_shown(one) for one in learned.rounds],
         spent=clock_time(learned.spent),
         plot=None if plot is None else plot_slot(plot),
-        promises=_promises(learned),
+        promises=_predicted_and_achieved(learned),
     )
     hint = "round by round: what was measured, what was predicted, what was achieved"
     drawn = () if plot is None else (plot,)
@@ -125,7 +125,7 @@ def _shown(one: Round) -> dict[str, object]:
     }
 
 
-def _promises(learned: Learned) -> Markup:
+def _predicted_and_achieved(learned: Learned) -> Markup:
     """The predicted growth of the winner's margin in each designed round, beside the achieved one."""
     shown: list[Bar] = []
     largest = 1.0

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rigctl.files.write import write_text
-from rigctl.validation.designed.rates import Promises, promises
+from rigctl.validation.designed.rates import CalibrationBin, calibration_bins
 from rigctl.validation.designed.trial import DesignTrial
 from rigctl.validation.store import every_outcome
 
@@ -21,7 +21,7 @@ _LOW = 0.1
 _WIDTH, _HEIGHT = _LEFT + _SIDE + 24.0, _TOP + _SIDE + 56.0
 
 
-def calibration_svg(found: Sequence[Promises]) -> str:
+def calibration_svg(found: Sequence[CalibrationBin]) -> str:
     """A square with the diagonal; each bin a point with its 95 % bounds and its number of pairs."""
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH:g} {_HEIGHT:g}" role="img" '
@@ -58,7 +58,7 @@ def _axes() -> Iterator[str]:
     )
 
 
-def _point(one: Promises) -> Iterator[str]:
+def _point(one: CalibrationBin) -> Iterator[str]:
     rate = one.rate
     x, y = _x(one.mean), _y(rate.value)
     yield f'<path d="M{x:.1f},{_y(rate.low):.1f} V{_y(rate.high):.1f}" stroke="#0072b2" stroke-width="1.5"/>'
@@ -86,7 +86,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True)
     given = parser.parse_args()
     found = [one for path in given.files for one in every_outcome(path, DesignTrial.read)]
-    write_text(given.output, calibration_svg(tuple(promises(found))))
+    write_text(given.output, calibration_svg(tuple(calibration_bins(found))))
 
 
 if __name__ == "__main__":

@@ -41,7 +41,7 @@ def design_rates(outcomes: Sequence[DesignOutcome]) -> tuple[Rate, ...]:
         rate_of("one to four records at random", "the truth alone is named", at_random, _alone),
         rate_of("one to four records at random", "another one is named", at_random, _wrong, at_most=0.01),
         rate_of("D of the first designed record", "4 times a random one's", compared, _telling, at_least=0.5),
-        *(one.rate for one in promises(every)),
+        *(one.rate for one in calibration_bins(every)),
         rate_of("learning to its end", "adequate, the truth or its class", whole, _learnt, at_least=0.90),
         rate_of("learning to its end", "something wrong is added", whole, _wrong, at_most=0.01),
     ]
@@ -49,7 +49,7 @@ def design_rates(outcomes: Sequence[DesignOutcome]) -> tuple[Rate, ...]:
 
 
 @dataclass(frozen=True)
-class Promises:
+class CalibrationBin:
     """Pairs with about the same predicted probability of being distinguished.
 
     Attributes
@@ -79,7 +79,7 @@ class Promises:
         )
 
 
-def promises(outcomes: Sequence[DesignOutcome]) -> Iterator[Promises]:
+def calibration_bins(outcomes: Sequence[DesignOutcome]) -> Iterator[CalibrationBin]:
     """For each pair of a hidden effect and a rival, the prediction and the outcome; in bins.
 
     Designed and random records together, as few designs predict a low probability.
@@ -89,7 +89,7 @@ def promises(outcomes: Sequence[DesignOutcome]) -> Iterator[Promises]:
         among = [(chance, told) for chance, told in pairs if low <= chance < high + (high == 1.0)]
         if among:
             mean = sum(chance for chance, _ in among) / len(among)
-            yield Promises(low, high, mean, sum(told for _, told in among), len(among))
+            yield CalibrationBin(low, high, mean, sum(told for _, told in among), len(among))
 
 
 def _of(outcome: DesignOutcome) -> LearningOutcome:
