@@ -208,7 +208,7 @@ def _sure_members(search: Search, best: RefittedSet) -> tuple[RefittedSet, list[
     What little such a member explains beside the rest is then part of the remainder, and reported as such,
     because its identity is uncertain. Laws of one cause do not count as other effects. The member stays if
     the tests find nothing left with it: then something is missing beside the other member, and its class
-    says what it may be.
+    lists the possible effects.
     """
     rivals = find_rivals(search, best)
     if len(best.candidates) < 2 or not search.excess(best):
@@ -539,7 +539,7 @@ def _untestable(before: ModelComparison) -> list[tuple[str, str]]:
 
 
 def _hidden_by_unrecorded(before: ModelComparison) -> list[tuple[str, str]]:
-    """Effects not detectable at their typical size because an unrecorded input can do most of the same."""
+    """Effects not detectable at their typical size because an unrecorded input can imitate most of them."""
     fit, lin = before.fit, before.linearisation
     inputs = sorted({name for record in fit.problem.records for name in record.unrecorded})
     small = set(hidden_at_typical_size(before.projected)) if inputs else set()

@@ -53,7 +53,7 @@ class Exclusion:
 
 
 class Verdict(StrEnum):
-    """What the data say about the model."""
+    """The conclusion of a diagnosis about the model."""
 
     ADEQUATE = "adequate"  #: the data show nothing that the model lacks
     MISSING_EFFECT = "missing_effect"  #: one set of effects explains the misfit, and no other does so as well

@@ -52,7 +52,7 @@ class Levels:
 
     @property
     def statement(self) -> str:
-        """What is certain if the law is not, in words; "" if the law is certain, or nothing is."""
+        """The certain levels in words if the law is not one; "" if the law is certain, or no level is."""
         if self.law_sure or not self.place_sure:
             return ""
         where = " and ".join(self.place)
@@ -97,7 +97,7 @@ def levels_of(
     ----------
     classes: for each member, itself and the effects that are not distinguished from it.
     effects: all of these by name.
-    sure: whether anything is: what the set leaves and predicts shows that it is the right one.
+    sure: whether any level may be claimed: the set's remainder and its predictions show that it is right.
     bent: for each member, whether the data require another shape of its law.
     usual: no parameter is outside its usual range, which speaks against a law.
     spare: members that a simpler law, a limiting case of theirs, could replace.

@@ -24,7 +24,7 @@ def hidden_at_typical_size(projected: Projected) -> tuple[str, ...]:
 
 
 def power_text(projected: Projected) -> list[str]:
-    """The effects about which an adequate model says little, in sentences."""
+    """Sentences on the effects that an adequate fit to these data does not exclude."""
     names = hidden_at_typical_size(projected)
     whole = len({candidate.name for candidate in projected.linearisation.candidates})
     if not names:

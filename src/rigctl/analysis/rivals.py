@@ -239,7 +239,7 @@ def _two_instead(search: Search, best: RefittedSet) -> list[Rival]:
 
     Only if the single effect leaves hardly anything: otherwise pairs were part of the search, and the verdict
     weighs what they explain beyond a single effect. A pair that holds another law of the leading one's cause
-    replaces its law alone: what that law has beside it takes no part in what is missing for sure.
+    replaces its law alone: the other member of the pair does not count as surely missing.
     """
     if not search.sure(best):
         return []

@@ -146,7 +146,7 @@ class Search(RefittedSets):
             scores = screen(project(linearise(self.before.fit, self.whole, sized))).scores
         except RigctlError:  # the model cannot be simulated with one of them
             return best
-        # of an effect as large as what is missing the linear problem says little: it only orders them
+        # for so large an effect the linear problem is inaccurate: it only orders the candidates
         seen = sorted((score for score in scores if score.gain > WORTH), key=lambda one: -one.gain)
         for name in [score.effect for score in seen][:_PAIRS]:
             self.on_progress(f"Refitting with {name}")

@@ -7,8 +7,8 @@ delay at each switch of it, the size is
     φ·(1 + b_k),   b_k ~ N(0, τ²)
 
 with a column that is the effect's signature in that record and 0 elsewhere; for a delay, the signature of
-that switch. Such scatter follows no operating point: a size that does depends on something, whatever the
-effect's law says.
+that switch. Such scatter follows no operating point: a size that does depends on something, contrary to
+the effect's law.
 
 Source: N. M. Laird, J. H. Ware, Biometrics 38 (1982) 963, random effects beside fixed ones.
 """

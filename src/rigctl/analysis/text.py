@@ -44,7 +44,7 @@ def parameters_text(parameters: Mapping[str, FoundParameter]) -> str:
 
 
 def effect_text(effect: Effect, parameters: Mapping[str, FoundParameter]) -> str:
-    """What is observed, what it is, and how large."""
+    """The symptom, the effect, and its parameters, as one clause."""
     seen, summary = effect.looks_like.rstrip("."), effect.summary.rstrip(".")
     text = f"{seen}: {_lower_case_start(summary)}" if seen else summary
     return f"{text} ({effect.name}, {parameters_text(parameters)})"
@@ -170,7 +170,7 @@ def against_identity(
     *,
     sizes: bool = True,
 ) -> list[str]:
-    """Why the best set may not be what is missing, apart from its rivals; empty if nothing speaks against it.
+    """Why the best set may not be what is missing, apart from its rivals; empty without such evidence.
 
     Reasons are: a parameter outside its usual range; an undetermined size; a failed cross-validation; noise
     that differs from what the tests assume; a remainder of several effects at a slot where none of them acts,

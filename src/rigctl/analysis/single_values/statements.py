@@ -189,7 +189,7 @@ def _before(rows: Sequence[TableRow]) -> list[str]:
 
 
 def _levels(fit: FitResult) -> list[str]:
-    """By how much the settings of a table differ, if each has its own level."""
+    """Sentences on the differences between a table's settings, if each has its own level."""
     problem = fit.problem
     if fit.solution is None or not problem.level.settings:
         return []
