@@ -246,7 +246,7 @@ def _alike(diagnosis: Diagnosis) -> frozenset[frozenset[str]]:
 
 
 def _asked(diagnosis: Diagnosis, separate: tuple[str, str]) -> Question:
-    """Two names requested to be distinguished, whatever the diagnosis says about them."""
+    """Two names requested to be distinguished, regardless of the diagnosis."""
     found = []
     for name in separate:
         (other,) = {*separate} - {name}
