@@ -1,4 +1,4 @@
-"""Why `rigctl learn` makes no further round, and the heading that says it."""
+"""Why `rigctl learn` makes no further round, and the heading for it."""
 
 from __future__ import annotations
 
