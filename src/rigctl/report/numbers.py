@@ -38,7 +38,7 @@ def prose(text: str) -> str:
 
 
 def words(text: str) -> str:
-    """As `prose`, with names as words: valve leakage for valve_leakage; names of files are unchanged."""
+    """A sentence as by `prose`, with names as words: valve leakage for valve_leakage, but not file names."""
     return prose(_UNDERSCORE.sub(lambda match: match.group().replace("_", " "), text))
 
 

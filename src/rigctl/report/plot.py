@@ -38,7 +38,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes; those of a plot stand above each other over the same x."""
+    """One pair of axes; those of a plot are stacked and share the x axis."""
 
     title: str
     traces: tuple[Trace, ...]

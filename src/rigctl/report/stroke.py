@@ -9,8 +9,8 @@ import numpy as np
 from rigctl.report.run_data import RecordData, RunData, Signal
 from rigctl.units import parse_unit
 
-#: s; how long the position is averaged before the valve opens and after the piston has come to rest, and how
-#: long it is given to come to rest after the valve has closed
+#: time over which the position is averaged, before the valve opens and after the piston has come to rest;
+#: also the settling time after the valve has closed, s
 REST = 0.2
 #: the command at which nothing moves
 NEUTRAL = 0.0

@@ -79,7 +79,7 @@ def _answer(diagnosis: Diagnosis) -> list[Section]:
 
 
 def _sentence(diagnosis: Diagnosis, answer: Answer, about: str) -> str:
-    """The verdict with its subject: the title alone does not say what is missing."""
+    """The verdict with its subject: the title alone does not name the missing effect."""
     if diagnosis.doubt:
         return answer.sentence
     if diagnosis.verdict is Verdict.ADEQUATE:
