@@ -48,7 +48,7 @@ _MOST_EVENTS: Final = 300
 _MOST_WAITING: Final = 40
 #: s that a feed continues when nobody watches
 _LINGER: Final = 15.0
-#: s after the begin of a step in which its first reading is looked for in what is kept
+#: time after the start of a step within which its first reading is searched in the buffer, s
 _FRESH: Final = 5.0
 #: lines of the tree of steps
 _TREE: Final = 16

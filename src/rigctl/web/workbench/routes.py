@@ -102,7 +102,7 @@ def _rig_of(path: Path) -> str:
 
 
 def history(site: Site, asked: PageRequest) -> dict[str, Any]:
-    """As ``rigctl model history M``."""
+    """The answer of ``rigctl model history M``."""
     from rigctl.files.version_suffix import split_version
     from rigctl.model import current_version, versions
     from rigctl.model.history.document import history_document

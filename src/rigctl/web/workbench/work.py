@@ -35,7 +35,7 @@ _DRAWN = 4
 
 
 def compare(report: Report, asked: WorkArguments) -> dict[str, Any]:
-    """As ``rigctl compare``; with another version of the model, also the residuals of both in a record."""
+    """The answer of ``rigctl compare``; for two versions of the model, also their residuals in a record."""
     found = _compared(report, asked)
     if len(found.models) == 1:
         return found.document()
@@ -44,7 +44,7 @@ def compare(report: Report, asked: WorkArguments) -> dict[str, Any]:
 
 
 def diagnose(report: Report, asked: WorkArguments) -> dict[str, Any]:
-    """As ``rigctl diagnose``, with the candidates' curves and the differences of indistinguishable ones."""
+    """The answer of ``rigctl diagnose``, with the candidates' curves and differences of similar ones."""
     from rigctl.analysis.diagnosis import diagnose_comparison
     from rigctl.analysis.fitting import require_free_parameters
 
@@ -63,7 +63,7 @@ def diagnose(report: Report, asked: WorkArguments) -> dict[str, Any]:
 
 
 def design(report: Report, asked: WorkArguments) -> dict[str, Any]:
-    """As ``rigctl design``, with the prediction of every rival for every record."""
+    """The answer of ``rigctl design``, with the prediction of every rival for every record."""
     from rigctl.design.design import design_experiment
 
     found = design_experiment(
@@ -81,7 +81,7 @@ def design(report: Report, asked: WorkArguments) -> dict[str, Any]:
 
 
 def discover(report: Report, asked: WorkArguments) -> dict[str, Any]:
-    """As ``rigctl discover``."""
+    """The answer of ``rigctl discover``."""
     from rigctl.discovery.discover import discover as discovered
 
     found = discovered(
@@ -95,22 +95,22 @@ def discover(report: Report, asked: WorkArguments) -> dict[str, Any]:
 
 
 def fit(report: Report, asked: WorkArguments) -> dict[str, Any]:
-    """As ``rigctl model fit``."""
+    """The answer of ``rigctl model fit``."""
     return _changed(report, asked, "fit")
 
 
 def add(report: Report, asked: WorkArguments) -> dict[str, Any]:
-    """As ``rigctl model add M EFFECT --fit RUN``."""
+    """The answer of ``rigctl model add M EFFECT --fit RUN``."""
     return _changed(report, asked, "add")
 
 
 def remove(report: Report, asked: WorkArguments) -> dict[str, Any]:
-    """As ``rigctl model remove M EFFECT --fit RUN``."""
+    """The answer of ``rigctl model remove M EFFECT --fit RUN``."""
     return _changed(report, asked, "remove")
 
 
 def improve(report: Report, asked: WorkArguments) -> dict[str, Any]:
-    """As ``rigctl diagnose --apply``."""
+    """The answer of ``rigctl diagnose --apply``."""
     from rigctl.analysis.fitting import require_free_parameters
     from rigctl.analysis.improve import improve as improved
     from rigctl.project import own_model
@@ -134,7 +134,7 @@ def approve(report: Report, asked: WorkArguments) -> dict[str, Any]:
 
 
 def bring_in(report: Report, asked: WorkArguments) -> dict[str, Any]:
-    """As ``rigctl import FILE``."""
+    """The answer of ``rigctl import FILE``."""
     from rigctl.dataset.assumptions import read_assumptions
     from rigctl.dataset.importing import import_files
     from rigctl.dataset.importing.options import Options
