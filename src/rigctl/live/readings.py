@@ -34,7 +34,7 @@ class Readings:
         commands: Mapping[str, float],
         alarms: Mapping[str, str] | None = None,
     ) -> None:
-        """Take the next values, SI; `alarms` says of a channel whether one will ``warn`` or ``stop``.
+        """Take the next values, SI; `alarms` has ``warn`` or ``stop`` for channels with an alarm.
 
         The old data are replaced, never modified: another thread may be drawing them.
         """
