@@ -1,4 +1,4 @@
-"""The bench as a forecast knows it: its state, and how it changes."""
+"""The bench in a forecast: its state, and how it changes."""
 
 from __future__ import annotations
 
