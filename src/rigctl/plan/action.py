@@ -49,7 +49,7 @@ class Action(ABC):
         Raises
         ------
         StepFailed
-            it could not be done; the message reports what was observed.
+            it could not be done; the message reports the observation.
         """
 
     @property

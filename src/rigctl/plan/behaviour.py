@@ -146,7 +146,7 @@ class Bench(Protocol):
         ...
 
     def need_rate(self, rate: float) -> None:
-        """Between records, sample at no less than `rate` Hz from now on; 0: as the rig file says."""
+        """Between records, sample at no less than `rate` Hz from now on; 0: the rig file's rate."""
         ...
 
     def fresh(self) -> Generator[Until, Row | None, Row]:

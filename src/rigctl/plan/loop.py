@@ -32,7 +32,7 @@ class LoopSettings:
 class LoopFigures:
     """Timing statistics of a loop, taken by the controller itself; times in s.
 
-    *Jitter* is by how much the time between two outputs differs from the loop's period, *latency* the time
+    *Jitter* is the deviation of the time between two outputs from the loop's period, *latency* the time
     from when an update was due until its output was set.
     """
 

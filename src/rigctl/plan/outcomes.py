@@ -16,7 +16,7 @@ class Outcome(Enum):
     TIMED_OUT = "timed_out"  #: its condition was not met in time
     FAILED = "failed"  #: it could not be carried out, or the monitored channel left its tolerance
     TRIPPED = "tripped"  #: an interlock stopped the run during it
-    INTERRUPTED = "interrupted"  #: samples were lost inside it; it is repeated if the procedure says so
+    INTERRUPTED = "interrupted"  #: samples were lost inside it; it is repeated if the procedure requests that
     LOST = "lost"  #: the bench stopped answering, or its data could not be kept
     ABORTED = "aborted"  #: somebody ended the run: a key, a command, a signal
 

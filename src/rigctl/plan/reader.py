@@ -78,7 +78,7 @@ class Reader:
         return self.rig.layout.types()
 
     def si(self, value: Value, *keys: Key, unit: str | None = None, difference: bool | None = None) -> float:
-        """A value in SI; `unit` and `difference` complete what its field leaves open."""
+        """A value in SI; `unit` and `difference` apply if its kind leaves them open."""
         with self.located(*keys):
             return value.si(self.variables, unit, difference=difference)
 

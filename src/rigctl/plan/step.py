@@ -13,7 +13,7 @@ from rigctl.plan.tree import Node
 
 
 class Step(Part):
-    """One entry of a list of steps: a mapping whose first key, the verb, says what it is."""
+    """One entry of a list of steps: a mapping whose first key, the verb, determines its kind."""
 
     verb: ClassVar[str]
     example: ClassVar[str]  #: for the reference page; a test expands it on `example_rig`
