@@ -109,7 +109,7 @@ class Bench:
         return max(rate, self.needed_rate)
 
     def need_rate(self, rate: float) -> None:
-        """Between records, sample at no less than `rate` Hz from now on; 0: as the rig file says.
+        """Between records, sample at no less than `rate` Hz from now on; 0: the rig file's rate.
 
         Raises
         ------

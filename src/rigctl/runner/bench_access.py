@@ -51,7 +51,7 @@ def clock_for(speed: str, backend: str) -> Clock:
     Raises
     ------
     RigctlError
-        the text is none of them, or asks a real bench to run faster than real time.
+        the text has another form, or requests a real bench faster than real time.
     """
     try:
         factor = math.inf if speed == "max" else float(speed.removesuffix("x"))

@@ -151,7 +151,7 @@ class Return:
     _before: float = math.inf  # the last mean
 
     def update(self, time: float, value: float, *, driven: bool) -> Alarm | None:
-        """Take the next sample, of which the watch has been told; `driven`: an output is on again that was on
+        """Take the next sample, which the watch has processed; `driven`: an output is on again that was on
         when the limit tripped."""
         watch = self.watch
         if watch.raised is None or watch.outside_since is None or not driven:
@@ -172,7 +172,7 @@ class Return:
 
 @dataclass(slots=True)
 class Disturbance:
-    """Warns when a channel is far noisier than the rig file says: a loose contact, a failing sensor.
+    """Warns when a channel is far noisier than stated in the rig file: a loose contact, a failing sensor.
 
     It examines the second difference of the readings, which is small for smooth motion: if more than half of
     the last `_NOISE_SAMPLES` are above the threshold, motion is not the cause.

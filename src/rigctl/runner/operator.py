@@ -145,12 +145,12 @@ def scripted(plan: Plan, answers: Mapping[str, str]) -> ScriptedOperator:
 
 
 def refuse_questions(plan: Plan) -> None:
-    """Refuse a plan that asks something where nobody can answer, also in a branch or a cleanup block.
+    """Refuse a plan with a question that nobody can answer, also in a branch or a cleanup block.
 
     Raises
     ------
     RigctlError
-        it asks something; with the location of the first question.
+        it has a question; with the location of the first one.
     """
     for question, where in _questions(plan):
         raise RigctlError(

@@ -68,7 +68,7 @@ class RemoteOperator:
 
 
 class _Answers:
-    """Reads answers from the run's file of requests; asks nothing of the run."""
+    """Reads answers from the run's file of requests; makes no requests itself."""
 
     def __init__(self, runs: Path, given: deque[tuple[str, str]]) -> None:
         self._runs = runs
