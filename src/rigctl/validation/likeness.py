@@ -36,7 +36,7 @@ class Likeness:
     Attributes
     ----------
     own: the library's effect of that name in the shape that explains most; None if it explains nothing.
-    cosine: ``sqrt(Δχ²)/λ`` of the other effect that explains most of what is hidden, or the cosine of the
+    cosine: ``sqrt(Δχ²)/λ`` of the other effect that explains most of the hidden one, or the cosine of the
         signatures if that is larger.
     separation: d of the library's own effect and the other one that explains most, from what each leaves: its
         cosine is ``sqrt(Δχ²_other/Δχ²_own)``, its λ ``sqrt(Δχ²_own)``. None if the own effect could not be

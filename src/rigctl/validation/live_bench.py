@@ -112,7 +112,7 @@ class SeparateBench:
 
     Parameters
     ----------
-    campaign: the bench with what it hides.
+    campaign: the bench with its hidden effects.
     rig: the rig file.
     runs: the folder of the runs.
     """

@@ -144,7 +144,7 @@ class TrialOutcome(Generic[AnyTrial]):
     verdict: of the diagnosis; None if there was none.
     effects: the most probable set that it names.
     classes: effects that, by the answer, the data cannot distinguish.
-    claims: what it states as certain, for each of `effects`.
+    claims: its certain statements, for each of `effects`.
     all_of_it: nothing is left beside them, according to the answer.
     first: the effect at the top of its ranking.
     sizes, amplitudes: actual λ and amplitude (SI) of each hidden effect.

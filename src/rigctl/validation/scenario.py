@@ -54,7 +54,7 @@ class Scenario:
 
     Attributes
     ----------
-    kind: what is hidden; with "removed" the library used for the diagnosis lacks the hidden effects.
+    kind: of the trial; with "removed" the library used for the diagnosis lacks the hidden effects.
     hidden: none, one or two effects with the wanted sizes.
     noise: "white", "coloured" (correlation 0.6), "ten_bits" (quantised), "scatter" (0.2 % of the pressure
         setting), or "all" three.

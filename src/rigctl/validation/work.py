@@ -63,7 +63,7 @@ def carry_out(scenario: Scenario) -> Outcome:
     RigctlError
         the tool cannot diagnose the campaign.
     BenchFailure
-        the bench cannot be simulated with what it hides.
+        the bench cannot be simulated with its hidden effects.
     """
     began = time.process_time()
     amplitudes = hidden_amplitudes(scenario)

@@ -18,7 +18,7 @@ class BenchTrial:
     Attributes
     ----------
     bench: its name.
-    size: λ of what is hidden, in sigmas; 0 hides nothing.
+    size: λ of the hidden effect, in sigmas; 0 for none.
     sampling, recorded, noise, seed: see `BenchCampaign`.
     """
 

@@ -1,4 +1,4 @@
-"""A small bench: what it records, what it can hide, and a campaign on it as a file of samples."""
+"""A small bench: its channels, the effect that it can hide, and a campaign on it as a file of samples."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ class SmallBench:
     Attributes
     ----------
     name: also of its folder of files.
-    title: what it is, in words.
+    title: a short description.
     columns: unit of every column of its file but `time` and `record`.
     noise: standard deviation of every channel, in the unit of its column.
     optional: the input that a user may or may not have recorded.

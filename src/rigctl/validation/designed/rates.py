@@ -137,7 +137,7 @@ def _learnt(outcome: DesignOutcome) -> bool:
 
 
 def _confusion(outcomes: Sequence[DesignOutcome]) -> dict[str, dict[str, int]]:
-    """By what was hidden, what was added; for designed records."""
+    """Counts of the added effects, by hidden effects; for designed records."""
     table: dict[str, dict[str, int]] = {}
     for outcome in outcomes:
         if outcome.counts and not outcome.scenario.taken:

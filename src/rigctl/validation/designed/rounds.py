@@ -37,7 +37,7 @@ _AT_ONCE = 64
 
 @dataclass(frozen=True)
 class Tripped:
-    """A round in which an interlock tripped: where, and what was done."""
+    """A round in which an interlock tripped: the alarm, and the settings and steps of the record."""
 
     alarm: Alarm
     settings: str

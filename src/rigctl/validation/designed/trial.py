@@ -68,7 +68,7 @@ class DesignTrial:
 
     @property
     def truth(self) -> tuple[str, ...]:
-        """Names of what is hidden."""
+        """Names of the hidden effects."""
         return self.hidden
 
     @cached_property

@@ -41,7 +41,7 @@ def carry_out_design(trial: DesignTrial) -> DesignOutcome:
     RigctlError
         the tool cannot diagnose the campaign, or design for it.
     BenchFailure
-        the bench cannot be simulated with what it hides.
+        the bench cannot be simulated with its hidden effects.
     """
     began = time.process_time()
     scenario = trial.scenario

@@ -27,7 +27,7 @@ class PlantedTrial:
 
     Attributes
     ----------
-    term: what is planted, "" for nothing; `size` its λ, in sigmas.
+    term: the planted term, "" for none; `size` its λ, in sigmas.
     sign: its direction.
     noise, chamber_pressures, seed: as in a `Scenario`.
     """
