@@ -168,7 +168,7 @@ def _by_keyboard(end: BaseException) -> bool:
 
 
 def _refuse(error: RigctlError, *, as_json: bool) -> NoReturn:
-    """One message on stderr, one document on stdout where a program asked for it, and the exit code."""
+    """Print one message on stderr, with ``--json`` a document on stdout, and exit with the error's code."""
     with suppress(BrokenPipeError):  # the exit code remains that of the error
         print(f"rigctl: {error}", file=sys.stderr)  # noqa: T201
     if as_json:

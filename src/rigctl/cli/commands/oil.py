@@ -1,4 +1,4 @@
-"""`rigctl oil`: density and viscosity over temperature and pressure, beside what was measured."""
+"""`rigctl oil`: density and viscosity over temperature and pressure, beside measured values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The device under test and the person in charge, as options of a command; asked for if missing."""
+"""The device under test and the person in charge, as options of a command, with a prompt if missing."""
 
 from __future__ import annotations
 

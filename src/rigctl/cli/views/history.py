@@ -152,7 +152,7 @@ def _show_versions(versions: Sequence[Version], current: Version) -> None:
 
 
 def _fitted_to(done: Change) -> str:
-    """The runs, which of their records, and what was assumed of them."""
+    """The runs, the selected records, and the assumed inputs."""
     runs = ", ".join(done.runs)
     only = f", only {done.only}" if done.only else ""
     return runs + only + "".join(f", {text} assumed" for text in done.assume)
