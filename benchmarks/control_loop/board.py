@@ -42,7 +42,7 @@ LOADS = ((115200, 10, 230), (115200, 1, 230), (500000, 1, 1000))
 
 
 def measured(baud: int, period_ms: int, stream: int) -> dict[str, Any]:
-    """A loop under load: from the cycles, and as reported by the board; us."""
+    """Jitter of a loop under load, from the cycles and as reported by the board, us."""
     written: list[int] = []
     avr = Avr(read_intel_hex(shipped_image(baud)), lambda *_: None)
     try:
