@@ -206,6 +206,13 @@ def test_mistakes_are_reported_and_no_family_is_written(empty: Path, arguments: 
     assert not (empty / "families").exists()
 
 
+def test_two_columns_of_one_name_are_refused(empty: Path) -> None:
+    """The suggested import was refused, since nothing distinguishes them."""
+    (empty / "log.csv").write_text("time [s],T [degC],T [degC]\n0,1,2\n1,2,3\n2,3,5\n", encoding="utf-8")
+    said = refusal("family", "new", "x", "--csv", "log.csv", "--no-fit")
+    assert "log.csv:1:19: the column is there twice, got 'T'. Rename one of them in the file" in said
+
+
 def test_an_existing_family_is_not_overwritten() -> None:
     told("family", "new", "x", "--template", "heater")
     before = {path: path.read_bytes() for path in Path().rglob("*.yaml")}

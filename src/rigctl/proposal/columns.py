@@ -119,7 +119,7 @@ def read_columns(path: Path, units: Mapping[str, str]) -> Table:
     Raises
     ------
     RigctlError
-        the file cannot be read, has no numbers, or a unit is unknown.
+        the file cannot be read, has no numbers or two columns of one name, or a unit is unknown.
     """
     from rigctl.dataset.importing.formats import open_source
     from rigctl.dataset.importing.headings import TIMES, folded
@@ -139,6 +139,7 @@ def read_columns(path: Path, units: Mapping[str, str]) -> Table:
     source = open_source(path, options)
     read = {heading.name: heading for heading in source.headings}
     table = table_of(source, path, options, keep_good=True, most=_MOST_ROWS)
+    _refuse_repeated(source, [column.name for column in table.columns])
     codes = _codes(table.records, len(table.columns[0].values))
     times = None
     renamed = list[str]()
@@ -168,6 +169,20 @@ def read_columns(path: Path, units: Mapping[str, str]) -> Table:
     return Table(
         path, tuple(columns), times, codes, tuple(renamed), copies=_are_copies(columns, times, codes)
     )
+
+
+def _refuse_repeated(source: Source, numeric: Sequence[str]) -> None:
+    """Refuse two columns of numbers with one heading: `rigctl import` could not tell them apart."""
+    seen = set[str]()
+    for heading in source.headings:
+        if heading.name in seen and heading.name in numeric:
+            raise RigctlError(
+                "the column is there twice",
+                value=heading.name,
+                hint="Rename one of them in the file",
+                where=heading.where,
+            )
+        seen.add(heading.name)
 
 
 def _are_copies(columns: Sequence[Column], times: Floats | None, codes: NDArray[np.int64]) -> bool:
