@@ -34,3 +34,13 @@ def test_an_oscillating_signal_is_not_taken_for_noise(samples_per_radian: float,
     assert not found.guessed
     # with coloured noise a little of the signal may pass for noise, which is conservative
     assert 0.9 * SIGMA < found.sigma < (1.3 if correlation else 1.1) * SIGMA
+
+
+def test_two_readings_of_irregular_sampling_may_be_close_together() -> None:
+    """Nearly equal times were rounded to the same one, and divided by zero."""
+    rng = np.random.default_rng(3)
+    times = np.sort(rng.uniform(0.0, 300.0, 1500))
+    values = np.sin(times / 40.0)[:, None] + rng.normal(0.0, 0.02, (1500, 1))
+    assert np.diff(times).min() < 0.05 * np.median(np.diff(times))
+    noise = estimate_noise([NoiseRecord(times, values, 0, np.zeros(1500, np.intp))], ["x"])
+    assert noise.sigma[0] == pytest.approx(0.02, rel=0.1)

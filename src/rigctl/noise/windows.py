@@ -97,7 +97,10 @@ def cut_windows(
             use = first + np.flatnonzero(kept[first:last, channel])
             if use.size < max(SHORTEST, _LEFT * (last - first)):
                 continue
-            positions = np.round((record.times[use] - record.times[use[0]]) / spacing, 1)
+            positions = (record.times[use] - record.times[use[0]]) / spacing
+            rounded = np.round(positions, 1)  # windows of nearly equal sampling are estimated together
+            if (np.diff(rounded) > 0.0).all():  # irregular samples may be closer, and must stay distinct
+                positions = rounded
             cell = cells.setdefault((phase, nth), len(cells))
             found[tuple(positions.tolist())].append((record.values[use, channel], cell, record.condition))
     patterns = sorted(found, key=lambda pattern: -len(found[pattern]))[:_PATTERNS]
