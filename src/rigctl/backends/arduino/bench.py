@@ -53,7 +53,7 @@ class ArduinoBench(PortBench[Board]):
     patience: s allowed for a board that restarts when its port is opened.
     reconnect: s allowed for a lost board to return.
     clear_trips: whether earlier latched trips are cleared when the bench is opened; see
-        docs/decisions/0011-who-clears-a-trip.md.
+        docs/decisions/0011-which-trips-are-cleared-automatically.md.
     by_hand: called when the operator turns something, if the operator is emulated too.
     """
 

@@ -77,8 +77,9 @@ and widths from the range of the data. Widths, limits, exponents and times are *
 tries several values, and fits them once the effect is in the model.
 
 Rounding and disturbances of a reading, such as quantisation, are not effects: they belong to the noise, which
-a diagnosis estimates from the readings ([why](../../decisions/0050-quantisation-is-read-off.md)). A share of
-an absolute temperature is relative to the input's usual value, `value:` in the family file.
+a diagnosis estimates from the readings
+([why](../../decisions/0050-converter-resolution-detected-from-readings.md)). A share of an absolute
+temperature is relative to the input's usual value, `value:` in the family file.
 """
 
 
