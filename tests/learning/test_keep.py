@@ -17,7 +17,7 @@ NAMES = st.sampled_from(["leak", "drift", "coulomb_friction", "none"])
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
 TEXTS = st.text(max_size=20)
 
-PROMISES = st.builds(
+PREDICTIONS = st.builds(
     PredictedRound,
     rivals=st.dictionaries(NAMES, st.floats(0, 1), max_size=3),
     separation=NUMBERS,
@@ -35,7 +35,7 @@ OUTCOMES = st.builds(
     winner=NAMES,
     gains=st.dictionaries(NAMES, NUMBERS, max_size=2),
     expected=st.dictionaries(NAMES, NUMBERS, max_size=2),
-    told=st.booleans(),
+    distinguished=st.booleans(),
     kept=st.booleans(),
     statement=TEXTS,
     sizes=st.dictionaries(NAMES, NUMBERS, max_size=2),
@@ -54,8 +54,8 @@ ROUNDS = st.builds(
     error=st.dictionaries(NAMES, NUMBERS, max_size=2),
     chi2=st.none() | NUMBERS,
     statement=TEXTS,
-    promised=st.none() | PROMISES,
-    came_out=st.none() | OUTCOMES,
+    predicted=st.none() | PREDICTIONS,
+    achieved=st.none() | OUTCOMES,
     answer=st.sampled_from(["", "yes", "no"]),
 )
 TASK = Task("campaign.yaml", "m.yaml", 1, arguments={"supply": "30 bar"}, bench={"seed": 3}, rounds=4)
@@ -68,14 +68,14 @@ def test_a_round_survives_json(one: Round) -> None:
 
 def test_the_state_of_an_earlier_version_is_read() -> None:
     """Its predictions have no aim, its outcomes no sizes, and its task no precision."""
-    promise = PredictedRound({"leak": 1.0}, 12.0, 0.9, (), 600.0, ("oil 60 degC",))
-    out = RoundOutcome("leak", {}, {}, told=True, kept=True, statement="leak is told apart")
-    document = Round(2, "round-2.yaml", promised=promise, came_out=out).document()
+    predicted = PredictedRound({"leak": 1.0}, 12.0, 0.9, (), 600.0, ("oil 60 degC",))
+    out = RoundOutcome("leak", {}, {}, distinguished=True, kept=True, statement="leak is distinguished")
+    document = Round(2, "round-2.yaml", predicted=predicted, achieved=out).document()
     for part, names in (("promised", ("aim", "sharpened")), ("came_out", ("sizes",))):
         for name in names:
             del document[part][name]
     del document["lost"]
-    assert Round.read(document) == Round(2, "round-2.yaml", promised=promise, came_out=out)
+    assert Round.read(document) == Round(2, "round-2.yaml", predicted=predicted, achieved=out)
     task = TASK.document()
     del task["precision"]
     assert Task.read(task) == TASK

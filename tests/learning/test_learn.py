@@ -63,10 +63,10 @@ def test_an_ambiguous_campaign_of_the_separate_bench_is_resolved(tmp_path: Path)
     assert learned.ended is LearningEnd.ADEQUATE
     assert learned.added == ("valve_leakage",)
     assert len(asked) == len(designed) >= 1
-    (promised, came_out) = learned.promises[-1]
-    assert promised.probability >= 0.5
-    assert came_out.winner == "valve_leakage"
-    assert came_out.told
+    (predicted, achieved) = learned.predictions[-1]
+    assert predicted.probability >= 0.5
+    assert achieved.winner == "valve_leakage"
+    assert achieved.distinguished
     found = load_model(task.model).effects["valve_leakage"]["conductance"]
     assert found.si == pytest.approx(6e-16, rel=0.35)
     assert Kept.find(tmp_path).learned == learned.document()
@@ -141,7 +141,7 @@ def design(
         after=0.9 if separable else 0.1,
         duration=500.0,
         procedure="procedure: next\n",
-        statement="designed" if separable else "Not to be told apart on this bench",
+        statement="designed" if separable else "Not distinguishable on this bench",
     )
 
 
@@ -265,7 +265,7 @@ def test_an_effect_that_fails_cross_validation_gets_one_more_round(stand: Any) -
     learned = here.learner.learn()
     assert learned.ended is LearningEnd.ADEQUATE
     assert here.bench.measured == [1, 2, 3]
-    assert learned.rounds[2].promised.aim == "precision"
+    assert learned.rounds[2].predicted.aim == "precision"
 
     here = stand([UNSURE, UNCONFIRMED, UNCONFIRMED], designs=[design(), CONFIRM])
     learned = here.learner.learn()
@@ -293,7 +293,7 @@ def test_rounds_continue_until_the_requested_precision_is_reached(stand: Any) ->
     assert learned.ended is LearningEnd.ADEQUATE
     assert here.bench.measured == [1, 2, 3]
     assert here.bench.precise == [("leak",), ("leak",)]
-    out = learned.rounds[-1].came_out
+    out = learned.rounds[-1].achieved
     assert out.sizes == {"leak.conductance": 1e-16}
     assert out.statement == (
         "leak.conductance is known to within ± 1e-16 m^3 (95 %), expected ± 1e-16, before ± 3e-16"

@@ -12,7 +12,7 @@ from rigctl.learning.predicted_and_achieved import round_outcome
 from rigctl.learning.result import PredictedRound
 
 
-def promised(**weights: float) -> PredictedRound:
+def predicted(**weights: float) -> PredictedRound:
     """Between leak and drift; the data so far prefer the leak by 3."""
     pairs = [("leak", "drift", 3.0, 20.0), ("drift", "leak", -3.0, 16.0)]
     outlooks = tuple(
@@ -34,9 +34,9 @@ def diagnosis(verdict: Verdict, classes: list[list[str]], **scores: float) -> Di
 
 
 def test_the_gain_is_the_change_of_the_margin() -> None:
-    out = round_outcome(promised(), diagnosis(Verdict.MISSING_EFFECT, [["leak"]], leak=-60.0, drift=-35.0))
+    out = round_outcome(predicted(), diagnosis(Verdict.MISSING_EFFECT, [["leak"]], leak=-60.0, drift=-35.0))
     assert out.winner == "leak"
-    assert out.told
+    assert out.distinguished
     assert out.kept
     assert out.gains == {"drift": pytest.approx(25.0 - 3.0)}
     assert out.expected == {"drift": 20.0}
@@ -44,16 +44,16 @@ def test_the_gain_is_the_change_of_the_margin() -> None:
 
 
 def test_the_less_probable_rival_may_win() -> None:
-    out = round_outcome(promised(), diagnosis(Verdict.MISSING_EFFECT, [["drift"]], leak=-30.0, drift=-45.0))
+    out = round_outcome(predicted(), diagnosis(Verdict.MISSING_EFFECT, [["drift"]], leak=-30.0, drift=-45.0))
     assert out.winner == "drift"
     assert out.gains == {"leak": pytest.approx(15.0 + 3.0)}
 
 
 def test_rivals_still_in_one_class_are_not_separated() -> None:
     found = diagnosis(Verdict.AMBIGUOUS, [["leak", "drift"]], leak=-40.0, drift=-38.0)
-    out = round_outcome(promised(), found)
+    out = round_outcome(predicted(), found)
     assert out.winner == "leak"
-    assert not out.told
+    assert not out.distinguished
     assert out.kept
     assert out.gains["drift"] == pytest.approx(-1.0)
 
@@ -67,7 +67,7 @@ def test_rivals_still_in_one_class_are_not_separated() -> None:
     ],
 )
 def test_a_bench_that_contradicts_every_rival_refutes_the_prediction(found: Diagnosis) -> None:
-    out = round_outcome(promised(), found)
+    out = round_outcome(predicted(), found)
     assert not out.kept
     assert out.winner == ""
     assert "behaved differently from every rival's prediction" in out.statement
@@ -76,15 +76,15 @@ def test_a_bench_that_contradicts_every_rival_refutes_the_prediction(found: Diag
 def test_a_winner_left_in_the_class_but_not_designed_for_is_accepted() -> None:
     """A class may have more members than the design considers."""
     found = diagnosis(Verdict.MISSING_EFFECT, [["spring"]], spring=-80.0, leak=-20.0, drift=-10.0)
-    out = round_outcome(promised(), found, left={"leak", "drift", "spring"})
-    assert (out.kept, out.winner, out.told) == (True, "spring", True)
+    out = round_outcome(predicted(), found, left={"leak", "drift", "spring"})
+    assert (out.kept, out.winner, out.distinguished) == (True, "spring", True)
     assert out.statement == "spring is named now, which was possible too but not designed for"
     again = diagnosis(Verdict.AMBIGUOUS, [["load", "spring"]], spring=-80.0, load=-81.0)
-    assert not round_outcome(promised(), again, left={"leak", "drift", "spring"}).told
-    assert not round_outcome(promised(), found, left={"leak", "drift"}).kept
+    assert not round_outcome(predicted(), again, left={"leak", "drift", "spring"}).distinguished
+    assert not round_outcome(predicted(), found, left={"leak", "drift"}).kept
 
 
 def test_no_missing_effect_may_be_one_of_the_rivals() -> None:
-    out = round_outcome(promised(leak=0.6, none=0.4), diagnosis(Verdict.ADEQUATE, [], leak=4.0))
+    out = round_outcome(predicted(leak=0.6, none=0.4), diagnosis(Verdict.ADEQUATE, [], leak=4.0))
     assert out.winner == "none"
     assert out.kept

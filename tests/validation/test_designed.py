@@ -68,9 +68,9 @@ def test_pairs_are_counted_by_their_predicted_probability() -> None:
     broken = at_random(chances={"drift": 0.95, "spring": 0.1}, apart=("spring",))
     never = outcome(probability=None)
     low, high = calibration_bins((kept, broken, never))
-    assert (low.low, low.mean, low.came_out, low.pairs) == (0.0, 0.1, 1, 1)
+    assert (low.low, low.mean, low.achieved, low.pairs) == (0.0, 0.1, 1, 1)
     assert (high.low, high.mean) == (0.8, pytest.approx((0.85 + 1.0 + 0.95) / 3.0))
-    assert (high.came_out, high.pairs) == (2, 3)
+    assert (high.achieved, high.pairs) == (2, 3)
     assert high.rate.met is None  # three pairs are too few for a rate
     many = [kept] * 12 + [broken] * 12
     (high,) = [one for one in calibration_bins(many) if one.high == 1.0]
@@ -90,7 +90,7 @@ def test_results_of_an_earlier_version_count_as_one_prediction(tmp_path: Path) -
     read = every_outcome(path, DesignTrial.read)
     assert read == (old,)
     (found,) = calibration_bins(read)
-    assert (found.low, found.mean, found.came_out, found.pairs) == (0.8, 0.93, 1, 1)
+    assert (found.low, found.mean, found.achieved, found.pairs) == (0.8, 0.93, 1, 1)
 
 
 def test_random_records_and_designed_sets_are_counted_separately() -> None:

@@ -23,7 +23,7 @@ def title(found: DesignResult) -> str:
     """The answer as a short title."""
     if found.aim == "precision":
         return "To know its size"
-    return "Next" if found.separable else "Not to be told apart on this bench"
+    return "Next" if found.separable else "Not distinguishable on this bench"
 
 
 def statement(found: DesignResult) -> str:

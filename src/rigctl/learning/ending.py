@@ -27,7 +27,7 @@ class LearningEnd(StrEnum):
 
 _HEADINGS = {
     LearningEnd.ADEQUATE: "Learnt",
-    LearningEnd.NOT_SEPARABLE: "Not to be told apart on this bench",
+    LearningEnd.NOT_SEPARABLE: "Not distinguishable on this bench",
     LearningEnd.OUTSIDE_LIBRARY: "Outside the library",
     LearningEnd.NOT_DECIDED: "Not decided",
     LearningEnd.BUDGET: "Out of time",

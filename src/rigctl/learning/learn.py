@@ -98,8 +98,8 @@ class Learner:
         if here.number == 1 and not here.lost:
             require_time(plan, task.budget)
         elif here.lost and self._time_left is not None and seconds_of(plan) > self._time_left:
-            told = f"round {here.number} failed, and the budget does not allow it again"
-            return self._ended(LearningEnd.BUDGET, told)
+            said = f"round {here.number} failed, and the budget does not allow it again"
+            return self._ended(LearningEnd.BUDGET, said)
         result = self.bench.measure(plan, here.number, self.kept.folder.name)
         if result.folder is None or result.status != "finished":
             self.kept.update(replace(here, lost=here.lost + result.duration))
@@ -141,7 +141,7 @@ class Learner:
             error={name: error.nrmse for name, error in now.errors.items()},
             chi2=now.chi2_reduced,
             statement=first.statement,
-            came_out=self._outcome(here, first),
+            achieved=self._outcome(here, first),
         )
         self.kept.update(judged)
         self.on_round(judged)
@@ -149,17 +149,17 @@ class Learner:
 
     def _outcome(self, here: Round, found: Diagnosis) -> RoundOutcome | None:
         """The outcome of a round compared with its prediction; None if there was none."""
-        if here.promised is None:
+        if here.predicted is None:
             return None
         before = self.kept.rounds[-2] if len(self.kept.rounds) > 1 else here
         left = {name for names in before.classes for name in names}
-        return round_outcome(here.promised, found, left)
+        return round_outcome(here.predicted, found, left)
 
     def _contradicted(self, here: Round, found: Diagnosis) -> bool:
         """Whether the bench contradicted all predictions: then it is not the bench of the question, or
         its behaviour is unknown, and nothing is added to the model for it."""
-        came_out = self._outcome(here, found)
-        return came_out is not None and not came_out.kept
+        achieved = self._outcome(here, found)
+        return achieved is not None and not achieved.kept
 
     def _added(self, path: Path) -> tuple[tuple[str, int], ...]:
         """The effects in the model's versions since the last round, including after an interruption."""
@@ -224,7 +224,7 @@ class Learner:
 
     def _proposed(self, design: DesignResult) -> Learned | None:
         number = self.kept.rounds[-1].number + 1
-        proposal = self.kept.begin(Round(number, "", promised=prediction_of(design)), design.procedure)
+        proposal = self.kept.begin(Round(number, "", predicted=prediction_of(design)), design.procedure)
         yes = self.ask(proposal, design)
         self.kept.update(replace(proposal, answer="yes" if yes else "no"))
         if yes:
@@ -240,8 +240,8 @@ class Learner:
             return self._ended(
                 LearningEnd.NOT_DECIDED, f"these data cannot tell whether anything is missing: {last.doubt}"
             )
-        if judged.came_out is not None and not judged.came_out.kept:
-            return self._ended(LearningEnd.OUTSIDE_LIBRARY, judged.came_out.statement)
+        if judged.achieved is not None and not judged.achieved.kept:
+            return self._ended(LearningEnd.OUTSIDE_LIBRARY, judged.achieved.statement)
         if gate_of(last).open and not self._may_yet_predict(last):
             return self._ended(LearningEnd.OUTSIDE_LIBRARY, last.statement)
         return None
@@ -252,8 +252,8 @@ class Learner:
         asked = {
             name
             for one in self.kept.rounds
-            if one.judged and one.promised is not None and one.promised.aim == "precision"
-            for rival in one.promised.rivals
+            if one.judged and one.predicted is not None and one.predicted.aim == "precision"
+            for rival in one.predicted.rivals
             for name in rival.split(" + ")
         }
         return bool(last.unconfirmed) and not set(last.unconfirmed) <= asked

@@ -79,7 +79,7 @@ class RoundOutcome:
     winner: the rival that the data prefer now; "" if they prefer none of them.
     gains: for each other rival, the increase of the winner's margin over it, which D predicted.
     expected: the predicted values, if the winner is right.
-    told: whether the winner is distinguished from all others now.
+    distinguished: whether the winner is distinguished from all others now.
     kept: whether the bench behaved as one of the rivals predicted; if False, `rigctl discover` is suggested.
     statement: in words.
     sizes: for a round for precision, the half-width with which each parameter is known now, in the units of
@@ -89,7 +89,7 @@ class RoundOutcome:
     winner: str
     gains: Mapping[str, float]
     expected: Mapping[str, float]
-    told: bool
+    distinguished: bool
     kept: bool
     statement: str
     sizes: Mapping[str, float] = field(default_factory=dict)
@@ -100,7 +100,7 @@ class RoundOutcome:
             "winner": self.winner,
             "gains": dict(self.gains),
             "expected": dict(self.expected),
-            "told_apart": self.told,
+            "told_apart": self.distinguished,
             "kept": self.kept,
             "statement": self.statement,
             "sizes": dict(self.sizes),
@@ -113,7 +113,7 @@ class RoundOutcome:
             winner=document["winner"],
             gains=dict(document["gains"]),
             expected=dict(document["expected"]),
-            told=bool(document["told_apart"]),
+            distinguished=bool(document["told_apart"]),
             kept=bool(document["kept"]),
             statement=document["statement"],
             sizes=dict(document.get("sizes", {})),
@@ -137,8 +137,8 @@ class Round:
     error: by channel, the normalised root mean square error with the model after the round.
     chi2: reduced, of the same fit.
     statement: of the diagnosis, in words.
-    promised: the predicted power of the round; None for the first.
-    came_out: the outcome.
+    predicted: the predicted power of the round; None for the first.
+    achieved: the outcome.
     answer: whether the round should be carried out: ``yes``, ``no``, or "" if not yet asked.
     """
 
@@ -155,8 +155,8 @@ class Round:
     error: Mapping[str, float] = field(default_factory=dict)
     chi2: float | None = None
     statement: str = ""
-    promised: PredictedRound | None = None
-    came_out: RoundOutcome | None = None
+    predicted: PredictedRound | None = None
+    achieved: RoundOutcome | None = None
     answer: str = ""
 
     @property
@@ -180,15 +180,15 @@ class Round:
             "error": dict(self.error),
             "chi2_reduced": self.chi2,
             "statement": self.statement,
-            "promised": None if self.promised is None else self.promised.document(),
-            "came_out": None if self.came_out is None else self.came_out.document(),
+            "promised": None if self.predicted is None else self.predicted.document(),
+            "came_out": None if self.achieved is None else self.achieved.document(),
             "answer": self.answer or None,
         }
 
     @classmethod
     def read(cls, document: Mapping[str, Any]) -> Round:
         """The round that `document` describes."""
-        promised, came_out = document["promised"], document["came_out"]
+        predicted, achieved = document["promised"], document["came_out"]
         return cls(
             number=int(document["round"]),
             procedure=document["procedure"],
@@ -203,8 +203,8 @@ class Round:
             error=dict(document["error"]),
             chi2=document["chi2_reduced"],
             statement=document["statement"],
-            promised=None if promised is None else PredictedRound.read(promised),
-            came_out=None if came_out is None else RoundOutcome.read(came_out),
+            predicted=None if predicted is None else PredictedRound.read(predicted),
+            achieved=None if achieved is None else RoundOutcome.read(achieved),
             answer=document["answer"] or "",
         )
 
@@ -238,9 +238,9 @@ class Learned:
         return tuple(name for one in self.rounds for name, _ in one.added)
 
     @property
-    def promises(self) -> tuple[tuple[PredictedRound, RoundOutcome], ...]:
+    def predictions(self) -> tuple[tuple[PredictedRound, RoundOutcome], ...]:
         """The prediction and the outcome of each round that was carried out."""
-        return tuple((one.promised, one.came_out) for one in self.rounds if one.promised and one.came_out)
+        return tuple((one.predicted, one.achieved) for one in self.rounds if one.predicted and one.achieved)
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
@@ -283,11 +283,11 @@ def round_text(one: Round) -> str:
     text = f"{begun}{one.verdict.replace('_', ' ')}{named}"
     if one.added:
         text += f", added {', '.join(name for name, _ in one.added)}"
-    return text if one.came_out is None else f"{text}; {one.came_out.statement}"
+    return text if one.achieved is None else f"{text}; {one.achieved.statement}"
 
 
 def _row(one: Round) -> dict[str, Any]:
-    gains: Sequence[float] = () if one.came_out is None else tuple(one.came_out.gains.values())
+    gains: Sequence[float] = () if one.achieved is None else tuple(one.achieved.gains.values())
     return {
         "round": one.number,
         "run": one.run,
@@ -296,8 +296,8 @@ def _row(one: Round) -> dict[str, Any]:
         "added": ", ".join(name for name, _ in one.added),
         "chi2_reduced": one.chi2,
         "duration_s": one.duration,
-        "D_promised": None if one.promised is None else one.promised.separation,
-        "P_promised": None if one.promised is None else one.promised.probability,
+        "D_promised": None if one.predicted is None else one.predicted.separation,
+        "P_promised": None if one.predicted is None else one.predicted.probability,
         "D_came_out": min(gains, default=None),
-        "told_apart": None if one.came_out is None else one.came_out.told,
+        "told_apart": None if one.achieved is None else one.achieved.distinguished,
     }

@@ -25,13 +25,13 @@ def learning_answer(
     left: of the last of them, as of `systematic.falls`.
     """
     good = found.ended is LearningEnd.ADEQUATE
-    promises = [f"round {one.number}: {one.came_out.statement}" for one in found.rounds if one.came_out]
+    predictions = [f"round {one.number}: {one.achieved.statement}" for one in found.rounds if one.achieved]
     facts = [
         ("added", ", ".join(f"{name} (version {v})" for one in found.rounds for name, v in one.added)),
         ("size", sizes_in(fits[-1].problem, found.added) if fits else ""),
         ("error", error_text(falls(fits, left or {})) if fits else ""),
         ("held out", held_out_text(fits) if fits else ""),
-        ("predicted", "; ".join(promises[-1:])),
+        ("predicted", "; ".join(predictions[-1:])),
         (
             "took",
             f"{plural(len([one for one in found.rounds if one.judged]), 'round')}, "

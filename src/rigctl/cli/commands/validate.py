@@ -105,7 +105,7 @@ def _carried_out(
         from rigctl.validation.designed.picture import calibration_svg
         from rigctl.validation.designed.rates import calibration_bins
 
-        write_text(out / "promises.svg", calibration_svg(tuple(calibration_bins(outcomes))))
+        write_text(out / "predicted-power.svg", calibration_svg(tuple(calibration_bins(outcomes))))
     return definition.figures(outcomes), path
 
 

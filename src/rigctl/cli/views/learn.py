@@ -43,26 +43,26 @@ def show_learned(learned: Learned, folder: Path, page: Path) -> None:
         f"\n[bold {'green' if good else 'yellow'}]{learned.ended.heading}[/]: {escape(learned.statement)}",
         soft_wrap=True,
     )
-    compared = [one for one in learned.rounds if one.promised and one.promised.aim != "precision"]
-    if any(one.came_out for one in compared):
+    compared = [one for one in learned.rounds if one.predicted and one.predicted.aim != "precision"]
+    if any(one.achieved for one in compared):
         made = table("round", "D predicted", "D achieved", "P predicted", "distinguished")
         for column in made.columns[1:4]:
             column.justify = "right"
         for one in compared:
-            if one.promised is None or one.came_out is None:
+            if one.predicted is None or one.achieved is None:
                 continue
-            gained = min(one.came_out.gains.values(), default=None)
+            gained = min(one.achieved.gains.values(), default=None)
             made.add_row(
                 str(one.number),
-                significant(min(one.came_out.expected.values(), default=one.promised.separation), 3),
+                significant(min(one.achieved.expected.values(), default=one.predicted.separation), 3),
                 "–" if gained is None else significant(gained, 3),
-                share(one.promised.probability),
-                "yes" if one.came_out.told else "no",
+                share(one.predicted.probability),
+                "yes" if one.achieved.distinguished else "no",
             )
         out.print(made)
     for one in learned.rounds:
-        if one.came_out is not None and one not in compared:
-            out.print(f"  round {one.number}: {escape(one.came_out.statement)}", soft_wrap=True)
+        if one.achieved is not None and one not in compared:
+            out.print(f"  round {one.number}: {escape(one.achieved.statement)}", soft_wrap=True)
     added = ", ".join(learned.added) or "nothing"
     out.print(
         f"  added {escape(added)}; {escape(learned.model)} is at version {learned.version}", soft_wrap=True

@@ -44,7 +44,7 @@ def learning_sections(learned: Learned, model: Path, told: NamedModels | None = 
         rounds=[_shown(one) for one in learned.rounds],
         spent=clock_time(learned.spent),
         plot=None if plot is None else plot_slot(plot),
-        promises=_predicted_and_achieved(learned),
+        predictions=_predicted_and_achieved(learned),
     )
     hint = "round by round: what was measured, what was predicted, what was achieved"
     drawn = () if plot is None else (plot,)
@@ -114,14 +114,14 @@ def _shown(one: Round) -> dict[str, object]:
     return {
         "number": one.number,
         "run": one.run or ("declined" if one.answer == "no" else "not measured"),
-        "measured": "; ".join(one.promised.records) if one.promised else "the procedure",
+        "measured": "; ".join(one.predicted.records) if one.predicted else "the procedure",
         "duration": clock_time(one.duration) if one.duration else "–",
         "verdict": one.verdict.replace("_", " ") or "–",
         "classes": [", ".join(map(plain_name, names)) for names in one.classes],
         "added": ", ".join(f"{plain_name(name)} (version {version})" for name, version in one.added),
         "chi2": one.chi2,
         "statement": one.statement,
-        "came_out": "" if one.came_out is None else one.came_out.statement,
+        "achieved": "" if one.achieved is None else one.achieved.statement,
     }
 
 
@@ -129,16 +129,16 @@ def _predicted_and_achieved(learned: Learned) -> Markup:
     """The predicted growth of the winner's margin in each designed round, beside the achieved one."""
     shown: list[Bar] = []
     largest = 1.0
-    for promised, came_out in learned.promises:
-        sizes = [*came_out.gains.values(), *came_out.expected.values(), promised.separation]
+    for predicted, achieved in learned.predictions:
+        sizes = [*achieved.gains.values(), *achieved.expected.values(), predicted.separation]
         largest = max(largest, *map(abs, sizes))
     for one in learned.rounds:
-        if one.promised is None or one.came_out is None:
+        if one.predicted is None or one.achieved is None:
             continue
-        label = f"round {one.number}, P {share(one.promised.probability)}"
-        for rival, gain in one.came_out.gains.items():
-            expected = one.came_out.expected[rival]
-            against = f"{plain_name(one.came_out.winner)} over {plain_name(rival)}"
+        label = f"round {one.number}, P {share(one.predicted.probability)}"
+        for rival, gain in one.achieved.gains.items():
+            expected = one.achieved.expected[rival]
+            against = f"{plain_name(one.achieved.winner)} over {plain_name(rival)}"
             shown.append(Bar(label, expected / largest, significant(expected, 3), f"predicted: {against}", 7))
             shown.append(Bar("achieved", max(gain, 0.0) / largest, significant(gain, 3), "", 0))
     if not shown:

@@ -1,7 +1,7 @@
 """A calibration plot of the predicted power: the share of pairs distinguished over the predicted probability.
 
-``python -m rigctl.validation.designed.picture design.jsonl... -o promises.svg`` draws the trials of several
-files, of any version; `rigctl validate --tier design` those that it has carried out.
+``python -m rigctl.validation.designed.picture design.jsonl... -o predicted-power.svg`` draws the trials of
+several files, of any version; `rigctl validate --tier design` those that it has carried out.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def calibration_svg(found: Sequence[CalibrationBin]) -> str:
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH:g} {_HEIGHT:g}" role="img" '
         f'width="{_WIDTH:g}" height="{_HEIGHT:g}" font-family="sans-serif" font-size="12">',
-        "<title>Share of pairs told apart over the promised probability</title>",
+        "<title>Share of pairs distinguished over the predicted probability</title>",
         f'<rect width="{_WIDTH:g}" height="{_HEIGHT:g}" fill="#ffffff"/>',
         *_axes(),
         f'<path d="M{_x(0):g},{_y(0):g} L{_x(1):g},{_y(1):g}" stroke="#999999" stroke-dasharray="4 4"/>',
@@ -50,11 +50,11 @@ def _axes() -> Iterator[str]:
         )
     yield (
         f'<text x="{_x(0.5):g}" y="{_y(0) + 42:g}" text-anchor="middle" fill="#111111">'
-        "promised probability that a pair is told apart</text>"
+        "predicted probability that a pair is distinguished</text>"
     )
     yield (
         f'<text transform="translate(16,{_y(0.5):g}) rotate(-90)" text-anchor="middle" fill="#111111">'
-        "share that was told apart</text>"
+        "share that was distinguished</text>"
     )
 
 
@@ -67,7 +67,7 @@ def _point(one: CalibrationBin) -> Iterator[str]:
     below = 16.0 if rate.value > _LOW else -8.0  # not over the axis
     yield (
         f'<text x="{x + side:.1f}" y="{y + below:.1f}" text-anchor="{anchor}" fill="#111111">'
-        f"{one.came_out} of {one.pairs}</text>"
+        f"{one.achieved} of {one.pairs}</text>"
     )
 
 
@@ -81,7 +81,7 @@ def _y(share: float) -> float:
 
 def main() -> None:
     """Draw the trials of some files."""
-    parser = argparse.ArgumentParser(description="Draw how promises were kept.")
+    parser = argparse.ArgumentParser(description="Draw achieved over predicted power.")
     parser.add_argument("files", nargs="+", type=Path, help="of trials, as --tier design keeps them")
     parser.add_argument("-o", "--output", type=Path, required=True)
     given = parser.parse_args()

@@ -56,13 +56,13 @@ class CalibrationBin:
     ----------
     low, high: of the probabilities.
     mean: of the predictions.
-    came_out, pairs: number of pairs distinguished, and of all.
+    achieved, pairs: number of pairs distinguished, and of all.
     """
 
     low: float
     high: float
     mean: float
-    came_out: int
+    achieved: int
     pairs: int
 
     @property
@@ -70,9 +70,9 @@ class CalibrationBin:
         """With the tolerated difference between share and mean, if there are enough pairs."""
         enough = self.pairs >= _ENOUGH
         return Rate(
-            f"a pair promised with {self.low:.0%} to {self.high:.0%}, {self.mean:.0%} on average",
-            "told apart",
-            self.came_out,
+            f"a pair predicted with {self.low:.0%} to {self.high:.0%}, {self.mean:.0%} on average",
+            "distinguished",
+            self.achieved,
             self.pairs,
             at_least=max(self.mean - _APART, 0.0) if enough else None,
             at_most=min(self.mean + _APART, 1.0) if enough else None,

@@ -110,13 +110,13 @@ def _at_random(trial: DesignTrial) -> Callable[..., DesignResult]:
 
 def _learnt(trial: DesignTrial, learned: Learned, designs: Sequence[DesignResult]) -> LearningOutcome:
     first = learned.rounds[0]
-    promised, came_out = learned.promises[0] if learned.promises else (None, None)
+    predicted, achieved = learned.predictions[0] if learned.predictions else (None, None)
     chances: dict[str, float] = {}
     apart: tuple[str, ...] = ()
     (truth, *more) = trial.hidden
-    if promised is not None and came_out is not None and not more:
-        chances = {one["rival"]: one["probability"] for one in promised.outlooks if one["truth"] == truth}
-        (after,) = [one for one in learned.rounds if one.promised is promised]
+    if predicted is not None and achieved is not None and not more:
+        chances = {one["rival"]: one["probability"] for one in predicted.outlooks if one["truth"] == truth}
+        (after,) = [one for one in learned.rounds if one.predicted is predicted]
         with_it = {name for names in after.classes if truth in names for name in names}
         apart = tuple(name for name in chances if truth in with_it and name not in with_it)
     return LearningOutcome(
@@ -130,11 +130,11 @@ def _learnt(trial: DesignTrial, learned: Learned, designs: Sequence[DesignResult
         rounds=len([one for one in learned.rounds if one.judged]),
         added=learned.added,
         left=tuple(names for names in first.classes if len(names) > 1),
-        probability=None if promised is None else promised.probability,
-        separation=None if promised is None else promised.separation,
-        winner="" if came_out is None else came_out.winner,
-        told=came_out is not None and came_out.told,
-        kept=came_out is None or came_out.kept,
-        gains={} if came_out is None else dict(came_out.gains),
-        expected={} if came_out is None else dict(came_out.expected),
+        probability=None if predicted is None else predicted.probability,
+        separation=None if predicted is None else predicted.separation,
+        winner="" if achieved is None else achieved.winner,
+        told=achieved is not None and achieved.distinguished,
+        kept=achieved is None or achieved.kept,
+        gains={} if achieved is None else dict(achieved.gains),
+        expected={} if achieved is None else dict(achieved.expected),
     )
