@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import tomllib
 from pathlib import Path
 
 from rigctl.effects import library
@@ -65,6 +66,23 @@ def test_every_package_is_in_the_contributing_guide() -> None:
     listed = set(re.findall(r"`(\w+)`", page.partition("| package | holds |")[2].partition("## Habits")[0]))
     packages = {path.parent.name for path in SOURCE.glob("*/__init__.py")}
     assert packages <= listed, f"CONTRIBUTING.md has no row for {sorted(packages - listed)}"
+
+
+def test_the_contributing_guide_lists_the_packages_from_the_ground_up() -> None:
+    """In the order of the layers that the import contract declares."""
+    contracts = tomllib.loads((SOURCE.parents[1] / "pyproject.toml").read_text("utf-8"))["tool"][
+        "importlinter"
+    ]
+    (layers,) = (one["layers"] for one in contracts["contracts"] if one.get("containers") == ["rigctl"])
+    floors = {
+        name.strip(): floor for floor, names in enumerate(reversed(layers)) for name in names.split("|")
+    }
+    page = (SOURCE.parents[1] / "CONTRIBUTING.md").read_text("utf-8")
+    table = page.partition("| package | holds |")[2].partition("## Habits")[0]
+    listed = [re.findall(r"`(\w+)`", line.split("|")[1]) for line in table.splitlines() if "| `" in line]
+    assert set(floors) <= {name for names in listed for name in names}
+    lowest = [min(floors[name] for name in names) for names in listed]
+    assert lowest == sorted(lowest)
 
 
 def test_the_glossary_names_existing_files() -> None:
