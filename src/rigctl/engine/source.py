@@ -106,7 +106,7 @@ def _places(array: str, names: Sequence[str]) -> dict[str, tuple[str, int]]:
 
 
 def _variables(system: System, names: Sequence[str]) -> list[Expr | None]:
-    """None for a declared name that no equation uses."""
+    """The variables with these names; None for a declared name that no equation uses."""
     return [system.graph.variables.get(name) for name in names]
 
 

@@ -245,7 +245,7 @@ class _Search:
         """Take a step with less damping if the cost then falls, immediately or after a few further steps.
 
         Along a curved valley every step of useful length ends on its side, and damping would shorten it to
-        nothing; from there the next steps lead back to the valley's floor.
+        almost nothing; from there the next steps lead back to the valley's floor.
         """
         here = self.point, self.cost, self.arrow, self.column_size, self.damping
         before, largest = self.cost, self._largest(found.step)
