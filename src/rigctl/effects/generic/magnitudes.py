@@ -41,7 +41,7 @@ class Magnitudes:
         return max(values) - min(values) or max(map(abs, values)) or 1.0
 
     def rate(self, state: str) -> float:
-        """How fast a state changes when it is driven."""
+        """The typical rate of a state when it is driven."""
         return self._rates[state]
 
     def time(self, state: str) -> float:
@@ -63,7 +63,7 @@ class Magnitudes:
             return 0.0
         try:
             value = abs(float(output.formula(Scope(self._family, point))))
-        except Exception:  # noqa: BLE001 - as above
+        except Exception:  # noqa: BLE001 - a foreign Python function
             return 0.0
         return value if math.isfinite(value) else 0.0
 

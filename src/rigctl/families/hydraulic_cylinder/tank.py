@@ -1,7 +1,7 @@
 """The heat balance of the tank.
 
-``rho * V * cp * dT/dt = P_heater + ps * Q_pump / eta - W_mech - UA * (T - T_amb) + effects``: the power of the
-pump becomes heat except for the work on the load.
+``rho * V * cp * dT/dt = P_heater + ps * Q_pump / eta - W_mech - UA * (T - T_amb) + effects``: all power
+of the pump becomes heat except for the work on the load.
 """
 
 from __future__ import annotations
