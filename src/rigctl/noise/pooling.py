@@ -160,7 +160,7 @@ def _quietest(
     between, between_degrees = _typical(differences, cells)
     instead = between < 0.5 * variance
     typical = np.where(instead, between, variance)
-    # a constant cell (a signal below one converter step) says nothing about the others
+    # a constant cell (a signal below one converter step) contains no information about the others
     order = [i for i in np.argsort(typical, kind="stable").tolist() if 0.0 < typical[i] < np.inf]
     order = order or [i for i in range(cells) if typical[i] < np.inf]
     used, enough = np.zeros(cells, bool), 0.0
