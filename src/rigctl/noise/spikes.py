@@ -315,7 +315,7 @@ def _leaves_and_returns(
     """Whether a departure deviates from the lines through the samples on either side, and these lines meet.
 
     The crest of an oscillation lies near the intersection of the lines before and after it. At an end of the
-    record only one side exists, which is not enough to decide.
+    record only one side exists: a departure with too few samples on one side counts only at the very end.
     """
     before = np.flatnonzero(~far[max(0, first - 8) : first])[-4:] + max(0, first - 8)
     after = np.flatnonzero(~far[last : last + 8])[:4] + last
