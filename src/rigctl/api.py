@@ -1,4 +1,4 @@
-"""The functions of commands that belong to no single package: fit, run a bench, find runs."""
+"""Functions of commands that use several packages: fit, run a bench, find runs."""
 
 from __future__ import annotations
 
