@@ -64,8 +64,8 @@ class EffectParameter:
     start: a typical size, at which a fit starts.
     low, high: bounds; if null is one of them, the effect can have only one sign.
     difference: a temperature difference.
-    grid: values at which a diagnosis evaluates the effect, SI: for a shape, those besides `start`; for a
-        parameter with a threshold, those instead of its null, at which its slope contains no information.
+    grid: values at which a diagnosis evaluates the effect, SI: for a shape, in addition to `start`; for
+        a parameter with a threshold, instead of its null, at which the slope contains no information.
     within, shares: for a shape, the quantity of which it is a value, named as in
         `rigctl.analysis.candidates`, and the shares of the range of that quantity at which a diagnosis tries
         it, instead of `grid`.
@@ -179,8 +179,8 @@ class Effect:
     confused_with: effects with nearly the same signature.
     instead_of: alternatives for the same physics: a model has at most one of them.
     needs: what the data must contain for the effect to be visible.
-    becomes: parameter, its limiting value (or the parameter that it equals there), and the effect that this
-        one becomes: a nested law.
+    becomes: for a law that contains another one as a limit, the parameter, its limiting value (or the
+        parameter that it equals there), and the effect with that other law.
     base: for base physics: the family's parameters and the values that remove it; such an effect is in every
         model and has no terms of its own.
     own_family: the family itself if its name alone does not find it: a user's, from a file.

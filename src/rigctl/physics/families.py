@@ -93,7 +93,7 @@ def using_families(*families: ModelFamily, path: Path | None = None) -> Iterator
 
 
 def find_family(written: str, beside: Path | None = None) -> ModelFamily:
-    """The family with a name, or described by the file at a path.
+    """The family with the given name, or the one described by the file at the given path.
 
     A path is resolved relative to the folder of the file `beside` that names it (without one, to the current
     folder), to the project's root, or among the shipped files.

@@ -150,10 +150,15 @@ class OutputVariable:
 
 @dataclass(frozen=True)
 class ModelFamily:
-    """States, inputs, parameters, equations and slots of one kind of bench.
+    """The equations of one kind of bench, ``dy/dt = f(y, u, q)``, ``z = g(y, u, q)``, with slots for effects.
 
     Attributes
     ----------
+    source: reference of the equations.
+    states, inputs, parameters: y, u and q.
+    definitions: algebraic variables, for use in several equations.
+    slots: at which effects act.
+    outputs: z, the readings of the sensors.
     options: the variants of the equations, each with its choices; the first is the default.
     rig_names: parameters by their names in a rig file, where these differ.
     standard_record: on which effects are tried and plotted.
@@ -186,7 +191,7 @@ class ModelFamily:
         Raises
         ------
         RigctlError
-            there is none; it says the nearest.
+            there is none; the message gives the nearest name.
         """
         for slot in self.slots:
             if slot.name == name:
@@ -199,7 +204,7 @@ class ModelFamily:
         Raises
         ------
         RigctlError
-            there is none; it says the nearest.
+            there is none; the message gives the nearest name.
         """
         for parameter in self.parameters:
             if parameter.name == name:
