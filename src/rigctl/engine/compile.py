@@ -22,7 +22,7 @@ from rigctl.errors import ExitCode, RigctlError
 
 Integers = NDArray[np.int64]
 
-#: called with a description of what takes long
+#: called with a description of a long operation
 Progress = Callable[[str], None]
 
 #: a compiled integrator, called with the output of `words_of` for its arrays

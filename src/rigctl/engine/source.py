@@ -29,7 +29,7 @@ from rigctl.engine import elimination
 from rigctl.engine.symbols import Expr, derivative
 from rigctl.engine.system import System, after, before
 
-#: each function's arrays, in the order it takes them
+#: arguments of each function: arrays, in order
 ARGUMENTS: Mapping[str, tuple[str, ...]] = {
     "rhs": ("y", "u", "q", "value"),
     "rhs_jacobian": ("y", "u", "q", "value", "jacobian"),

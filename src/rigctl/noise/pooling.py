@@ -76,7 +76,7 @@ def pool(
         if agreed is None:
             break
         chosen = agreed
-        # estimating added white noise takes ten fits, so it waits until the cells have settled
+        # added white noise, which takes ten fits, is estimated only once the cells no longer change
         settled = chosen.state in seen
         fit = fit_noise(chosen.windows, white=None if settled else white)
         if settled:

@@ -1,4 +1,4 @@
-"""Typical magnitudes of a family's quantities, from its own numbers, as starting values of fits.
+"""Typical magnitudes of a family's quantities, from its declared values, as starting values of fits.
 
 No data are used, so that an effect has the same bounds wherever it is read. Bounds are therefore wide, and a
 typical size is right to a factor of about ten: a fit determines the rest.

@@ -143,7 +143,7 @@ class _Search:
         self._linearise(blocks)
         self.cost = self._cost(blocks, self.point)
         self._refuse_null_columns(blocks)
-        del blocks  # large; the arrow keeps what is needed of them
+        del blocks  # large, and not needed any more: the arrow has their triangles
         outcome, message = Outcome.ITERATIONS, "The allowed iterations were used up"
         eager = True
         while self.iterations < self.options.iterations:
