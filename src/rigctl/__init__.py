@@ -41,10 +41,10 @@ if TYPE_CHECKING:
 __all__ = list(PUBLIC)
 
 
-if not TYPE_CHECKING:  # so that a type checker finds a name that is not there
+if not TYPE_CHECKING:  # so that a type checker reports an unknown name
 
     def __getattr__(name: str) -> Any:
-        """The public name, loaded with its first use."""
+        """A public name, loaded at its first use."""
         if name not in PUBLIC:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         value = globals()[name] = load(name)

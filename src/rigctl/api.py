@@ -1,4 +1,4 @@
-"""The functions of commands that belong to no single package: fit, run a bench, find runs."""
+"""Functions of commands that use several packages: fit, run a bench, find runs."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def fit(
     Raises
     ------
     RigctlError
-        the runs do not belong to the model's bench, there are fewer values than parameters, or no free
-        parameters.
+        the runs do not belong to the model's bench, there are fewer values than parameters, or there are no
+        free parameters.
     """
     if not runs:
         raise RigctlError("a fit needs a run")
@@ -82,10 +82,10 @@ def run(
         file names the default.
     port: a serial port or pyserial URL.
     operator: answers the procedure's questions.
-    answers: instead of `operator`: values by name; confirmations are given at once.
+    answers: instead of `operator`: values by name; confirmations are given immediately.
     person: the person in charge; kept with the run.
-    device: of the device under test: ``serial_number``, ``part``, ``notes``; kept with the run.
-    seed: for everything random on a simulated bench.
+    device: facts about the device under test: ``serial_number``, ``part``, ``notes``; kept with the run.
+    seed: of all random numbers, on a simulated bench.
     speed: ``1x``; on a bench that is not real also ``10x`` or ``max``.
     dry: arm and read, but move nothing.
     runs: the folder for the run; the project's by default.

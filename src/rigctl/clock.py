@@ -1,7 +1,7 @@
-"""Time as something that is handed in: real, scaled, or virtual.
+"""Clocks passed as arguments: real, scaled or virtual time.
 
-Everything that waits asks the clock it was given, so a two-hour heating phase runs in milliseconds on a
-virtual clock and identical seeds give identical files.
+All code that waits uses the clock that it was given, so that two hours of heating take milliseconds on a
+virtual clock, and identical seeds give identical files.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ class Clock(Protocol):
     """Seconds since the run began, and a way to wait."""
 
     name: str
-    speed: float  #: seconds of bench time per second of wall time; infinite when nobody really waits
+    speed: float  #: seconds of bench time per second of wall time; infinite for a virtual clock
 
     def now(self) -> float:
         """Bench time in seconds since the clock was started; never goes back."""
         ...
 
     def sleep_until(self, when: float) -> None:
-        """Return at bench time `when`, or at once when it has passed."""
+        """Return at bench time `when`, or immediately if it has passed."""
         ...
 
     def date(self) -> datetime:
-        """The calendar time (UTC) that belongs to `now()`."""
+        """The calendar time (UTC) at `now()`."""
         ...
 
 
@@ -50,7 +50,7 @@ class ScaledClock:
         self._origin = self.monotonic()
 
     def now(self) -> float:
-        """Seconds of bench time since the clock was made."""
+        """Seconds of bench time since the clock was created."""
         return (self.monotonic() - self._origin) * self.speed
 
     def sleep_until(self, when: float) -> None:
@@ -66,7 +66,7 @@ class ScaledClock:
 
 @dataclass
 class VirtualClock:
-    """Time that moves only when somebody waits: as fast as the plant computes, and deterministic."""
+    """Simulated time that advances only during waits: as fast as the plant is computed, and deterministic."""
 
     started: datetime = datetime(2000, 1, 1, tzinfo=UTC)
     name: str = "virtual"
@@ -74,11 +74,11 @@ class VirtualClock:
     _now: float = 0.0
 
     def now(self) -> float:
-        """Seconds that have been waited for."""
+        """Sum of the waits so far, in seconds."""
         return self._now
 
     def sleep_until(self, when: float) -> None:
-        """Jump to `when`."""
+        """Advance the time to `when`, without delay."""
         self._now = max(self._now, when)
 
     def date(self) -> datetime:

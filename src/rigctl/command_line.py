@@ -1,4 +1,4 @@
-"""What a command line for some work is, so that it can be shown, copied and typed."""
+"""Command lines as text that a user can copy and type."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _ACTIVE = frozenset('"$`!')
 
 @dataclass(frozen=True)
 class DataOptions:
-    """What an analysis was told of its runs besides their names, and the next one must be told again.
+    """The options about the runs of an analysis, which a following command must repeat.
 
     Attributes
     ----------
-    only, hold_out: expressions that choose records.
+    only, hold_out: expressions that select records.
     assume: ``NAME=VALUE`` of inputs that were not recorded.
     """
 
@@ -29,12 +29,12 @@ class DataOptions:
 
 
 def analysis(verb: str, runs: Sequence[str], model: str, choice: DataOptions | None = None) -> str:
-    """A command about a model and runs, with the same choice: ``rigctl diagnose latest --model …``."""
+    """A command for a model and runs, with the same options: ``rigctl diagnose latest --model …``."""
     return command([verb, *runs, "--model", model], choice)
 
 
 def command(arguments: Sequence[str], choice: DataOptions | None = None) -> str:
-    """A command of these words, and the choice of records."""
+    """A command with these arguments, and the options that select records."""
     chosen = choice or DataOptions()
     words = ["rigctl", *map(_quoted, arguments)]
     for option, value in (("--only", chosen.only), ("--hold-out", chosen.hold_out)):
@@ -46,7 +46,7 @@ def command(arguments: Sequence[str], choice: DataOptions | None = None) -> str:
 
 
 def _quoted(text: str) -> str:
-    """An argument as every shell takes it; one that a shell would look into, as those of POSIX take it."""
+    """An argument quoted for any shell, or for POSIX shells if it contains characters that shells expand."""
     if _PLAIN.fullmatch(text):
         return text
     return f'"{text}"' if not _ACTIVE & set(text) else shlex.quote(text)

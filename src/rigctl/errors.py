@@ -1,4 +1,4 @@
-"""The one kind of error a user sees: where, what, what was expected, and the nearest valid name."""
+"""The errors shown to users: where, what, what was expected, and the nearest valid name."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class ExitCode(IntEnum):
 
 @dataclass(frozen=True)
 class Location:
-    """A place in a file a user wrote; line and column count from 1, as editors do.
+    """A location in a user's file; line and column count from 1, as in editors.
 
-    `file` is a path, or the text of an address in storage, which a path would change: ``s3://lab``.
+    `file` is a path, or an address in storage as text, because a path would change ``s3://lab``.
     """
 
     file: Path | str | None = None
@@ -37,7 +37,7 @@ class Location:
         return ":".join(part for part in parts if part)
 
     def or_else(self, other: Location) -> Location:
-        """Fill what this place does not know from `other`."""
+        """Return this location, with its unknown parts taken from `other`."""
         return Location(self.file or other.file, self.line or other.line, self.column or other.column)
 
 
@@ -46,13 +46,13 @@ class RigctlError(Exception):
 
     Parameters
     ----------
-    what: one clear sentence, without the place or the value.
-    value: the offending text as the user wrote it.
-    expected: what would have been right.
-    nearest: the nearest valid name, when there is one.
+    what: one clear sentence, without the location or the value.
+    value: the faulty text as written by the user.
+    expected: a description of valid values.
+    nearest: the nearest valid name, if there is one.
     hint: what to do next.
-    where: the place in the user's file.
-    exit_code: what the process returns.
+    where: the location in the user's file.
+    exit_code: of the process.
     """
 
     def __init__(
@@ -76,12 +76,12 @@ class RigctlError(Exception):
         self.exit_code = exit_code
 
     def at(self, where: Location) -> RigctlError:
-        """Return this error with its place filled in where it was not yet known."""
+        """Return this error, with the unknown parts of its location filled in."""
         self.where = self.where.or_else(where)
         return self
 
     def as_dict(self) -> dict[str, object]:
-        """The parts of the message by name, for programs; what is not known is None."""
+        """The parts of the message by name, for programs; None for those that are unknown."""
         return {
             "message": str(self),
             "file": str(self.where.file) if self.where.file else None,
@@ -109,7 +109,7 @@ class RigctlError(Exception):
 
 
 class SeveralErrors(RigctlError):
-    """Several mistakes of one file, shown together so that they can be mended together."""
+    """Several mistakes in one file, shown together so that they can be corrected together."""
 
     def __init__(self, errors: Iterable[RigctlError]) -> None:
         self.errors = tuple(errors)
@@ -117,7 +117,7 @@ class SeveralErrors(RigctlError):
         super().__init__(first.what, where=first.where, exit_code=first.exit_code)
 
     def at(self, where: Location) -> SeveralErrors:
-        """Fill the place of every one of them."""
+        """Return these errors, with the unknown parts of each location filled in."""
         for error in self.errors:
             error.at(where)
         super().at(where)
@@ -128,14 +128,14 @@ class SeveralErrors(RigctlError):
 
 
 def nearest_name(name: str, valid: Iterable[str]) -> str | None:
-    """The valid name closest to what was written, or None when nothing is close."""
+    """The valid name closest to `name`; None if none is close."""
     by_folded = {candidate.casefold(): candidate for candidate in valid}
     matches = get_close_matches(name.casefold(), list(by_folded), n=1, cutoff=0.6)
     return by_folded[matches[0]] if matches else None
 
 
 def unknown_name(kind: str, name: str, valid: Iterable[str], *, where: Location | None = None) -> RigctlError:
-    """The error for a name that does not exist: says the nearest one, or lists the few there are."""
+    """The error for an unknown name, with the nearest valid one or, if they are few, a list of all."""
     names = sorted(valid)
     near = nearest_name(name, names)
     listed = ", ".join(names[:12]) + (", …" if len(names) > 12 else "")
@@ -149,6 +149,6 @@ def unknown_name(kind: str, name: str, valid: Iterable[str], *, where: Location 
 
 
 def shorten(text: str, width: int = 60) -> str:
-    """A value as it is quoted in a message: on one line, and never longer than the message itself."""
+    """A value as quoted in a message: on one line, and cut to `width` characters."""
     flat = " ".join(text.split())
     return flat if len(flat) <= width else flat[: width - 1] + "…"

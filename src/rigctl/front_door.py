@@ -1,4 +1,4 @@
-"""The public names of `import rigctl`, each loaded from its room when it is first used."""
+"""The public names of `import rigctl`, each loaded from its module at its first use."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import Any, Final
 
-#: every public name, and where it stands: ``module`` or ``module:name there``
+#: the location of every public name: ``module``, or ``module:name`` if its name differs there
 PUBLIC: Final[Mapping[str, str]] = MappingProxyType(
     {
         # functions

@@ -1,18 +1,18 @@
-"""The version of the method that verdicts are reached by: kept rates and stored fits are of one version.
+"""The version of the method behind the verdicts, to which published rates and stored fits refer.
 
-It is raised when code that decides changes so that a verdict, a probability or a size could come out
-differently; moving or describing code does not change it. The search for formulas has a version of its own:
-it starts from a verdict and cannot change one. ``tests/test_method_version.py`` fails when such code has
-changed and nothing was said: ``python tools/method_version.py`` says which way to go.
+It is increased when the deciding code changes so that a verdict, a probability or a size may differ; moving
+or documenting code does not change it. The search for formulas has a separate version, because it starts from
+a verdict and cannot change it. ``tests/test_method_version.py`` fails if such code has changed without being
+declared; ``python tools/method_version.py`` explains how to declare it.
 """
 
 from __future__ import annotations
 
-#: raised by one when a verdict may come out differently
+#: increased by one when a verdict may differ
 METHOD_VERSION = 29
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
 FINGERPRINT = "51087c135894"
-#: raised by one when a search for formulas may find other locations or formulas
+#: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 3
 #: hash of the code of this version of the search
 DISCOVERY_FINGERPRINT = "d6fbe65f1138"

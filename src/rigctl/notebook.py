@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import pandas as pd
 
-#: characters that a `repr` has at most
+#: maximum length of a `repr`
 _LONGEST = 160
 
 
 def one_line(kind: object, text: str) -> str:
-    """``<Kind text>`` on one line, cut where it is long."""
+    """``<Kind text>`` on one line, truncated if it is too long."""
     line = f"<{type(kind).__name__} {' '.join(text.split())}>"
     return line if len(line) <= _LONGEST else f"{line[: _LONGEST - 2]}…>"
 
 
 def as_html(summary: str, table: pd.DataFrame) -> str:
-    """The summary as text and the table below; what users wrote is text, never markup."""
+    """The summary as text, and the table below it; user text is escaped."""
     return f"<pre>{escape(summary)}</pre>{table.to_html(index=False, escape=True, na_rep='')}"

@@ -1,4 +1,4 @@
-"""Text from files and devices as a terminal may show it: nothing in it moves the cursor or hides the rest."""
+"""Text from files and devices made safe for a terminal: nothing in it moves the cursor or hides text."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def printable(text: str, keep: str = "") -> str:
 
     Parameters
     ----------
-    keep: control characters that stay, ``"\\n\\t"`` say, where the text may have several lines.
+    keep: control characters to keep, for example ``"\\n\\t"`` in a text of several lines.
     """
     if text.isprintable():
         return text

@@ -1,4 +1,4 @@
-"""Where a project begins, where its runs are kept, and how the paths written in its files are found."""
+"""A project: its root, the folder of its runs, and the resolution of paths in its files."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from rigctl.files.version_suffix import path_exists
 
 MARKER = "rigctl.toml"
 _SETTINGS = ("runs", "rig")
-#: of storage, and not a path; a drive of Windows has one letter and no slashes
+#: start of an address of storage; a Windows drive has one letter and no slashes
 _ADDRESS = re.compile(r"[a-zA-Z][a-zA-Z0-9+.-]+://")
 
 
 @dataclass(frozen=True)
 class Project:
-    """A folder with rigs, procedures and models, and the folder its runs are kept in.
+    """A folder with rigs, procedures and models, and the folder of its runs.
 
-    `store` is the address of storage that closed runs are sent to, ``s3://bucket/runs``; None without any.
-    `rig` is the rig file that is meant when a command names none.
+    `store` is the address of the storage to which closed runs are uploaded, ``s3://bucket/runs``; None for
+    none. `rig` is the rig file of commands that name none.
     """
 
     root: Path
@@ -31,15 +31,15 @@ class Project:
     store: str | None = None
 
     def resolve(self, path: str | Path, relative_to: Path | None = None) -> Path:
-        """The file that a path in a file means.
+        """The file to which a path in a file refers.
 
-        Tried in this order: relative to the folder of the file `relative_to`, to the project's root, and
-        among the files that come with rigctl. ``m.yaml@3``, version 3 of ``m.yaml``, is where ``m.yaml`` is.
+        The path is tried relative to the folder of the file `relative_to`, then to the project's root, then
+        among the shipped files. ``m.yaml@3``, version 3 of ``m.yaml``, is found where ``m.yaml`` is.
 
         Raises
         ------
         RigctlError
-            there is no such file in any of them; names the places that were tried.
+            there is no such file; the message lists the paths that were tried.
         """
         wanted = _expanded(path)
         folders = [relative_to.parent] if relative_to is not None else []
@@ -57,17 +57,17 @@ class Project:
 
 
 def find_project(start: Path | None = None) -> Project:
-    """The project around `start` (the current folder by default).
+    """The project that contains `start` (the current folder by default).
 
-    The nearest folder upwards that holds ``rigctl.toml`` is its root; without one, `start` itself. Runs are
-    kept in ``runs/`` under it, or where ``runs = "..."`` in ``rigctl.toml`` says; an address there,
-    ``s3://bucket/runs``, is where they are sent to once they are closed. ``rig = "..."`` names the rig file
-    of commands that are given none.
+    Its root is the nearest folder upwards with a ``rigctl.toml``, or else `start`. Runs are stored in
+    ``runs/`` below it, or in the folder given by ``runs = "..."`` in ``rigctl.toml``; if that is an address,
+    ``s3://bucket/runs``, they are in ``runs/``, and are uploaded to it once they are closed. ``rig = "..."``
+    is the rig file of commands that name none.
 
     Raises
     ------
     RigctlError
-        ``rigctl.toml`` cannot be read, or says something unknown.
+        ``rigctl.toml`` cannot be read, or contains an unknown setting or an invalid value.
     """
     here = (start or Path.cwd()).absolute()
     for folder in (here, *here.parents):
@@ -86,7 +86,7 @@ def find_project(start: Path | None = None) -> Project:
 
 
 def find_file(written: Path) -> Path:
-    """A file as it is typed: from the current folder, the project, or among those that are shipped.
+    """A file named on a command line: in the current folder, the project, or among the shipped files.
 
     ``m.yaml@3``, version 3 of a model file, is found where ``m.yaml`` is.
 
@@ -99,12 +99,12 @@ def find_file(written: Path) -> Path:
 
 
 def own_model(written: Path) -> Path:
-    """The model file that is to be changed: from the current folder or the project.
+    """A model file that is to be changed: in the current folder or the project.
 
     Raises
     ------
     RigctlError
-        there is none, or it is one of those that come with rigctl.
+        there is none, or it is one of the shipped files.
     """
     path = find_file(written)
     if not path_exists(written) and not path.is_relative_to(find_project().root):
@@ -127,7 +127,7 @@ def require_local(path: Path) -> None:
     Raises
     ------
     RigctlError
-        its first part is a scheme, ``s3:``; a path has lost the second slash of the address.
+        its first part is a scheme, ``s3:``; conversion to a path removes the second slash of the address.
     """
     first, *rest = path.parts or ("",)
     address = f"{first}//{'/'.join(rest)}"
@@ -141,7 +141,7 @@ def require_local(path: Path) -> None:
 
 
 def _read_settings(marker: Path) -> dict[str, str]:
-    """The paths that the project file names."""
+    """The settings in the project file, which are paths."""
     import tomllib
 
     where = Location(marker)
@@ -165,7 +165,7 @@ def _read_settings(marker: Path) -> dict[str, str]:
 
 
 def _nearest_file(wanted: Path, tried: Sequence[Path]) -> str | None:
-    """A file of nearly that name in a place that was tried, as it would be written."""
+    """The path, as it would be written, of a file with a similar name in a folder that was tried."""
     for place in tried:
         try:
             names = [entry.name for entry in place.parent.iterdir()]
@@ -178,7 +178,7 @@ def _nearest_file(wanted: Path, tried: Sequence[Path]) -> str | None:
 
 
 def _expanded(path: str | Path) -> Path:
-    """The path with a leading ``~`` made the home folder, where there is one."""
+    """The path with a leading ``~`` replaced by the home folder, if there is one."""
     try:
         return Path(path).expanduser()
     except RuntimeError:

@@ -1,7 +1,7 @@
-"""Quantities with units: read at the edge, SI inside.
+"""Quantities with units: converted to SI when they are read.
 
 `30 bar` becomes 3e6, `40 degC` becomes 313.15, and a tolerance of `0.5 degC` becomes 0.5 because a
-difference of temperatures has no offset. pint provides the units; it is imported only when one is read.
+temperature difference has no offset. pint provides the units; it is imported only if an uncommon one is read.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Dimension:
     exponents: tuple[Fraction, ...]
 
     def __hash__(self) -> int:
-        """Computed once: that of a fraction takes a power of its denominator."""
+        """Computed once, since the hash of a fraction requires a modular inverse of its denominator."""
         return self._hash
 
     @cached_property
@@ -164,7 +164,7 @@ _RAISED = re.compile("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 #: names of angles, and of angles per time; they are dimensionless
 _ANGLES = frozenset(("rad", "mrad", "deg", "radian", "degree", "turn", "revolution", "rpm", "rps"))
-#: units of whole texts: turns a minute, as German data sheets write them
+#: units recognised only as a whole text: revolutions per minute, as in German data sheets
 _WHOLE = {"U/min": "rpm", "u/min": "rpm", "rev/min": "rpm", "r/min": "rpm"}
 
 _LONGEST = 80
@@ -175,9 +175,9 @@ _QUANTITY = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit that pint knows: ``si = value * factor + offset``.
+    """A unit known to pint: ``si = value * factor + offset``.
 
-    `offset` is not zero for degC and degF alone; a *difference* of temperatures uses `factor` only.
+    `offset` is non-zero only for degC and degF; a temperature *difference* uses `factor` alone.
     """
 
     text: str
@@ -201,7 +201,7 @@ class Unit:
 
 @lru_cache(maxsize=1)
 def registry() -> pint.UnitRegistry[Any]:
-    """The registry of units, made when the first unit is read."""
+    """pint's registry of units, created at the first use."""
     import pint
 
     units: pint.UnitRegistry[Any] = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
@@ -246,7 +246,7 @@ _COMMON: Mapping[str, tuple[tuple[int, ...], float, float]] = {
     "m^3/s": ((3, 0, -1, 0, 0, 0, 0), 1.0, 0.0),
     "l/min": ((3, 0, -1, 0, 0, 0, 0), 1e-3 / 60.0, 0.0),
 }
-# the same of units that dimensions are written in; nobody is offered them for a typing error
+# likewise, for units in which dimensions are written; they are not suggested for misspelt names
 _ELECTRICAL: Mapping[str, tuple[tuple[int, ...], float, float]] = {
     "ohm": ((2, 1, -3, -2, 0, 0, 0), 1.0, 0.0),
     "H": ((2, 1, -2, -2, 0, 0, 0), 1.0, 0.0),
@@ -259,7 +259,7 @@ _ELECTRICAL: Mapping[str, tuple[tuple[int, ...], float, float]] = {
 def parse_unit(text: str) -> Unit:
     """The unit given by `text`: names, integer powers, ``*``, ``/`` and parentheses.
 
-    Only single names are handed to pint; the grammar around them is read here, so that a unit in a file
+    Only single names are passed to pint; the grammar around them is parsed here, so that a unit in a file
     can never be anything but a unit.
 
     Raises
@@ -291,12 +291,12 @@ def interval_unit(unit: str) -> str:
 
 
 def _on_scale(token: str) -> bool:
-    """Whether a token names a scale of temperature with an offset."""
+    """Whether a token names a temperature scale with an offset."""
     return _is_name(token) and _name_to_unit(token).offset != 0.0
 
 
 def _plain_spelling(text: str) -> str:
-    """The unit as the grammar spells it: ``N·m²`` is ``N*m^2``, ``Nm`` is ``N*m``, ``U/min`` is ``rpm``."""
+    """The unit as spelt in the grammar: ``N·m²`` is ``N*m^2``, ``Nm`` is ``N*m``, ``U/min`` is ``rpm``."""
     if text.isascii() and text in _COMMON:
         return text
     text = _WHOLE.get(text.strip(), text)
@@ -496,8 +496,8 @@ _SMALL, _LARGE = -4, 6
 
 
 def significant(value: float, digits: int = 4, *, sign: bool = False) -> str:
-    """A value in significant digits: ``2090`` rather than ``2.09e+03``, a power of ten only from 1e6 on and
-    below 1e-4; with `sign` also that of a positive one.
+    """A value in significant digits: ``2090`` rather than ``2.09e+03``, with a power of ten only from 1e6
+    upwards and below 1e-4; with `sign`, a positive value has a plus sign.
     """
     text = f"{value:+.{digits}g}" if sign else f"{value:.{digits}g}"
     if "e+" not in text or abs(rounded := float(text)) >= 10.0**_LARGE:
@@ -521,8 +521,8 @@ def known_digits(value: float, std: float) -> tuple[str, str]:
     """A value and its standard deviation in significant digits: ``("0.00463", "0.00017")``.
 
     The standard deviation has two digits, and the value ends at the same decimal place. Very small and large
-    ones have a common power of ten: ``("1.032e-14", "0.014e-14")``. A value without a finite standard
-    deviation above 0 has four digits, and "" as its standard deviation.
+    ones have a common power of ten: ``("1.032e-14", "0.014e-14")``. Without a finite, positive standard
+    deviation the value has four digits, and "" is returned as its standard deviation.
 
     Source: JCGM 100 (GUM), 7.2.6.
     """

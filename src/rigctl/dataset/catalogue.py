@@ -81,7 +81,7 @@ def list_runs(
     Raises
     ------
     RigctlError
-        the condition is wrong, or the storage does not answer.
+        the condition is wrong, or the storage does not respond.
     """
     if is_address(runs):
         return list_stored(Store(str(runs)), where, last)
@@ -152,7 +152,7 @@ def list_stored(
     Raises
     ------
     RigctlError
-        the condition is wrong, or the storage does not answer.
+        the condition is wrong, or the storage does not respond.
     """
     channels = where is not None and "channels" in where
     rows = ask_stored(store, lambda index: select(index, where, None if but else last), channels=channels)

@@ -147,7 +147,7 @@ class BackgroundWriter:
             raise self._failure
         return self.folder
 
-    # --- inside -------------------------------------------------------------------------------------------
+    # --- implementation -----------------------------------------------------------------------------------
 
     def _put(self, task: _Task) -> None:
         self._tasks.append(task)

@@ -35,7 +35,7 @@ def finalise(folder: Path) -> dict[str, Any]:
     is removed last, after ``samples.parquet`` has been read back and found complete; a damaged one is kept
     under another name. The caller must hold the folder's lock.
 
-    The outcome of a record with missing samples is `DAMAGED`, whatever the log says.
+    The outcome of a record with missing samples is `DAMAGED`, regardless of the log.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The header of a run: what is known when it begins."""
+"""The header of a run: the facts that are known when it begins."""
 
 from __future__ import annotations
 

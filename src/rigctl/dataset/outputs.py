@@ -1,4 +1,4 @@
-"""Checks where a command may write: never into a run, and only over products of its own kind."""
+"""Checks where a command may write: never into a run, and only over earlier files of the same kind."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from rigctl.units import show
 if TYPE_CHECKING:
     from rigctl.dataset.run import Run
 
-PASS: Final = "pass"  # noqa: S105 - no word of entry
+PASS: Final = "pass"  # noqa: S105 - not a password
 FAIL: Final = "fail"
 INCOMPLETE: Final = "incomplete"  #: the run was not completed, and no measure failed
 NONE: Final = "none"  #: no measure has limits

@@ -86,9 +86,9 @@ def _checked(text: str, file: str, run_id: str) -> dict[str, Any]:
 
 
 def _require_shape(info: Mapping[str, Any], file: str, run_id: str) -> None:
-    """Refuse a file that is intact, and yet none that rigctl writes: a forger can compute checksums too.
+    """Refuse an intact file without the structure that rigctl writes: a forger can compute checksums too.
 
-    Without it, one such run in a folder would make listing all the others fail.
+    Without this check, one such run in a folder would make the list of all runs fail.
     """
     for name, kind in _SHAPES.items():
         if name in info and not isinstance(info[name], kind):

@@ -248,7 +248,7 @@ def _insert(connection: duckdb.DuckDBPyConnection, table: str, rows: Sequence[Se
         part = rows[start : start + 256]
         marks = ", ".join("(" + ", ".join("?" * len(row)) + ")" for row in part)
         values = [value for row in part for value in row]
-        connection.execute(f"INSERT INTO {table} VALUES {marks}", values)  # noqa: S608 - names are ours
+        connection.execute(f"INSERT INTO {table} VALUES {marks}", values)  # noqa: S608 - names are rigctl's
 
 
 def _plain(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Records a run as it happens, so that its data survive any ending.
+"""Records a run while it is in progress, so that its data survive however it ends.
 
 Two append-only files are authoritative while a run is in progress: the journal of its samples and the log of
 everything else. Both are passed to the operating system at least twice a second, and to the disk at the end

@@ -24,7 +24,7 @@ ANNOTATIONS_LOCK_NAME: Final = "annotations.lock"
 STATE_NAME: Final = "state.json"
 #: time-out for a program that annotates a run, s
 PATIENCE: Final = 10.0
-#: how long a program that only looks whether the run is in progress may have the lock, s
+#: how long a program that only checks whether the run is in progress may hold the lock, s
 _BRIEF: Final = 0.2
 #: s between two attempts
 _PAUSE: Final = 0.01
@@ -101,7 +101,7 @@ def try_lock(folder: Path) -> FolderLock | None:
 def wait_for_lock(
     folder: Path, patience: float, *, in_vain: Callable[[], bool] = lambda: False
 ) -> FolderLock | None:
-    """Lock a run's folder, waiting at most `patience` seconds for another program; return None in the end.
+    """Lock a run's folder, waiting at most `patience` seconds for another program; return None after that.
 
     `in_vain` returns whether there is no point in waiting any longer; it is called after every attempt.
 

@@ -1,4 +1,4 @@
-"""The library of effects: one short declaration each, found by name."""
+"""The library of effects: one short declaration each, looked up by name."""
 
 from rigctl.effects.declaration import Effect, EffectParameter, EffectState, ParameterAlternative, qualified
 from rigctl.effects.option import parse_effect_option

@@ -1,5 +1,4 @@
-"""The declaration of an effect: terms at named slots of a model, with parameters whose null values switch it
-off.
+"""The declaration of an effect: terms at slots of a model, and parameters whose null values switch it off.
 
 An effect is data. Its formulas take a scope `m` (the model's variables) and `p` (the effect's own parameters
 and states) and return a term; at the null values every term is exactly 0, or exactly 1 if the slot
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Own:
-    """An effect's own parameters and states by attribute, ``p.conductance``, or by name, ``p["side_1"]``."""
+    """An effect's parameters and states by attribute, ``p.conductance``, or by name, ``p["side_1"]``."""
 
     def __init__(self, scope: Scope, effect: str) -> None:
         self._scope = scope
@@ -45,7 +44,7 @@ Ends: TypeAlias = Literal["none", "low", "high", "both"]
 #: factor, relative to the null value, by which a search goes beyond a limit of the usual range
 _BEYOND = 10.0
 
-#: a term of an effect: a function of the model's variables and the effect's own
+#: a term of an effect: a function of the model's variables, and of the effect's parameters and states
 Term: TypeAlias = Callable[[Scope, Own], Scalar]
 
 
@@ -61,12 +60,12 @@ class EffectParameter:
     Attributes
     ----------
     null: the value that switches the effect off; None for a shape parameter (a width, for example), which has
-        no action alone.
+        no effect alone.
     start: a typical size, at which a fit starts.
-    low, high: bounds; if null is one of them the effect has one sign only.
+    low, high: bounds; if null is one of them, the effect can have only one sign.
     difference: a temperature difference.
-    grid: values at which a diagnosis evaluates the effect, SI: for a shape, those besides `start`; for a
-        parameter with a threshold, those instead of its null, where its slope says nothing.
+    grid: values at which a diagnosis evaluates the effect, SI: for a shape, in addition to `start`; for
+        a parameter with a threshold, instead of its null, at which the slope contains no information.
     within, shares: for a shape, the quantity of which it is a value, named as in
         `rigctl.analysis.candidates`, and the shares of the range of that quantity at which a diagnosis tries
         it, instead of `grid`.
@@ -122,7 +121,7 @@ class EffectParameter:
 
     @property
     def shape(self) -> bool:
-        """True if it only shapes what another parameter switches on."""
+        """True if it only affects the shape of a term that another parameter switches on."""
         return self.null is None
 
     @property
@@ -132,7 +131,7 @@ class EffectParameter:
 
     @property
     def sign(self) -> Literal[-1, 0, 1]:
-        """1 or -1 if physics allows one direction only, 0 if both."""
+        """1 or -1 if only one sign is physically possible, 0 if both are."""
         if self.null is None:
             return 0
         return 1 if self.null <= self.low else -1 if self.null >= self.high else 0
@@ -180,8 +179,8 @@ class Effect:
     confused_with: effects with nearly the same signature.
     instead_of: alternatives for the same physics: a model has at most one of them.
     needs: what the data must contain for the effect to be visible.
-    becomes: parameter, its limiting value (or the parameter that it equals there), and the effect that this
-        one becomes: a nested law.
+    becomes: for a law that contains another one as a limit, the parameter, its limiting value (or the
+        parameter that it equals there), and the effect with that other law.
     base: for base physics: the family's parameters and the values that remove it; such an effect is in every
         model and has no terms of its own.
     own_family: the family itself if its name alone does not find it: a user's, from a file.

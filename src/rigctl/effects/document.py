@@ -1,4 +1,4 @@
-"""An effect as plain data, for commands that answer in JSON."""
+"""An effect as plain data, for commands with output in JSON."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ def effect_document(effect: Effect) -> dict[str, Any]:
 
 
 def parameter_document(parameter: EffectParameter) -> dict[str, Any]:
-    """A parameter of an effect, in its display unit; `null` is None for one that only shapes."""
+    """A parameter of an effect, in its display unit; `null` is None for a shape parameter."""
     unit = parse_unit(parameter.unit)
 
     def shown(si: float) -> float:
-        # twelve digits hide what the conversion rounds, and nothing else
+        # twelve digits hide only the rounding errors of the conversion
         return float(f"{unit.from_si(si, difference=parameter.difference):.12g}")
 
     return {

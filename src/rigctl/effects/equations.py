@@ -1,4 +1,4 @@
-"""An effect's terms as LaTeX, from the same formulas that are compiled."""
+"""An effect's terms as LaTeX or text, from the same formulas that are compiled."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rigctl.physics.scope import Scope
 from rigctl.physics.units import si_unit
 from rigctl.units import parse_unit
 
-#: variables that have a letter of their own in the literature
+#: symbols of variables in the literature
 SYMBOLS: Mapping[str, str] = MappingProxyType(
     {
         "oil_temperature": "T",
@@ -54,7 +54,7 @@ SYMBOLS: Mapping[str, str] = MappingProxyType(
     }
 )
 
-#: numbers that are better known by another name, in LaTeX and in text
+#: numbers with a customary form, in LaTeX and in text
 _NUMBERS = {
     repr(math.pi): (r"\pi", "pi"),
     repr(math.pi / 4.0): (r"\frac{\pi}{4}", "pi/4"),
@@ -63,7 +63,7 @@ _NUMBERS = {
 
 
 def terms_in_symbols(effect: Effect, family: ModelFamily) -> dict[str, Expr]:
-    """The term at each slot, the family's variables left as they are named."""
+    """The term at each slot, in the family's variables by name."""
     graph = Graph()
     found: dict[str, Expr] = {}
     for slot, term in effect.terms:
@@ -89,7 +89,7 @@ def term_texts(effect: Effect, family: ModelFamily) -> list[tuple[str, str, str]
 
 
 def latex_of(expr: Expr, effect: Effect) -> str:
-    """The LaTeX of a term, its own parameters by their plain names."""
+    """The LaTeX of a term; the effect's parameters have their unqualified names."""
     plain = {
         qualified(effect.name, name): rf"\mathrm{{{name}}}".replace("_", r"\_") for name in _own_names(effect)
     }
@@ -100,7 +100,7 @@ def latex_of(expr: Expr, effect: Effect) -> str:
 
 
 def text_of(expr: Expr, effect: Effect, family: ModelFamily) -> str:
-    """A term in one line; its own parameters have their plain names, unless the family has them too."""
+    """A term in one line; the effect's parameters have unqualified names unless the family uses them too."""
     text = to_text(expr)
     for name in _own_names(effect):
         if name not in family.units():
@@ -127,7 +127,7 @@ def _variables(graph: Graph, effect: Effect, family: ModelFamily) -> dict[str, S
 
 
 def _definitions(graph: Graph, family: ModelFamily, known: Mapping[str, Scalar]) -> dict[Expr, Scalar]:
-    """What stands for a variable where a formula works it out itself, e.g. the viscosity in a gap."""
+    """Variables by their definitions, to replace these where a formula contains one, e.g. a viscosity."""
     found: dict[Expr, Scalar] = {}
     for definition in family.definitions:
         expr = definition.formula(Scope(family, known, options={}))

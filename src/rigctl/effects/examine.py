@@ -46,7 +46,7 @@ def _own_start(effect: Effect) -> Point:
 
 
 def _unused(effect: Effect, written: Written) -> Iterator[Fault]:
-    if not written.terms:  # the usual variant of the equations has no such place
+    if not written.terms:  # the default variant of the equations does not use the slot
         return
     used = {variable.name for expr in written.expressions for variable in variables_of(expr)}
     for parameter in effect.parameters:

@@ -1,4 +1,4 @@
-"""How the oil's viscosity rises with pressure: two laws, for every family that has a viscosity."""
+"""The increase of the oil's viscosity with pressure: two laws, for every family with a viscosity."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _A1, _A2, _B1, _B2 = oil.HL32.modulus
 
 
 def barus(family: str, *, looks_like: str, needs: str) -> Effect:
-    """Barus' law at a family's slot ``viscosity``, of its variable ``pressure``."""
+    """Barus' law at a family's slot ``viscosity``, as a function of its variable ``pressure``."""
     return Effect(
         name="barus",
         family=family,

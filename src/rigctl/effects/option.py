@@ -22,7 +22,7 @@ def parse_effect_option(
     family: str | ModelFamily = "hydraulic_cylinder",
     parameters: Mapping[str, float] | None = None,
 ) -> tuple[str, dict[str, float]]:
-    """As `read_effect_option`, with the effect's name alone."""
+    """As `read_effect_option`, but returns the name of the effect instead of the effect."""
     effect, values = read_effect_option(text, family, parameters)
     return effect.name, values
 
@@ -84,7 +84,7 @@ def name_or_file(written: str, family: str | ModelFamily) -> Effect:
 
 
 def _split(text: str) -> tuple[str, str]:
-    """The effect, and what stands behind its colon; a file's path may have a colon of its own."""
+    """The effect, and the text after the colon; the path of a file may contain a colon too."""
     file = _FILE.match(text)
     name, rest = (file.group(1), file.group(2) or "") if file else text.partition(":")[::2]
     return name.strip(), rest
@@ -93,7 +93,7 @@ def _split(text: str) -> tuple[str, str]:
 def read_parameter(
     effect: Effect, name: str, written: str | Quantity, family_parameters: Mapping[str, float] | None = None
 ) -> dict[str, float]:
-    """The parameter that ``name: written`` sets, in SI; `name` may be another way to write one.
+    """The parameter set by ``name: written`` and its value in SI; `name` may be an alternative form of it.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def read_parameter(
 def _read(
     effect: Effect, name: str, written: str | Quantity, unit: str, *, difference: bool = False
 ) -> float:
-    """The SI value that was written; a refusal says of which parameter."""
+    """The SI value of the text; an error message names the parameter."""
     try:
         return read_si(written, unit, difference=difference)
     except RigctlError as error:
@@ -126,7 +126,7 @@ def _read(
 
 
 def _bounded(effect: Effect, way: str, name: str, value: float, written: str | Quantity) -> dict[str, float]:
-    """The parameter `name` with its SI value, that was written as `way`."""
+    """The parameter `name` with its SI value, checked against its bounds; it was written as `way`."""
     parameter = effect.parameter(name)
     value = onto_bound(value, parameter.low, parameter.high)
     lowest, highest = parameter.widest

@@ -92,7 +92,7 @@ def _remarks(effect: Effect) -> Iterator[str]:
 
 
 def _plain(text: str) -> str:
-    """Text that Markdown shows as it is, in a table too."""
+    """Text escaped so that Markdown shows it verbatim, also in a table."""
     return re.sub(r"([*|<])", r"\\\1", text)
 
 

@@ -37,7 +37,7 @@ class Quantity:
     parameter: of the effect.
     meaning: description.
     std: of its prior around the null, SI, from the rig.
-    cancels: it is the same in both readings of a difference, for example of a stroke.
+    cancels: it is the same in both readings of a difference, for example of a stroke, and so cancels.
     """
 
     parameter: str

@@ -1,4 +1,4 @@
-"""The temperature that thermal effects count from."""
+"""The reference temperature of thermal effects."""
 
 from __future__ import annotations
 

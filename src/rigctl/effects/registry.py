@@ -74,7 +74,7 @@ def library(family: str | ModelFamily) -> Mapping[str, Effect]:
                 raise RigctlError("two effects have the same name", value=effect.name)
             found[effect.name] = effect
     for effect in generic_effects(chosen):
-        found.setdefault(effect.name, effect)  # a package knows its family better
+        found.setdefault(effect.name, effect)  # one that was written for the family takes precedence
     return MappingProxyType(found)
 
 

@@ -1,4 +1,4 @@
-"""An effect's terms as they appear in its family's equations."""
+"""The terms of an effect as they appear in the equations of its family."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
-"""Machine code kept on disk: made once, found by every later process, never trusted blindly.
+"""Machine code cached on disk: compiled once, verified by checksums, reused by later processes.
 
 An entry is a folder in the user's cache: an object file, the names of its functions, and a list of checksums.
-It is built in a temporary folder and renamed into place atomically, so that another process sees all of it or
-nothing. Its name depends on everything that the code depends on; a wrong checksum means that it is built
-again.
+It is built in a temporary folder and renamed atomically, so that another process sees all of it or nothing.
+Its name is a hash of everything on which the code depends; an entry with a wrong checksum is rebuilt.
 """
 
 from __future__ import annotations
@@ -57,7 +56,7 @@ def load_compiled(
     name: the kind of code.
     source: distinguishes it from others of its kind.
     make: compiles it.
-    before_compiling: called if it is not in the cache and compiling will take time.
+    before_compiling: called before a compilation, which takes time, if it is not in the cache.
 
     A cache that cannot be written costs only a warning in the log and the time to compile.
     """
@@ -208,7 +207,7 @@ def _remove(folder: Path) -> None:
 
 
 def _prune(root: Path, kind: str) -> None:
-    """Delete entries of this kind not used for long, and what killed processes left half built or locked."""
+    """Delete the entries of this kind beyond the most recent ones, and the remains of killed processes."""
     day_ago = time.time() - 86_400.0
     try:
         with os.scandir(root) as entries:

@@ -22,7 +22,7 @@ from rigctl.errors import ExitCode, RigctlError
 
 Integers = NDArray[np.int64]
 
-#: called with a description of what takes long
+#: called with a description of a long operation
 Progress = Callable[[str], None]
 
 #: a compiled integrator, called with the output of `words_of` for its arrays
@@ -33,14 +33,14 @@ Kernel = Callable[[Integers], None]
 class CompiledSystem:
     """A system with its machine code.
 
-    Pickling it sends the equations alone; the other side finds or makes its own machine code.
+    Only the equations are pickled; the receiving process loads or compiles its own machine code.
 
     Attributes
     ----------
     system: the equations.
     source: the straight-line code it was made from; ``source.digest`` names the model.
     addresses: of the model's functions, in the order of `source.ARGUMENTS`.
-    steps: that each record, by name, took when it was last integrated: what it will cost next time.
+    steps: number of steps in the last integration of each record, by name: an estimate of its cost.
     """
 
     system: System
@@ -116,7 +116,7 @@ def _made(module: str, checked: bool) -> MachineCode:
 
 
 def _caller(address: int) -> Kernel:
-    """The kernel as Python calls it, while other threads go on; see `kernels.portable.SYMBOL`."""
+    """The kernel as a Python function that releases the interpreter lock; see `kernels.portable.SYMBOL`."""
     pointer = ctypes.c_void_p
     function = ctypes.CFUNCTYPE(ctypes.c_int32, pointer, pointer, pointer)(address)
 

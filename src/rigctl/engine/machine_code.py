@@ -76,7 +76,7 @@ def loaded(code: MachineCode) -> Mapping[str, int]:
     Raises
     ------
     RuntimeError, OSError
-        it is no machine code, lacks a function, or needs a symbol that cannot be resolved.
+        it is not machine code, lacks a function, or needs a symbol that cannot be resolved.
     """
     import llvmlite.binding as llvm
 

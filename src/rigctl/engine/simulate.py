@@ -107,7 +107,7 @@ class _Plan:
     rhs_active: Integers
     outputs_active: Integers
     delays_active: Integers
-    #: as the kernels take them: weights, knots, entries and scales of each packed ∂/∂q
+    #: arguments of the kernels: weights, knots, entries and scales of each packed ∂/∂q
     splines: tuple[Floats | Integers, ...]
 
     @cached_property
@@ -207,7 +207,7 @@ def _indices(kind: str, names: Sequence[str], known: Sequence[str]) -> Integers:
 
 
 def _active(pattern: Pattern, columns: Integers) -> Integers:
-    """(place, row, column) of the entries of a packed ∂/∂q that the columns ask for."""
+    """(entries, 3) index, row and column of the entries of a packed ∂/∂q that the columns require."""
     column_of = {int(parameter): column for column, parameter in enumerate(columns)}
     entries = [
         (index, row, column_of[parameter])
@@ -221,7 +221,7 @@ _NO_RAMPS = Ramps(np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 0)))
 
 
 def _commands(excitation: Excitation, columns: int) -> tuple[Floats, Floats, Ramps]:
-    """Inputs, derivatives of the switch times and ramps, as the kernel takes them."""
+    """Inputs, derivatives of the switch times and ramps, in the form required by the kernel."""
     shifts = excitation.shifts
     if shifts is None:
         shifts = np.zeros((excitation.switch_times.size, columns))
@@ -230,7 +230,7 @@ def _commands(excitation: Excitation, columns: int) -> tuple[Floats, Floats, Ram
     if ramps is None or not ramps.knots.size:
         return excitation.inputs, shifts, _NO_RAMPS
     inputs = excitation.inputs.copy()
-    inputs[:, ramps.inputs] = np.nan  # which the kernel takes for no command
+    inputs[:, ramps.inputs] = np.nan  # the kernel interprets NaN as no command
     inputs.flags.writeable = False
     return inputs, shifts, ramps
 

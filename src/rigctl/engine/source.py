@@ -29,7 +29,7 @@ from rigctl.engine import elimination
 from rigctl.engine.symbols import Expr, derivative
 from rigctl.engine.system import System, after, before
 
-#: each function's arrays, in the order it takes them
+#: arguments of each function: arrays, in order
 ARGUMENTS: Mapping[str, tuple[str, ...]] = {
     "rhs": ("y", "u", "q", "value"),
     "rhs_jacobian": ("y", "u", "q", "value", "jacobian"),
@@ -106,7 +106,7 @@ def _places(array: str, names: Sequence[str]) -> dict[str, tuple[str, int]]:
 
 
 def _variables(system: System, names: Sequence[str]) -> list[Expr | None]:
-    """None for a declared name that no equation uses."""
+    """The variables with these names; None for a declared name that no equation uses."""
     return [system.graph.variables.get(name) for name in names]
 
 

@@ -1,11 +1,11 @@
-"""Columns for the shape of a term: the derivatives of the readings if a spline of its variables weights it.
+"""Columns for the shape of a term: derivatives of the readings if the term is weighted by a spline.
 
     f = … + (1 + Σ_k b_k·B_k(x))·T(y, u, q),   x = w·(y, u),   columns ∂z/∂b_k at b = 0
 
 B_k are cubic B-splines (C. de Boor, A Practical Guide to Splines, 1978). A term is identified by the
-parameters that carry it: if T is proportional to a, ``T = a·∂f/∂a``; if a parameter is not a factor, the
-spline weights the parameter itself. Any term of a compiled system can be treated in this way, without
-compiling another.
+parameters in it: if T is proportional to a, ``T = a·∂f/∂a``; if a parameter is not a factor, the spline
+weights the parameter itself. Any term of a compiled system can be treated in this way, without compiling
+another system.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class SplineColumn:
 
     Attributes
     ----------
-    parameters: that carry the term, each with its factor: the value that it is proportional to.
-    first: (argument, function) of the spline that weighs it; `second` of another that multiplies that one.
+    parameters: those that identify the term, each with a factor: the value to which the term is proportional.
+    first: (argument, function) of the spline that weights it; `second` of another that multiplies the first.
     """
 
     parameters: Mapping[str, float]
@@ -89,7 +89,7 @@ class SplineColumns:
         return self.arguments[0].knots.size - MORE_KNOTS if self.arguments else 0
 
     def weights(self, system: System) -> Floats:
-        """(arguments, states + inputs), as the kernels take them."""
+        """(arguments, states + inputs), in the form required by the kernels."""
         names = [*system.state_names, *system.input_names]
         found = np.zeros((len(self.arguments), len(names)))
         for index, argument in enumerate(self.arguments):
@@ -106,7 +106,13 @@ class SplineColumns:
         return np.array([one.knots for one in self.arguments], dtype=float)
 
     def active(self, pattern: Pattern, system: System, first: int) -> tuple[Integers, Floats]:
-        """(entries, 5) and (entries): what of a packed ∂/∂q the columns from `first` on use, and factors."""
+        """The entries of a packed ∂/∂q that the columns use; `first` is the index of the first column.
+
+        Returns
+        -------
+        (entries, 5) index in the packed array, row, column, function and second function (−1 for none); and
+        (entries) the factor of each.
+        """
         indices: dict[int, list[tuple[int, int]]] = {}
         for index, (row, parameter) in enumerate(pattern):
             indices.setdefault(parameter, []).append((index, row))

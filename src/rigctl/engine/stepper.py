@@ -131,7 +131,7 @@ class Stepper:
         self._carried[_STALE] = 1.0
 
     def switch_input(self, name: str, value: float, *, at: float | None = None) -> None:
-        """Command one input: now, or at a future time, which `advance` then meets exactly.
+        """Command one input: now, or at a future time, at which `advance` then ends a step.
 
         Raises
         ------
@@ -154,7 +154,7 @@ class Stepper:
         insort(self._scheduled, (moment, next(self._order), names.index(name), float(value)))
 
     def advance(self, to_time: float, inputs: Sequence[float] | Floats | None = None) -> None:
-        """Integrate to `to_time`, meeting every scheduled switch and every delayed one on the way.
+        """Integrate to `to_time`, ending a step at every scheduled or delayed switch on the way.
 
         With `inputs`, all inputs are commanded first, now; without, they keep their last commanded values.
 

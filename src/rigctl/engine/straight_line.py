@@ -1,8 +1,8 @@
-"""Straight-line code handed to LLVM, past the compiler's Python front end.
+"""Translation of straight-line code to LLVM IR, bypassing numba's front end.
 
-numba spends most of its time working out the types of Python statements; here every value is a double, so
-each line becomes one instruction. It makes the first use of a model about ten times faster (see
-docs/decisions) and the machine code is the same.
+numba spends most of its time on the inference of types; here every value is a double, so that each line
+becomes one instruction. This makes the first use of a model about ten times as fast (see docs/decisions), and
+the machine code is the same.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Any
 from rigctl.engine.source import ARGUMENTS
 
 _BINARY = {"+": "fadd", "-": "fsub", "*": "fmul"}
-#: functions of one value that LLVM knows; the others are the C library's
+#: functions of one argument that are LLVM intrinsics; the others are those of the C library
 _INTRINSIC = frozenset({"fabs", "sqrt", "exp", "log", "sin", "cos"})
 
 
 def module_of(text: str) -> str:
-    """The functions of the straight-line code `text` in LLVM's language; each takes a pointer an array."""
+    """The functions of the straight-line code `text` as LLVM IR; each takes one pointer per array."""
     from llvmlite import binding, ir
 
     module = ir.Module("straight_line")
@@ -88,16 +88,16 @@ class _Emitter:
         return self._call(operation, first)
 
     def _inverse(self, number: int) -> Any:
-        """1 / value, once for each divisor: derivatives divide by the same few over and over.
+        """1 / value, computed once for each divisor, since derivatives divide by the same few many times.
 
-        Every division is written so, or a term that is added at its null could change the last bit.
+        All divisions are written in this way; otherwise adding a term at its null could change the last bit.
         """
         if number not in self.inverses:
             self.inverses[number] = self.builder.fdiv(self._constant(1.0), self.values[number])
         return self.inverses[number]
 
     def _power(self, base: Any, exponent: str) -> Any:
-        """Products and roots where the exponent is a whole or a half number, else the library's pow."""
+        """Products and a square root for integer and half-integer exponents, else the C library's pow."""
         if "." in exponent or "e" in exponent:
             function = self.builder.module.declare_intrinsic("llvm.pow", [self.ir.DoubleType()])
             return self.builder.call(function, [base, self._constant(float(exponent))])

@@ -36,7 +36,7 @@ class Input:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A quantity that is constant over a record, with the value it has unless a record says otherwise."""
+    """A quantity that is constant over a record; `value` applies unless the record has another."""
 
     name: str
     unit: str
@@ -125,7 +125,7 @@ class System:
 
     @property
     def nominal(self) -> tuple[float, ...]:
-        """The parameters' own values, SI."""
+        """The parameters' default values, SI."""
         return tuple(parameter.value for parameter in self.parameters)
 
 

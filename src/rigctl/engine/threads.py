@@ -30,9 +30,9 @@ def in_threads(
     Parameters
     ----------
     workers: threads, by default one for each core or as many as NUMBA_NUM_THREADS allows.
-    costs: estimated cost of each item, in any unit; the dearest are begun first, so that no thread is left
-        with a long one at the end (longest processing time first: R. L. Graham, SIAM J. Appl. Math. 17 (1969)
-        416).
+    costs: estimated cost of each item, in any unit; the most expensive are started first, so that no thread
+        is left with a long one at the end (longest processing time first: R. L. Graham, SIAM J. Appl. Math.
+        17 (1969) 416).
     """
     threads = min(len(items), workers or _cores())
     if threads <= 1 or getattr(_here, "inside", False):
@@ -52,8 +52,8 @@ def in_threads(
 class _Share(Generic[T, R]):
     """Items taken by several threads, each the next in `order` that none has taken.
 
-    A thread is notified once that there is work, not for every item: items of a millisecond would wait for
-    that.
+    A thread is woken once for all the work, not for every item, because that would delay items that take a
+    millisecond.
     """
 
     def __init__(

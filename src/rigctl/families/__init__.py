@@ -1,9 +1,9 @@
-"""The families of models that come with rigctl: each is one folder, found by what stands in it.
+"""The families of models shipped with rigctl, one folder each, recognised by the modules in it.
 
-A family `X` is declared in `X/family.py` as `FAMILY`. Where they are there, `X/effects/` offers its effects
-as `EFFECTS`, and `X/record_level.py` says as `RECORD_LEVEL` what differs between its records.
-`rigctl.physics.families` and `rigctl.effects` look here; no other module names a family's folder.
+A family `X` is declared in `X/family.py` as `FAMILY`. Optionally, `X/effects/` defines its effects as
+`EFFECTS`, and `X/record_level.py` defines as `RECORD_LEVEL` the quantities that differ between records.
+`rigctl.physics.families` and `rigctl.effects` import from here; no other module names a family's folder.
 """
 
-#: in this order they are listed, and looked through where several have what is asked for; others come after
+#: the order in which they are listed and searched; other families follow
 FIRST = ("hydraulic_cylinder", "heater_board", "oil_viscosity")

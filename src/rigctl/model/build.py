@@ -36,9 +36,9 @@ def build_system(
 
     States are in the family's order, then the effects' own (``pressure_lag.deviation``). Parameters are those
     of the family that can be fitted, then the effects' (``piston_leakage.conductance``); dimensions that no
-    fit changes are numbers in the equations. Outputs are the channels of the rig that the family knows, or
-    without a rig all that it knows. An effect whose parameters are at their null changes no value in the last
-    bit, and the order of `effects` does not matter.
+    fit changes are numbers in the equations. Outputs are those of the family that are channels of the rig, or
+    all of them without a rig. An effect with its parameters at their null does not change any value, even in
+    the last bit, and the order of `effects` does not matter.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def build_system(
 def superset(
     family: str | ModelFamily, effects: Effects | None = None, own_effects: Iterable[Effect] = ()
 ) -> dict[str, dict[str, float]]:
-    """`effects`, and every other effect at its null: the system that a diagnosis differentiates.
+    """`effects`, and every other effect at its null, for the system that a diagnosis differentiates.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from rigctl.model.stated import StatedValue, stated_values
 
 @dataclass(frozen=True)
 class ValueDifference:
-    """A value that differs; None if a model does not have it. Both are in one unit."""
+    """A value that differs; None if a model does not have it. Both are in the same unit."""
 
     name: str
     before: StatedValue | None

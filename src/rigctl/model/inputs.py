@@ -112,7 +112,7 @@ def _of_role(item: InputVariable, rig: Rig) -> tuple[tuple[str, float], ...]:
 
 
 def _of_moves(rig: Rig) -> tuple[tuple[str, float], ...]:
-    """One valve with three positions, or a solenoid for each direction."""
+    """Actuators and factors: one valve with three positions, or a solenoid for each direction."""
     factors: dict[str, float] = {}
     for role, direction in ((rig.roles.extend, 1.0), (rig.roles.retract, -1.0)):
         position = 0.0 if role is None else rig.actuators[role.actuator].read(role.value)

@@ -182,11 +182,11 @@ class Model:
     def with_effect(
         self, name: str | Effect, values: Mapping[str, float], *, fit: bool = True, shapes: bool = False
     ) -> Model:
-        """The model with one more effect, by name or a user's own; parameters missing in `values` are
-        typical.
+        """The model with one more effect, given by name or as a user's own.
 
-        Base physics that was removed is restored with the family's own values. With `fit`, later fits may
-        change the effect's parameters; with `shapes`, also its shape parameters.
+        Parameters missing in `values` (SI) have their typical size. Base physics that was removed is restored
+        with the family's default values. With `fit`, later fits may change the effect's parameters; with
+        `shapes`, also its shape parameters.
 
         Raises
         ------

@@ -74,7 +74,7 @@ def plant_stepper(
         pressure.
     own_effects: a user's effects, which may then be named in `effects`.
     family: of the equations; by default the one named by the rig.
-    progress: called when something takes long.
+    progress: called before a long operation, with its description.
 
     Raises
     ------

@@ -26,7 +26,7 @@ def family_of(rig: Rig) -> ModelFamily:
     RigctlError
         it names none, or one that does not exist; a channel or an actuator has another dimension than the
         family's output or input of its name; or the rig gives a constant that a user's own family does not
-        have (`rigctl.rig.checks` knows those of the families that come with rigctl).
+        have (`rigctl.rig.checks` checks those of the shipped families).
     """
     if rig.model is None:
         raise RigctlError(

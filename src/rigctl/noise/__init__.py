@@ -1,4 +1,4 @@
-"""Noise of the measurements, learned without a model: arrays in, arrays out."""
+"""Noise of the measurements, estimated from arrays of readings without a model of the bench."""
 
 from rigctl.noise.edges import find_edges
 from rigctl.noise.estimate import estimate_noise, spikes_of, usual_spacing

@@ -1,4 +1,4 @@
-"""From the records of one channel to its noise: windows, converter steps, long windows where they hold."""
+"""Noise of one channel from its records: short windows, converter steps, then long windows if possible."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rigctl.noise.pooling import Pooled, pool
 from rigctl.noise.record import NoiseRecord
 from rigctl.noise.windows import TREND_ORDER, Cell, WindowGroup, contrasts, cut_windows
 
-#: largest number of consecutive windows that are joined: the longer, the better slow noise is seen
+#: largest number of consecutive windows that are joined: longer windows determine slow noise better
 _LONGEST_JOIN = 4
 #: noise larger than this many steps is not affected by them
 _FINE = 0.6
@@ -39,7 +39,7 @@ def learn_noise(data: ChannelData) -> Pooled | None:
     """The noise of one channel from windows of its records; None if they do not determine it.
 
     First from short windows; then, where several consecutive ones show noise alone, from long ones, which
-    show more of slow noise. If a converter's steps are coarse, the variance of each window is referred to
+    determine slow noise better. If a converter's steps are coarse, the variance of each window is referred to
     that over all levels (`window_share`), because a rod that rests in the middle of a step looks quieter than
     it is, and the sigma returned is ``√(σ₀² + Δ²/12)``.
     """

@@ -1,4 +1,4 @@
-"""Noise from differences along a record: the last resort for data, blind to correlation."""
+"""Noise from differences along a record: the last method that uses the data; it cannot show correlation."""
 
 from __future__ import annotations
 

@@ -75,7 +75,8 @@ def estimate_noise(
 def spikes_of(records: Sequence[NoiseRecord]) -> list[NDArray[np.bool_]]:
     """The spikes of every record, (n, channels), relative to the local noise if that varies.
 
-    If the noise is larger during motion, much of it would be mistaken for spikes on the scale at rest.
+    If the noise is larger during motion, much of it would be mistaken for spikes on the scale of the noise at
+    rest.
     """
     masks, nearby = find_spikes_on_scales(records, (False, True))
     if not records:

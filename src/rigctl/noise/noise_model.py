@@ -31,7 +31,7 @@ class ChannelNoise:
     source: from which sigma was learned.
     guessed: the data do not determine it; sigma is the rig file's number or an assumption.
     masked: number of samples identified as spikes and left out.
-    statement: one sentence that says all this.
+    statement: one sentence that summarises these attributes.
     white: share of the variance that is white, 0…1.
     bias: SI, the part of sigma that all samples of a quiet stretch share because the converter's steps are
         coarse compared with the noise (see `converter.stretch_bias`): it does not average out there. A moving

@@ -76,7 +76,7 @@ def pool(
         if agreed is None:
             break
         chosen = agreed
-        # estimating added white noise takes ten fits, so it waits until the cells have settled
+        # added white noise, which takes ten fits, is estimated only once the cells no longer change
         settled = chosen.state in seen
         fit = fit_noise(chosen.windows, white=None if settled else white)
         if settled:
@@ -160,7 +160,7 @@ def _quietest(
     between, between_degrees = _typical(differences, cells)
     instead = between < 0.5 * variance
     typical = np.where(instead, between, variance)
-    # a constant cell (a signal below one converter step) says nothing about the others
+    # a constant cell (a signal below one converter step) contains no information about the others
     order = [i for i in np.argsort(typical, kind="stable").tolist() if 0.0 < typical[i] < np.inf]
     order = order or [i for i in range(cells) if typical[i] < np.inf]
     used, enough = np.zeros(cells, bool), 0.0

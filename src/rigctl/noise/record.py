@@ -22,7 +22,7 @@ class NoiseRecord:
     Raises
     ------
     ValueError
-        shapes that do not belong together, or times that do not increase.
+        inconsistent shapes, or times that do not increase.
     """
 
     times: NDArray[np.float64]

@@ -105,7 +105,7 @@ class _Likelihood:
         steps = np.concatenate([np.diff(group.positions, prepend=group.positions[:1]) for group in groups])
         work = max(int(columns * (orders + 3)) for _, columns, orders, _ in sizes.tolist())
         self._at, self._found = np.empty(2), np.empty(2)
-        self._arrays = (  # held here, since a kernel knows only where they are
+        self._arrays = (  # a reference to each is held here, since a kernel has only their addresses
             sizes,
             steps.astype(np.float64),
             np.concatenate([part.ravel() for part in parts]),

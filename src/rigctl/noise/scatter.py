@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-#: the prior weighs as much as this many differences between replicates
+#: weight of the prior, in equivalent differences between replicates
 PRIOR_DEGREES = 2.0
 #: the prior is abandoned if such large differences are less probable than this under it
 _SURPRISE = 0.05
@@ -65,7 +65,7 @@ def estimate_scatter(
     Raises
     ------
     ValueError
-        shapes that do not belong together.
+        inconsistent shapes.
 
     Source: Paule & Mandel, J. Res. Natl. Bur. Stand. 87 (1982) 377.
     """

@@ -206,7 +206,7 @@ def _spikes(x: NDArray[np.float64], local: Sequence[bool], off_model: bool) -> l
 def _returning(
     x: NDArray[np.float64], height: NDArray[np.float64], scale: NDArray[np.float64], off_model: bool
 ) -> NDArray[np.bool_]:
-    """The samples of the short departures, further than the threshold on a scale, that come back."""
+    """The samples of short departures beyond the threshold, on a scale, from which the signal returns."""
     far = height > THRESHOLD * scale
     spikes = np.zeros(x.size, bool)
     for first, last in _runs(far):
@@ -239,7 +239,7 @@ def _away(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float
 
 
 def _medians(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The median of each row, of finite numbers: NumPy's own looks for others first."""
+    """The median of each row of finite numbers; unlike NumPy's, without the cost of a check for others."""
     half = rows.shape[1] // 2
     if rows.shape[1] % 2:
         return np.asarray(np.partition(rows, half, axis=1)[:, half])
@@ -252,7 +252,7 @@ def _median(values: NDArray[np.float64]) -> float:
 
 
 def _quantile(values: NDArray[np.float64], share: float) -> float:
-    """The quantile of finite numbers, interpolated between the two nearest, likewise."""
+    """The quantile of finite numbers, interpolated between the two nearest, also without that check."""
     at = share * (values.size - 1)
     below = int(at)
     above = min(below + 1, values.size - 1)
@@ -314,8 +314,8 @@ def _leaves_and_returns(
 ) -> bool:
     """Whether a departure deviates from the lines through the samples on either side, and these lines meet.
 
-    The crest of an oscillation lies where the lines before and after it lead. At an end of the record only
-    one side exists, which is not enough to decide.
+    The crest of an oscillation lies near the intersection of the lines before and after it. At an end of the
+    record only one side exists: a departure with too few samples on one side counts only at the very end.
     """
     before = np.flatnonzero(~far[max(0, first - 8) : first])[-4:] + max(0, first - 8)
     after = np.flatnonzero(~far[last : last + 8])[:4] + last

@@ -125,7 +125,7 @@ def whiten(
     Raises
     ------
     ValueError
-        shapes that do not belong together, or times that do not increase.
+        inconsistent shapes, or times that do not increase.
 
     Source: Harvey, *Forecasting, Structural Time Series Models and the Kalman Filter* (1989), §3.
     """

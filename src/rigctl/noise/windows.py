@@ -14,7 +14,7 @@ from rigctl.noise.record import NoiseRecord
 
 #: samples in a window; long enough to show a correlation of 0.95, short enough for a low-order trend
 LENGTH = 40
-#: a shorter piece says nothing about correlation
+#: a shorter piece contains no information about correlation
 SHORTEST = 12
 #: least length of a remaining piece at the front of a phase that becomes a window of its own
 _REST = 20

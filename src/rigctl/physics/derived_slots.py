@@ -1,11 +1,11 @@
 """Slots for a family that declares none: at every balance, at every reading and at every input.
 
-An effect can then act wherever physics may be missing, although the family's author thought of no effects.
-With w the sum of what effects add at a slot:
+An effect can then act wherever physics may be missing, although the family's author declared no slots.
+With w the sum of the effects at a slot:
 
-    ``ds/dt = f(...) + w``        at a state's own balance, in its unit per second
+    ``ds/dt = f(...) + w``        at the balance of a state, in its unit per second
     ``z = g(...) + w``            at a reading
-    ``u_acting = u + w``          at an input: what the equations see of it; effects themselves see u
+    ``u_acting = u + w``          at an input, for the equations of the family; effects are given u
     ``t_acting = t + w``          at an input's switches, in seconds
 """
 
@@ -44,10 +44,10 @@ def delay_slot(name: str) -> str:
 
 
 def with_derived_slots(family: ModelFamily) -> ModelFamily:
-    """`family` with slots, when it declares none; else `family` itself.
+    """`family` with derived slots if it declares none; else `family` itself.
 
-    A state that is no more than the integral of another one (a position) has no balance of its own and gets
-    no slot: what moves a position is its speed.
+    A state that is merely the integral of another one (a position) has no balance and gets no slot: a
+    position changes only through its speed.
     """
     if family.slots or not family.generic:
         return family
@@ -110,7 +110,7 @@ def _shown(item: InputVariable | OutputVariable) -> str:
 
 
 def per_second(unit: str) -> str:
-    """The SI unit of a rate of what has the SI unit `unit`."""
+    """The SI unit of the time derivative of a quantity with the SI unit `unit`."""
     if unit == "1":
         return "1/s"
     if unit.endswith("/s"):
@@ -119,7 +119,7 @@ def per_second(unit: str) -> str:
 
 
 def rates_in_symbols(family: ModelFamily) -> Mapping[str, Expr]:
-    """The rate of every state, and what every output reads (``reading of NAME``), without effects."""
+    """The rate of every state and the reading of every output (``reading of NAME``), without effects."""
     graph = Graph()
     units = {state.name: state.unit for state in family.states}
     units |= {item.name: item.unit for item in family.inputs}
@@ -135,7 +135,7 @@ def rates_in_symbols(family: ModelFamily) -> Mapping[str, Expr]:
 
 
 def kinematics(family: ModelFamily) -> dict[str, str]:
-    """For each state that is the integral of another one, that other state: the speed of a position."""
+    """For each state that is the integral of another one, that other state: of a position, its speed."""
     try:
         written = rates_in_symbols(family)
     except RigctlError:  # an equation of another variant of the family
@@ -152,7 +152,7 @@ def kinematics(family: ModelFamily) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class _Plus:
-    """A formula of the family that sees the inputs as they act, and what effects add to it at `slot`."""
+    """A formula of the family, evaluated with the acting inputs, plus the effects at `slot`."""
 
     formula: Formula
     slot: str | None
@@ -164,7 +164,7 @@ class _Plus:
 
 
 class _Acting:
-    """A scope in which inputs have the value that acts."""
+    """A scope in which inputs have their acting values, effects included."""
 
     def __init__(self, scope: Scope, acting: frozenset[str]) -> None:
         self._scope = scope

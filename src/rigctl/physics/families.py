@@ -1,9 +1,9 @@
 """Model families by name, or by the file that describes one.
 
-A name is looked for among the families that come with rigctl (the folders of `rigctl.families`), among those
-given to the command on purpose (`using_families`), and among those that installed packages register under
-the entry point group ``rigctl.families``. Naming a YAML file reads it; nothing in it runs. Naming a Python
-file does not run it.
+A name is looked up among the families shipped with rigctl (the folders of `rigctl.families`), those given
+explicitly to the command (`using_families`), and those that installed packages register under the entry point
+group ``rigctl.families``. A YAML file named here is read, and nothing in it is executed; a Python file named
+here is not executed.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 
 ENTRY_POINTS = "rigctl.families"
 
-#: the package whose folders are the families that come with rigctl
+#: the package whose folders are the shipped families
 SHIPPED = "rigctl.families"
 
 
 def of_shipped(module: str, name: str) -> Mapping[str, Any]:
     """The object `name` in the `module` of each shipped family that has this module, by its folder.
 
-    They are looked up like plug-ins: nothing below the families imports one of them.
+    They are looked up like plug-ins, so that no package below the families imports one of them.
     """
     shipped = import_module(SHIPPED)
     found = {}
@@ -58,7 +58,7 @@ _PROGRAMS = (".py",)
 
 @dataclass(frozen=True)
 class _Given:
-    """A family that was handed over on purpose, and the file it came from."""
+    """A family that was given explicitly, and the file from which it was loaded."""
 
     family: ModelFamily
     path: Path | None
@@ -69,14 +69,14 @@ _given: ContextVar[tuple[_Given, ...]] = ContextVar("given families", default=()
 
 @contextmanager
 def using_families(*families: ModelFamily, path: Path | None = None) -> Iterator[None]:
-    """Let `find_family` know `families` by their names, and by `path` if they come from a file.
+    """Let `find_family` find `families` by their names, and by `path` if they come from a file.
 
-    One that it knows already, the very same, stays as it is.
+    A family object that it knows already is not added again.
 
     Raises
     ------
     RigctlError
-        a family is not sound, or its name is taken.
+        a family is invalid, or its name is taken.
     """
     known = _given.get()
     for family in families:
@@ -93,15 +93,16 @@ def using_families(*families: ModelFamily, path: Path | None = None) -> Iterator
 
 
 def find_family(written: str, beside: Path | None = None) -> ModelFamily:
-    """The family that a name or a path means.
+    """The family with the given name, or the one described by the file at the given path.
 
-    A path is tried relative to the folder of the file `beside` that names it (without one, to the current
-    folder), to the project's root, and among the files that come with rigctl.
+    A path is resolved relative to the folder of the file `beside` that names it (without one, to the current
+    folder), to the project's root, or among the shipped files.
 
     Raises
     ------
     RigctlError
-        there is no such family (it says the nearest) or no such file, the file is wrong, or it is a program.
+        there is no such family (the message gives the nearest name) or file, the file is invalid, or it is a
+        Python file that was not given explicitly.
     """
     if is_family_file(written):
         return _of_file(written, beside)
@@ -110,7 +111,7 @@ def find_family(written: str, beside: Path | None = None) -> ModelFamily:
 
 
 def is_family_file(written: str) -> bool:
-    """Whether what a user wrote names a file, rather than a family by its name."""
+    """Whether a user's text names a file, rather than a family by its name."""
     return written.casefold().endswith((*_DESCRIPTIONS, *_PROGRAMS))
 
 
@@ -163,19 +164,19 @@ def _installed_family(name: str) -> ModelFamily:
 
 
 def as_family(made: object, what: str) -> ModelFamily:
-    """The family that `made` is, or that it returns when it is called.
+    """`made` if it is a family, or the family that it returns if it is callable.
 
     Raises
     ------
     RigctlError
-        it is none, or the call fails; `what` is what messages call it.
+        it is not a family, or the call fails; `what` is its name in messages.
     """
     if callable(made):
         try:
             made = made()
         except RigctlError:
             raise
-        except Exception as problem:  # it is a user's own function
+        except Exception as problem:  # a user's function may fail in any way
             raise RigctlError(f"{what} fails: {type(problem).__name__}: {problem}") from problem
     if not isinstance(made, ModelFamily):
         raise RigctlError(f"{what} is no model family", value=repr(made), expected="a ModelFamily")

@@ -1,7 +1,7 @@
-"""How a family of models is declared: variables, parameters, equations, and the slots that effects use.
+"""The declaration of a family of models: variables, parameters, equations, and slots for effects.
 
-A family is data. Its equations are small functions of a `Scope`, which hands out variables by name; an
-effect adds a term to one of the family's slots and touches nothing else.
+A family is data. Its equations are small functions of a `Scope`, which provides the variables by name; an
+effect adds terms at the family's slots and changes nothing else.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rigctl.physics.interpolation import Curve
     from rigctl.physics.scope import Scope
 
-#: an equation: variables of a scope in, a value out
+#: an equation: a function of the variables of a scope
 Formula: TypeAlias = "Callable[[Scope], Scalar]"
 
 
@@ -30,11 +30,11 @@ class StateVariable:
     Attributes
     ----------
     unit: in SI.
-    scale: a change of it that matters, for the solver's absolute tolerance.
-    rate: its derivative.
-    start: its value at the start of a record when nothing else is known.
-    difference: a temperature that is an interval.
-    start_std: how far records begin from `start`, one standard deviation; 0 where they all begin there.
+    scale: a relevant change of it, SI, for the solver's absolute tolerance.
+    rate: its time derivative.
+    start: its value, SI, at the start of a record if nothing else is known.
+    difference: it is a temperature difference.
+    start_std: standard deviation of the records' initial values about `start`, SI; 0 if all start there.
     """
 
     name: str
@@ -51,11 +51,18 @@ class StateVariable:
 class InputVariable:
     """A quantity that is commanded or given from outside.
 
-    `hold` says what it does between two of its values: ``previous`` keeps the last one, ``linear`` is a
-    straight line; None leaves it to where the values come from: commands hold, measured channels are lines.
-    `value` is what it has when nobody says (SI); with `implied` it goes without saying, as that a pump runs.
-    With `delay`, its switches act later: a formula of the scope and of the commanded values before and after,
-    in s. `role` is the rig's role whose actuator commands it. `shown` is the unit that its author writes.
+    Attributes
+    ----------
+    unit: in SI.
+    value: its default, SI.
+    delay: time in s from a switch until it acts: a formula of the scope and of the commanded values before
+        and after.
+    role: the rig's role whose actuator commands it.
+    difference: it is a temperature difference.
+    hold: its behaviour between two of its values: ``previous`` keeps the last one, ``linear`` interpolates;
+        None depends on their origin: commands are held, measured channels are interpolated.
+    implied: the default counts as given, for example that a pump is running.
+    shown: the unit used by the author of the family.
     """
 
     name: str
@@ -76,8 +83,8 @@ class ParameterDeclaration:
 
     Attributes
     ----------
-    unit: what it is shown in, e.g. mm^2; `value`, `low` and `high` are SI.
-    fixed: never fitted, a number of the compiled equations (a bore, say).
+    unit: in which it is shown, e.g. mm^2; `value`, `low` and `high` are SI.
+    fixed: never fitted, but a number in the compiled equations (a bore, for example).
     """
 
     name: str
@@ -93,7 +100,7 @@ class ParameterDeclaration:
 class Definition:
     """An algebraic variable: a formula with a name and a unit (SI).
 
-    `difference`: a temperature that is an interval.
+    `difference`: it is a temperature difference.
     """
 
     name: str
@@ -105,15 +112,15 @@ class Definition:
 
 @dataclass(frozen=True)
 class Slot:
-    """A named place of the equations where effects add terms, or factors.
+    """A named location in the equations where effects add terms or multiply by factors.
 
     Attributes
     ----------
-    unit: of a term, in SI; a factor has "1".
-    combine: "sum" adds the terms to the base, "product" multiplies it.
-    kind: of the process, of a sensor, or of the time at which a command acts.
-    local: names that a term at this slot may use besides the family's variables.
-    shown: the unit that the author of the family writes; that of an interval, so never degC.
+    unit: of a term, in SI; "1" for a factor.
+    combine: "sum" adds the terms to the equation of the family, "product" multiplies it by them.
+    kind: effects there change the process, a sensor, or the time at which a command acts.
+    local: (name, unit) of the variables that a term at this slot may use besides the family's.
+    shown: the unit used by the author of the family; that of a difference, so never degC.
     """
 
     name: str
@@ -132,7 +139,7 @@ class Slot:
 
 @dataclass(frozen=True)
 class OutputVariable:
-    """An output: `formula` of a sensor's reading with its unit (SI); `shown` as of an input."""
+    """A sensor's reading: its `formula` and its unit (SI); `shown` as for an input."""
 
     name: str
     unit: str
@@ -143,16 +150,20 @@ class OutputVariable:
 
 @dataclass(frozen=True)
 class ModelFamily:
-    """States, inputs, parameters, equations and slots of one kind of bench.
+    """The equations of one kind of bench, ``dy/dt = f(y, u, q)``, ``z = g(y, u, q)``, with slots for effects.
 
     Attributes
     ----------
+    source: reference of the equations.
+    states, inputs, parameters: y, u and q.
+    definitions: algebraic variables, for use in several equations.
+    slots: at which effects act.
+    outputs: z, the readings of the sensors.
     options: the variants of the equations, each with its choices; the first is the default.
-    rig_names: the parameters that a name of a rig file stands for, where it is not their own.
-    standard_record: what effects are tried and drawn on.
+    rig_names: parameters by their names in a rig file, where these differ.
+    standard_record: on which effects are tried and plotted.
     tables: look-up tables, for `Scope.table`.
-    generic: effects that may be missing in any bench are offered at its slots; the shipped families have
-        effects of their own instead.
+    generic: whether generic effects are offered at its slots; the shipped families have a library instead.
     """
 
     name: str
@@ -180,7 +191,7 @@ class ModelFamily:
         Raises
         ------
         RigctlError
-            there is none; it says the nearest.
+            there is none; the message gives the nearest name.
         """
         for slot in self.slots:
             if slot.name == name:
@@ -193,7 +204,7 @@ class ModelFamily:
         Raises
         ------
         RigctlError
-            there is none; it says the nearest.
+            there is none; the message gives the nearest name.
         """
         for parameter in self.parameters:
             if parameter.name == name:

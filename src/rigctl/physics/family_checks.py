@@ -1,7 +1,7 @@
-"""Whether a family of models can be what it says: written out in symbols, and tried where it starts.
+"""Validation of a family of models: its equations are written in symbols and evaluated near its start.
 
-Every equation must have the dimension of what it gives, a value and a slope wherever the bench may be; and
-what is declared must be used, because what is not is most likely misspelt.
+Every equation must have the dimension of its result, and a finite value and slope throughout the bench's
+range; and every declared name must be used, since an unused one is probably misspelt.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ _SWITCHES = ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0))
 
 @dataclass(frozen=True)
 class Flaw:
-    """Something wrong with a family: `part` is the kind of the piece ("states", "slots" ...), `name` its own.
+    """A fault of a family, in its `part` ("states", "slots", …) with this `name`.
 
-    `unused` when nothing is wrong but that no equation has it.
+    `unused`: the only fault is that no equation uses it.
     """
 
     part: str
@@ -66,12 +66,12 @@ class Flaw:
 
 
 def check_family(family: ModelFamily) -> ModelFamily:
-    """The family itself when it is sound.
+    """The family itself, if it is valid.
 
     Raises
     ------
     RigctlError
-        it is not; it says everything that is wrong.
+        it is not; the message lists everything that is wrong.
     """
     found = [f"{flaw.name}: {flaw.error}" for flaw in examine_family(family)]
     if found:
@@ -89,7 +89,7 @@ def examine_family(family: ModelFamily) -> tuple[Flaw, ...]:
 
 
 def resting_points(family: ModelFamily) -> Iterator[Point]:
-    """States at rest and a little beside, with every switch of the inputs once."""
+    """Points at the start of the states and slightly beside it, with every kind of switch of the inputs."""
     for excursion in _EXCURSIONS:
         states = {state.name: state.start + excursion * state.scale for state in family.states}
         for old, new in _SWITCHES:
@@ -193,7 +193,7 @@ class _Written:
         return {name: self.graph.variable(name, _dimension(unit)) for name, unit in units.items()}
 
     def _probe(self, slot: Slot) -> Addition:
-        """Nothing at all; it only notes that some equation asks for what effects do at `slot`."""
+        """An addition without any effect, which records that some equation uses `slot`."""
 
         def nothing(m: Scope) -> Scalar:
             self.used_slots.add(slot.name)
@@ -252,7 +252,7 @@ def _unused(written: _Written) -> Iterator[Flaw]:
         return
     used = {variable.name for _, _, expr in written.equations for variable in variables_of(expr)}
     used |= written.used_slots
-    # inputs and fixed numbers may be there for effects alone
+    # inputs and fixed numbers may be used by effects alone
     declared: list[_Piece] = [p for p in family.parameters if not p.fixed]
     for item in [*declared, *family.slots]:
         if item.name not in used:
@@ -261,7 +261,7 @@ def _unused(written: _Written) -> Iterator[Flaw]:
 
 
 def _gaps(written: _Written) -> Iterator[Flaw]:
-    """The first equation without a value or a slope; others that use it lack them too."""
+    """The first equation without a finite value or slope; others that use it lack them too."""
     family = written.family
     values = {parameter.name: parameter.value for parameter in family.parameters}
     points: Sequence[Point] = [{**values, **point} for point in resting_points(family)]

@@ -7,9 +7,9 @@ which goes from 0 to 1 over it and stays there; (·)₊ is `positive_part`, so t
 
 p_i is the monotone cubic with the slopes m_i at the points (F. N. Fritsch, R. E. Carlson, SIAM J. Numer.
 Anal. 17 (1980)), or straight, with corners rounded within a fiftieth of the shorter interval beside them.
-Outside, the curve goes on as a straight line with the slope at its end, or, `beyond` being ``level``, levels
-off from there: ``m_n·w·tanh((x − x_n)₊/w)`` with w half the interval beside that end. Every s_i is of order
-1, so that points at very uneven distances lose no figures, as sums of powers of x would.
+Outside, the curve is continued as a straight line with the slope at its end or, if `beyond` is ``level``,
+levels off: ``m_n·w·tanh((x − x_n)₊/w)`` with w half the interval beside that end. Every s_i is of order 1, so
+that no digits are lost if the points are unevenly spaced, as they would be with sums of powers of x.
 """
 
 from __future__ import annotations
@@ -41,10 +41,10 @@ class Curve:
 
     Attributes
     ----------
-    over, unit: of x and of y, as they are written.
-    x, y: (points) SI; x rises.
-    kind: how it goes between the points.
-    beyond: how it goes on beyond them.
+    over, unit: the units of x and of y, as written.
+    x, y: (points) SI; x increasing.
+    kind: interpolation between the points.
+    beyond: extrapolation beyond them.
     """
 
     name: str
@@ -63,7 +63,7 @@ class Curve:
         return TableType(value.dimension, value.temperature, over=over)
 
     def __call__(self, m: Scope, x: Scalar) -> Scalar:
-        """Its value at x, in the quantities of `m`."""
+        """Its value at x: an expression, or a number if `m` holds numbers."""
         length = self.x[-1] - self.x[0]
         t = (x - m.constant(self.x[0], si_unit(self.over))) / m.constant(length, si_unit(self.over))
         knots, widths, polynomials, (first, last) = self._shape

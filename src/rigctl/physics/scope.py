@@ -1,7 +1,7 @@
-"""The variables of a model by name, each worked out when it is first asked for.
+"""The variables of a model by name, each evaluated at its first use.
 
-The same equations run on expressions (to be compiled) and on plain numbers (to be tested): a scope is
-filled with either.
+The same equations work with expressions (to be compiled) and with plain numbers (to be tested): a scope holds
+either.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rigctl.units import parse_unit
 
 @dataclass(frozen=True)
 class Addition:
-    """A term, or a factor, that something named `label` adds at `slot`."""
+    """A term or a factor at `slot`; `label` is its origin in messages."""
 
     slot: str
     label: str
@@ -30,10 +30,10 @@ class Scope:
 
     Parameters
     ----------
-    family: whose equations these are.
-    known: values of its states, inputs and parameters, and of whatever else the additions use.
-    additions: what effects add at the family's slots.
-    options: the chosen variants of the equations.
+    family: of the equations.
+    known: values of its states, inputs and parameters, and of the other variables that the additions use.
+    additions: the terms and factors of effects at the family's slots.
+    options: the chosen variants of the equations; by default the first of each.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Scope:
         return self._known[name]
 
     def constant(self, value: float, unit: str) -> Scalar:
-        """A number of the equations with its dimension; `unit` is an SI unit."""
+        """A number with its dimension, for use in an equation; `unit` is an SI unit."""
         for known in self._known.values():
             if isinstance(known, Expr):
                 return known.graph.constant(value, parse_unit(unit).dimension)
@@ -98,7 +98,7 @@ class Scope:
         Raises
         ------
         RigctlError
-            the choice is none of the family's.
+            the option does not have this choice.
         """
         chosen, choices = self._options[name], self._family.options[name]
         if chosen not in choices:
@@ -106,9 +106,9 @@ class Scope:
         return chosen
 
     def total(self, slot: str, **local: Scalar) -> Scalar:
-        """The sum of what effects add at `slot`; exactly 0 when there is nothing.
+        """The sum of the effects' terms at `slot`; exactly 0 if there are none.
 
-        `local` are the values of the slot's own variables.
+        `local` are the values of the slot's local variables.
         """
         declared = self._declared(slot, "sum")
         result: Scalar = 0.0
@@ -117,7 +117,7 @@ class Scope:
         return result
 
     def factor(self, slot: str, **local: Scalar) -> Scalar:
-        """The product of the factors of effects at `slot`; exactly 1 when there is none."""
+        """The product of the effects' factors at `slot`; exactly 1 if there are none."""
         declared = self._declared(slot, "product")
         result: Scalar = 1.0
         for term in self._terms(declared, local):
@@ -140,7 +140,7 @@ class Scope:
 
     @contextmanager
     def _locally(self, local: Mapping[str, Scalar]) -> Iterator[None]:
-        """The slot's own variables, for the time of one term."""
+        """Make the slot's local variables available while one term is evaluated."""
         hidden = {name: self._known[name] for name in local if name in self._known}
         self._known |= local
         try:

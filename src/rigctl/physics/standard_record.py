@@ -1,4 +1,4 @@
-"""One record of a family in which every effect of its library shows: what an effect is drawn on."""
+"""A record of a family in which every effect of its library is visible; effects are plotted on it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ class StandardRecord:
 
     Attributes
     ----------
-    description: for people.
+    description: for a reader.
     times: of the samples, in s.
-    switches: times and the inputs that change at each, SI; what is not named keeps its value, at first the
-        family's usual one. The first is at the start.
-    initial: of the states that do not start as the family's usually do, SI.
+    switches: times, the first of which is the start, and the inputs set at each, SI. Other inputs keep
+        their values, initially the family's defaults.
+    initial: of the states that do not start at the family's default, SI.
     """
 
     description: str

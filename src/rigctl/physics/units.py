@@ -1,4 +1,4 @@
-"""The SI unit that a display unit stands for."""
+"""The SI unit with the dimension of a display unit."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from functools import lru_cache
 
 from rigctl.units import Dimension, is_speed_of_rotation, parse_unit
 
-#: customary names instead of products of base units
+#: derived units preferred to products of base units
 _NAMED = ("Pa", "N", "W", "J", "V")
-#: further names, for units that are made up of others
+#: further derived units, used if they make the unit shorter
 _ELECTRICAL = ("ohm", "H", "F", "C")
-#: by what share a factor below the line reads worse than one above it
+#: additional cost of a factor in the denominator when forms of a unit are compared
 _BELOW = 0.1
 
 
@@ -32,8 +32,8 @@ def si_unit(unit: str) -> str:
 def si_unit_of(dimension: Dimension) -> str:
     """The SI unit of a dimension in the fewest factors: ``ohm``, ``N*s/m``, ``W/K`` rather than base units.
 
-    At most one unit with a name of its own, above or below the line, beside powers of the base units, and
-    only where that leaves no more different units to read: m^4/s^2 is not J*m^2/kg.
+    It contains at most one named derived unit, in the numerator or the denominator, beside powers of the base
+    units, and only if the number of different units does not increase: m^4/s^2 is not J*m^2/kg.
     """
     for name in _NAMED:
         if parse_unit(name).dimension == dimension:
@@ -50,7 +50,7 @@ def si_unit_of(dimension: Dimension) -> str:
 
 
 def _quotient(dimension: Dimension) -> str:
-    """Base units over base units: ``kg/(m*s)``."""
+    """A quotient of products of base units: ``kg/(m*s)``."""
     factors = [] if dimension.dimensionless else str(dimension).split(" ")
     above = [factor for factor in factors if "^-" not in factor]
     below = [factor.replace("^-", "^").removesuffix("^1") for factor in factors if "^-" in factor]
@@ -61,7 +61,7 @@ def _quotient(dimension: Dimension) -> str:
 
 
 def _reading(dimension: Dimension) -> float:
-    """Length of a unit's text: the sum of the exponents' magnitudes, slightly more in the denominator."""
+    """Cost of a unit's form: the sum of the exponents' magnitudes, slightly more in the denominator."""
     return float(sum(abs(one) * (1.0 if one > 0 else 1.0 + _BELOW) for one in dimension.exponents))
 
 
@@ -70,7 +70,7 @@ def _different(dimension: Dimension) -> int:
 
 
 def _with_named(rest: Dimension, name: str, *, above: bool) -> str:
-    """A unit with a name of its own times, or under, a product of base units."""
+    """A product of base units multiplied or divided by a named unit."""
     if rest.dimensionless:
         return name if above else f"1/{name}"
     top, _, bottom = _quotient(rest).partition("/")

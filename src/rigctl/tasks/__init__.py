@@ -1,7 +1,7 @@
-"""Many independent pieces of work: here, in processes of this computer, or on a cluster.
+"""Many independent tasks, carried out in this process, in several processes, or on a cluster.
 
-`map_tasks` is all there is. What comes of a piece depends on the piece alone: not on where it was worked on,
-in which order, or how many others there are. Whatever is random in it begins at `seed_of` its name.
+The interface is `map_tasks`. The result of a task depends only on the task, not on the worker, the order or
+the number of tasks. Its random numbers have a seed that is derived from its name (`seed_of`).
 """
 
 from rigctl.tasks.mapping import map_tasks

@@ -73,7 +73,7 @@ class _Submission:
         assign short tasks to the workers that already hold the data, and rebalance little. If a worker dies,
         any other takes its pieces.
         """
-        threads = self._client.nthreads() or {"": 1}  # without workers the scheduler queues it
+        threads = self._client.nthreads() or {"": 1}  # without workers, the scheduler queues the pieces
         while self._waiting:
             held = Counter(self._places[future] for future in self._running)
             place = min(threads, key=lambda address: (held[address] / threads[address], address))

@@ -166,7 +166,7 @@ def begin_worker(work: bytes = b"") -> None:
 
 
 def _end_with_parent() -> None:
-    """End this process as soon as its parent has ended, which cannot stop its workers if it is killed."""
+    """End this process as soon as its parent has ended, since a killed parent cannot stop its workers."""
     parent = parent_process()
 
     def watch() -> None:

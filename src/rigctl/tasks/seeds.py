@@ -1,4 +1,4 @@
-"""Seeds that belong to a piece of work."""
+"""Seeds derived from the name of a task."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import hashlib
 
 
 def seed_of(seed: int, *name: str | int) -> int:
-    """A seed of 63 bits for the piece of this name: the same wherever and whenever it is asked for.
+    """A seed of 63 bits for the task with this name: a hash, and so reproducible on any computer.
 
-    Neighbouring names, and neighbouring `seed`, have nothing in common.
+    Seeds for similar names, or from neighbouring values of `seed`, are unrelated.
     """
     text = "\x1f".join(map(str, (seed, *name)))
     return int.from_bytes(hashlib.sha256(text.encode("utf-8")).digest()[:8], "little") >> 1

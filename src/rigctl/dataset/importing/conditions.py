@@ -39,7 +39,7 @@ def conditions_of(layout: Layout, rig: Rig) -> Conditions:
     """Return the controlled temperature and pressure of the rig, if the file has them.
 
     For a rig that controls neither, the conditions are its commands and the temperatures at the start of a
-    record: two records that cool down from different temperatures are not repetitions.
+    record: two records that cool down from different temperatures are not replicates.
     """
     heat, pressure = rig.roles.heat, rig.roles.set_pressure
     temperature = heat.channel if heat is not None else "oil_temperature"

@@ -2,8 +2,8 @@
 
 Cells are separated by comma, semicolon, tab, bar or spaces; the decimal sign is a point or a comma; the
 encoding is UTF-8, UTF-16 or one of Windows; files named ``.gz`` are compressed with gzip. Lines before the
-heading that begin with
-``#`` are comments. An empty cell, ``nan``, ``---`` and the marks of instruments are missing values.
+heading that begin with ``#`` are comments. An empty cell, ``nan``, ``---`` and the marks of instruments are
+missing values.
 """
 
 from __future__ import annotations

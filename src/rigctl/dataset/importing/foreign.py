@@ -224,7 +224,7 @@ def _as_arrow(values: NDArray[Any], rows: int) -> pa.Array:
     return pa.array(values.astype(values.dtype.newbyteorder("=")))
 
 
-# --- back in the process that asked
+# --- in the calling process again
 
 
 def _opened(path: Path, folder: Path) -> GroupedFile:

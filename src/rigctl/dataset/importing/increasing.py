@@ -67,7 +67,7 @@ def spread(times: NDArray[np.float64]) -> NDArray[np.float64]:
     for (start, stop), following in zip(pairwise(edges), [*edges[2:], None], strict=True):
         count = stop - start
         ahead = times[stop] - times[start] if following is not None else step * count
-        if ahead > GAP * usual > 0.0:  # the logger paused: its last samples do not last until it went on
+        if ahead > GAP * usual > 0.0:  # a pause of the logger, over which its last samples do not extend
             ahead = step * count or usual
         if count > 1 and ahead > 0.0:
             found[start:stop] = times[start] + ahead * np.arange(count) / count

@@ -89,7 +89,7 @@ def _is_text(cell: Any, marks: set[str]) -> bool:
 
 
 def _text(cell: Any, marks: set[str]) -> str:
-    """Return the content of a cell as a text file has it; empty for a missing one."""
+    """Return the content of a cell as it would be in a text file; empty for a missing one."""
     if isinstance(cell, datetime) and cell < _DATED:
         cell = cell - _ZERO
     if isinstance(cell, timedelta):

@@ -46,7 +46,7 @@ def stored_index_path(address: str) -> Path:
 
 
 def _path_of(place: bytes) -> Path:
-    """The file of the index of the runs in one place."""
+    """The index file of the runs in one folder or storage."""
     return cache_folder() / "catalogue" / f"{hashlib.sha256(place).hexdigest()[:24]}.sqlite"
 
 
@@ -67,7 +67,7 @@ def is_indexed(runs: Path) -> bool:
 
 
 def ask(runs: Path, question: Callable[[sqlite3.Connection], T], *, channels: bool = True) -> T:
-    """Return the answer of `question` to an up-to-date index.
+    """Return the result of `question` for an up-to-date index.
 
     For few runs, or if the file cannot be written, the index is made in memory and discarded. A damaged one,
     or one of another version, is rebuilt, with a warning of this module's logger.
@@ -89,7 +89,7 @@ def ask_stored(store: Store, question: Callable[[sqlite3.Connection], T], *, cha
     Raises
     ------
     RigctlError
-        the storage does not respond, or refuses: earlier contents of the index are not an answer.
+        the storage does not respond, or refuses: the earlier content of the index is not returned.
     """
 
     def up_to_date(index: sqlite3.Connection) -> None:

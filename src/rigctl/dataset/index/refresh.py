@@ -127,7 +127,7 @@ def _compare(index: sqlite3.Connection, runs: Path, name: str, known: int | None
 def _changed_unseen(index: sqlite3.Connection, runs: Path, settled: set[str]) -> bool:
     """Return whether one of some runs in unchanged folders has been changed by another program."""
     (last,) = index.execute("SELECT max(key) FROM run").fetchone()
-    start = random.randrange((last or 0) + 1)  # noqa: S311 - no secret
+    start = random.randrange((last or 0) + 1)  # noqa: S311 - not for cryptography
     columns = "SELECT shard, id, size, mtime FROM run WHERE key"
     rows = index.execute(f"{columns} >= ? ORDER BY key LIMIT ?", [start, _SAMPLE]).fetchall()
     if len(rows) < _SAMPLE:

@@ -38,7 +38,7 @@ def refresh_stored(index: sqlite3.Connection, store: Store, *, channels: bool) -
     Raises
     ------
     RigctlError
-        the storage does not answer, or refuses.
+        the storage does not respond, or refuses.
     """
     listed = store.states()
     known = {run_id: (size, tag) for run_id, size, tag in index.execute("SELECT id, size, mtime FROM run")}

@@ -1,4 +1,4 @@
-"""What an error of a storage library says to a user, in one sentence."""
+"""The message to a user about an error of a storage library, in one sentence."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from email.utils import parsedate_to_datetime
 from typing import Any, Final
 
-#: S3's answer to a request that was signed too far from the server's time
+#: S3's error code for a request that was signed too far from the server's time
 _SKEWED: Final = "RequestTimeTooSkewed"
 #: S3 accepts 15 min; where the answer has no text (HEAD), a refusal beyond this is ascribed to the clock, s
 _SKEW: Final = 14 * 60.0
@@ -15,7 +15,7 @@ _HINT: Final = "Is it there, and may you read and write in it? Nothing that was 
 
 
 def describe(problem: BaseException) -> tuple[str, str]:
-    """Return what went wrong, and a hint what to do."""
+    """Return a description of the error, and a hint."""
     skew = _clock_skew(problem)
     if skew is not None:
         ahead = "ahead of" if skew > 0.0 else "behind"
@@ -26,7 +26,7 @@ def describe(problem: BaseException) -> tuple[str, str]:
     said = problem.strerror if isinstance(problem, OSError) and problem.strerror else str(problem)
     text = next(iter(said.strip().splitlines()), "").rstrip(".")
     if isinstance(problem, (LookupError, TypeError)):
-        # the library's, of an answer that it cannot take apart
+        # raised by the library for an answer that it cannot parse
         return f"its answer is incomplete, or not a storage's ({type(problem).__name__}: {text})", _HINT
     return text or type(problem).__name__, _HINT
 
@@ -40,7 +40,7 @@ def _clock_skew(problem: BaseException) -> float | None:
         try:
             server = parsedate_to_datetime(headers["date"])
             skew = (datetime.now(UTC) - server).total_seconds()
-        except (KeyError, ValueError, TypeError):  # no date, or none with a time zone
+        except (KeyError, ValueError, TypeError):  # no date, or one without a time zone
             continue
         if code == _SKEWED or (facts.get("HTTPStatusCode") == 403 and abs(skew) > _SKEW):
             return skew

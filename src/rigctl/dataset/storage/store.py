@@ -147,7 +147,7 @@ class Store:
             return {}
         paths = [self.path(run_id, run_json.NAME) for run_id in names]
         with self.answering("read the runs"):
-            # 'cat' of several paths would take '[' and '*' in them for patterns
+            # 'cat' of several paths would interpret '[' and '*' in them as patterns
             answers = self.files.cat_ranges(paths, None, None, on_error="return")
         found: dict[str, tuple[int, dict[str, Any] | None]] = {}
         for run_id, content in zip(names, answers, strict=True):
@@ -268,7 +268,7 @@ class StoredFile:
         Raises
         ------
         RigctlError
-            there is none, or the storage does not answer.
+            there is none, or the storage does not respond.
         """
         store = self.folder.store
         with store.answering(f"read {self.name} of {self.folder.name}"):
@@ -320,7 +320,7 @@ class StoredFile:
         return {"sha256": digest.hexdigest(), "bytes": size}
 
     def create(self, content: bytes) -> bytes:
-        """Write the file unless it exists, and return what it holds then."""
+        """Write the file unless it exists, and return its content afterwards."""
         store = self.folder.store
         with store.answering(f"reserve the name {self.folder.name}"):
             store.files.makedirs(self._path.rpartition("/")[0], exist_ok=True)
@@ -341,7 +341,7 @@ class StoredFile:
 
 
 class _OpenFile:
-    """An open file whose reads, too, fail with one sentence: each of them is a request."""
+    """An open file whose reads, each of which is a request, also fail with a one-sentence message."""
 
     def __init__(self, opened: Any, store: Store, doing: str) -> None:
         self._opened, self._store, self._doing = opened, store, doing

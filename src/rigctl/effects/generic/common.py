@@ -11,7 +11,7 @@ from rigctl.physics.family import ModelFamily
 from rigctl.physics.units import si_unit_of
 from rigctl.units import parse_unit
 
-#: bounds as a multiple of the typical size: wide, as that is a guess
+#: bounds as a multiple of the typical size: wide, because that is a guess
 WIDE = 1e4
 #: width of the rounded corner of a threshold, as a share of a range
 CORNER = 0.003
@@ -28,7 +28,7 @@ def quotient(above: str, *below: str) -> str:
 
 
 def shown_quotient(above: str, *below: str) -> str:
-    """``above/(below*...)`` in the units that are given: ``l/min/bar^2`` for 'l/min', 'bar' and 'bar'."""
+    """``above/(below*...)`` in the given units: ``l/min/bar^2`` for 'l/min', 'bar' and 'bar'."""
     written = above
     for unit, count in Counter(below).items():
         if unit != "1":
@@ -68,7 +68,7 @@ def placed(
 
 
 def one_sign(name: str, unit: str, typical: float, meaning: str, difference: bool = True) -> EffectParameter:
-    """A size that physics allows in one direction."""
+    """A size that can physically have only one sign."""
     return EffectParameter(name, unit, 0.0, typical, 0.0, WIDE * typical, meaning, difference, physical="low")
 
 
@@ -97,7 +97,7 @@ def shape(
     high: float | None = None,
     difference: bool = True,
 ) -> EffectParameter:
-    """A value that only shapes what a size switches on; a fit refines it once the effect is in the model."""
+    """A shape parameter of a term that a size switches on; it is fitted once the effect is in the model."""
     return EffectParameter(
         name,
         unit,
@@ -116,10 +116,10 @@ def shape(
 
 
 def sign(x: Scalar, width: Scalar) -> Scalar:
-    """The direction of x."""
+    """The smooth sign of x."""
     return smooth_sign(x, width)
 
 
 def beyond(x: Scalar, limit: Scalar, width: Scalar) -> Scalar:
-    """By how much x is above `limit`; 0 below it."""
+    """The excess of x over `limit`, with a smooth corner; 0 below it."""
     return positive_part(x - limit, width)

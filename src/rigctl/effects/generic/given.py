@@ -1,4 +1,4 @@
-"""Effects of an actuator: deviations of what acts from what is commanded."""
+"""Effects of an actuator: deviations of the acting value from the commanded one."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def at_input(family: ModelFamily, role: Given, sizes: Magnitudes) -> Iterator[Ef
         return
     yield made.gain()
     yield made.quadratic()
-    if not is_point_on_scale(role.input):  # 0 K is no neutral value from which it could be limited
+    if not is_point_on_scale(role.input):  # 0 K is not a neutral value from which it could be limited
         yield made.saturation()
         yield made.dead_band()
     if family.states:  # without time there is no delay

@@ -1,4 +1,4 @@
-"""Typical magnitudes of a family's quantities, from its own numbers, as starting values of fits.
+"""Typical magnitudes of a family's quantities, from its declared values, as starting values of fits.
 
 No data are used, so that an effect has the same bounds wherever it is read. Bounds are therefore wide, and a
 typical size is right to a factor of about ten: a fit determines the rest.
@@ -41,7 +41,7 @@ class Magnitudes:
         return max(values) - min(values) or max(map(abs, values)) or 1.0
 
     def rate(self, state: str) -> float:
-        """How fast a state changes when it is driven."""
+        """The typical rate of a state when it is driven."""
         return self._rates[state]
 
     def time(self, state: str) -> float:
@@ -63,7 +63,7 @@ class Magnitudes:
             return 0.0
         try:
             value = abs(float(output.formula(Scope(self._family, point))))
-        except Exception:  # noqa: BLE001 - as above
+        except Exception:  # noqa: BLE001 - a foreign Python function
             return 0.0
         return value if math.isfinite(value) else 0.0
 

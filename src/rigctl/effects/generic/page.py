@@ -9,7 +9,7 @@ from rigctl.effects.declaration import Effect
 from rigctl.effects.generic.offer import offers
 from rigctl.effects.generic.slot_roles import Balance, Given, Late, Reading
 
-#: one of everything: a speed with its position, a store beside its surroundings, a command, a reading
+#: one of each kind: a speed with its position, a store in its surroundings, a command, a reading
 _EXAMPLE = """
 family: example
 states:
@@ -132,7 +132,7 @@ def _of_effect(effect: Effect) -> Iterator[str]:
 
 
 def _without_numbers(equation: str) -> str:
-    """The example's own range is a letter."""
+    """The equation with the example's range replaced by a letter."""
     return re.sub(r"/[\d.e+-]+( [\w/*^]+)?([)|])", r"/x₀\2", equation)
 
 

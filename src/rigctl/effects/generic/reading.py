@@ -189,7 +189,7 @@ class _Made:
         )
 
     def hysteresis(self) -> Effect:
-        """Backlash: the reading stays while the true value reverses. Its side at the start is unknown."""
+        """Backlash: the reading stays constant while the true value reverses. The initial side is unknown."""
         pace = self.span / self.time
 
         def side(p: Own) -> Scalar:

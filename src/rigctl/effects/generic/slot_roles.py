@@ -20,11 +20,11 @@ from rigctl.physics.scope import Addition, Scope
 from rigctl.physics.units import si_unit
 from rigctl.units import is_speed_of_rotation, parse_unit, show
 
-#: parts of a variable's name that mark it as surroundings of others
+#: parts of a name that mark a variable as the surroundings of others
 _SURROUNDINGS = frozenset(
     ("ambient", "room", "environment", "surroundings", "outside", "atmosphere", "atmospheric", "reference")
 )
-#: quantities whose zero is far from a bench's range: they are measured from their surroundings or start
+#: quantities with zero far outside a bench's range: measured relative to their surroundings or start
 _FAR_FROM_ZERO = ("K", "Pa")
 
 
@@ -243,7 +243,7 @@ class _Probed:
         if not slope or not math.isfinite(slope):
             return UnusableSlot(slot, "it does nothing where the family starts")
         state = {state.name: state for state in self.family.states}[name]
-        # 1/s alone may be a growth: it turns where it is a position's rate, or is written in rad/s
+        # 1/s may be a rate of growth; it is a rotation if it is the rate of a position, or written in rad/s
         moves = name in self.positions or _is_one_of(state.unit, ("m/s",)) or is_speed_of_rotation(state.unit)
         around, reference = self._counted_from(state)
         return Balance(
@@ -265,7 +265,7 @@ class _Probed:
             return UnusableSlot(slot, f"it is not simply added to the reading {output.name}")
         same = self._offered(output)
         if slot.name != same:
-            # each would be read by the other's effects, and no data could distinguish the two
+            # each would be an argument of the other's effects, and no data could distinguish the two
             return UnusableSlot(
                 slot, f"it adds to the reading {output.name} as {same} does, where effects act"
             )
@@ -299,8 +299,7 @@ class _Probed:
         return next((slot.name for slot in added if slot.kind == "sensor"), added[0].name)
 
     def _settings(self, variables: Collection[str]) -> tuple[str, ...]:
-        """The inputs on which a reading may depend: for a bench without time also those that its author left
-        out, for others only the declared ones."""
+        """The inputs on which a reading may depend: those in its equation; all for a bench without time."""
         return tuple(
             item.name for item in self.family.inputs if item.name in variables or not self.family.states
         )
@@ -324,7 +323,7 @@ def is_point_on_scale(item: InputVariable) -> bool:
 
 
 def point_of_reference(item: InputVariable) -> float | None:
-    """The reference of shares of an input, SI: for an absolute temperature its usual value, not 0 K."""
+    """The reference of shares of an input, SI: for an absolute temperature its default value, not 0 K."""
     return item.value if is_point_on_scale(item) and item.value else None
 
 

@@ -45,7 +45,7 @@ def effect_file_text(effect: Effect, terms: Mapping[str, str], family: str, name
 
 
 def _text(written: str) -> str:
-    """A text that YAML takes for nothing else."""
+    """A scalar that YAML reads as this text and nothing else."""
     return json.dumps(written, ensure_ascii=False)
 
 

@@ -1,4 +1,4 @@
-"""From the text of a term to a formula of the model's symbols."""
+"""Parsing of the text of a term into a formula of the model's symbols."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from rigctl.physics.scope import Scope
 
 @dataclass(frozen=True)
 class TextTerm:
-    """A checked term; `parameters` are the effect's among its names."""
+    """A checked term; `parameters` are those of its names that are parameters of the effect."""
 
     tree: Node
     parameters: frozenset[str]
 
     def __call__(self, m: Scope, p: Own) -> Scalar:
-        """Its value with the model's variables `m` and the effect's own `p`."""
+        """Its value with the model's variables `m` and the effect's parameters `p`."""
         return lower(self.tree, m, lambda name: p[name] if name in self.parameters else m[name])
 
 

@@ -27,11 +27,11 @@ def effect(
     instead_of: Sequence[str] = (),
     needs: str | None = None,
 ) -> Callable[[Term], Effect]:
-    """Make an effect of the function below: its name, and the first line of its docstring as the summary.
+    """Make an effect of the decorated function: its name, and the first line of its docstring as the summary.
 
-    The function takes the model's variables and the effect's own parameters, ``(m, p)``, and returns the term
-    at `slot` with the functions of `rigctl.engine.symbols`. One that acts at several slots, or reads late, is
-    declared as an `Effect` itself.
+    The function takes the model's variables and the effect's parameters, ``(m, p)``, and returns the term at
+    `slot`, computed with the functions of `rigctl.engine.symbols`. An effect that acts at several slots is
+    declared as an `Effect`.
 
     >>> size = EffectParameter("size", "N", 0.0, 50.0, 0.0, 500.0, "F")
     >>> @effect("friction", [size], equation="F*v/(1 m/s)")

@@ -119,7 +119,7 @@ def _parameters(reader: Reader, written: EffectFile, family: ModelFamily) -> Ite
 
 def _parameter(name: str, field: ParameterField) -> EffectParameter:
     unit = field.start.unit.text or "1"
-    # a temperature on a scale with an offset is a point, one in kelvin an interval
+    # a temperature on a scale with an offset is a point, one in kelvin a difference
     difference = not field.start.unit.absolute_temperature
 
     def si(quantity: Quantity) -> float:
@@ -203,7 +203,7 @@ def _valid(reader: Reader, written: EffectFile, family: ModelFamily) -> Iterator
 def _curve(
     reader: Reader, written: EffectFile, family: ModelFamily
 ) -> tuple[Slot, MeasuredCurve, ValidRange | None] | None:
-    """The curve that the term is, where the file has one."""
+    """The curve that is the term, if the file has one."""
     if written.curve is None or written.slot is None:
         return None
     slot = reader.read(("slot",), partial(_slot, written.slot, written, family))
@@ -217,7 +217,7 @@ def _curve(
 def _with_curve(
     effect: Effect, family: ModelFamily, slot: Slot, curve: MeasuredCurve, measured: ValidRange | None
 ) -> Effect:
-    """The effect whose term is a curve; the range that it was measured over belongs to its box."""
+    """The effect with a curve as its term; the measured range is added to its validity box."""
     stated = {one.over for one in effect.valid}
     return replace(
         effect,
@@ -240,9 +240,9 @@ def _slot(name: str, written: EffectFile, family: ModelFamily) -> Slot:
 
 
 def _check_mentions(reader: Reader, written: EffectFile, family: ModelFamily) -> None:
-    """What the file says about other effects: there must be such effects, and none of its own name.
+    """Check the other effects that the file mentions: they must exist and differ from its own name.
 
-    They are effects of the library, or of files in the same folder: two may name each other.
+    They are effects of the library, or of files in the same folder, which may mention each other.
     """
     known = library(family)
     if written.effect in known:

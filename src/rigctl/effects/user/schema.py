@@ -16,7 +16,7 @@ from rigctl.files.refusal import refusal
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,63}$")]
 Text = Annotated[str, Field(min_length=1)]
 
-#: a unit, of which YAML takes a plain 1 for a number
+#: a unit; YAML reads a plain 1 as a number
 UnitText = Annotated[
     str, BeforeValidator(lambda written: "1" if written == 1 and written is not True else written)
 ]

@@ -1,7 +1,7 @@
 """Values as plain data and back: a tree that can be stored as JSON, and arrays of numbers.
 
-What is read is built according to the requested type, never according to what a file says about itself: a
-file can contain numbers and words, and nothing executable.
+The requested type determines how data are read, never the content of a file: a file can contain numbers and
+words, and nothing executable.
 """
 
 from __future__ import annotations

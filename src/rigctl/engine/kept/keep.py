@@ -38,7 +38,7 @@ _LIBRARIES = ("llvmlite", "numba", "numpy", "scipy")
 
 @dataclass
 class Tally:
-    """Numbers of results that this process reused, and computed."""
+    """Numbers of results that this process has reused and computed."""
 
     reused: int = 0
     made: int = 0
@@ -61,8 +61,8 @@ def switched_off() -> Iterator[None]:
 def kept(kind: str, of: object, result: type[T], make: Callable[[], T]) -> T:
     """Return the result of `make`, or that of an earlier command which computed the same.
 
-    Every result passes through the plain form that would be kept, whether or not it is: memory layout and
-    type of its numbers, on which the last bit of a sum may depend, are the same either way.
+    Every result is converted to the stored form and back, even if it is not stored: the memory layout and
+    type of its numbers, on which the last bit of a sum may depend, are then the same in both cases.
 
     Parameters
     ----------

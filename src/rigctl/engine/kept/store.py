@@ -146,7 +146,7 @@ def _unpack(content: bytes, name: str) -> tuple[Any, Iterator[np.ndarray]]:
     with zipfile.ZipFile(io.BytesIO(content)) as file:
         if any(info.compress_type != zipfile.ZIP_STORED for info in file.infolist()):
             raise Damaged("what is compressed may be larger than there is room for")
-    with np.load(io.BytesIO(content), allow_pickle=False) as file:  # its checksums are looked at
+    with np.load(io.BytesIO(content), allow_pickle=False) as file:  # verifies the file's checksums
         said = json.loads(file["tree"].tobytes().decode())
         numbers = [file[label] for label in _MEMBERS[1:]]
     if said["layout"] != _LAYOUT or said["name"] != name:

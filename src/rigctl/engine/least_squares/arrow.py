@@ -54,7 +54,7 @@ class Arrow:
     Attributes
     ----------
     triangles: (rows, m_k + p + 1) of each record: columns of its own parameters, of the shared ones, and the
-        right-hand side -r. Rows at most as many as columns.
+        right-hand side -r. There are at most as many rows as columns.
     local: m_k of each record.
     """
 
@@ -138,9 +138,9 @@ def _reduced(blocks: Sequence[Block], loss: Loss, shared: int, local: Sequence[i
 
 @dataclass(frozen=True)
 class Eliminated:
-    """Records with their own parameters solved for: ``top·l = rhs - coupling·g``; a row of each a record.
+    """Records with their own parameters eliminated: ``top·l = rhs - coupling·g``, along the first axis.
 
-    `records` are those records': as many free parameters of their own, and the same ones held.
+    `records` are their indices; all of them have the same free and the same held parameters.
     """
 
     records: tuple[int, ...]

@@ -1,8 +1,9 @@
 """A Gauss-Newton step inside a box.
 
-Truncating an unconstrained step at the bounds lets a fit creep along them and stall, because the other
-parameters keep the values that belong to the truncated part. Here a parameter that would leave the box is
-held at its edge and the others are solved for again; one that would return inside is released.
+If an unconstrained step is merely truncated at the bounds, a fit creeps along them and stalls, because the
+steps of the other parameters still compensate for the part that was cut off. Here a parameter that would
+leave the box is held at its edge and the others are solved for again; one that would return inside is
+released.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def bounded_step(arrow: Arrow, weight: Vector, target: Vector, lower: Vector, up
     Parameters
     ----------
     arrow: the linearised records.
-    weight, target: one more equation ``weight·step = target`` for each parameter: damping and priors.
+    weight, target: an additional equation ``weight·step = target`` for each parameter: damping and priors.
     """
     low, high = lower.flat(), upper.flat()
     free, fixed = np.ones(low.size), np.zeros(low.size)

@@ -1,7 +1,9 @@
-"""Loss functions: squares, or less for outliers.
+"""Loss functions: squares, and robust losses that limit the influence of outliers.
 
-The cost of a residual r is ``c²/2 · rho((r/c)²)``, c being the threshold in standard deviations beyond which
-it counts less. As in B. Triggs et al., Bundle adjustment - a modern synthesis (2000), section 4.3, and in
+The cost of a residual r is ``c²/2 · rho((r/c)²)``; c, in standard deviations, is the threshold beyond which a
+residual is down-weighted.
+
+Source: B. Triggs et al., Bundle adjustment - a modern synthesis (2000), section 4.3, as in
 scipy.optimize.least_squares.
 """
 
@@ -101,10 +103,10 @@ def cost_of(loss: Loss, residual: Floats) -> float:
 
 
 def weights(loss: Loss, residual: Floats) -> Floats | None:
-    """Factors for residuals and derivatives, sqrt(rho'), that make a Gauss-Newton step see the loss.
+    """Factors sqrt(rho') for residuals and derivatives, with which a Gauss-Newton step minimises the loss.
 
-    With them Jᵀr is the gradient of the cost. The curvature leaves out rho'': it is then never below zero,
-    and never smaller than that of the cost, so that a step does not overshoot. None for squares.
+    With them Jᵀr is the gradient of the cost. The curvature omits rho'': it is then never negative, and never
+    smaller than that of the cost, so that a step does not overshoot. None for squares.
     """
     if isinstance(loss, Squares):
         return None

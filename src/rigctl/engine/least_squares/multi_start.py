@@ -1,4 +1,4 @@
-"""Fits from several places, for costs with more than one minimum."""
+"""Fits from several starting points, for costs with more than one minimum."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ def multi_start(
 ) -> MultiStartResult:
     """Fit from the given start and from `count` - 1 others, spread as a Latin hypercube.
 
-    A shared parameter with two finite bounds starts anywhere between them, another one within its size of its
-    start; the record-level parameters keep their starts.
+    A shared parameter with two finite bounds starts anywhere between them, any other within its typical size
+    of its given start; the record-level parameters keep their starts.
 
     Raises
     ------

@@ -143,7 +143,7 @@ class _Search:
         self._linearise(blocks)
         self.cost = self._cost(blocks, self.point)
         self._refuse_null_columns(blocks)
-        del blocks  # large; the arrow keeps what is needed of them
+        del blocks  # large, and not needed any more: the arrow has their triangles
         outcome, message = Outcome.ITERATIONS, "The allowed iterations were used up"
         eager = True
         while self.iterations < self.options.iterations:
@@ -245,7 +245,7 @@ class _Search:
         """Take a step with less damping if the cost then falls, immediately or after a few further steps.
 
         Along a curved valley every step of useful length ends on its side, and damping would shorten it to
-        nothing; from there the next steps lead back to the valley's floor.
+        almost nothing; from there the next steps lead back to the valley's floor.
         """
         here = self.point, self.cost, self.arrow, self.column_size, self.damping
         before, largest = self.cost, self._largest(found.step)

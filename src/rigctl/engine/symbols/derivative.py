@@ -1,4 +1,4 @@
-"""Exact derivatives of expressions, each made once."""
+"""Exact derivatives of expressions, each computed once."""
 
 from __future__ import annotations
 

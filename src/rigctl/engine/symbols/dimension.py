@@ -37,7 +37,7 @@ def check_dimension(expr: Expr, expected: Dimension, what: str) -> None:
 
 
 def _dimension(expr: Expr) -> Dimension | None:
-    """None stands for exact zero, which fits anywhere."""
+    """The dimension; None for exact zero, which fits any dimension."""
     known = expr.graph.dimensions
     if expr.index not in known:
         for node in expr.graph.reachable([expr], known):

@@ -1,4 +1,4 @@
-"""The number an expression stands for: slow, for tests and for single values."""
+"""Numerical value of an expression: slow, for tests and for single values."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rigctl.errors import unknown_name
 
 
 def evaluate(expr: Expr, values: Mapping[str, float]) -> float:
-    """The number `expr` has when each variable has its value (SI); inf and nan as IEEE arithmetic gives them.
+    """The value of `expr` for these values of its variables (SI); inf and nan as in IEEE arithmetic.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""One node of the graph of expressions, and the arithmetic that makes others from it."""
+"""A node of the graph of expressions, and its arithmetic operators."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SMOOTH_ALTERNATIVES = "use a smooth switch: positive_part, absolute, minimum, m
 
 
 class Expr:
-    """One node of a `Graph`: an operation, its arguments, and what a constant, variable or power holds.
+    """A node of a `Graph`: an operation, its arguments, and the data of a constant, variable or power.
 
     Two expressions of one graph are equal exactly when they are the same object.
 

@@ -1,10 +1,10 @@
-"""Functions of the equations; each takes expressions or plain numbers, so a term can be tested by itself.
+"""Functions for equations; each takes expressions or plain numbers, so that a term can be tested by itself.
 
 Arrays of numbers work too, element by element, for tables and curves.
 
-The solver needs smooth equations. What would be an ``if`` is written with one of the smooth switches here;
-each has a width, the distance from the corner within which it is rounded. A width given as a plain number
-is in the SI unit of the quantity it rounds.
+The solver requires smooth equations. Instead of an ``if``, one of the smooth switches defined here is used;
+each has a width, the distance from the corner within which it is rounded. A width given as a plain number is
+in the SI unit of the quantity that it rounds.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ def power(x: Any, y: Any) -> Any:
         return math.inf
     except OverflowError:
         return math.inf
-    # Python answers a fractional power of a negative number with a complex one
+    # in Python a fractional power of a negative number is complex
     return result if isinstance(result, float) else math.nan
 
 

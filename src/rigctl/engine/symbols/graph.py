@@ -1,7 +1,7 @@
 """A hash-consed graph of expressions: equal subexpressions are one node.
 
-Nodes are numbered in the order they are made, so arguments come before what uses them and every walk over
-the graph is a loop over sorted numbers, never a recursion.
+Nodes are numbered in the order in which they are created, so that the arguments of a node precede it, and
+every traversal of the graph is a loop over sorted numbers rather than a recursion.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ _Flat: TypeAlias = tuple[str, tuple[int, ...], float | Fraction, str, Dimension]
 
 
 class Graph:
-    """The expressions of one model. Every node is made here, simplified and shared.
+    """The expressions of one model. Every node is created here, simplified and shared.
 
-    The rules are few and cheap (constants fold, 0 and 1 vanish, signs move outwards): a model of thousands
-    of nodes is built in milliseconds.
+    The rules of simplification are few and cheap (constants are folded, 0 and 1 are removed, signs are moved
+    outwards): a model of thousands of nodes is built in milliseconds.
     """
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class Graph:
         self._made: dict[tuple[object, ...], Expr] = {}
 
     def variable(self, name: str, dimension: Dimension) -> Expr:
-        """The variable `name`; the same node each time it is asked for.
+        """The variable `name`; the same node at every call.
 
         Raises
         ------
@@ -228,7 +228,7 @@ class Graph:
         return self._make(name, (a,))
 
     def reachable(self, roots: Iterable[Expr], known: Iterable[int] = ()) -> Sequence[Expr]:
-        """Every node that `roots` are made of, arguments first; the numbers in `known` are not entered."""
+        """All nodes on which `roots` depend, arguments first; those numbered in `known` are not followed."""
         seen: set[int] = set()
         skip = known if isinstance(known, set | dict) else set(known)
         waiting = list(roots)
@@ -281,7 +281,7 @@ def _ordered(a: Expr, b: Expr) -> tuple[Expr, Expr]:
 
 
 def _exact(exponent: float | Fraction) -> float | Fraction:
-    """A fraction with a small denominator where the exponent is one, else the float itself."""
+    """The exponent as a fraction if it is one with a small denominator, else the float itself."""
     fraction = Fraction(exponent).limit_denominator(_LARGEST_DENOMINATOR)
     return fraction if abs(float(fraction) - float(exponent)) < 1e-14 else float(exponent)
 

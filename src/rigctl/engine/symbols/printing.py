@@ -1,4 +1,4 @@
-"""Expressions as people and files have them: one line of text, LaTeX, or a further dialect of `Printer`."""
+"""Expressions as text: one line in the syntax of Python, LaTeX, or another dialect of `Printer`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _GREEK = re.compile(
     "|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Phi|Psi|Omega"
 )
 
-#: a part that is written out, and how tightly what it ends in binds
+#: the text of a part, and the precedence of its outermost operation
 Printed: TypeAlias = tuple[str, int]
 
 
@@ -27,24 +27,24 @@ def to_text(expr: Expr) -> str:
 
 
 def to_latex(expr: Expr, names: Mapping[str, str] | None = None) -> str:
-    """The LaTeX of `expr`, without dollar signs; `names` gives a variable's own LaTeX where it has one.
+    """`expr` in LaTeX, without dollar signs; `names` gives the LaTeX of variables with special symbols.
 
-    Other names become symbols: ``mu`` a Greek letter, ``p_a`` a subscript, a word upright.
+    Other names are converted: ``mu`` to a Greek letter, ``p_a`` to a subscript, a word to upright type.
     """
     return _Latex(names or {}).text(expr)
 
 
 class Printer:
-    """Writes expressions out with no more brackets than needed; as it is, in the syntax of Python.
+    """Writes expressions with no more brackets than necessary, in the syntax of Python.
 
-    Another dialect overrides how it writes what differs.
+    A subclass for another dialect overrides the methods that differ.
     """
 
     brackets = ("(", ")")
     times = "*"
 
     def text(self, expr: Expr) -> str:
-        """`expr`, whatever it shares with others written out where it stands."""
+        """The text of `expr`; shared subexpressions are written out wherever they occur."""
         done: dict[int, Printed] = {}
         for node in expr.graph.reachable([expr]):
             done[node.index] = self._node(node, [done[arg.index] for arg in _in_reading_order(node)])
@@ -63,11 +63,11 @@ class Printer:
         return f"-{self.within(part, PRODUCT)}", SUM
 
     def quotient(self, above: Printed, below: Printed) -> Printed:
-        """One part over another."""
+        """One part divided by another."""
         return f"{self.within(above, PRODUCT)}/{self.within(below, POWER)}", PRODUCT
 
     def power(self, base: Printed, node: Expr) -> Printed:
-        """A power, whose exponent is `node`'s."""
+        """A power of `base` with the exponent of `node`."""
         exponent = plain_exponent(node)
         safe = exponent if re.fullmatch(r"[\d.]+", exponent) else f"({exponent})"
         return f"{self.within(base, ATOM)}**{safe}", POWER
@@ -77,7 +77,7 @@ class Printer:
         return f"{function}({argument})", ATOM
 
     def within(self, part: Printed, level: int) -> str:
-        """A part in brackets, unless it binds at least as tightly as `level`."""
+        """A part, in brackets unless its precedence is at least `level`."""
         text, binds = part
         return text if binds >= level else f"{self.brackets[0]}{text}{self.brackets[1]}"
 
@@ -131,7 +131,7 @@ class _Latex(Printer):
 
 
 def _in_reading_order(node: Expr) -> tuple[Expr, ...]:
-    """Numbers stand first in a product and last in a sum, whatever order the graph keeps them in."""
+    """The arguments, with numbers first in a product and last in a sum, whatever their order in the graph."""
     if len(node.args) == 2 and node.op in "*+":
         first, second = node.args
         if second.constant if node.op == "*" else first.constant:
@@ -140,7 +140,7 @@ def _in_reading_order(node: Expr) -> tuple[Expr, ...]:
 
 
 def number_digits(value: float) -> str:
-    """Twelve digits of a number, or all where these lose something."""
+    """A number to twelve digits, or to all of them if twelve would lose information."""
     text = f"{value:.12g}"
     return text if float(text) == value else repr(value)
 

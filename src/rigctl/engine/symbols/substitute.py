@@ -1,4 +1,4 @@
-"""Replacing variables in an expression, and asking which ones it has."""
+"""Substitution in an expression, and the variables on which it depends."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from rigctl.engine.symbols.expr import Expr, Scalar
 def substitute(expr: Expr, replacements: Mapping[Expr, Scalar]) -> Expr:
     """`expr` with each variable of `replacements` replaced, all at once, and simplified again.
 
-    Any other node may be replaced too, wherever it stands as a whole. The graph checks no dimension here;
-    `dimension_of` the result does.
+    Any other node may be replaced too, wherever it occurs as a whole. Dimensions are not checked here; use
+    `dimension_of` on the result.
     """
     graph = expr.graph
     done = {variable.index: graph.expression(value) for variable, value in replacements.items()}
@@ -21,7 +21,7 @@ def substitute(expr: Expr, replacements: Mapping[Expr, Scalar]) -> Expr:
 
 
 def variables_of(expr: Expr) -> tuple[Expr, ...]:
-    """The variables that `expr` depends on, in the order they were made."""
+    """The variables on which `expr` depends, in the order of their creation."""
     return tuple(v for v in expr.graph.variables.values() if v.depends_on & expr.depends_on)
 
 

@@ -15,7 +15,7 @@ def ambient(m: Scope) -> Scalar:
 
 
 def heater_power(number: int) -> Formula:
-    """``P = alpha * Q``: power in proportion to the command."""
+    """``P = alpha * Q``: the power is proportional to the command."""
 
     def power(m: Scope) -> Scalar:
         command = m[f"heater_{number}"]
@@ -36,7 +36,7 @@ def convection(number: int) -> Formula:
 
 
 def temperature_rate(number: int) -> Formula:
-    """The sum of the heat flows over the heat capacity."""
+    """The sum of the heat flows divided by the heat capacity, in K/s."""
 
     def rate(m: Scope) -> Scalar:
         balance = m[f"heat_of_heater_{number}"] - m[f"heat_to_room_{number}"] + m.total(f"heat_{number}")
@@ -46,5 +46,5 @@ def temperature_rate(number: int) -> Formula:
 
 
 def reading(number: int) -> Formula:
-    """A thermometer: its heater's temperature, and what effects make of the reading."""
+    """A thermometer's reading: the temperature of its heater plus the terms of effects."""
     return lambda m: m[f"temperature_{number}"] + m.total(f"temperature_{number}_reading")

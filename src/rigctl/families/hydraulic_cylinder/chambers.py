@@ -1,7 +1,7 @@
-"""The two chambers: what flows in and out, and how fast their pressures change.
+"""The two chambers: the flows into and out of them, and the rates of their pressures.
 
-``dp/dt = beta / V * (flow in - displacement)`` (Merritt, section 6-1). Extending opens P-A and B-T,
-retracting P-B and A-T; in neutral all four ports are blocked.
+``dp/dt = beta / V * (flow in - dV/dt)`` (Merritt, section 6-1). Extending opens P-A and B-T, retracting P-B
+and A-T; in neutral all four ports are blocked.
 """
 
 from __future__ import annotations
@@ -71,14 +71,14 @@ def leak_b(m: Scope) -> Scalar:
 
 
 def pressure_a_rate(m: Scope) -> Scalar:
-    """``beta / V_A * (Q_A - A_A * v + effects)``."""
+    """``dp_A/dt = beta / V_A * (Q_A - A_A * v + leak_a)``, Q_A being the flow through the valve into A."""
     through_valve = m.flow_supply_to_a - m.flow_a_to_return
     balance = through_valve - m.area_a * m.velocity + m.leak_a
     return bulk_modulus_at(m, m.pressure_a) / m.volume_a * balance
 
 
 def pressure_b_rate(m: Scope) -> Scalar:
-    """``beta / V_B * (A_B * v - Q_B + effects)``."""
+    """``dp_B/dt = beta / V_B * (A_B * v - Q_B + leak_b)``, Q_B being the flow through the valve out of B."""
     through_valve = m.flow_b_to_return - m.flow_supply_to_b
     balance = m.area_b * m.velocity - through_valve + m.leak_b
     return bulk_modulus_at(m, m.pressure_b) / m.volume_b * balance

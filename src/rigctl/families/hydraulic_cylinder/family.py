@@ -1,4 +1,4 @@
-"""The cylinder's declaration: its variables and where each equation stands."""
+"""The cylinder's declaration: its variables and their equations."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ DEFINITIONS = (
 
 
 def _reading(state: str) -> Formula:
-    """A sensor: the state, and what effects make of the reading."""
+    """A sensor's reading: the state plus the terms of effects."""
     return lambda m: m[state] + m.total(f"{state}_reading")
 
 
@@ -82,7 +82,8 @@ OUTPUTS = (
     OutputVariable("pressure_b", "Pa", _reading("pressure_b"), "transducer at the rod side"),
 )
 
-#: hot oil and the largest supply pressure of the published campaign: leakage, drift and the pump's limit show
+#: hot oil and the highest supply pressure of the published campaign, so that leakage, drift and the limit of
+#: the pump's flow are visible
 STANDARD_RECORD = StandardRecord(
     "wait 0.2 s, extend 1.05 s, hold closed 1 s, retract 1.5 s; oil at 60 degC, supply at 50 bar, heaters on",
     times=grid(3.75, 0.01),

@@ -1,4 +1,4 @@
-"""The oil as the cylinder sees it: density, viscosity and stiffness at its temperature and pressure."""
+"""The oil in the cylinder: density, viscosity and bulk modulus at its temperature and pressure."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from rigctl.engine.symbols import Scalar, constant_like, smooth_step
 from rigctl.physics import oil
 from rigctl.physics.scope import Scope
 
-#: gauge pressure at which vapour has taken half of the stiffness, in Pa; without air it cannot reach -1 bar
+#: gauge pressure at which vapour has halved the bulk modulus, in Pa; without air it cannot reach -1 bar
 VAPOUR_PRESSURE = -0.7e5
-#: width of that fall, in Pa
+#: width of that transition, in Pa
 VAPOUR_WIDTH = 3e3
 
 
@@ -28,7 +28,7 @@ def viscosity(m: Scope) -> Scalar:
 
 
 def viscosity_at(m: Scope, pressure: Scalar) -> Scalar:
-    """Dynamic viscosity at a gauge pressure: Vogel's law, times what effects make of the pressure."""
+    """Dynamic viscosity at a gauge pressure: Vogel's law times the factors of effects."""
     at_atmosphere = oil.vogel(m.line_temperature, m.vogel_a, m.vogel_b, m.vogel_c)
     return at_atmosphere * m.factor("viscosity", pressure=pressure)
 
@@ -36,7 +36,7 @@ def viscosity_at(m: Scope, pressure: Scalar) -> Scalar:
 def bulk_modulus_at(m: Scope, pressure: Scalar) -> Scalar:
     """Effective bulk modulus at a gauge pressure: ``h(p) / (1/beta + sum of compliances)``.
 
-    h falls from 1 to 0 where vapour forms, around `VAPOUR_PRESSURE`.
+    h decreases from 1 to 0 where vapour forms, around `VAPOUR_PRESSURE`.
     """
     compliance = 1.0 / m.bulk_modulus + m.total("compliance", pressure=pressure)
     return smooth_step(pressure - constant_like(VAPOUR_PRESSURE, pressure), VAPOUR_WIDTH) / compliance

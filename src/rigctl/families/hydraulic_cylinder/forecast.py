@@ -1,9 +1,9 @@
 """Forecast of the oil's temperature and of the rod's speed, for the preview of a plan.
 
 The heat balance of the tank is solved in closed form:
-``rho·V·cp·dT/dt = P_heater + p_s·Q_pump/η_hm − UA·(T − T_amb)`` is linear while heater and pressure stay as
-they are, so the temperature approaches ``T_amb + P/UA`` exponentially, with ``τ = rho·V·cp/UA``. The density
-is that at the middle of the way, which over 60 K is within 0.1 % of the exact time.
+``rho·V·cp·dT/dt = P_heater + p_s·Q_pump/η_hm − UA·(T − T_amb)`` is linear while heater power and pressure are
+constant, so that the temperature approaches ``T_amb + P/UA`` exponentially, with ``τ = rho·V·cp/UA``. The
+density is that at the mean temperature; over 60 K the error of the time is then below 0.1 %.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from rigctl.physics.oil import OILS, Oil, find_oil
 from rigctl.rig import Rig
 
-#: assumed for a rig with no oil or an unknown one: a mineral hydraulic oil
+#: assumed for a rig without an oil or with an unknown one: a mineral hydraulic oil
 DEFAULT_OIL = "HL32"
-#: kg/m³, a mineral oil at 40 °C; the speed goes with its root
+#: kg/m³, a mineral oil at 40 °C; the speed varies only with the inverse of its square root
 _DENSITY = 855.0
 
 
@@ -36,7 +36,7 @@ class Tank:
         return (self.heater if heating else 0.0) + self.pump_displacement * pressure
 
     def limit(self, pressure: float, heating: bool) -> float:
-        """The temperature (K) that the oil settles at in the end; infinite without any loss."""
+        """The temperature (K) that the oil approaches; infinite if it is heated without any loss."""
         power = self.power(pressure, heating)
         if self.loss > 0.0:
             return self.ambient + power / self.loss
@@ -47,7 +47,7 @@ class Tank:
         return self.oil.density(temperature) * self.fill * self.oil.heat_capacity
 
     def after(self, temperature: float, seconds: float, pressure: float, heating: bool) -> float:
-        """The temperature (K) `seconds` later."""
+        """The temperature (K) after `seconds` with constant pressure (Pa, gauge) and heating."""
         rough = self._after(temperature, seconds, pressure, heating, self.heat_capacity(temperature))
         middle = self.heat_capacity(0.5 * (temperature + rough))
         return self._after(temperature, seconds, pressure, heating, middle)
@@ -61,7 +61,7 @@ class Tank:
         return limit + (temperature - limit) * math.exp(-seconds * self.loss / capacity)
 
     def time_to(self, target: float, temperature: float, pressure: float, heating: bool) -> float:
-        """Seconds until `target` (K) is reached; infinite when it never is."""
+        """Seconds until `target` (K) is reached; infinite if it never is."""
         if temperature == target:
             return 0.0
         capacity = self.heat_capacity(0.5 * (temperature + target))
@@ -74,7 +74,7 @@ class Tank:
 
 
 def tank_of(rig: Rig) -> Tank | None:
-    """The tank that a rig file describes; None when it has no `tank_fill`, or nothing that heats."""
+    """The tank described by a rig file; None if that has no `tank_fill` or no heater of known power."""
 
     fill = rig.geometry.get("tank_fill")
     role = rig.roles.heat
@@ -104,7 +104,7 @@ class Cylinder:
     pump_flow: float
 
     def speed(self, direction: int, pressure: float) -> float:
-        """Metres per second at a supply pressure (Pa, gauge), without load and friction.
+        """Speed in m/s at a supply pressure (Pa, gauge), without load and friction.
 
         ``v = min(Q_pump, Cd·A·sqrt(2·p_s/rho)) / A_piston``
         """
@@ -113,7 +113,7 @@ class Cylinder:
 
 
 def cylinder_of(rig: Rig) -> Cylinder | None:
-    """The cylinder that a rig file describes; None when one of its dimensions is missing."""
+    """The cylinder described by a rig file; None if one of its dimensions is missing."""
     names = ("bore", "rod", "stroke", "throttle_area", "edge_area")
     if any(name not in rig.geometry for name in names):
         return None

@@ -8,7 +8,7 @@ from rigctl.physics.oil import HL32
 _MM2 = 1e-6
 _CM3 = 1e-6
 
-#: dimensions and properties that no fit changes: numbers of the compiled equations
+#: dimensions and properties that no fit changes: numbers in the compiled equations
 FIXED = (
     Parameter("bore", "mm", 50e-3, "cylinder bore", fixed=True),
     Parameter("rod", "mm", 25e-3, "rod diameter", fixed=True),
@@ -45,5 +45,5 @@ FITTABLE = (
 
 PARAMETERS = (*FIXED, *FITTABLE)
 
-#: the rig file calls the opening of the flow-control valve by what it is
+#: names in a rig file that differ from those of the parameters
 RIG_NAMES = {"throttle_area": ("flow_area",)}

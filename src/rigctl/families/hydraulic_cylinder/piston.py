@@ -1,4 +1,4 @@
-"""The piston: forces, end stops, and the spool that lets the oil in."""
+"""The piston: forces and end stops; and the spool of the directional valve."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ CONTACT_WIDTH = 2e-6
 
 
 def valve_delay(m: Scope, before: Scalar, after: Scalar) -> Scalar:
-    """From the command to the solenoids' action, in s: at once, unless an effect says otherwise."""
+    """Delay from the command to the action of the solenoids, in s: 0 unless an effect adds to it."""
     return m.total("valve_delay", before=before, after=after)
 
 
@@ -25,17 +25,17 @@ def position_rate(m: Scope) -> Scalar:
 
 
 def friction(m: Scope) -> Scalar:
-    """Against the motion: ``b * v`` and what effects add."""
+    """Force against the motion: ``b * v`` plus the terms of effects."""
     return m.viscous_damping * m.velocity + m.total("friction")
 
 
 def load(m: Scope) -> Scalar:
-    """Against extension: the rig's constant load and what effects add."""
+    """Force against extension: the rig's constant load plus the terms of effects."""
     return m.load_force + m.total("load")
 
 
 def end_stops(m: Scope) -> Scalar:
-    """The push of the stops at 0 and at full stroke: spring and damper while they touch."""
+    """Force of the stops at 0 and at full stroke on the piston: spring and damper during contact."""
     before_start = -m.position
     beyond_end = m.position - m.stroke
     spring = positive_part(before_start, CONTACT_WIDTH) - positive_part(beyond_end, CONTACT_WIDTH)

@@ -12,9 +12,9 @@ from rigctl.rig.rig import Rig
 
 #: relative repeatability of a relief valve's setting, by default
 _REPEATABILITY = 0.005
-#: the zero of a position sensor when the rig does not say, in m
+#: standard deviation of a position sensor's zero if the rig does not state it, in m
 _ZERO = 0.1e-3
-#: the least pressure that holds the piston on its stop, in Pa
+#: lowest pressure assumed to hold the piston against its stop, in Pa
 _TRAPPED = 1e3
 
 
@@ -28,14 +28,14 @@ def _repeatability(rig: Rig | None) -> float:
 def _zero(rig: Rig | None) -> float:
     channel = rig.channels.get("position") if rig is not None else None
     uncertainty = channel.calibration.uncertainty if channel is not None else None
-    return 0.5 * uncertainty if uncertainty else _ZERO  # it is stated at 95 %
+    return 0.5 * uncertainty if uncertainty else _ZERO  # stated at 95 %, about two standard deviations
 
 
 def _on_the_stop(states: Mapping[str, float], parameters: Mapping[str, float]) -> float:
-    """Initial position at which the trapped oil holds the piston on its end stop.
+    """Initial position, in m, at which the trapped oil holds the piston against its end stop.
 
-    The stop's spring is ``k·(d + sqrt(d² + w²))/2`` for a depth d; it carries ``A_B·p_B`` at
-    ``x = (w² − 4s²)/(4s)``, s = A_B·p_B/k.
+    The force of the stop at a depth d is ``k·(d + sqrt(d² + w²))/2``; it balances ``A_B·p_B`` at
+    ``x = −d = (w² − 4s²)/(4s)``, s = A_B·p_B/k.
     """
     area = 0.25 * math.pi * (parameters["bore"] ** 2 - parameters["rod"] ** 2)
     depth = area * max(states["pressure_b"], _TRAPPED) / parameters["end_stop_stiffness"]

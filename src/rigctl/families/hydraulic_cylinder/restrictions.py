@@ -7,9 +7,9 @@ import math
 from rigctl.engine.symbols import Scalar, absolute, positive_part, sqrt
 from rigctl.physics.scope import Scope
 
-#: below this pressure difference the square root is rounded, in Pa
+#: pressure difference below which the square root is rounded, in Pa
 ROOT_WIDTH = 1e3
-#: opening of the spool below which an edge counts as closed; it passes about 1 mm^3/s then
+#: opening of the spool below which an edge counts as closed; it then passes about 0.01 mm^3/s at 50 bar
 OPENING_WIDTH = 1e-8
 
 
@@ -34,7 +34,7 @@ def restricted_flow(
 ) -> Scalar:
     """The flow Q that solves ``|dp| = (1/K^2 + turbulence) * Q^2 + resistance * |Q|``, with the sign of dp.
 
-    With no line it is ``Q = K * dp / sqrt(|dp|)``; the root is rounded below `ROOT_WIDTH`.
+    Without a line it is ``Q = K * dp / sqrt(|dp|)``; the root is rounded below `ROOT_WIDTH`.
 
     Parameters
     ----------
@@ -50,12 +50,12 @@ def restricted_flow(
 
 
 def opening_extend(m: Scope) -> Scalar:
-    """The open share of the edges P-A and B-T: the positive part of the spool's position."""
+    """Relative opening of the edges P-A and B-T: the positive part of the spool's position."""
     return positive_part(m.spool, OPENING_WIDTH)
 
 
 def opening_retract(m: Scope) -> Scalar:
-    """The open share of the edges P-B and A-T."""
+    """Relative opening of the edges P-B and A-T."""
     return positive_part(-m.spool, OPENING_WIDTH)
 
 
@@ -68,8 +68,8 @@ def throttle_conductance(m: Scope, pressure_drop: Scalar) -> Scalar:
 def throttle_reynolds(m: Scope, pressure_drop: Scalar) -> Scalar:
     """``Re = w * d / nu`` of the ideal jet: ``w = sqrt(2 * |dp| / rho)``, d the diameter of a round throttle.
 
-    The jet takes the drop of the whole path, of which the edge behind it has 1 %, so that Re needs no
-    solution of its own.
+    The pressure drop is that of the whole path, of which the valve edge in series accounts for about 1 %, so
+    that Re need not be solved for.
     """
     diameter = sqrt(4.0 / math.pi * m.flow_area)
     jet = sqrt(2.0 * absolute(pressure_drop, ROOT_WIDTH) / m.density)
@@ -77,7 +77,10 @@ def throttle_reynolds(m: Scope, pressure_drop: Scalar) -> Scalar:
 
 
 def path_flow(m: Scope, opening: Scalar, pressure_drop: Scalar, *, throttled: bool) -> Scalar:
-    """Through one edge of the directional valve, of area ``A_e * opening``, and what stands in series."""
+    """Flow in m^3/s through one edge of the directional valve, of area ``A_e * opening``, and its line.
+
+    With `throttled`, the flow-control valve is in series too.
+    """
     path = conductance(m.discharge_coefficient, m.edge_area * opening, m.density)
     if throttled:
         path = series(path, throttle_conductance(m, pressure_drop))

@@ -1,4 +1,4 @@
-"""Where effects can act on the cylinder."""
+"""The slots of the cylinder's equations, at which effects can act."""
 
 from __future__ import annotations
 

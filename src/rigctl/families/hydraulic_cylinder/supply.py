@@ -18,23 +18,23 @@ def flow_from_pump(m: Scope) -> Scalar:
 
 
 def relief_resistance_total(m: Scope) -> Scalar:
-    """R: how much the pressure rises with the flow over the relief valve."""
+    """R: the increase of the pressure per flow over the relief valve, in Pa*s/m^3."""
     return m.relief_resistance + m.total("relief_resistance")
 
 
 def relief_setting(m: Scope) -> Scalar:
-    """The pressure at full relief flow, as its user set it on the gauge."""
+    """The pressure at full relief flow: the set value times the factors of effects."""
     return m.pressure_setpoint * m.factor("relief_setting")
 
 
 def flow_relief(m: Scope) -> Scalar:
-    """``max(0, Q_pump + (ps - p_set) / R)``: the full flow of the pump at the setting."""
+    """``max(0, Q_pump + (ps - p_set) / R)``: at the setting, the full flow of the pump."""
     over = (m.supply_pressure - m.relief_setting) / m.relief_resistance_total
     return positive_part(m.pump_flow + over, RELIEF_WIDTH)
 
 
 def supply_pressure_rate(m: Scope) -> Scalar:
-    """``beta / V_line * (Q_pump - Q_to_valve - Q_relief + effects)``."""
+    """``dp_s/dt = beta / V_line * (Q_pump - Q_to_valve - Q_relief - leaks)``."""
     to_valve = m.flow_supply_to_a + m.flow_supply_to_b
     leaks = m.total("flow_p_to_a") + m.total("flow_p_to_b")
     balance = m.flow_from_pump - to_valve - m.flow_relief - leaks

@@ -1,4 +1,5 @@
-"""The viscosity of an oil over temperature and pressure, as a table of measurements: Vogel's law and density.
+"""Viscosity and density of an oil as functions of temperature and pressure, in a table of measurements.
 
-There is no motion, and so no state: each row of a table lasts a second.
+The base laws are Vogel's law and linear thermal expansion. Nothing moves, so that there is no state: each row
+of the table lasts a second.
 """

@@ -17,30 +17,30 @@ def temperature(m: Scope) -> Scalar:
 
 
 def density(m: Scope) -> Scalar:
-    """At atmospheric pressure."""
+    """Density at atmospheric pressure, in kg/m^3."""
     base = oil.density(m.temperature, m.density_15, m.thermal_expansion)
     return base * m.factor("density")
 
 
 def dynamic_viscosity(m: Scope) -> Scalar:
-    """Vogel's law, times what effects make of it."""
+    """Vogel's law times the factors of effects, in Pa*s."""
     return oil.vogel(m.temperature, m.vogel_a, m.vogel_b, m.vogel_c) * m.factor("viscosity")
 
 
 def true_kinematic(m: Scope) -> Scalar:
-    """``nu = mu / rho``."""
+    """``nu = mu / rho``, in m^2/s, at the pressure of the row."""
     return oil.kinematic_viscosity(m.true_dynamic_viscosity, m.true_density)
 
 
 def kinematic_reading(m: Scope) -> Scalar:
-    """Kinematic viscosity as the viscometer reads it."""
+    """Kinematic viscosity read by the viscometer: the true value plus the terms of effects."""
     return m.true_kinematic_viscosity + m.total("kinematic_viscosity_reading")
 
 
 _TEMPERATURES = tuple(273.15 + 5.0 * index for index in range(21))
 _PRESSURES = (0.0, 300e5)
 
-#: each row of the table lasts a second and is read in its middle
+#: each row of the table lasts a second and is read in the middle of it
 STANDARD_RECORD = StandardRecord(
     "0 to 100 degC in steps of 5, at 0 and then at 300 bar, a row each second",
     times=grid(len(_TEMPERATURES) * len(_PRESSURES) - 0.5, 1.0, 0.5),

@@ -42,8 +42,8 @@ Floats = NDArray[np.float64]
 _COST = 1e-5
 #: the same for a fit that only decides which of two minima is deeper
 _COARSE = 3e-4
-#: the same if χ² is too large by this many of its standard deviations: wherever along its valley such a fit
-#: ends, the model lacks something, and the tests project off what its parameters could still do
+#: the same if χ² is too large by this many of its standard deviations: such a model is inadequate wherever
+#: along its valley the fit ends, and the tests project out what its parameters could still explain
 _ROUGH, _MISFIT = 1e-4, 20.0
 
 
@@ -291,8 +291,8 @@ def _fitted(
 
 
 def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> LeastSquaresResult:
-    """The better of two fits: one from far starting values, and one from its end with parameters far from
-    their priors reset; both coarse, then the better one to convergence."""
+    """The better of two coarse fits, continued to convergence: one from distant starting values, and one from
+    its end, with the parameters that are far from their priors reset."""
     begun, record_local = approach(problem.evaluate, problem.shared, local, plan.progress)
     coarse = replace(plan.options, cost=max(plan.options.cost, _COARSE))
     result = least_squares(problem.evaluate, begun, record_local, options=coarse, progress=plan.progress)

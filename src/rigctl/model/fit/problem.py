@@ -273,7 +273,7 @@ class Problem:
         ).whitened()
 
     def local_unknowns(self) -> list[list[Unknown]]:
-        """The records' own unknowns, as `least_squares` takes them."""
+        """The unknowns of each record, in the form required by `least_squares`."""
         return [[one.unknown for one in unknowns] for unknowns in self.local]
 
     def simulate(
@@ -326,8 +326,9 @@ class Problem:
         return found.blocks
 
     def outputs_at(self, shared: Floats, local: Sequence[Floats]) -> tuple[Floats, ...]:
-        """(n, outputs) of each record, what the model says of what was measured; as it was evaluated last, if
-        that was there.
+        """(n, outputs) of each record, the model's predictions of the measured outputs.
+
+        A recent evaluation at the same point is reused.
 
         Raises
         ------

@@ -20,16 +20,16 @@ _RECENT = 3
 
 @dataclass(frozen=True)
 class Evaluated:
-    """Residuals with what derivatives were asked for, and (n, outputs) of each record that they come from."""
+    """Residuals with the requested derivatives, and the (n, outputs) of each record behind them."""
 
     blocks: list[Block]
     outputs: list[Floats]
 
 
 class Recent:
-    """The last evaluations of a problem. None is kept that is larger than the derivatives of one part.
+    """The last evaluations of a problem, except those larger than the derivatives of one part.
 
-    A fit leaves them behind (`Problem.fresh`), because a diagnosis keeps the problems of dozens of fits.
+    They are discarded after a fit (`Problem.fresh`), since a diagnosis keeps the problems of dozens of fits.
     """
 
     def __init__(self) -> None:
@@ -43,11 +43,11 @@ class Recent:
         return None
 
     def keep(self, point: tuple[bytes, ...], columns: int, evaluated: Evaluated) -> None:
-        """Remember one more, with derivatives by so many columns."""
+        """Store another evaluation, with derivatives by this number of columns."""
         if sum(block.residual.size for block in evaluated.blocks) * max(1, columns) <= ROOM:
             self._found = ((point, columns > 0, evaluated), *self._found[: _RECENT - 1])
 
 
 def point_of(shared: Floats, local: Sequence[Floats]) -> tuple[bytes, ...]:
-    """What of a point an evaluation is remembered by."""
+    """The key of the evaluation at a point."""
     return (shared.tobytes(), *(one.tobytes() for one in local))

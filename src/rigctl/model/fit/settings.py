@@ -1,7 +1,7 @@
 """An unknown for each setting of a table: the error of the setting, shared by the rows set alike.
 
-A gauge that reads wrong, or a valve turned a little too far, shifts every row of one setting alike. Such
-levels say nothing about changes at one setting, which are what such a table shows well.
+A gauge with an error, or a valve turned slightly too far, shifts all rows of one setting alike. It does not
+affect the changes at a fixed setting, which such a table determines well.
 """
 
 from __future__ import annotations

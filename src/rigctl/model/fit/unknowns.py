@@ -111,8 +111,8 @@ def local_unknowns(
 def unrecorded_unknowns(measurements: Measurements) -> list[Unknown]:
     """The unrecorded inputs: the common value of each in all records, uniform over its range.
 
-    A record's own value is that and a deviation, ``u_i = m + d_i``. Independent values would each be drawn to
-    the middle of the range, contrary to many records that are all at its end.
+    The value in a record is that plus a deviation, ``u_i = m + d_i``. Independent values would each be pulled
+    towards the middle of the range, even if all of many records are at its end.
     """
     unknowns = []
     for name, (low, high) in measurements.unrecorded.items():

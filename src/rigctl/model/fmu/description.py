@@ -1,4 +1,4 @@
-"""``modelDescription.xml``: what another simulator must know about a slave."""
+"""``modelDescription.xml``: the description of a slave for other simulators."""
 
 from __future__ import annotations
 

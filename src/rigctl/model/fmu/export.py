@@ -31,7 +31,7 @@ _PLATFORMS: Final = {
     "darwin": ("darwin64", ".dylib"),
     "win32": ("win64", ".dll"),
 }
-#: s that a compiler may take
+#: time-out for a compiler, s
 _PATIENCE: Final = 120.0
 #: every file of an archive has this date, so that equal models give equal files
 _DATE: Final = (1980, 1, 1, 0, 0, 0)
@@ -59,7 +59,7 @@ def export_fmu(model: Model, path: Path, *, sources_only: bool = False) -> Expor
 
     Parameters
     ----------
-    path: ends in ``.fmu``; what is there is replaced.
+    path: ends in ``.fmu``; an existing file is replaced.
     sources_only: for a simulator that compiles them itself.
 
     Raises
@@ -188,7 +188,7 @@ def _compiler(library: str) -> list[str]:
 
 
 def _write(path: Path, files: Mapping[str, bytes]) -> None:
-    """The archive, in one step."""
+    """Write the archive atomically."""
     draft = path.with_name(f".{path.name}.tmp")
     try:
         with zipfile.ZipFile(draft, "w", zipfile.ZIP_DEFLATED) as archive:

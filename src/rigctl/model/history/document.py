@@ -10,7 +10,7 @@ from rigctl.model.history.version import Version
 
 
 def history_document(versions: Sequence[Version], current: Version) -> dict[str, Any]:
-    """The versions of a model as data; `errors` are those whose fall is drawn."""
+    """The versions of a model as data; `errors` are the known errors, by version, for a plot."""
     return {
         "model": str(current.head),
         "current": current.number,

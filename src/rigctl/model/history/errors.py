@@ -1,4 +1,4 @@
-"""How the error of a model fell from version to version."""
+"""The error of a model from version to version."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rigctl.model.history.version import Version
 
 @dataclass(frozen=True)
 class VersionError:
-    """The error of a version, and the runs on which it was found: what was held out and chosen of them."""
+    """The error of a version, and the runs that it refers to, with their held-out and selected records."""
 
     version: Version
     error: ModelError
@@ -22,9 +22,9 @@ class VersionError:
 
 
 def version_errors(versions: Sequence[Version]) -> tuple[VersionError, ...]:
-    """The error of each version that is known: as it was after the change that made it.
+    """The errors of the versions, as far as known: each after the change that made the version.
 
-    Of a version that was made by hand, it is what the first version made out of it was before its change.
+    For a version made by hand, it is the error before the change that made the first version derived from it.
     """
     first_child: dict[int, Version] = {}
     for version in versions:

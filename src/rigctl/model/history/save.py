@@ -19,7 +19,7 @@ from rigctl.model.model import Model
 from rigctl.model.stated import stated_values
 from rigctl.model.writing.update import updated_text
 
-#: s to wait for another program that is keeping a version
+#: time-out for another program that is keeping a version, s
 _PATIENCE = 30.0
 
 
@@ -51,10 +51,10 @@ def save_version(
     Parameters
     ----------
     model: read with `load_model` and changed.
-    path: its file, or ``m.yaml@3`` where `model` was made out of version 3.
-    done: what was changed.
+    path: its file, or ``m.yaml@3`` if `model` was derived from version 3.
+    done: the change.
     effect_files: of the user's own effects that are new in `model`.
-    now: the time that is noted; that of the call by default.
+    now: the time to be recorded; by default that of the call.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def _values(model: Model) -> dict[str, VersionValue]:
 
 @contextmanager
 def _alone(head: Path) -> Iterator[None]:
-    """Let one program at a time keep a version of this file."""
+    """Hold the lock with which only one program at a time keeps a version of this file."""
     from filelock import FileLock, Timeout
 
     folder = store.folder_of(head)

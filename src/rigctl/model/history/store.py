@@ -1,7 +1,7 @@
 """Storage of a model file's versions: ``.history/<stem>/001.yaml`` beside it, and a JSON file with each.
 
 A version exists once both of its files do: a program that ends between the two leaves a number unused.
-Nothing in the folder is ever changed; `find_version` refuses a file that was.
+Nothing in the folder is ever changed; `find_version` refuses a file that has been.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def folder_of(head: Path) -> Path:
 
 
 def digest(text: str) -> str:
-    """SHA-256 of a text, whichever line ends it has."""
+    """SHA-256 of a text, independent of its line ends."""
     return hashlib.sha256(text.replace("\r\n", "\n").encode("utf-8")).hexdigest()
 
 
@@ -58,7 +58,7 @@ def current_version(path: Path) -> Version:
     """
     head, _ = split_version(Path(path))
     found = digest(read_document(head).text)
-    kept = {version.sha256: version for version in versions(head)}  # of equal ones the last
+    kept = {version.sha256: version for version in versions(head)}  # the last of equal ones
     if found not in kept:
         raise RigctlError("the file was changed while it was read", where=Location(head), hint="Try it again")
     return kept[found]
@@ -87,7 +87,7 @@ def find_version(path: Path, number: int) -> Version:
     Raises
     ------
     RigctlError
-        there is none; it says which there are.
+        there is none; the message lists those that exist.
     """
     head, _ = split_version(Path(path))
     known = read_versions(head)

@@ -1,4 +1,4 @@
-"""One version of a model: its number, when and how it came to be, and the values it has."""
+"""One version of a model: its number, its date, the change that made it, and its values."""
 
 from __future__ import annotations
 

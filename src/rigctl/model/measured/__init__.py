@@ -1,4 +1,4 @@
-"""Runs as a model sees them."""
+"""Conversion of runs to inputs and measured outputs of a model."""
 
 from rigctl.model.measured.conditions import condition_text
 from rigctl.model.measured.read import read_measurements

@@ -176,7 +176,7 @@ class _Builder:
     def switched(self, index: int, source: InputSource) -> None:
         """The actuators' commands: their values at the first sample, and every switch.
 
-        A command given at the moment of the first sample holds from there on, whatever that sample says.
+        A command given at the time of the first sample holds from there on, whatever value that sample has.
         """
         record = self._record
         now = {name: _first(record.commands[name]) for name, _ in source.actuators}
@@ -201,7 +201,7 @@ class _Builder:
 
     def readings(self, source: InputSource) -> Floats | None:
         """The readings of the input's channel, gaps and spikes bridged; None if it has none."""
-        assert source.channel is not None  # noqa: S101 - asked for inputs with a channel only
+        assert source.channel is not None  # noqa: S101 - called only for inputs with a channel
         values = self._record.channels.get(source.channel)
         if values is None or not np.isfinite(values).any():
             return None

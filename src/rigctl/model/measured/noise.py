@@ -217,7 +217,7 @@ class _OneChannel:
         """With the noise from short windows, if motion of the readings was mistaken for noise."""
         old = self.channel
         doubtful = old.guessed or old.correlation > _SLOW
-        # what the data do not show at all, a model's residuals do not either
+        # noise that the data do not show at all is not shown by a model's residuals either
         if (
             old.source not in _OF_STRETCHES
             or not doubtful

@@ -70,8 +70,7 @@ def taken_inputs(model: Model, run: Run, rig: Rig | None) -> dict[str, float]:
 
 
 def taken_temperature(model: Model, run: Run, rig: Rig | None) -> float | None:
-    """The oil temperature, K, at which the rows of a table without that column are judged; None if no row
-    lacks it."""
+    """The oil temperature, K, assumed for table rows without that column; None if no row lacks it."""
     start = {state.name: state.start for state in model.family.states}.get(_OIL)
     if start is None or run.info["rows"]:
         return None
@@ -81,7 +80,7 @@ def taken_temperature(model: Model, run: Run, rig: Rig | None) -> float | None:
 def _set_points_of_record(model: Model, run: Run, rig: Rig | None) -> dict[str, float]:
     """The set-points, SI, that a family's standard record holds and neither a row nor the user gives.
 
-    Its moves are what a row is a reading of, and its heater hardly changes the oil while it lasts.
+    Its motion is what a row describes, and its heater hardly changes the oil temperature in so short a time.
     """
     standard = model.family.standard_record
     if standard is None or rig is None:

@@ -38,7 +38,7 @@ _MOST_SAMPLES, _LEAST_OF_A_RECORD = 500_000, 400
 
 
 def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
-    """The usable records of `runs` as seen by `model`.
+    """The usable records of `runs`, as inputs and measured outputs of `model`.
 
     Raises
     ------

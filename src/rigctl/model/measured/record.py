@@ -1,4 +1,4 @@
-"""Measurements as seen by a model: commanded inputs, and outputs that were read."""
+"""Measurements in terms of a model: its commanded inputs and measured outputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A table of single values: its units, redundant columns, and the variable over which it runs."""
+"""A table of single values: its units, redundant columns, and the variable by which it is ordered."""
 
 from __future__ import annotations
 

@@ -115,9 +115,8 @@ def _write_effect_parameter(
     effect = model.effect(name)
     declared = effect.parameter(parameter)
     keys = ("effects", name, parameter)
-    for (
-        way
-    ) in effect.other_ways:  # the fit knows the parameter itself, and none of the other ways to write it
+    # a fit yields the parameter itself, not an alternative form of it
+    for way in effect.other_ways:
         if way.parameter == parameter and text.has("effects", name, way.name):
             text.rename(("effects", name, way.name), parameter)
             old = None
@@ -157,13 +156,13 @@ def _fields(
 
 
 def _word(text: str) -> str:
-    """A text as YAML: plain words where they can be nothing else, quoted otherwise."""
+    """A text as YAML: plain if that is unambiguous, quoted otherwise."""
     flat = " ".join(text.split())
     return flat if _PLAIN.fullmatch(flat) else json.dumps(flat, ensure_ascii=False)
 
 
 def _write_setting(text: Text, keys: tuple[str, ...], fields: Mapping[str, str | None]) -> None:
-    """Make the entry under `keys` say `fields`; it is a value alone where nothing else is said."""
+    """Write `fields` to the entry under `keys`: the value alone if there are no other fields."""
     said = {name: field for name, field in fields.items() if field is not None}
     if text.is_mapping(*keys):
         for name, field in fields.items():
@@ -192,7 +191,7 @@ def _write_field(text: Text, keys: tuple[str, ...], field: str | None) -> None:
 
 
 def _check(again: Model, model: Model, path: Path) -> None:
-    """Require that the text says the model, to the digits of a file."""
+    """Require that the text read again is the model, to the digits of a file."""
     same = set(again.effects) == set(model.effects) and set(again.fitted) == set(model.fitted)
     for name, value in model.values.items():
         if not same or not math.isclose(again.values[name], value, rel_tol=_ROUNDING, abs_tol=1e-300):

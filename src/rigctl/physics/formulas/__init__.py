@@ -1,6 +1,6 @@
-"""Formulas of a user's files: read by rigctl's own parser, checked, and turned into the engine's symbols.
+"""Formulas in a user's files: parsed by rigctl's own parser, checked, and converted to the engine's symbols.
 
-Nothing is executed. A formula is smooth, because the solver and every derivative need it to be.
+Nothing is executed. Only smooth formulas are accepted, because the solver and all derivatives require them.
 """
 
 from rigctl.physics.formulas.corners import refuse_branch_words, refuse_corners

@@ -33,12 +33,12 @@ _BRANCH = re.compile(r"\b(if|else|then|elif)\b|\?")
 
 
 def refuse_branch_words(text: str, where: Location) -> None:
-    """Refuse what other languages branch with, before the parser finds it merely out of place.
+    """Refuse the keywords of branches in other languages, which the parser would report only as misplaced.
 
     Raises
     ------
     RigctlError
-        such a word, or a function with a corner; the hint says the smooth alternative.
+        there is such a word, or a function with a corner; the hint gives the smooth alternative.
     """
     for called in _CALLED.finditer(text):
         name = called.group(1).casefold()
@@ -54,7 +54,7 @@ def refuse_corners(expression: Expression) -> None:
     Raises
     ------
     RigctlError
-        there is one; the hint says the smooth alternative.
+        there is one; the hint gives the smooth alternative.
     """
     for node in walk(expression.root):
         if isinstance(node, Comparison | Logic | Not):

@@ -1,4 +1,4 @@
-"""From a checked tree to the engine's symbols."""
+"""Conversion of a checked tree to the engine's symbols."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
 
 
 def lower(node: Node, m: Scope, look_up: LookUp) -> Scalar:  # noqa: PLR0911 - one for each kind
-    """The value of a checked tree: symbols, or a plain number where the scope holds plain numbers.
+    """The value of a checked tree: symbols, or a plain number if the scope holds plain numbers.
 
-    `look_up` says what each name stands for; ``pi`` is known without it.
+    `look_up` returns the value of each name except ``pi``.
     """
     match node:
         case Constant(value, dimension):

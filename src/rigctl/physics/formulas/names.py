@@ -10,15 +10,15 @@ from rigctl.expressions.types import NUMBER, ValueType, type_of_unit
 from rigctl.physics.family import Definition, InputVariable, ModelFamily, StateVariable
 from rigctl.units import parse_unit
 
-#: numbers that have a name
+#: named constants
 CONSTANTS = ("pi",)
 
 
 def variable_types(family: ModelFamily) -> Mapping[str, ValueType]:
     """The type of every variable of `family`.
 
-    A temperature is a point on the scale unless it is declared a difference. One that is a parameter may be
-    used as either.
+    A temperature is a point on the scale unless it is declared as a difference. A parameter may be used as
+    either.
     """
     named: tuple[StateVariable | InputVariable | Definition, ...]
     named = (*family.states, *family.inputs, *family.definitions)

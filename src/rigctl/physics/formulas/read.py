@@ -1,4 +1,4 @@
-"""From the text of a formula to a checked tree."""
+"""Parsing of the text of a formula into a checked tree."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ def read_formula(
 ) -> Node:
     """The tree of `text`, whose names have `types` and whose value has the type `wanted`.
 
-    `what` names it in messages, e.g. "the rate of level", and `why` says where its dimension comes from.
+    `what` is its name in messages, e.g. "the rate of level", and `why` the origin of its dimension.
 
     Raises
     ------
     RigctlError
-        it is none of the grammar, branches, names what there is not, or has another dimension.
+        it is not valid in the grammar, branches, uses an unknown name, or has another dimension.
     """
     place = where or Location()
     refuse_branch_words(text, place)

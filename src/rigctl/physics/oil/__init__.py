@@ -1,4 +1,4 @@
-"""Mineral hydraulic oil: density, viscosity over temperature and pressure, stiffness, how it is measured."""
+"""Mineral hydraulic oil: density, viscosity, bulk modulus, and the viscometer."""
 
 from rigctl.physics.oil.bulk_modulus import air_compliance, effective_bulk_modulus
 from rigctl.physics.oil.density import density

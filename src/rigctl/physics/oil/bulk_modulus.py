@@ -1,8 +1,8 @@
-"""Stiffness of oil that carries undissolved air.
+"""Effective bulk modulus of oil with entrained air.
 
 A volume of oil with the free-air fraction x0 at atmospheric pressure becomes, at absolute pressure p,
-``V = (1 - x0) + x0 * g`` with ``g = (p_atm / p)^(1/n)``; the liquid's own small change of volume counts in
-the stiffness only. Hence ``-dV/dp = (1 - x0) / beta + x0 * g / (n * p)``.
+``V = (1 - x0) + x0 * g`` with ``g = (p_atm / p)^(1/n)``; the small change of the liquid's volume is neglected
+in V, but not in its derivative ``-dV/dp = (1 - x0) / beta + x0 * g / (n * p)``.
 
 Source: Jelali & Kroll, Hydraulic Servo-systems (2003), section 3.2; Merritt (1967), section 2-4.
 """
@@ -36,7 +36,7 @@ def effective_bulk_modulus(
 def air_compliance(
     absolute_pressure: Scalar, air_fraction: Scalar, bulk_modulus: Scalar, exponent: float = ADIABATIC_AIR
 ) -> Scalar:
-    """Compressibility of air: ``1/beta_eff - 1/beta = x0*g*(1/(n*p) - 1/beta) / (1 - x0 + x0*g)``, in 1/Pa.
+    """Added compressibility: ``1/beta_eff - 1/beta = x0*g*(1/(n*p) - 1/beta) / (1 - x0 + x0*g)``, in 1/Pa.
 
     Exactly 0 without air. Arguments as for `effective_bulk_modulus`.
     """

@@ -18,7 +18,7 @@ class Oil:
 
     Attributes
     ----------
-    name: what it is called in a file.
+    name: in files.
     density_15: kg/m^3 at 15 degC.
     thermal_expansion: alpha_v in 1/K.
     vogel: the constants of Vogel's law.
@@ -49,7 +49,8 @@ class Oil:
         Raises
         ------
         RigctlError
-            the pressure law is none of "barus" and "modulus", or the temperature is below Vogel's pole.
+            the pressure law is neither "barus" nor "modulus", or the temperature is below the pole of Vogel's
+            law.
         """
         if law not in ("barus", "modulus"):
             raise unknown_name("viscosity model", law, ("barus", "modulus"))
@@ -84,12 +85,12 @@ OILS: Mapping[str, Oil] = MappingProxyType({HL32.name: HL32})
 
 
 def find_oil(name: str) -> Oil:
-    """The oil called `name`, in any case.
+    """The oil called `name`, ignoring case.
 
     Raises
     ------
     RigctlError
-        there is none; it says the nearest.
+        there is none; the message gives the nearest name.
     """
     for known in OILS.values():
         if known.name.casefold() == name.strip().casefold():

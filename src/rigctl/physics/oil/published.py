@@ -1,4 +1,4 @@
-"""The published viscosity of HL32, and how far a law is from it."""
+"""The published viscosity of HL32, and the deviations of a law from it."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class PublishedPoint:
 
 @dataclass(frozen=True)
 class Misfit:
-    """A law beside one measured value, in SI.
+    """A law compared with one measured value, in SI.
 
-    `error` is ``(measured - law) / law``: positive where the oil is thicker than the law says.
+    `error` is ``(measured - law) / law``: positive if the oil is more viscous than predicted by the law.
     """
 
     temperature: float

@@ -1,4 +1,4 @@
-"""The oil's properties over temperature and pressure, as a table."""
+"""The oil's properties as functions of temperature and pressure, as a table."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def oil_table(
     Raises
     ------
     RigctlError
-        the pressure law is unknown, a temperature is below Vogel's pole, or there are too many rows.
+        the law is unknown, a temperature is below the pole of Vogel's law, or there are too many rows.
     """
     at_pressures = tuple(pressures)
     at_temperatures = tuple(temperatures)

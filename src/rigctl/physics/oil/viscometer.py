@@ -1,4 +1,4 @@
-"""The capillary viscometer: a timed volume under its own head."""
+"""The capillary viscometer: the time in which a volume flows out under its own head."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ def capillary_constant(bore: float, length: float, volume: float, head: float) -
     ----------
     bore: d of the capillary, in m.
     length: l of the capillary, in m.
-    volume: q that is timed, in m^3.
-    head: dh, mean height of the liquid over the outlet, in m.
+    volume: q, the volume whose flow time is measured, in m^3.
+    head: dh, mean height of the liquid above the outlet, in m.
 
     Source: Hagen-Poiseuille; ISO 3105.
     """
@@ -30,7 +30,7 @@ def kinematic_from_time(time: Scalar, constant: Scalar, end_correction: Scalar =
     ----------
     time: t in s.
     constant: k in m^2/s^2, from `capillary_constant` or a calibration oil.
-    end_correction: c in m^2; 0 leaves it out.
+    end_correction: c in m^2; 0 for none.
 
     Source: ISO 3104, ISO 3105.
     """

@@ -1,4 +1,4 @@
-"""Viscosity over temperature and pressure.
+"""Viscosity as a function of temperature and pressure.
 
 Pressures are gauge. Each law takes floats, arrays or expressions.
 """

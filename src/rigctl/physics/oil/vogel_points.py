@@ -1,4 +1,4 @@
-"""Vogel's constants in closed form, through three measured points."""
+"""The constants of Vogel's law in closed form from three measured points."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def vogel_from_points(points: Sequence[tuple[float, float]]) -> VogelConstants:
     Raises
     ------
     RigctlError
-        there are not three points, two share a temperature, a viscosity is not positive or does not fall with
-        temperature, or the points bend the wrong way for Vogel's law.
+        there are not three points, two have the same temperature, a viscosity is not positive or does not
+        decrease with temperature, or the curvature of the points has the wrong sign for Vogel's law.
     """
     if len(points) != 3:
         raise RigctlError(

@@ -1,6 +1,6 @@
 """A user's own family of models, read from a YAML file.
 
-Nothing in the file is executed: a formula is read by rigctl's own parser and becomes symbols.
+Nothing in the file is executed: formulas are parsed by rigctl's own parser and converted to symbols.
 """
 
 from rigctl.physics.user.load import load_family, parse_family

@@ -1,4 +1,4 @@
-"""From a family file to declarations: names, units and numbers, before any formula is read."""
+"""The declarations in a family file: names, units and numbers, before any formula is parsed."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _NAMED = ("states", "inputs", "parameters", "constants", "definitions", "slots",
 
 
 def declare(reader: Reader, written: FamilyFile) -> ModelFamily:
-    """The family without its equations; `reader` keeps the mistakes, and the family lacks what is wrong."""
+    """The family without its equations; faulty declarations are omitted and reported to `reader`."""
     _refuse_names(reader, written)
     path = reader.document.path
     parameters = _each(reader, "parameters", written.parameters, _parameter)
@@ -86,7 +86,7 @@ def _unit(quantity: Quantity) -> str:
 
 
 def _difference(unit: str) -> bool:
-    """Whether a temperature in `unit` is an interval: one in degC is a point on the scale."""
+    """Whether a temperature in `unit` is a difference: one in degC is a point on the scale."""
     return not parse_unit(unit).absolute_temperature
 
 

@@ -1,4 +1,4 @@
-"""The formulas of a family file, read once all names are known."""
+"""The formulas of a family file, parsed once all names are known."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SECOND = parse_unit("s").dimension
 
 
 def write_equations(reader: Reader, written: FamilyFile, family: ModelFamily) -> ModelFamily:
-    """`family` with its equations; `reader` keeps what is wrong with them."""
+    """`family` with its equations; faults in them are reported to `reader`."""
     writer = _Writer(reader, family)
     return replace(
         family,
@@ -40,7 +40,7 @@ def write_equations(reader: Reader, written: FamilyFile, family: ModelFamily) ->
 
 
 class _Writer:
-    """Reads formulas with the names of one family."""
+    """Parses formulas with the names of one family."""
 
     def __init__(self, reader: Reader, family: ModelFamily) -> None:
         self.reader = reader

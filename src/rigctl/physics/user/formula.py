@@ -1,4 +1,4 @@
-"""A formula of a family file as something that the equations can call."""
+"""A formula of a family file as a callable for the equations."""
 
 from __future__ import annotations
 
@@ -39,5 +39,5 @@ class TextFormula:
 
 
 def unwritten(m: Scope, *switch: Scalar) -> Scalar:
-    """Stands for a formula until all names are known, so that formulas can be read."""
+    """Placeholder for a formula until all names are known and formulas can be parsed."""
     raise TypeError("this formula has not been read yet")

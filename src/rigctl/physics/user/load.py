@@ -20,19 +20,19 @@ from rigctl.physics.user.schema import FamilyFile
 
 
 def load_family(path: Path, taken: Iterable[str] = ()) -> ModelFamily:
-    """The family that a file describes, tried; it may not have one of the names `taken`.
+    """The family described by a file, validated; its name must not be one of `taken`.
 
     Raises
     ------
     RigctlError
-        the file cannot be read, or something in it is wrong, with the place; `SeveralErrors` when there is
-        more than one mistake.
+        the file cannot be read, or something in it is wrong, with its location; `SeveralErrors` for more
+        than one mistake.
     """
     return _build(read_document(Path(path)), taken)
 
 
 def parse_family(text: str, path: Path | None = None, taken: Iterable[str] = ()) -> ModelFamily:
-    """The family that a text describes; `path` is what messages call it.
+    """The family described by a text; `path` is its name in messages.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def _build(document: Document, taken: Iterable[str]) -> ModelFamily:
 
 
 def _keys(written: FamilyFile, part: str, name: str) -> tuple[str, ...]:
-    """Where a part of the family stands in the file; constants are parameters that no fit changes."""
+    """The location of a part of the family in the file; constants are parameters that no fit changes."""
     if part == "parameters" and name in written.constants:
         return ("constants", name)
     field = {"states": "rate", "definitions": "formula", "outputs": "formula", "inputs": "delay"}.get(part)

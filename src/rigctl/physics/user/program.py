@@ -1,6 +1,6 @@
-"""A family that a Python file makes: the one way in which rigctl runs a user's code.
+"""A family defined by a Python file: the only case in which rigctl executes a user's code.
 
-It is for files that the user names on the command line on purpose, and for nothing else.
+This is only done for files that the user names explicitly on the command line.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def run_family_file(path: Path) -> ModelFamily:
     RigctlError
         the file cannot be read or fails, with the line; or it defines no family.
     """
-    path = path.absolute()  # as the interpreter calls it
+    path = path.absolute()  # as in the interpreter's tracebacks
     where = Location(path)
     module = _run(path)
     if not hasattr(module, ATTRIBUTE):
@@ -61,7 +61,7 @@ def _run(path: Path) -> ModuleType:
 
 
 def _line(path: Path, problem: BaseException) -> Location:
-    """The line of the file that was running, or that cannot be read as Python."""
+    """The line of the file that was being executed, or that is not valid Python."""
     if isinstance(problem, SyntaxError) and problem.filename == str(path):
         return Location(path, problem.lineno, problem.offset)
     frames = traceback.extract_tb(problem.__traceback__)

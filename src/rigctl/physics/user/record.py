@@ -17,7 +17,7 @@ _PART = "standard_record"
 
 
 def read_record(reader: Reader, written: RecordField, family: ModelFamily) -> StandardRecord:
-    """What is commanded when, in SI; `reader` keeps what is wrong."""
+    """The commands and their times, in SI; faults are reported to `reader`."""
     inputs = {item.name: item for item in family.inputs}
     states = {state.name: state for state in family.states}
     switches = tuple(

@@ -36,7 +36,7 @@ def _as_text(written: object) -> object:
 
 FormulaOrNumber = Annotated[Formula, BeforeValidator(_as_text, json_schema_input_type=str | float)]
 
-#: limit for a standard record: more would make trying an effect slow
+#: limit for a standard record, since trying an effect on more samples is slow
 _MOST_SAMPLES = 20_000
 
 _FORMULA = "of the file's names, with + - * / ^, sqrt, exp, log, tanh, sin, cos and smooth switches"

@@ -10,7 +10,7 @@ from rigctl.physics.scope import Scope
 _FAMILY = "heater_board"
 _INCROPERA = "Incropera & DeWitt, Fundamentals of Heat and Mass Transfer"
 
-#: the temperature difference at which the power law equals the linear one, in K
+#: temperature difference at which the power law equals the linear one, in K
 _REFERENCE_DIFFERENCE = 30.0
 
 

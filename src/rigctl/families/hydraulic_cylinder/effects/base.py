@@ -1,4 +1,4 @@
-"""Pieces of the base model that can be taken away, to see their share."""
+"""Parts of the base model that can be removed to show their contribution."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""Forces of the seals and of the oil film, against the motion.
+"""Friction of the seals and of the oil film.
 
-A seal's force does not flip with the direction at once: its lip first bends, by a few hundredths of a
-millimetre, and while it is bent the piston sticks and the chambers keep a difference of pressure. State z of
-Dahl is how far it is bent, from -1 to 1 where it slides: ``dz/dt = (v − |v|·z)/s``.
+The force of a seal does not reverse immediately with the direction of motion: its lip first bends by a few
+hundredths of a millimetre, and while it is bent the piston sticks and a pressure difference between the
+chambers persists. Dahl's state z is the deflection, −1 to 1, with ``dz/dt = (v − |v|·z)/s``; at ±1 the lip
+slides.
 """
 
 from __future__ import annotations
@@ -15,11 +16,11 @@ _FAMILY = "hydraulic_cylinder"
 _JELALI = "Jelali & Kroll, Hydraulic Servo-systems (2003), section 3.4"
 _DAHL = _JELALI + "; P. Dahl, A solid friction model, Aerospace Corporation TOR-158 (1968)"
 
-#: chamber pressure below which a seal's load is rounded to zero, in Pa
+#: chamber pressure within which the contact force of a seal is rounded to zero, in Pa
 _SEAL_WIDTH = 1e4
 
 
-#: speed below which a lip stays as it is bent, in m/s
+#: speed below which a lip keeps its deflection, in m/s
 _REST = 1e-5
 
 
@@ -43,7 +44,7 @@ def _bending_rate(m: Scope, p: Own) -> Scalar:
 
 
 def _bending() -> EffectState:
-    """Records start after a retraction."""
+    """The deflection z of the lip; records are assumed to start after a retraction."""
     return EffectState("bending", "1", 0.1, _bending_rate, "z, of the seal's lip", start=-1.0)
 
 

@@ -1,4 +1,4 @@
-"""Heat that enters, leaves or waits elsewhere than the base balance says."""
+"""Heat losses, thermal lags and heat capacities that the base heat balance lacks."""
 
 from __future__ import annotations
 

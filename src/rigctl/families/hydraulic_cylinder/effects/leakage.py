@@ -1,4 +1,4 @@
-"""Oil that goes where it should not: laminar gaps, ``Q = k * dp / mu``."""
+"""Leakage through laminar gaps, ``Q = k * dp / mu``."""
 
 from __future__ import annotations
 
@@ -18,12 +18,19 @@ LAND = 20e-3
 
 
 def annular_conductance(diameter: float, clearance: float, length: float) -> float:
-    """``k = pi * D * h^3 / (12 * l)`` in m^3: laminar flow per pressure, times viscosity."""
+    """``k = pi * D * h^3 / (12 * l)`` in m^3: laminar flow per pressure drop, times viscosity.
+
+    Parameters
+    ----------
+    diameter: D in m.
+    clearance: h, the radial gap, in m.
+    length: l of the gap in the direction of flow, in m.
+    """
     return math.pi * diameter * clearance**3 / (12.0 * length)
 
 
 def gap_flow(m: Scope, conductance: Scalar, before: Scalar, after: Scalar = 0.0) -> Scalar:
-    """``k * (p1 - p2) / mu`` with the viscosity at the mean pressure of the gap; the tank is at 0."""
+    """``k * (p1 - p2) / mu`` in m^3/s, with the viscosity at the mean pressure; the tank is at 0 gauge."""
     return conductance * (before - after) / viscosity_at(m, 0.5 * (before + after))
 
 
@@ -131,7 +138,7 @@ ROD_LEAKAGE = Effect(
     needs="a hold with the valve closed, or chamber pressures",
 )
 
-#: while the relief valve has flow to spare it makes up for a slip: these leave it none, in hot oil or in cold
+#: slip is invisible while flow passes over the relief valve; these values leave none, in hot or in cold oil
 _PUMP_WITHOUT_RESERVE = (1e-14, 2e-14, 4e-14)
 
 PUMP_SLIP = Effect(

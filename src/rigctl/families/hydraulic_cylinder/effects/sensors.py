@@ -1,4 +1,4 @@
-"""Sensors that read something else than the truth."""
+"""Measurement errors of the sensors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _JCGM = "JCGM 200 (VIM): measurement errors of an indicating instrument"
 
 #: travel over which the slack of a coupling is taken up, besides the slack itself, in m
 _TAKE_UP = 0.1e-3
-#: speed below which a coupling keeps its side, in m/s
+#: speed below which a coupling stays on its side of the slack, in m/s
 _STILL = 1e-4
 #: times that the sampling cannot resolve, s
 _PRESSURE_RESOLUTION = 2e-3

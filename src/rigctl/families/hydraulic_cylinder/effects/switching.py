@@ -1,4 +1,4 @@
-"""The time from the valve's command to its motion: on every switch, of both strokes."""
+"""The delay between the valve's command and its motion, at every switch of both strokes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The flow-control valve's area, and what the lines behind the valve take."""
+"""The flow area of the flow-control valve, and the pressure losses in the lines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Other laws of viscosity and density."""
+"""Alternative laws of viscosity and density."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rigctl.physics.scope import Scope
 
 _FAMILY = "oil_viscosity"
 
-#: Walther's constants through HL32's points at 40 and 100 degC: 33.81 and 5.74 cSt
+#: Walther's constants from the points of HL32 at 40 and 100 degC, 33.81 and 5.74 cSt
 _WALTHER_A, _WALTHER_B = oil.walther_constants(313.15, 33.81e-6, 373.15, 5.74e-6)
 
 BARUS = barus(
