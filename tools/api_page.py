@@ -90,7 +90,7 @@ def _docstring(text: str) -> Iterator[str]:
             yield ""
         elif section and line.strip() and set(line.strip()) == {"-"}:
             continue
-        elif section in ("Parameters", "Attributes") and (entry := re.match(r"([\w*, ]+): (.*)", line)):
+        elif section in ("Parameters", "Attributes") and (entry := re.match(r"([\w*][\w*, ]*): (.*)", line)):
             names = ", ".join(f"`{name.strip()}`" for name in entry[1].split(","))
             yield f"- {names}: {_code(entry[2])}"
         elif section == "Raises" and re.fullmatch(r"\w+", line):

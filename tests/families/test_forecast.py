@@ -27,6 +27,13 @@ def test_the_shipped_rig_has_the_heat_capacity_and_powers_of_its_data() -> None:
     assert tank.power(50e5, heating=True) == pytest.approx(2000.0 + 1166.7 / 0.9, rel=1e-3)
 
 
+def test_only_the_declared_share_of_the_pump_power_heats_the_tank() -> None:
+    rig = load_rig(RIG)
+    cooled = tank_of(rig.model_copy(update={"constants": {**rig.constants, "pump_heat_share": 0.4}}))
+    assert cooled is not None
+    assert cooled.power(20e5, heating=False) == pytest.approx(0.4 * 466.7 / 0.9, rel=1e-3)
+
+
 def test_heating_rates_agree_with_the_published_ones() -> None:
     """The heaters give 0.9 K/min; at 50 bar the pump adds 0.5, before its efficiency."""
     adiabatic = Tank(0.08, HL32, 2000.0, 14e-3 / 60.0, 0.0, 295.15)

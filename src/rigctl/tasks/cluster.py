@@ -120,7 +120,7 @@ class _Submission:
     def _gone(self, problem: BaseException | None) -> NoReturn:
         raise RigctlError(
             "the cluster's scheduler does not answer any more; the results so far are kept",
-            hint="Start it again, and go on where it was",
+            hint="Restart the scheduler and repeat the command (rigctl validate: with --resume)",
             exit_code=ExitCode.FAILED,
         ) from problem
 

@@ -27,7 +27,7 @@ class Tank:
     fill: float  #: m³
     oil: Oil
     heater: float  #: W while on
-    pump_displacement: float  #: m³/s: heat per pressure, Q_pump/η_hm
+    pump_displacement: float  #: m³/s: heat per pressure, s·Q_pump/η_hm
     loss: float  #: W/K
     ambient: float  #: K
 
@@ -87,7 +87,9 @@ def tank_of(rig: Rig) -> Tank | None:
         fill=float(fill),
         oil=oil,
         heater=heater,
-        pump_displacement=constants.get("pump_flow", 0.0) / constants.get("hydromechanical_efficiency", 1.0),
+        pump_displacement=constants.get("pump_heat_share", 1.0)
+        * constants.get("pump_flow", 0.0)
+        / constants.get("hydromechanical_efficiency", 1.0),
         loss=constants.get("tank_conductance", 0.0),
         ambient=constants.get("ambient_temperature", rig.simulation.ambient_temperature),
     )
