@@ -24,7 +24,7 @@ _UNIT_NAME = r"(?:[^\W\d]\w*|°[CF]|%)"
 _UNIT = re.compile(rf"\s*({_UNIT_NAME}(?:\^-?\d)?(?:[*/]{_UNIT_NAME}(?:\^-?\d)?)*)")
 _LAST_FACTOR = re.compile(rf"(?:\^-?\d|[*/]{_UNIT_NAME})$")
 
-#: operators of other languages, and those of this grammar that are meant
+#: operators of other languages, each with its equivalent in this grammar
 _INSTEAD = {
     "=": "==",
     "&&": "and",

@@ -24,7 +24,7 @@ class Basis(IntEnum):
 
     TIMED = 0  #: the procedure states it
     ESTIMATED = 1  #: from the rig's geometry and heat balance
-    GUESSED = 2  #: an assumption on how long a person takes
+    GUESSED = 2  #: an assumption about how long a person takes
     AT_MOST = 3  #: it ends on a condition; this is its timeout
 
 
@@ -92,7 +92,7 @@ class ForecastBench(Protocol):
         ...
 
     def operator_time(self, person: float) -> float:
-        """Return the time that the operator takes, s, for what takes a person `person` s."""
+        """Return the time that the operator takes, s, for a task that takes a person `person` s."""
         ...
 
     def pass_time(self, state: State, seconds: float, *, heating: bool = False) -> State:

@@ -1,8 +1,8 @@
 """The guard: a small separate process that holds the port of a device without a watchdog.
 
 It forwards bytes in both directions, and makes outputs safe if rigctl is silent for too long or has ended for
-any reason. All that it knows of the bench are the commands that make it safe. If the device does not confirm
-that it is safe, the guard keeps trying, see `rigctl.backends.transport.pursuit`.
+any reason. It knows only the commands that make the bench safe. If the device does not confirm that it is
+safe, the guard keeps trying, see `rigctl.backends.transport.pursuit`.
 
 It is started by ``python -P -m rigctl.backends.transport.guard PORT``, where PORT is the TCP port on which
 rigctl listens for it; the secret that authenticates it is read from stdin.

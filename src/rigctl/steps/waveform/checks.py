@@ -13,7 +13,7 @@ from rigctl.units import show
 
 #: largest number of commands of one waveform; more are probably a typing error
 MOST: Final = 1_000_000
-#: shortest time between two commands that a host can keep, s
+#: shortest interval between two commands that a host can maintain, s
 SHORTEST: Final = 1e-3
 #: relative tolerance within which two rates count as equal
 _SLACK: Final = 1e-6
