@@ -137,16 +137,16 @@ def test_a_trip_ends_sampling_with_its_cause_and_refuses_later_commands(make_ben
 
 def test_outputs_left_on_by_another_program_are_off_at_the_first_sample(uno_rig: Rig) -> None:
     bench = create(uno_rig, VirtualClock(), {"plant": "roles", "seed": 1})
-    meet = bench._meet
+    identify = bench._identify
 
     def left_on(port: Any, *, again: bool) -> Any:
         board = port._board
         board.avr.send(b"OUTP:HEAT ON\nVALV EXT\n")
         board.run_to(board.time + 0.05)
         assert board.outputs[:2] == (True, True)
-        return meet(port, again=again)
+        return identify(port, again=again)
 
-    bench._meet = left_on  # type: ignore[method-assign]
+    bench._identify = left_on  # type: ignore[method-assign]
     bench.open()
     bench.start(10.0)
     sample = bench.next_sample(0.5)
@@ -157,7 +157,7 @@ def test_outputs_left_on_by_another_program_are_off_at_the_first_sample(uno_rig:
 
 def test_a_host_silent_trip_beside_another_trip_is_not_cleared(uno_rig: Rig) -> None:
     bench = create(uno_rig, VirtualClock(), {"plant": "roles", "seed": 1})
-    meet = bench._meet
+    identify = bench._identify
 
     def tripped_twice(port: Any, *, again: bool) -> Any:
         avr = port._board.avr
@@ -165,9 +165,9 @@ def test_a_host_silent_trip_beside_another_trip_is_not_cleared(uno_rig: Rig) -> 
         avr.run_to(avr.cycle + 2 * FREQUENCY)
         avr.put_voltage(0, millivolt(700))
         avr.run_to(avr.cycle + FREQUENCY // 50)
-        return meet(port, again=again)
+        return identify(port, again=again)
 
-    bench._meet = tripped_twice  # type: ignore[method-assign]
+    bench._identify = tripped_twice  # type: ignore[method-assign]
     with pytest.raises(BenchTripped, match=r"over-pressure.*host silent"):
         bench.open()
 

@@ -1,1 +1,1 @@
-"""Benches behind one protocol: simulated, replayed, and real ones on a serial line."""
+"""Backends with one interface: simulated, replayed and emulated benches, and real devices."""

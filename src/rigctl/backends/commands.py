@@ -37,5 +37,5 @@ def check_command(rig: Rig, actuator: str, value: float, duration: float | None 
 
 
 def driven_outputs(rig: Rig) -> frozenset[str]:
-    """Return the actuators driven by the bench; the others are operated by hand."""
+    """Return the actuators that the bench drives; the others are operated by hand."""
     return frozenset(name for name, actuator in rig.actuators.items() if actuator.by == "driven")

@@ -6,7 +6,7 @@ from rigctl.errors import ExitCode, Location, RigctlError
 
 
 class BackendLost(RigctlError):
-    """The bench cannot be reached, and trying again within the allowed time did not help."""
+    """The bench cannot be reached, and could not be reconnected within the time allowed."""
 
     def __init__(
         self,
@@ -23,14 +23,14 @@ class BackendLost(RigctlError):
 
 
 class OutOfReach(BackendLost):
-    """Contact is temporarily lost and being restored; the request will not be repeated.
+    """Contact is temporarily lost and is being restored; the request will not be repeated.
 
-    The caller decides how to continue once the bench is back, which is then in its safe state.
+    The caller decides how to continue once the bench is back; its outputs are then in their safe state.
     """
 
 
 class BenchTripped(RigctlError):
-    """The bench has tripped and waits until the trip is cleared deliberately; its outputs are safe."""
+    """The bench has tripped, and the trip must be cleared deliberately; its outputs are safe."""
 
     def __init__(self, causes: str) -> None:
         self.causes = causes

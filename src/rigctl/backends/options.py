@@ -25,7 +25,8 @@ def read_port(rig: Rig, options: Mapping[str, object], question: str, expected: 
     Raises
     ------
     RigctlError
-        there is none (`question`, `expected`), or its start is not `begins`.
+        neither gives a port (`question` and `expected` are then the message), or it does not begin with
+        `begins`.
     """
     port = options.get("port") or rig.backend.port
     if isinstance(port, str) and port.startswith(begins):
@@ -34,7 +35,7 @@ def read_port(rig: Rig, options: Mapping[str, object], question: str, expected: 
 
 
 def require_packages(device: str, library: str, extra: str, modules: Iterable[str]) -> None:
-    """Refuse a `device` whose `library` is not installed, with the command to install it.
+    """Refuse a `device` whose `library` is not installed; the message gives the command that installs it.
 
     Raises
     ------

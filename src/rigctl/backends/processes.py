@@ -6,7 +6,7 @@ import os
 
 
 def process_exists(pid: int) -> bool:
-    """False if there is no such process; on Windows, where the query would end it, always True."""
+    """Return whether a process exists; always True on Windows, where the query would end the process."""
     if os.name != "posix":
         return True
     if pid <= 0:  # would query a whole process group

@@ -1,7 +1,7 @@
-"""The interface of every bench, real or not; the runner uses nothing else.
+"""The interface of all benches, real or simulated; the runner uses nothing else.
 
 A bench has channels that are sampled on a regular grid and actuators that are switched at exact times.
-All values are SI, all times are seconds on the clock the backend was given.
+All values are in SI units, all times in seconds on the clock that was passed to the backend.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class Sample:
     Parameters
     ----------
     time: when the channels were read, in s.
-    values: SI values in the order of ``rig.layout.channels``; NaN where a channel gave none.
+    values: SI values in the order of ``rig.layout.channels``; NaN for a channel without a value.
     commands: the actuators' commanded values in the order of ``rig.layout.commands``, in force when
         the channels were read.
     """
@@ -38,10 +38,10 @@ class CommandReceipt:
 
     Parameters
     ----------
-    time: the switch, in s.
+    time: time of the switch, in s.
     actuator: its name in the rig file.
     value: the new SI value.
-    uncertainty: half-width of the interval that holds the true switch time, in s; 0 when it is exact.
+    uncertainty: half-width of the interval that contains the true time of the switch, in s; 0 if it is exact.
     """
 
     time: float
@@ -53,18 +53,18 @@ class CommandReceipt:
 class PendingCommand:
     """A command that was sent, and its outcome.
 
-    The bench answers when it can. The sender continues to handle samples and interlocks, and does not assume
-    the output to be switched before `receipt` confirms it.
+    The bench answers later. Meanwhile the sender continues to handle samples and interlocks, and does not
+    assume that the output has switched until `receipt` confirms it.
 
     Parameters
     ----------
-    actuator, value: of the command, SI.
-    pump: lets bench time pass until something has arrived; None for one that was answered at once.
+    actuator, value: the commanded actuator, and the SI value.
+    pump: lets bench time pass until something has arrived; None for a command that was answered at once.
 
     Attributes
     ----------
-    receipt: when it was carried out; None while unknown.
-    trouble: why it was not carried out, or why that will never be known: `OutOfReach` for the latter.
+    receipt: the confirmation that it was executed, with the time; None until then.
+    trouble: why it was not executed; `OutOfReach` if its outcome will never be known.
     """
 
     def __init__(self, actuator: str, value: float, pump: Callable[[], object] | None = None) -> None:
@@ -76,7 +76,7 @@ class PendingCommand:
 
     @classmethod
     def answered(cls, receipt: CommandReceipt) -> PendingCommand:
-        """A command that the bench has carried out at once."""
+        """Return a command that the bench has executed at once."""
         pending = cls(receipt.actuator, receipt.value)
         pending.receipt = receipt
         return pending
@@ -87,7 +87,7 @@ class PendingCommand:
         return self.receipt is not None or self.trouble is not None
 
     def wait(self) -> CommandReceipt:
-        """Let time pass until the bench has answered, for callers with nothing else to do; samples wait.
+        """Let time pass until the bench has answered, for callers with nothing else to do; samples queue up.
 
         Raises
         ------
@@ -103,11 +103,11 @@ class PendingCommand:
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """A notice of the bench for the run's events.
+    """A notice from the bench, to be stored as an event of the run.
 
     `kind` is one of the dataset's event kinds: ``gap`` (samples were lost), ``fault``, ``alarm`` (the
     board tripped), ``note`` (reconnected, resynchronised). The field ``switched_off`` of a gap names the
-    actuators that went to their safe value in it without a command.
+    actuators that went to their safe value during the gap without a command.
     """
 
     time: float
@@ -119,13 +119,13 @@ class Notice:
 class Backend(Protocol):
     """A bench: sampled channels, switched actuators, and a way to make everything safe.
 
-    The order of calls is ``open``, then any of the others, then ``close``. Only the runner's thread calls
-    them, except for `safe`, which a signal's cleanup calls in the same thread, whatever was going on.
+    The order of calls is ``open``, then any of the others, then ``close``. All calls come from the runner's
+    thread; `safe` may interrupt any other of them, when it is called by the cleanup after a signal.
     """
 
     @property
     def identity(self) -> Mapping[str, str]:
-        """The identity reported by the bench: kind, name, firmware, serial number, seed…; complete once
+        """The identity reported by the bench: kind, name, firmware, serial number, seed…; complete once it is
         open."""
         ...
 
@@ -136,12 +136,12 @@ class Backend(Protocol):
 
     @property
     def timed(self) -> bool:
-        """True if the bench itself times pulses, so that delays of the host do not matter."""
+        """True if the bench itself times pulses, so that delays on the host do not matter."""
         ...
 
     @property
     def without_host(self) -> str:
-        """What happens to the outputs when the bench cannot be reached, one sentence for people on site."""
+        """What happens to the outputs if the host loses contact, one sentence for people at the bench."""
         ...
 
     @property
@@ -151,11 +151,11 @@ class Backend(Protocol):
 
     @property
     def outputs_answered(self) -> frozenset[str]:
-        """Driven actuators whose commands the bench acknowledges, so that `safe` raises if one is not."""
+        """Driven actuators whose commands the bench acknowledges, so that `safe` raises if it does not."""
         ...
 
     def open(self) -> None:
-        """Reach the bench, check that it is the right one, and bring its outputs to the safe state.
+        """Connect to the bench, check that it is the right one, and bring its outputs to the safe state.
 
         Raises
         ------
@@ -167,22 +167,22 @@ class Backend(Protocol):
         ...
 
     def close(self) -> None:
-        """Close the bench, with outputs safe if it can still be reached. Never raises, idempotent."""
+        """Close the bench, with outputs made safe if it can still be reached. Never raises; idempotent."""
         ...
 
     def start(self, rate: float) -> None:
-        """Sample at `rate` Hz from now on, the first sample at once; replaces an earlier rate.
+        """Sample at `rate` Hz from now on, with the first sample at once; replaces an earlier rate.
 
-        A bench that cannot be reached does so when it is back. The first sample at the new rate may have the
+        A bench that cannot be reached starts once it is back. The first sample at the new rate may have the
         same time as the last one at the old rate.
         """
         ...
 
     def next_sample(self, timeout: float) -> Sample | None:
-        """Wait on the clock for the next sample; None when none came within `timeout` s of bench time.
+        """Wait on the clock for the next sample; None if there was none within `timeout` s of bench time.
 
         Also None as soon as a command has been answered, so that a caller waiting for that can continue.
-        Samples come in order of time, none is skipped because the caller was late.
+        Samples are returned in order of time, and none is skipped if the caller is late.
 
         Raises
         ------
@@ -192,41 +192,41 @@ class Backend(Protocol):
         ...
 
     def command(self, actuator: str, value: float, *, duration: float | None = None) -> PendingCommand:
-        """Send a command that switches an actuator to an SI value, without waiting.
+        """Send a command that switches an actuator to an SI value, without waiting for the answer.
 
-        The answer arrives while `next_sample` is called. Until then the output may be as before or as
-        commanded; if no answer comes in time, contact counts as lost, or the command is sent again where it
-        does no harm twice.
+        The answer is processed by calls of `next_sample`. Until then the output may be as before or as
+        commanded; without an answer in time, contact counts as lost, or the command is sent again if it is
+        harmless when executed twice.
 
-        With `duration` the bench returns it to its safe value automatically after this time, s; the
+        With `duration` the bench returns the actuator to its safe value automatically after this time, s; the
         receipt of this return comes from `take_receipts`. A new command to the same actuator replaces a
-        pulse that has not ended, and one that has not been answered. `safe` drops what has not been answered.
+        pulse that has not ended, and a command that has not been answered. `safe` drops unanswered commands.
         A command is never sent again after a loss of contact: the runner has to decide first.
 
         An actuator that is operated by hand (``by: operator``) is commanded as well: a real bench only
-        records the request to the operator, on a simulated one the simulated operator turns it.
+        records the request to the operator; on a simulated bench the simulated operator turns it.
 
         Raises
         ------
         RigctlError
-            there is no such actuator, or it cannot take the value; nothing has moved.
+            there is no such actuator, or the value is invalid for it; nothing has moved.
         OutOfReach
-            contact is lost for the moment.
+            contact is temporarily lost.
         BackendLost
             the bench is gone for good, or no longer responds.
         """
         ...
 
     def take_receipts(self) -> list[CommandReceipt]:
-        """Switches since the last call that no `PendingCommand` reports: ends of timed pulses, trips."""
+        """Return the switches since the last call that no `PendingCommand` reports: ends of pulses, trips."""
         ...
 
     def take_notices(self) -> list[Notice]:
-        """Notices of the bench since the last call: gaps, reconnections, trips, injected faults."""
+        """Return the bench's notices since the last call: gaps, reconnections, trips, injected faults."""
         ...
 
     def safe(self) -> None:
-        """Bring every output to the rig's safe state now; discard pulses and waiting commands.
+        """Bring every output to the rig's safe state now; discard pulses and pending commands.
 
         May be called at any time, repeatedly; blocks for at most one second of wall time.
 
@@ -240,34 +240,34 @@ class Backend(Protocol):
 
 @runtime_checkable
 class Regulator(Protocol):
-    """A `Backend` that can also carry out a closed loop on its own, one at a time.
+    """A `Backend` that can also execute a closed loop by itself, one at a time.
 
-    Each sample has the output that was in force when it was taken. `Backend.safe`, a trip, any command to its
-    actuator, and a loss of contact end the loop.
+    Each sample contains the output that was in force when it was taken. `Backend.safe`, a trip, any command
+    to the loop's actuator, and a loss of contact end the loop.
     """
 
     def cannot_regulate(self, loop: LoopSettings) -> str:
-        """Why this bench cannot carry out a loop, one sentence; empty if it can. Known once it is open."""
+        """Return why this bench cannot execute a loop, one sentence; empty if it can. Known once open."""
         ...
 
     def regulate(self, loop: LoopSettings) -> PendingCommand:
-        """Tell the bench to start a loop, without waiting; the receipt confirms it.
+        """Start a loop on the bench, without waiting; the receipt confirms the start.
 
         Raises
         ------
         OutOfReach
-            contact is lost for the moment.
+            contact is temporarily lost.
         BackendLost
             the bench is gone for good.
         """
         ...
 
     def loop_state(self, ahead: float | None = None) -> LoopState:
-        """The state of the newest loop; `ahead`, sent as soon as possible, is its feed-forward from now
-        on."""
+        """Return the state of the newest loop; `ahead` is its feed-forward from now on, SI, which is sent as
+        soon as possible."""
         ...
 
     def stop_regulating(self, actuator: str) -> PendingCommand:
-        """End a loop, leaving its output unchanged; the receipt gives its value. Raises as `regulate`
-        does."""
+        """End a loop, leaving its output unchanged; the receipt gives the output's value. Raises as
+        `regulate`."""
         ...

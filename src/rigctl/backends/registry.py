@@ -24,22 +24,22 @@ _MODULES: Mapping[str, str] = {
 
 
 def backend_names() -> tuple[str, ...]:
-    """The names that `create_backend` knows."""
+    """Return the names of the backends."""
     return tuple(_MODULES)
 
 
 def create_backend(
     rig: Rig, choice: str | None, clock: Clock, options: Mapping[str, object] | None = None
 ) -> Backend:
-    """Make the backend called `choice`, or the rig file's own when `choice` is None; opens nothing yet.
+    """Make the backend called `choice`, or that of the rig file if `choice` is None; not yet open.
 
     Parameters
     ----------
     rig: the bench's description.
     choice: one of `backend_names`.
     clock: the clock that the backend waits on.
-    options: from the command line; each backend's ``create`` lists those it knows. They have precedence over
-        those of the rig file, which apply only to the kind of backend for which they were written.
+    options: from the command line; each backend's ``create`` lists those that it accepts. They take
+        precedence over those of the rig file, which apply only to the kind of backend that the file names.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def create_backend(
 
 
 def address_of(rig: Rig, port: str | None) -> Address:
-    """The address of a rig file's device, on the port that the file or `port` names; nothing is opened.
+    """Return the address of a rig file's device, on the port that `port` or the file names; not opened.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def address_of(rig: Rig, port: str | None) -> Address:
 
 
 def other_readings(rig: Rig) -> Iterator[tuple[str, Rig]]:
-    """The alternative number formats that its file could state, each with the corresponding rig."""
+    """Return the other number formats that the rig file could state, each with the corresponding rig."""
     module = import_module(_MODULES[rig.backend_named()])
     if hasattr(module, "other_orders"):
         yield from module.other_orders(rig)

@@ -20,11 +20,11 @@ BAUD = 115200
 
 
 def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
-    """Make a bench on a serial port, not yet open: rigctl's board, or the line-based device of the rig file.
+    """Make a bench on a serial port, not yet open: rigctl's board, or the rig file's line-based device.
 
     Parameters
     ----------
-    rig: its ``backend`` part has the defaults of port and baud.
+    rig: its ``backend`` part has the defaults of port and baud rate.
     clock: real.
     options: any of
         ``port`` (a device or a pyserial URL), ``baud``;
@@ -54,7 +54,7 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
 
 
 def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
-    """The port and the baud rate.
+    """Return the port and its baud rate.
 
     Raises
     ------

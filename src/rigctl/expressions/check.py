@@ -1,9 +1,8 @@
-"""Dimensions of an expression: which are compatible, and whether a temperature in degC is a point or a
-difference.
+"""Checks the dimensions of an expression, and whether each temperature is a point or a difference.
 
 Temperatures are points on a scale or differences. A point minus a point is a difference, a point plus a
 difference is a point, and two points cannot be added. A literal in kelvin may be either. A literal in degC
-is a point, unless it stands where only a difference makes sense.
+is a point, unless only a difference makes sense at its place.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ _LARGEST_EXPONENT = 9
 class Typed:
     """A node whose literals are SI constants, and its type.
 
-    `written` is the literal it was, as long as it can still be read as a difference.
+    `written` is the original literal, as long as it can still be read as a difference.
     """
 
     node: Node
@@ -55,7 +54,7 @@ def infer(node: Node, types: Mapping[str, ValueType]) -> Typed:  # noqa: PLR0911
     Raises
     ------
     RigctlError
-        an unknown name, or dimensions that do not fit.
+        a name is unknown, or dimensions are incompatible.
     """
     match node:
         case Literal() | Constant():
@@ -83,12 +82,12 @@ def infer(node: Node, types: Mapping[str, ValueType]) -> Typed:  # noqa: PLR0911
 
 
 def fit(typed: Typed, expected: ValueType) -> Typed:
-    """The tree read as `expected`, which decides what a single ``0.5 degC`` means.
+    """Return the tree read as `expected`, which decides whether ``0.5 degC`` alone is a point or an interval.
 
     Raises
     ------
     RigctlError
-        it is of another type.
+        the tree has another type.
     """
     if expected.temperature == "difference":
         typed = _as_difference(typed)
@@ -123,7 +122,7 @@ def _value_type(name: str, types: Mapping[str, ValueType]) -> ValueType:
 
 
 def _table(arguments: Sequence[Node], types: Mapping[str, ValueType]) -> Typed:
-    """``table(x, name)``: x is of the type that the table is looked up by."""
+    """Check ``table(x, name)``: x must have the type of the table's argument."""
     known = [name for name, found in types.items() if isinstance(found, TableType)]
     written, curve = arguments
     if not isinstance(curve, Name):
@@ -143,7 +142,7 @@ def _table(arguments: Sequence[Node], types: Mapping[str, ValueType]) -> Typed:
 
 
 def _as_difference(typed: Typed) -> Typed:
-    """A literal in degC read as an interval; anything else as it is."""
+    """Return a literal in degC read as a difference; anything else unchanged."""
     if typed.written is None:
         return typed
     literal = typed.written
@@ -168,7 +167,7 @@ def _condition(operator: str, typed: Typed) -> Node:
 
 
 def _alike(verb: str, operands: Sequence[Typed]) -> list[Typed]:
-    """Operands that must be of one type; literals in degC follow the others."""
+    """Return operands, which must have one type; literals in degC are read in the way the others require."""
     first = _number(operands[0], verb)
     for other in operands[1:]:
         _number(other, verb)
@@ -217,7 +216,7 @@ def _call(function: str, arguments: list[Typed]) -> Typed:
 
 
 def _smooth(function: str, arguments: list[Typed]) -> Typed:
-    """A smooth switch: values of one type, then the width over which the corner is rounded."""
+    """Check a smoothed function: values of one type, then the width over which its corner is rounded."""
     *values, width = (_number(argument, f"take {function} of") for argument in arguments)
     if function == "spow" and not values[0].type.dimension.dimensionless:
         raise RigctlError(
@@ -262,7 +261,8 @@ def _sum(operator: str, verb: str, left: Typed, right: Typed) -> Typed:
 
 
 def _addends(left: Typed, right: Typed) -> tuple[Typed, Typed]:
-    """In a sum of two temperatures at most one is a point; a literal becomes a difference."""
+    """Return the terms of a sum; of two temperatures at most one may be a point, so a literal in degC becomes
+    a difference."""
     if left.type.temperature == right.type.temperature == "point":
         if right.written:
             return left, _as_difference(right)
@@ -284,7 +284,7 @@ _SUMS: Mapping[tuple[Kind, Kind], Kind] = {
     (None, None): None,
 }
 
-#: kind of a difference of temperatures; a point minus kelvins may be meant as either
+#: kind of a difference of temperatures; a point less a literal in kelvin may be either
 _DIFFERENCES: Mapping[tuple[Kind, Kind], Kind] = {
     ("point", "point"): "difference",
     ("point", "difference"): "point",

@@ -1,6 +1,6 @@
-"""A checked tree as nested closures over a row of values: fast enough for every sample, never executed.
+"""Compiles a checked tree to nested closures over a row of values, fast enough for every sample.
 
-`position < 1 mm` becomes one comparison of a row's entry with a number.
+No code of the user is executed. `position < 1 mm` becomes one comparison of a row's entry with a number.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ _ORDER: Mapping[str, Callable[[float, float], bool]] = {
 
 
 def compile_tree(node: Node, row: Sequence[str]) -> Callable[[Row], float | bool]:
-    """A function from a row, whose columns are called `row`, to the value of a checked tree.
+    """Return a function from a row of SI values, with columns named `row`, to the value of a checked tree.
 
     Raises
     ------
     RigctlError
-        a name is no column of the row.
+        a name is not a column of the row.
     """
     index = {name: place for place, name in enumerate(row)}
     if isinstance(node, Comparison | Logic | Not):
@@ -61,9 +61,9 @@ def compile_tree(node: Node, row: Sequence[str]) -> Callable[[Row], float | bool
 
 
 def compile_number(node: Node, index: Mapping[str, int]) -> Number:
-    """A function from a row to the value of a checked, numeric tree.
+    """Return a function from a row to the value of a checked, numeric tree.
 
-    `index` is the index in the row of each name, and of each variable with its dollar.
+    `index` gives the index in the row of each name, and of each variable with its dollar.
     """
     match node:
         case Constant(value):
@@ -82,7 +82,7 @@ def compile_number(node: Node, index: Mapping[str, int]) -> Number:
 
 
 def compile_condition(node: Node, index: Mapping[str, int]) -> Condition:
-    """A function from a row to the truth of a checked condition."""
+    """Return a function from a row to the truth value of a checked condition."""
     match node:
         case Comparison(operands, operators) if len(operators) == 1:
             return _comparison(operands[0], operators[0], operands[1], index)
@@ -100,7 +100,7 @@ def compile_condition(node: Node, index: Mapping[str, int]) -> Condition:
 
 
 def place_of(node: Name | Variable, index: Mapping[str, int]) -> int:
-    """The index of a name or a variable in the row."""
+    """Return the index of a name or a variable in the row."""
     name = node.name if isinstance(node, Name) else f"${node.name}"
     if name not in index:
         raise unknown_name("name", name, index)
@@ -136,7 +136,7 @@ def _comparison(left: Node, order: str, right: Node, index: Mapping[str, int]) -
 
 
 def _threshold(order: str, place: int, value: float) -> Condition:
-    """A channel against a number, the commonest condition, without a call in it."""
+    """Compare a channel with a number, the most common condition, without a further function call."""
     match order:
         case "<":
             return lambda row: row[place] < value

@@ -1,4 +1,4 @@
-"""An expression as the rest of the program uses it."""
+"""Expressions: conditions and formulas, parsed from a user's files."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from rigctl.units import Quantity
 
 @dataclass(frozen=True)
 class Expression:
-    """A condition or a formula of a user's file: parsed, and never executed as a program.
+    """A condition or a formula in a user's file: parsed, and never executed as a program.
 
-    Two expressions are equal if their texts are.
+    Two expressions are equal if their texts are equal.
     """
 
     text: str
@@ -32,36 +32,36 @@ class Expression:
 
     @cached_property
     def names(self) -> frozenset[str]:
-        """Channels, commands and measures in it."""
+        """The channels, commands and measures in the expression."""
         return frozenset(node.name for node in walk(self.root) if isinstance(node, Name))
 
     @cached_property
     def variables(self) -> frozenset[str]:
-        """The ``$variables`` in it, without their dollar."""
+        """The ``$variables`` in the expression, without their dollars."""
         return frozenset(node.name for node in walk(self.root) if isinstance(node, Variable))
 
     @property
     def constant(self) -> bool:
-        """True when it names nothing."""
+        """True if the expression contains no names and no variables."""
         return not self.names and not self.variables
 
     def check(self, types: Mapping[str, ValueType], *, expected: ValueType | None = None) -> ValueType:
-        """The type of its value.
+        """Return the type of its value.
 
         Parameters
         ----------
         types: the type of each name; a variable is written with its dollar, ``$oil``.
-        expected: the required type, which also decides what a single ``0.5 degC`` means.
+        expected: the required type, which also decides whether ``0.5 degC`` alone is a point or a difference.
 
         Raises
         ------
         RigctlError
-            an unknown name, dimensions that do not fit, or another type than expected.
+            a name is unknown, dimensions are incompatible, or the type is not the expected one.
         """
         return self._typed(types, expected).type
 
     def checked(self, types: Mapping[str, ValueType], *, expected: ValueType | None = None) -> Expression:
-        """The same expression with its numbers in SI, so that it can be evaluated.
+        """Return the same expression with its numbers in SI, so that it can be evaluated.
 
         Raises
         ------
@@ -71,7 +71,7 @@ class Expression:
         return replace(self, resolved=self._typed(types, expected).node)
 
     def evaluate(self, values: Mapping[str, float]) -> float | bool:
-        """Its value for SI values by name; variables are written with their dollar.
+        """Return its value for SI values by name; variables are written with their dollar.
 
         An undefined value (a division by zero, the logarithm of a negative number) is NaN, and a comparison
         with NaN is false.
@@ -81,28 +81,28 @@ class Expression:
         RigctlError
             a name has no value.
         ValueError
-            the expression has a literal in degC beside a name and was not `checked`: whether the literal is a
-            point or a difference is unknown.
+            the expression has a literal in degC and a name, and was not `checked`, so that it is unknown
+            whether the literal is a point or a difference.
         """
         return compile_tree(self._in_si(), tuple(values))(tuple(values.values()))
 
     def compile(
         self, types: Mapping[str, ValueType], row: Sequence[str]
     ) -> Callable[[Sequence[float]], float | bool]:
-        """A fast function of a row of SI values whose columns are called `row`.
+        """Return a fast function of a row of SI values whose columns are named `row`.
 
         Raises
         ------
         RigctlError
-            as `check`; also for a name that is no column of the row.
+            as `check`; also for a name that is not a column of the row.
         """
         known = {name: kind for name, kind in types.items() if name in row}
         return compile_tree(self._typed(known, None).node, row)
 
     def substitute(self, values: Mapping[str, Quantity]) -> Expression:
-        """The same expression with some variables replaced by quantities; the others are unchanged.
+        """Return the same expression with some variables replaced by quantities; the others are unchanged.
 
-        `values` is keyed by name, without the dollar. It must be `checked` again.
+        `values` is keyed by name, without the dollar. The result must be `checked` again.
         """
         text, root = substitute_text(self.text, values), substitute(self.root, values)
         return replace(self, text=text, root=root, resolved=None)

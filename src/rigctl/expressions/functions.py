@@ -10,19 +10,19 @@ from types import MappingProxyType
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A function of the grammar by its name; it takes `count` values, or with None two or more."""
+    """A function of the grammar with `count` arguments; None: two or more."""
 
     compute: Callable[..., float]
     count: int | None = 1
-    words: str = ""  # description of its arguments, if they are not a value and a width
+    words: str = ""  # description of its arguments, if they are other than values and a width
 
     def takes(self, count: int) -> bool:
-        """Whether it can be called with so many values."""
+        """Return whether it can be called with `count` arguments."""
         return count >= 2 if self.count is None else count == self.count
 
     @property
     def wants(self) -> str:
-        """Its expected arguments, in words."""
+        """The expected arguments in words, for messages."""
         if self.words:
             return self.words
         return {None: "two values or more", 1: "one value", 2: "a value and a width"}.get(
@@ -76,12 +76,12 @@ def power(a: float, b: float) -> float:
 
 
 def smallest(*values: float) -> float:
-    """The smallest value; NaN when one of them is."""
+    """The smallest value; NaN if one of them is NaN."""
     return math.nan if any(value != value for value in values) else min(values)  # noqa: PLR0124
 
 
 def largest(*values: float) -> float:
-    """The largest value; NaN when one of them is."""
+    """The largest value; NaN if one of them is NaN."""
     return math.nan if any(value != value for value in values) else max(values)  # noqa: PLR0124
 
 
@@ -116,7 +116,7 @@ def signed_power(x: float, exponent: float, width: float) -> float:
 
 
 def looked_up(_x: float, _table: float) -> float:
-    """NaN: a table has values only in a family of models."""
+    """NaN, since a table has values only in a family of models."""
     return math.nan
 
 
@@ -136,8 +136,8 @@ FUNCTIONS: Mapping[str, Function] = MappingProxyType(
     }
 )
 
-#: additional functions for formulas of models: smooth versions of those above, each with a width as last
-#: argument
+#: further functions for the formulas of models: most are smooth versions of discontinuous or kinked
+#: functions, with a width as the last argument
 SMOOTH_FUNCTIONS: Mapping[str, Function] = MappingProxyType(
     {
         "tanh": Function(math.tanh),
@@ -154,7 +154,7 @@ SMOOTH_FUNCTIONS: Mapping[str, Function] = MappingProxyType(
     }
 )
 
-#: the smooth switches
+#: the functions whose last argument is a width
 WITH_WIDTH = frozenset(SMOOTH_FUNCTIONS) - {"tanh", "sin", "cos", "table"}
 
 ALL_FUNCTIONS: Mapping[str, Function] = MappingProxyType({**FUNCTIONS, **SMOOTH_FUNCTIONS})

@@ -1,4 +1,4 @@
-"""The parts an expression is made of."""
+"""The nodes of an expression's syntax tree."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rigctl.units import DIMENSIONLESS, Dimension, Unit
 
 @dataclass(frozen=True, slots=True)
 class Literal:
-    """A number as written, with its unit; whether a degC is a point or an interval is not known yet."""
+    """A number as written, with its unit; whether one in degC is a point or a difference is not known yet."""
 
     value: float
     unit: Unit
@@ -93,7 +93,7 @@ Node: TypeAlias = Literal | Constant | Name | Variable | Negative | Binary | Cal
 
 
 def children(node: Node) -> tuple[Node, ...]:
-    """The nodes directly below."""
+    """Return the nodes directly below."""
     match node:
         case Negative(operand) | Not(operand):
             return (operand,)
@@ -108,14 +108,14 @@ def children(node: Node) -> tuple[Node, ...]:
 
 
 def walk(node: Node) -> Iterator[Node]:
-    """The node and everything below it."""
+    """Yield the node and all nodes below it."""
     yield node
     for child in children(node):
         yield from walk(child)
 
 
 def replace_leaves(node: Node, leaf: Callable[[Node], Node]) -> Node:  # noqa: PLR0911 - one for each kind
-    """A copy of the tree, with every number, name and variable replaced by the result of `leaf`."""
+    """Return a copy of the tree with every number, name and variable replaced by the result of `leaf`."""
     match node:
         case Negative(operand):
             return Negative(replace_leaves(operand, leaf))

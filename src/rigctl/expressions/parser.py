@@ -1,4 +1,4 @@
-"""Tokens to a tree, by recursive descent with a bounded depth.
+"""Parses tokens into a tree, by recursive descent with a bounded depth.
 
 either      = both { "or" both }
 both        = inverse { "and" inverse }
@@ -37,12 +37,12 @@ _COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
 
 
 def parse_tree(text: str, where: Location, functions: Mapping[str, Function]) -> Node:
-    """The tree of an expression that may call `functions`.
+    """Return the tree of an expression that may call `functions`.
 
     Raises
     ------
     RigctlError
-        the text is no expression of the grammar.
+        the text is not an expression of the grammar.
     """
     return _Parser(text, tokenise(text, where), where, functions).whole()
 
@@ -69,7 +69,7 @@ class _Parser:
         return self.tokens[self.index]
 
     def take(self, *texts: str) -> str | None:
-        """The next token if it is one of these operators or words."""
+        """Consume the next token and return its text, if it is one of these operators or words."""
         token = self.token
         if token.kind in ("operator", "word") and token.text in texts:
             self.index += 1
@@ -136,7 +136,7 @@ class _Parser:
         self.depth -= 1
         if sign == "+":
             return operand
-        # '-5 degC' is a number; '-2^2' is not the square of one
+        # '-5 degC' is a negative number, whereas '-2^2' is not the square of one
         if isinstance(operand, Literal):
             return Literal(-operand.value, operand.unit)
         return Negative(operand)

@@ -12,7 +12,7 @@ _VARIABLE = re.compile(r"\$([^\W\d]\w*)(\s*[\^*/])?")
 
 
 def substitute(root: Node, values: Mapping[str, Quantity]) -> Node:
-    """The tree with literals for the variables in `values`; the others are unchanged."""
+    """Return the tree with literals in place of the variables in `values`; the others are unchanged."""
 
     def leaf(node: Node) -> Node:
         if isinstance(node, Variable) and node.name in values:
@@ -24,7 +24,7 @@ def substitute(root: Node, values: Mapping[str, Quantity]) -> Node:
 
 
 def substitute_text(text: str, values: Mapping[str, Quantity]) -> str:
-    """The text of the tree, with parentheses where a unit would run into an operator."""
+    """Return the text with the same replacements, in parentheses where a unit would run into an operator."""
 
     def written(match: re.Match[str]) -> str:
         name, operator = match.group(1), match.group(2) or ""

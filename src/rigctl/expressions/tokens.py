@@ -1,4 +1,4 @@
-"""Text to tokens; a number includes the unit that follows it."""
+"""Splits a text into tokens; a number includes the unit that follows it."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _NAME = re.compile(r"[^\W\d]\w*")
 _VARIABLE = re.compile(r"\$([^\W\d]\w*)")
 _OPERATOR = re.compile(r"<=|>=|==|!=|[-+*/^()<>,]")
-# tight, so that '1 bar / position' divides and '1 l/min' does not
+# without blanks, so that '1 bar / position' is a division and '1 l/min' is not
 _UNIT_NAME = r"(?:[^\W\d]\w*|°[CF]|%)"
 _UNIT = re.compile(rf"\s*({_UNIT_NAME}(?:\^-?\d)?(?:[*/]{_UNIT_NAME}(?:\^-?\d)?)*)")
 _LAST_FACTOR = re.compile(rf"(?:\^-?\d|[*/]{_UNIT_NAME})$")
 
-#: operators of other languages
+#: operators of other languages, each with its equivalent in this grammar
 _INSTEAD = {
     "=": "==",
     "&&": "and",
@@ -42,7 +42,7 @@ _FOREIGN = re.compile(r"=(?!=)|&&?|\|\|?|!(?!=)|\*\*|[≤≥≠]")
 
 @dataclass(frozen=True, slots=True)
 class Token:
-    """A piece of the text: `kind` is number, name, variable, operator, word or end."""
+    """A token: `kind` is number, name, variable, operator, word or end."""
 
     kind: str
     text: str
@@ -52,12 +52,12 @@ class Token:
 
 
 def tokenise(text: str, where: Location) -> list[Token]:
-    """The tokens of an expression, with an ``end`` token behind the last.
+    """Return the tokens of an expression, followed by an ``end`` token.
 
     Raises
     ------
     RigctlError
-        the text is too long, a character has no place in an expression, or a unit is unknown.
+        the text is too long, has a character that is not allowed in an expression, or an unknown unit.
     """
     if len(text) > MAX_LENGTH:
         raise RigctlError(
@@ -119,7 +119,7 @@ def _number(text: str, match: re.Match[str], where: Location) -> tuple[Token, in
 
 
 def _longest_unit(text: str, end: int, where: Location) -> tuple[Unit, int]:
-    """The longest prefix of `text` that is a unit, so that ``2 bar/position`` divides by a channel."""
+    """Return the longest prefix of `text` that is a unit, so that ``2 bar/position`` divides by a channel."""
     shorter = text
     while True:
         try:

@@ -11,9 +11,9 @@ from rigctl.units import DIMENSIONLESS, Dimension, describe_dimension, parse_uni
 
 @dataclass(frozen=True)
 class ValueType:
-    """A dimension; for one of temperature also whether it is a point on the scale or a difference.
+    """A dimension and, for a temperature, whether it is a point on the scale or a difference.
 
-    A temperature that does not specify either (``300 K`` as written) may be used as both.
+    A temperature for which neither is specified (``300 K`` as written) may be used as either.
     """
 
     dimension: Dimension
@@ -25,14 +25,14 @@ class ValueType:
 
     @property
     def wanted(self) -> str:
-        """Its name with an example, for messages."""
+        """The name of the type with an example, for messages."""
         if self.boolean:
             return "a condition, e.g. 'position < 1 mm'"
         return describe_dimension(self.dimension, difference=self.temperature == "difference")
 
     @property
     def is_temperature(self) -> bool:
-        """True for a dimension of temperature alone."""
+        """True if the dimension is that of temperature."""
         return not self.boolean and self.dimension == KELVIN
 
 
@@ -49,7 +49,7 @@ BOOLEAN = ValueType(DIMENSIONLESS, boolean=True)
 
 
 def type_of_unit(unit: str, *, difference: bool = False) -> ValueType:
-    """The type of a value in `unit`; a temperature is a point unless it is a `difference`.
+    """Return the type of a value in `unit`; a temperature is a point unless it is a `difference`.
 
     Raises
     ------

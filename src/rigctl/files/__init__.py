@@ -1,1 +1,1 @@
-"""Files a user writes and files rigctl writes: YAML with positions, validation, schema, atomic writing."""
+"""Files that users or rigctl write: YAML with positions, validation, JSON Schema, atomic writing."""

@@ -1,7 +1,7 @@
-"""An SI value that remembers the unit in which it was written.
+"""An SI value that retains the unit in which it was written.
 
-For fields whose dimension depends on another part of the file: the limit of a channel, a constant of the
-model. It can be used as a float; code that knows the dimension checks it with `Amount.check`.
+It is used for fields whose dimension depends on another part of the file, such as the limit of a channel or a
+constant of the model. It can be used as a float; code that knows the dimension checks it with `Amount.check`.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from rigctl.units import Unit, describe, parse_quantity, parse_unit
 
 
 class Amount(float):
-    """A float in SI with the unit and the text of the file beside it."""
+    """A float in SI, with its unit and text in the file."""
 
     __slots__ = ("text", "unit")
     unit: Unit
     text: str
 
     def __new__(cls, si: float, unit: Unit, text: str) -> Self:
-        """Keep `si`, and remember how it was written."""
+        """Make an amount of the SI value `si`, which was written as `text`, in `unit`."""
         amount = super().__new__(cls, si)
         amount.unit = unit
         amount.text = text
         return amount
 
     def __getnewargs__(self) -> tuple[float, Unit, str]:  # type: ignore[override]
-        """The arguments for copying and unpickling."""
+        """Return the arguments for copying and unpickling."""
         return float(self), self.unit, self.text
 
     def check(self, unit: str, *, difference: bool = False) -> None:
@@ -42,7 +42,7 @@ class Amount(float):
         Raises
         ------
         RigctlError
-            the unit is missing or of another dimension.
+            the unit is missing or has another dimension.
         """
         if self.unit.dimension != parse_unit(unit).dimension:
             raise RigctlError(
@@ -59,12 +59,12 @@ class AmountField:
     difference: bool = False
 
     def read(self, written: object) -> Amount:
-        """The amount that stands in the file.
+        """Return the amount that is written in the file.
 
         Raises
         ------
         RigctlError
-            not a quantity, or an unknown unit.
+            it is not a quantity, or its unit is unknown.
         """
         if isinstance(written, Amount):
             return written
@@ -74,13 +74,13 @@ class AmountField:
         return Amount(si, quantity.unit, text)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Read with `read`; a refusal becomes an error of the field."""
+        """Read with `read`; a RigctlError becomes an error of the field."""
         return reader_schema(self.read)
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """A text with a number and a unit, or a plain number."""
+        """Describe a text with a number and a unit, or a plain number."""
         examples = ("0.5 K", "0.1 bar") if self.difference else ("30 bar", "100 mm", "40 degC")
         return quantity_schema("a quantity", examples, plain=True)
 

@@ -1,4 +1,4 @@
-"""Change the entries of one mapping in a YAML file, and refuse if that would change anything else."""
+"""Changes the entries of one mapping in a YAML file; refuses if that would change anything else."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from rigctl.files.layout import Text
 
 
 def set_entries(text: str, keys: Sequence[str], entries: Mapping[str, str]) -> str:
-    """The text with `entries` in the mapping under `keys`, which is added if it is missing.
+    """Return the text with `entries` in the mapping under `keys`, which is added if it is missing.
 
     Parameters
     ----------
-    text: a YAML document whose top is a mapping.
-    keys: from the top to the mapping; all but the last must be there.
-    entries: name to value, the value as YAML in one line.
+    text: a YAML document whose root is a mapping.
+    keys: path from the root to the mapping; all keys but the last must exist.
+    entries: values by name, each as one line of YAML.
 
     Raises
     ------
     RigctlError
-        a part of the path is missing, is not a mapping, or is an alias of another part of the file; or there
-        is a comment inside a value that would be replaced.
+        a part of the path is missing, is not a mapping, or is an alias of another part of the file; or a
+        value that would be replaced contains a comment or has an anchor.
     """
-    _check_way(text, keys, entries)
+    _check_path(text, keys, entries)
     changed = Text(text)
     for name, value in entries.items():
         if changed.has(*keys, name):
@@ -34,8 +34,8 @@ def set_entries(text: str, keys: Sequence[str], entries: Mapping[str, str]) -> s
     return changed.text
 
 
-def _check_way(text: str, keys: Sequence[str], entries: Mapping[str, str]) -> None:
-    """Check that every part of the path is a mapping written in place, and so are existing values."""
+def _check_path(text: str, keys: Sequence[str], entries: Mapping[str, str]) -> None:
+    """Check that every part of the path is a mapping and no alias, and existing values can be replaced."""
     from ruamel.yaml import YAML
 
     node = YAML(typ="safe", pure=True).compose(text)
@@ -63,14 +63,14 @@ def _check_way(text: str, keys: Sequence[str], entries: Mapping[str, str]) -> No
 
 
 def _entry(node: Any, name: str) -> tuple[Any, Any] | None:
-    """Key and value nodes of an entry."""
+    """Return the key and value nodes of an entry; None if there is no such entry."""
     if node is None or node.id != "mapping":
         return None
     return next(((key, value) for key, value in node.value if key.value == name), None)
 
 
 def _check_place(key: Any, value: Any) -> None:
-    """Refuse a value that is written elsewhere: changing it would change other parts of the file."""
+    """Refuse a value that is an alias: changing it would change other parts of the file."""
     if value.start_mark.index < key.end_mark.index:
         raise RigctlError(
             f"'{key.value}' is an alias of another part of the file",
@@ -80,14 +80,14 @@ def _check_place(key: Any, value: Any) -> None:
 
 
 def _anchored(node: Any) -> bool:
-    """Whether a value, or one inside it, has a name that other parts of the file can refer to."""
+    """Return whether a value, or an item of a list, has an anchor for aliases in other parts of the file."""
     if node.anchor is not None:
         return True
     return node.id == "sequence" and any(_anchored(item) for item in node.value)
 
 
 def _check_comments(text: str, key: Any, value: Any) -> None:
-    """Refuse a list with a comment between its items: it would be lost."""
+    """Refuse a list with a comment between its items, which would be lost."""
     if value.id != "scalar" and value.value:
         inside = text[value.start_mark.index : value.value[-1].start_mark.index]
         if any("#" in line for line in inside.splitlines()):

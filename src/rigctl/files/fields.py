@@ -1,4 +1,4 @@
-"""The fields of a model at a location in a document, to find the nearest valid name of a misspelt one."""
+"""The fields of a model at a location in a document, for suggesting the correct name for a misspelt one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rigctl.files.nodes import Key
 
 
 def field_names(models: Iterable[Any]) -> set[str]:
-    """The names under which the fields of `models` are written."""
+    """Return the names under which the fields of `models` are written."""
     return {
         info.alias or name
         for model in models
@@ -23,9 +23,9 @@ def field_names(models: Iterable[Any]) -> set[str]:
 
 
 def types_at(model: Any, keys: Sequence[Key]) -> list[Any]:
-    """The types that a value under `keys` may have, with unions and containers expanded.
+    """Return the types that a value under `keys` may have, with unions and containers expanded.
 
-    A key that fits none of them is pydantic's name for a branch of a union, and narrows the choice.
+    A key that is a field of none of them is pydantic's name for a branch of a union, and selects that branch.
     """
     current = _branches(model)
     for key in keys:
@@ -35,7 +35,7 @@ def types_at(model: Any, keys: Sequence[Key]) -> list[Any]:
 
 
 def _branches(kind: Any) -> list[Any]:
-    """A type without its annotations; a union as its members."""
+    """Return a type without its annotations; for a union, its members."""
     if isinstance(kind, TypeAliasType):
         return _branches(kind.__value__)
     if get_origin(kind) is Annotated:

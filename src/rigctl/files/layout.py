@@ -1,7 +1,7 @@
-"""Change single entries of a YAML text; every other character is unchanged.
+"""Changes single entries of a YAML text, and leaves all other characters unchanged.
 
-A path of keys leads through mappings, in block or flow style. Additions take the style, and if possible the
-indentation, of the existing text; a comment at the end of a changed line keeps its column.
+A path of keys leads through mappings, in block or flow style. Additions follow the style and, if possible,
+the indentation of the existing text; a comment at the end of a changed line keeps its column.
 """
 
 from __future__ import annotations
@@ -33,26 +33,26 @@ class Text:
         self._newline = "\r\n" if "\r\n" in text else "\n"
 
     def has(self, *keys: str) -> bool:
-        """Whether the text has an entry under these keys."""
+        """Return whether the text has an entry under these keys."""
         return self._find(keys) is not None
 
     def names(self, *keys: str) -> list[str]:
-        """The keys of the mapping under `keys`; none when it is missing or empty."""
+        """Return the keys of the mapping under `keys`; none if it is missing or empty."""
         entries = _entries(self._value(keys))
         return [entry.key.value for entry in entries]
 
     def scalar(self, *keys: str) -> str | None:
-        """The scalar under `keys`; None for anything else."""
+        """Return the scalar under `keys`; None for anything else."""
         value = self._value(keys)
         return value.value if value is not None and value.id == "scalar" else None
 
     def is_mapping(self, *keys: str) -> bool:
-        """Whether there is a mapping under these keys."""
+        """Return whether there is a mapping under these keys."""
         value = self._value(keys)
         return value is not None and value.id == "mapping"
 
     def replace(self, keys: Sequence[str], new: str) -> None:
-        """Put `new`, in flow style, where the value under `keys` is."""
+        """Replace the value under `keys` by `new`, in flow style."""
         entry = self._known(keys)
         if _is_empty(entry.value):
             self._splice(self._colon(entry) + 1, self._colon(entry) + 1, f" {new}")
@@ -60,7 +60,7 @@ class Text:
             self._splice(entry.value.start_mark.index, self._end(entry), new)
 
     def rename(self, keys: Sequence[str], new: str) -> None:
-        """Give the entry under `keys` another key."""
+        """Rename the key of the entry under `keys` to `new`."""
         key = self._known(keys).key
         self._splice(key.start_mark.index, key.end_mark.index, new)
 
@@ -69,7 +69,7 @@ class Text:
         *above, name = keys
         if above and not self.has(*above):
             self.insert(above, "{}")
-        if above and not self.is_mapping(*above):  # nothing stands there yet
+        if above and not self.is_mapping(*above):  # it has no value yet
             self.replace(above, "{}")
         mapping = self._value(above)
         entries, added = _entries(mapping), f"{name}: {new}"
@@ -85,7 +85,7 @@ class Text:
             self._insert_line(self._end(entries[-1]), " " * column + added)
 
     def remove(self, keys: Sequence[str]) -> None:
-        """Remove the entry under `keys`; the only one of a mapping leaves ``{}``."""
+        """Remove the entry under `keys`; if it is the only one of its mapping, ``{}`` remains."""
         above = keys[:-1]
         mapping = self._value(above)
         entries = _entries(mapping)
@@ -158,7 +158,7 @@ class Text:
         self._insert_line(colon, " " * column + added)
 
     def _step(self) -> int:
-        """The indentation width of the file."""
+        """Return the indentation width of the file."""
         for entry in _entries(self._root()):
             below = _entries(entry.value)
             if below and not entry.value.flow_style:
@@ -169,7 +169,7 @@ class Text:
         return self.text.index(":", int(entry.key.end_mark.index))
 
     def _end(self, entry: Entry) -> int:
-        """The index behind the last character of an entry."""
+        """Return the index after the last character of an entry."""
         value = entry.value
         if _is_empty(value):
             return self._colon(entry) + 1
@@ -181,7 +181,7 @@ class Text:
         return start + len(self.text[start:end].rstrip())
 
     def _line_end(self, index: int) -> int:
-        """The end of the line, before its line break."""
+        """Return the index of the end of the line, before its line break."""
         match = re.compile(r"\r?\n|\Z").search(self.text, index)
         return match.start() if match else len(self.text)
 
@@ -196,7 +196,7 @@ class Text:
         self.text = self.text[:first] + self.text[following.end() if following else last :]
 
     def _splice(self, start: int, end: int, new: str) -> None:
-        """Put `new` between two indices, and keep the column of a comment behind it."""
+        """Replace the text between two indices by `new`, and keep the column of a comment that follows."""
         tail = self.text[end:]
         comment = _COMMENT_AFTER.match(tail)
         if comment is not None:
@@ -215,13 +215,13 @@ def _entries(node: Any) -> list[Entry]:
 
 
 def _is_empty(node: Any) -> bool:
-    """Whether the value is not written at all."""
+    """Return whether a key has no value."""
     return bool(node.id == "scalar" and node.start_mark.index == node.end_mark.index)
 
 
 @lru_cache(maxsize=1)
 def _composed(text: str) -> Any:
-    """The nodes of a text, with their positions; cached, since a change needs them several times."""
+    """Return the nodes of a text with their positions; cached, since a change needs them several times."""
     from ruamel.yaml import YAML
 
     return YAML(typ="safe", pure=True).compose(text)

@@ -1,4 +1,4 @@
-"""Names that a user gives in a file: of channels, actuators, limits, variables, measures."""
+"""Names that users choose in files: of channels, actuators, limits, variables, measures."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]{0,63}$"
 
 
 def read_name(written: object) -> str:
-    """The name in the file, checked.
+    """Return the name in the file, after checking it.
 
     Raises
     ------
     RigctlError
-        it could not be used in an expression or as a column.
+        it cannot be used in an expression or as the name of a column.
     """
     if isinstance(written, str) and re.fullmatch(NAME_PATTERN, written):
         return written

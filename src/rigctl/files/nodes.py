@@ -14,8 +14,8 @@ Key = str | int
 class Node:
     """One value of a document; aliases share the node of their anchor.
 
-    `line` and `column` count from 1. `size` and `height` are those of the value with every alias written out,
-    so that a file that would explode is refused before it does.
+    `line` and `column` count from 1. `size` and `height` are those of the value with every alias expanded, so
+    that a file that would grow excessively is refused before it is expanded.
     """
 
     line: int
@@ -24,11 +24,11 @@ class Node:
     height: int = 1
 
     def child(self, key: Key) -> Node | None:
-        """The value under `key`, or None."""
+        """Return the value under `key`, or None."""
         return None
 
     def plain(self) -> object:
-        """The value as plain Python: dict, list, str, int, float, bool or None."""
+        """Return the value as a plain Python object: dict, list, str, int, float, bool or None."""
         raise NotImplementedError
 
     def _grow(self, child: Node) -> None:
@@ -38,19 +38,19 @@ class Node:
 
 @dataclass(slots=True)
 class ScalarNode(Node):
-    """Text, number, true/false or nothing."""
+    """A text, a number, true, false or null."""
 
     text: str = ""
     quoted: bool = False
 
     def plain(self) -> Scalar:
-        """Quoted text is text; the rest is read by the core schema of YAML 1.2."""
+        """Return a quoted scalar as text, and any other as its value in the core schema of YAML 1.2."""
         return self.text if self.quoted else read_plain(self.text)
 
 
 @dataclass(slots=True)
 class MappingNode(Node):
-    """Keys and values, in the order of the file."""
+    """A mapping, with its keys and values in the order of the file."""
 
     keys: dict[str, Node] = field(default_factory=dict)
     values: dict[str, Node] = field(default_factory=dict)
@@ -63,17 +63,17 @@ class MappingNode(Node):
         self._grow(value)
 
     def child(self, key: Key) -> Node | None:
-        """The value under `key`."""
+        """Return the value under `key`, or None."""
         return self.values.get(key) if isinstance(key, str) else None
 
     def plain(self) -> dict[str, object]:
-        """A new dict."""
+        """Return a new dict."""
         return {name: value.plain() for name, value in self.values.items()}
 
 
 @dataclass(slots=True)
 class ListNode(Node):
-    """Values in a row."""
+    """A list of values."""
 
     items: list[Node] = field(default_factory=list)
 
@@ -83,23 +83,22 @@ class ListNode(Node):
         self._grow(item)
 
     def child(self, key: Key) -> Node | None:
-        """The value at index `key`."""
+        """Return the value at index `key`, or None."""
         return self.items[key] if isinstance(key, int) and 0 <= key < len(self.items) else None
 
     def plain(self) -> list[object]:
-        """A new list."""
+        """Return a new list."""
         return [item.plain() for item in self.items]
 
 
 def descend(root: Node, keys: Sequence[Key]) -> tuple[Node, Node]:
-    """Follow `keys` as far as the document knows them.
+    """Follow `keys`, skipping those that the document does not contain.
 
-    A key that the document does not contain is skipped: validators insert other names (the branch of a union,
-    a missing field) among the keys of the file.
+    Validators insert other names among the keys of the file: the branch of a union, or a missing field.
 
     Returns
     -------
-    The last value reached, and the location of its key (of the value itself in a list and at the top).
+    The last value reached, and the node of its key; for an item of a list and the root, the value itself.
     """
     value = place = root
     for key in known_keys(root, keys):
@@ -110,7 +109,7 @@ def descend(root: Node, keys: Sequence[Key]) -> tuple[Node, Node]:
 
 
 def known_keys(root: Node, keys: Sequence[Key]) -> list[Key]:
-    """The elements of `keys` that exist in the document, in order."""
+    """Return the elements of `keys` that exist in the document, in order."""
     value, known = root, []
     for key in keys:
         found = value.child(key)

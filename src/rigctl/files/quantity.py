@@ -1,7 +1,7 @@
-"""Field types for quantities: written with a unit in the file, SI in the program.
+"""Field types for quantities, which are written with a unit in the file and are SI in the program.
 
-``Annotated[float, Q("Pa")]`` reads ``30 bar`` as 3e6. The same declaration gives the JSON Schema that
-editors complete from.
+``Annotated[float, Q("Pa")]`` reads ``30 bar`` as 3e6. The same declaration gives the JSON Schema from which
+editors complete.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ _EXAMPLES = {
 
 @dataclass(frozen=True)
 class Q:
-    """Marks a float field as a quantity with the dimension of `unit`, kept in SI.
+    """Marks a float field as a quantity with the dimension of `unit`, stored in SI.
 
     Parameters
     ----------
     unit: any unit of the required dimension; "1" for a plain number.
     difference: whether it is a temperature interval (a tolerance, a noise), not a point on the scale.
     low, high: inclusive bounds, written with their units.
-    positive: the value must be greater than zero.
+    positive: whether the value must be greater than zero.
     """
 
     unit: str
@@ -52,12 +52,12 @@ class Q:
     positive: bool = False
 
     def read(self, written: object) -> float:
-        """The SI value of what stands in the file.
+        """Return the SI value of what is written in the file.
 
         Raises
         ------
         RigctlError
-            no quantity, no unit, another dimension, or out of bounds.
+            it is not a quantity, has no unit or another dimension, or is out of bounds.
         """
         text = quantity_text(written, describe(self.unit, difference=self.difference))
         value = read_si(text, self.unit, difference=self.difference)
@@ -73,13 +73,13 @@ class Q:
         return read_si(text, self.unit, difference=self.difference)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Read with `read`; a refusal becomes an error of the field."""
+        """Read with `read`; a RigctlError becomes an error of the field."""
         return reader_schema(self.read)
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """A text with a number and a unit, with examples."""
+        """Describe a text with a number and a unit, with examples."""
         described = describe(self.unit, difference=self.difference).partition(", e.g.")[0]
         examples = ("0.5 K",) if self.difference and self.unit == "K" else _EXAMPLES.get(self.unit)
         return quantity_schema(
@@ -95,14 +95,14 @@ class AnyQ:
     """
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Read with `read_quantity`; written to JSON as the user would write it."""
+        """Read with `read_quantity`; write to JSON in the form of the file."""
         as_text = core_schema.to_string_ser_schema(when_used="json-unless-none")
         return reader_schema(read_quantity, as_text)
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """A text with a number and a unit."""
+        """Describe a text with a number and a unit."""
         return quantity_schema("a quantity", ("30 bar", "0.5 K", "100 mm"), plain=True)
 
 
@@ -111,12 +111,12 @@ AnyQuantity = Annotated[Quantity, AnyQ()]
 
 
 def read_quantity(written: object) -> Quantity:
-    """The quantity as written, whatever its dimension.
+    """Return the quantity as written, whatever its dimension.
 
     Raises
     ------
     RigctlError
-        no quantity, or an unknown unit.
+        it is not a quantity, or its unit is unknown.
     """
     if isinstance(written, Quantity):
         return written
@@ -124,18 +124,18 @@ def read_quantity(written: object) -> Quantity:
 
 
 def in_dimension(quantity: Quantity, unit: str, *, difference: bool = False) -> float:
-    """The SI value of a quantity that must have the dimension of `unit`.
+    """Return the SI value of a quantity that must have the dimension of `unit`.
 
     Raises
     ------
     RigctlError
-        the unit is missing or of another dimension.
+        the unit is missing or has another dimension.
     """
     return read_si(quantity, unit, difference=difference)
 
 
 def quantity_text(written: object, expected: str) -> str:
-    """The text of a quantity in a file; refuses true/false, lists and mappings."""
+    """Return the text of a quantity in a file; refuses true, false, lists and mappings."""
     if isinstance(written, bool) or not isinstance(written, str | int | float):
         kind = "nothing" if written is None else _kind(written)
         raise RigctlError(f"{kind} where a quantity belongs", expected=expected)
@@ -150,7 +150,7 @@ def _kind(written: object) -> str:
 def reader_schema(
     read: Callable[[Any], Any], serialization: core_schema.SerSchema | None = None
 ) -> CoreSchema:
-    """A pydantic schema that reads a value with `read` and turns a RigctlError into an error of the field."""
+    """Return a pydantic schema that reads a value with `read`, and a RigctlError as an error of the field."""
 
     def validate(written: Any) -> Any:
         try:
@@ -162,7 +162,7 @@ def reader_schema(
 
 
 def quantity_schema(description: str, examples: tuple[str, ...], *, plain: bool) -> JsonSchemaValue:
-    """The JSON Schema of a quantity; with `plain` a number without a unit is valid too."""
+    """Return the JSON Schema of a quantity; with `plain` a number without a unit is also valid."""
     text: JsonSchemaValue = {
         "type": "string",
         "pattern": rf"^\s*{_NUMBER}\s*{'.*' if plain else '[^0-9].*'}$",

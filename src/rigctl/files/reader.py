@@ -1,4 +1,4 @@
-"""Read the parts of a document one by one, and collect all errors with their locations."""
+"""Reads the parts of a document one by one, and collects all errors with their locations."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Reader:
         self.errors: list[RigctlError] = []
 
     def read(self, keys: Sequence[Key], read: Callable[[], T], *, of_key: bool = False) -> T | None:
-        """The result of `read`, or None if it refuses the value under `keys`."""
+        """Return the result of `read`; if it refuses the value under `keys`, record the error instead."""
         try:
             return read()
         except RigctlError as error:
@@ -28,7 +28,7 @@ class Reader:
             return None
 
     def refuse(self, keys: Sequence[Key], error: RigctlError, *, of_key: bool = False) -> None:
-        """Keep an error in the value under `keys`, or in the key itself."""
+        """Record an error in the value under `keys`, or in the key itself."""
         self.errors.append(error.at(self.document.locate(tuple(keys), of_key=of_key)))
 
     def stop_at_errors(self) -> None:

@@ -1,4 +1,4 @@
-"""Carry a RigctlError through pydantic, so that it is reported at the right location in the file."""
+"""Passes a RigctlError through pydantic, so that it is reported with the right location in the file."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ TYPE = "rigctl"
 
 
 def refusal(error: RigctlError, keys: Sequence[str | int] = ()) -> PydanticCustomError:
-    """The exception with which a validator refuses a value because of `error`.
+    """Return the exception with which a validator refuses a value because of `error`.
 
     Parameters
     ----------
-    error: the message; `rigctl.files.validate` fills in its location.
-    keys: from the value being validated to the part that is wrong.
+    error: the message; `rigctl.files.validate` adds the location.
+    keys: path from the value being validated to the part that is wrong.
     """
     return PydanticCustomError(
         TYPE, "{message}", {"message": error.what, "error": error, "keys": tuple(keys)}

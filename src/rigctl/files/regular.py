@@ -1,4 +1,4 @@
-"""Opens files that somebody else may have made."""
+"""Opens files that may come from someone else."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import stat
 
 
 def regular(path: str, flags: int) -> int:
-    """The ``opener`` of `open` that refuses what is not a file: a pipe or a device never ends.
+    """An ``opener`` for `open` that refuses anything but a regular file: a pipe or a device may never end.
 
     Raises
     ------
     OSError
         it cannot be opened, or it is a folder, a pipe or a device.
     """
-    descriptor = os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # a pipe would be waited for
+    descriptor = os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # opening a pipe would block
     mode = os.fstat(descriptor).st_mode
     if stat.S_ISREG(mode):
         return descriptor

@@ -9,7 +9,7 @@ Scalar = str | int | float | bool | None
 _NULL = frozenset(("", "~", "null", "Null", "NULL"))
 _TRUE = frozenset(("true", "True", "TRUE"))
 _FALSE = frozenset(("false", "False", "FALSE"))
-# bounded, so that no number in a file takes long to convert
+# of limited length, so that no number in a file takes long to convert
 _INTEGER = re.compile(r"[-+]?[0-9]{1,300}")
 _OCTAL = re.compile(r"0o[0-7]{1,300}")
 _HEXADECIMAL = re.compile(r"0x[0-9a-fA-F]{1,300}")
@@ -19,9 +19,9 @@ _NOT_A_NUMBER = frozenset((".nan", ".NaN", ".NAN"))
 
 
 def read_plain(text: str) -> Scalar:
-    """The value of an unquoted scalar; anything but a number, boolean or null is text.
+    """Return the value of an unquoted scalar; anything but a number, boolean or null is text.
 
-    ``yes``, ``on`` and ``12:30`` are text, as YAML 1.2 has it.
+    ``yes``, ``on`` and ``12:30`` are text, according to YAML 1.2.
     """
     if text in _NULL:
         return None

@@ -1,4 +1,4 @@
-"""JSON Schema of the files a user writes, so that editors complete and check them."""
+"""JSON Schemas of the files that users write, with which editors complete and check them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,6 @@ DRAFT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def json_schema(model: type[BaseModel], *, title: str) -> dict[str, Any]:
-    """The JSON Schema (draft 2020-12) of a file whose pydantic model is `model`."""
+    """Return the JSON Schema (draft 2020-12) of a file whose pydantic model is `model`."""
     schema = model.model_json_schema(by_alias=True, mode="validation")
     return {**schema, "$schema": DRAFT, "title": title}

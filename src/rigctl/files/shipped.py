@@ -8,9 +8,9 @@ import rigctl.errors as ground
 
 
 def shipped(*parts: str) -> Path:
-    """The path of a shipped file or folder, e.g. ``shipped("rigs", "hl32-bench.yaml")``.
+    """Return the path of a shipped file or folder, e.g. ``shipped("rigs", "hl32-bench.yaml")``.
 
-    In an installed package they are in ``rigctl/shipped``, in a checkout in the repository itself.
+    In an installed package they are in ``rigctl/shipped``, in a checkout in the folders of the repository.
     """
     package = Path(ground.__file__).parent
     installed = package / "shipped"

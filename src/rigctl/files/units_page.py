@@ -38,7 +38,7 @@ single name are also accepted.
 
 
 def units_page() -> str:
-    """The page."""
+    """Return the page."""
     rows = []
     for quantity, units in UNITS_OF.items():
         dimension = parse_unit(units[0]).dimension

@@ -1,4 +1,4 @@
-"""Check a document against a pydantic model, with error messages for users and locations in the file."""
+"""Validates a document with a pydantic model, with error messages for users and locations in the file."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _EXPECTED = {
     "none_required": "nothing",
 }
 
-#: most valid values that are listed beside the nearest one
+#: largest number of valid values that are listed in addition to the nearest one
 _FEW = 6
 
 #: errors about a bound: the text around it
@@ -62,13 +62,13 @@ _BOUNDS = {
 
 
 def validate(document: Document, model: type[M], *, keys: Sequence[Key] = ()) -> M:
-    """The part of `document` under `keys` as a `model`.
+    """Return the part of `document` under `keys` as a `model`.
 
     Raises
     ------
     RigctlError
-        the document does not fit, with file, line, column, value, what was expected and the nearest name;
-        `SeveralErrors` when there is more than one mistake.
+        the document is not valid; with file, line, column, value, what was expected, and the nearest valid
+        name; `SeveralErrors` if there is more than one mistake.
     """
     value: Any = document.data
     for key in keys:
@@ -83,7 +83,7 @@ def validate(document: Document, model: type[M], *, keys: Sequence[Key] = ()) ->
 
 
 def _require_kind(value: Any, document: Document, model: type[BaseModel]) -> None:
-    """Refuse a file of another kind without citing it: a name in a procedure may lead to any file."""
+    """Refuse a file of another kind without quoting it, since a name in a procedure may refer to any file."""
     valid = field_names(types_at(model, ()))
     if isinstance(value, dict):
         names = [str(name) for name in value]
@@ -109,7 +109,7 @@ def _require_kind(value: Any, document: Document, model: type[BaseModel]) -> Non
 def _translate(
     problem: ValidationError, document: Document, model: type[BaseModel], keys: tuple[Key, ...]
 ) -> Iterable[RigctlError]:
-    """Every error once, in the order of the file; a misspelt field hides the missing one."""
+    """Return every error once, in the order of the file, without a missing field that is only misspelt."""
     details: list[dict[str, Any]] = [{**detail} for detail in problem.errors(include_url=False)]
     misspelt = _misspelt_fields(details)
     found: dict[str, RigctlError] = {}
@@ -127,7 +127,7 @@ def _translate(
 
 
 def _misspelt_fields(details: list[dict[str, Any]]) -> set[tuple[Key, ...]]:
-    """The missing fields that have an unknown field of nearly the same name beside them."""
+    """Return the missing fields for which there is an unknown field with a similar name."""
     unknown = [tuple(detail["loc"]) for detail in details if detail["type"] == "extra_forbidden"]
     return {
         tuple(detail["loc"])
@@ -140,7 +140,7 @@ def _misspelt_fields(details: list[dict[str, Any]]) -> set[tuple[Key, ...]]:
 
 
 def _merge(first: RigctlError, second: RigctlError) -> RigctlError:
-    """Two errors at one location (the branches of a union): the values that either branch expects."""
+    """Combine two errors at one location, from branches of a union: either expected value is valid."""
     expected = " or ".join(dict.fromkeys(part for part in (first.expected, second.expected) if part))
     first.expected = expected or None
     first.nearest = first.nearest or second.nearest
@@ -218,7 +218,7 @@ def _written(document: Document, loc: tuple[Key, ...], detail: dict[str, Any]) -
 
 
 def _literals(expected: str) -> list[str]:
-    """The names in pydantic's ``'a', 'b' or 'c'``."""
+    """Return the names in pydantic's ``'a', 'b' or 'c'``."""
     return [part.strip().strip("'") for part in expected.replace(" or ", ", ").split(",") if part.strip()]
 
 

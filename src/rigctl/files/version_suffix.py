@@ -9,7 +9,7 @@ _VERSION = re.compile(r"(.*[^@])@([0-9]{1,6})", re.DOTALL)
 
 
 def split_version(path: Path) -> tuple[Path, int | None]:
-    """The file, and the number of the version; None for the current file.
+    """Return the path of the file, and the number of the version; None for the current file.
 
     An existing file with such a name takes precedence.
     """
@@ -20,14 +20,14 @@ def split_version(path: Path) -> tuple[Path, int | None]:
 
 
 def with_version(head: Path, number: int) -> Path:
-    """The inverse of `split_version`."""
+    """Return the path of a version: the inverse of `split_version`."""
     return head.with_name(f"{head.name}@{number}")
 
 
 def path_exists(path: Path) -> bool:
-    """Whether there is such a file or folder, or the file of which a version is meant.
+    """Return whether there is such a file or folder, or the file of which it names a version.
 
-    A name that no file system takes is not there.
+    False for a name that the file system does not allow.
     """
     return _is_there(path) or _is_there(split_version(path)[0])
 

@@ -1,4 +1,4 @@
-"""Write a file whole or not at all."""
+"""Writes files atomically: completely or not at all."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from rigctl.errors import ExitCode, Location, RigctlError
 
 #: errors of Windows for a file that another program has open: access denied, sharing violation
 _IN_USE: Final = (5, 32)
-#: s between two attempts
+#: time between two attempts, s
 _PAUSE: Final = 0.002
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write UTF-8 text so that a reader, or a crash, sees the old file or the new one and nothing between.
+    """Write UTF-8 text atomically: a reader, also after a crash, finds either the old file or the new one.
 
     Raises
     ------
     RigctlError
-        the folder cannot be written to, or the disk is full; the old file is untouched.
+        the folder cannot be written to, or the disk is full; the old file is unchanged.
     """
     write_bytes(path, text.encode("utf-8"))
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write bytes as `write_text` does: a temporary file beside it, flushed to disk, then renamed."""
+    """Write bytes as `write_text`: to a temporary file in the same folder, flushed to disk, then renamed."""
     with write_error(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = _draft(path, content)
@@ -48,12 +48,12 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def write_new(path: Path, content: bytes) -> None:
-    """Write a file that must not be there yet, whole or not at all, and let nobody change it.
+    """Write a file that must not exist yet, completely or not at all, and make it read-only.
 
     Raises
     ------
     FileExistsError
-        there is such a file; it is untouched.
+        there is such a file; it is unchanged.
     RigctlError
         the folder cannot be written to, or the disk is full.
     """
@@ -70,15 +70,15 @@ def write_new(path: Path, content: bytes) -> None:
                 temporary.unlink()
     if taken:
         raise FileExistsError(path)
-    with write_error(path):  # only now: Windows would not remove the draft, which is the same file
+    with write_error(path):  # not earlier, since Windows would not remove the draft, which is the same file
         path.chmod(0o444)
 
 
 def replace_file(draft: Path, path: Path, patience: float = 0.5) -> None:
-    """Rename `draft` to `path`, in the place of the file there.
+    """Rename `draft` to `path`, replacing the file there.
 
-    Windows refuses this while another program has the file open. Readers of ours hold a file for less than a
-    millisecond, scanners somewhat longer: the rename is tried again for `patience` s.
+    Windows refuses this while another program has the file open. rigctl itself keeps a file open for less
+    than a millisecond, a virus scanner somewhat longer: the renaming is retried for `patience` s.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def replace_file(draft: Path, path: Path, patience: float = 0.5) -> None:
 
 
 def _draft(path: Path, content: bytes) -> Path:
-    """A temporary file beside `path` with this content, flushed to disk; none is left where that fails."""
+    """Write a temporary file in the folder of `path`, flushed to disk; if that fails, it is removed."""
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".tmp", dir=path.parent)
     temporary = Path(name)
     try:
@@ -115,7 +115,7 @@ def _draft(path: Path, content: bytes) -> Path:
 
 @contextmanager
 def write_error(path: Path) -> Iterator[None]:
-    """Turn the system's errors of a write to `path` into one that a user can act on."""
+    """Convert errors of the operating system while writing to `path` to a `RigctlError`."""
     try:
         yield
     except OSError as problem:
@@ -127,12 +127,12 @@ def write_error(path: Path) -> Iterator[None]:
 
 
 def _publish(temporary: Path, path: Path, content: bytes) -> None:
-    """Give a whole file its name, unless the name is taken."""
+    """Give a complete file its final name, unless there is such a file."""
     try:
         path.hardlink_to(temporary)
     except FileExistsError:
         raise
-    except (OSError, NotImplementedError):  # a file system without links
+    except (OSError, NotImplementedError):  # a file system without hard links
         with path.open("xb") as stream:
             stream.write(content)
             stream.flush()
@@ -140,7 +140,7 @@ def _publish(temporary: Path, path: Path, content: bytes) -> None:
 
 
 def _keep_mode(path: Path, temporary: Path) -> None:
-    """Give the new file the permissions of the one it replaces, or those of a new file."""
+    """Give the new file the permissions of the one that it replaces, or else 0o644."""
     try:
         mode = path.stat().st_mode & 0o777
     except FileNotFoundError:
@@ -154,7 +154,7 @@ def write_json(path: Path, value: object) -> None:
 
 
 def to_json(value: object, *, indent: int | None = 2) -> str:
-    """JSON that every reader accepts: NaN and infinity become null, paths and dates become text."""
+    """Return JSON that every reader accepts: NaN and infinity become null, paths and dates become text."""
     return json.dumps(_plain(value), indent=indent, ensure_ascii=False, allow_nan=False)
 
 

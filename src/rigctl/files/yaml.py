@@ -1,7 +1,7 @@
-"""Read a YAML file safely, and remember where everything stands in it.
+"""Reads a YAML file safely, with the positions of all its parts.
 
 Only the events of the parser are used: nothing in a file can name a type, run code or refer to another
-file. What a file may become is bounded before it is built.
+file. The size of the data is limited before they are built.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 MAX_BYTES = 1 << 20
 MAX_DEPTH = 100
 MAX_NODES = 100_000
-#: characters up to which a text that has been read is remembered
+#: largest text, in characters, whose nodes are cached
 _SMALL = 1 << 16
 
-# exceptions that the parser raises on broken text besides its own
+# exceptions other than its own that the parser raises for invalid text
 _PARSER_FAULTS = (ValueError, TypeError, LookupError, AttributeError, AssertionError, RecursionError)
 
 
 @dataclass(frozen=True)
 class Document:
-    """A YAML document: its data as plain Python, its text, and the place of every part."""
+    """A YAML document: its data as plain Python objects, its text, and the location of every part."""
 
     path: Path | None
     text: str
@@ -38,21 +38,21 @@ class Document:
 
     @property
     def data(self) -> Any:
-        """The document as dict, list, str, int, float, bool or None; new objects at each call."""
+        """The document as dict, list, str, int, float, bool or None; new objects at each access."""
         return self.root.plain()
 
     def locate(self, keys: Sequence[Key] = (), *, of_key: bool = False) -> Location:
-        """Location of the value under `keys`, or of its key with `of_key`.
+        """Return the location of the value under `keys`, or of its key with `of_key`.
 
-        Keys that the document does not hold are passed over, so that a missing field is located at the
-        mapping that misses it.
+        Keys that the document does not contain are skipped, so that a missing field is located at the mapping
+        in which it is missing.
         """
         value, key = descend(self.root, keys)
         node = key if of_key else value
         return Location(self.path, node.line, node.column)
 
     def written(self, keys: Sequence[Key]) -> str | None:
-        """The scalar under `keys` as the user wrote it; None for a mapping, a list, or nothing."""
+        """Return the scalar under `keys` as the user wrote it; None for a mapping, a list, or no value."""
         value, _ = descend(self.root, keys)
         return value.text if isinstance(value, ScalarNode) else None
 
@@ -63,16 +63,16 @@ def read_document(path: Path) -> Document:
     Raises
     ------
     RigctlError
-        the file cannot be read, is not UTF-8, is no YAML, repeats a key, uses tags or keys that are not
-        text, is larger than 1 MiB, nests deeper than 100 levels or grows beyond 100 000 values.
+        the file cannot be read, is not UTF-8 or not valid YAML, repeats a key, uses tags or keys that are not
+        text, is larger than 1 MiB, or has more than 100 levels or 100 000 values.
     """
     where = Location(path)
     try:
-        if path.is_dir():  # opening one says so on Linux, and "permission denied" on Windows
+        if path.is_dir():  # opening a folder fails with a clear message on Linux, but not on Windows
             raise RigctlError("this is a folder", expected="a YAML file", where=where)
         if path.stat().st_size > MAX_BYTES:
             raise _too_large(where)
-        with path.open("rb") as file:  # no further than the limit: a device or a pipe might never end
+        with path.open("rb") as file:  # read only up to the limit, since a device or a pipe might never end
             content = file.read(MAX_BYTES + 1)
     except FileNotFoundError as problem:
         raise RigctlError("there is no such file", value=str(path), where=where) from problem
@@ -92,7 +92,7 @@ def read_document(path: Path) -> Document:
 
 
 def parse_document(text: str, path: Path | None = None) -> Document:
-    """Read YAML 1.2 from text; `path` is what messages call it.
+    """Read YAML 1.2 from text; `path` is its name in messages.
 
     Raises
     ------
@@ -111,9 +111,9 @@ def parse_document(text: str, path: Path | None = None) -> Document:
 
 @lru_cache(maxsize=64)
 def _composed(text: str) -> Node:
-    """The root of the document; nobody changes a node of it.
+    """Return the root of the document; cached, since its nodes are never changed.
 
-    The parser takes 15 ms for a rig file, which a command reads several times, and a server every time.
+    The parser takes 15 ms for a rig file, which a command reads several times, a server for every request.
     """
     return _Composer().compose(_events(text))
 
@@ -150,14 +150,14 @@ def _events(text: str) -> Iterator[Event]:
 
 
 class _Composer:
-    """Events to nodes, without recursion; refuses what a file of ours never needs."""
+    """Composes nodes from events, without recursion; refuses features that rigctl's files never need."""
 
     def __init__(self) -> None:
         self.anchors: dict[str, Node] = {}
         self.open: list[_Open] = []
 
     def compose(self, events: Iterator[Event]) -> Node:
-        """The root of the only document in `events`."""
+        """Return the root of the only document in `events`."""
         from ruamel.yaml import events as kinds
 
         root: Node | None = None
@@ -178,7 +178,7 @@ class _Composer:
         return root if root is not None else ScalarNode(1, 1)
 
     def _node(self, event: Event) -> Node | None:
-        """The node that `event` completes; None while a mapping or list is open, and for the rest."""
+        """Return the node that `event` completes; None if a mapping or list begins, and for other events."""
         from ruamel.yaml import events as kinds
 
         node: Node | None = None
@@ -235,7 +235,7 @@ class _Composer:
             self.anchors[event.anchor] = node
 
     def _check_tag(self, event: Any) -> None:
-        # ruamel spells "no tag" as None, "" or a Tag object around either
+        # ruamel represents "no tag" by None, "" or a Tag object with either
         tag = str(event.tag or "")
         if tag:
             raise self._refuse("tags are not allowed", event, value=tag, expected="a plain value")
@@ -249,7 +249,7 @@ class _Composer:
 
 @dataclass(slots=True)
 class _Open:
-    """A mapping or list whose end has not been seen yet."""
+    """A mapping or list whose end has not been reached yet."""
 
     container: Node
     started: Any

@@ -1,4 +1,4 @@
-"""The plan of a run, complete before anything moves: its tree, and what steps are built from."""
+"""The plan of a run, complete before anything moves: its tree, and the parts that steps are built from."""
 
 from rigctl.plan.tree import (
     Branch,

@@ -1,8 +1,8 @@
-"""Actions of single steps on the bench, with every variable resolved; immutable, SI throughout.
+"""The actions of single steps on the bench, with all variables resolved; immutable, SI throughout.
 
-Each kind of action is defined with its step in `rigctl.steps`. It states *what* is to be reached and when to
-give up, forecasts how long that takes, and carries it out on a bench. Set-points of temperature are absolute
-(K), tolerances are intervals (K).
+Each kind of action is defined with its step in `rigctl.steps`. It states *what* is to be reached and after
+which time the step fails, forecasts its duration, and executes it on a bench. Set-points of temperature are
+absolute (K), tolerances are intervals (K).
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from rigctl.rig import Rig
 
 @dataclass(frozen=True, slots=True)
 class SetPoint:
-    """The value that an action brings a channel to, or holds it at; SI.
+    """The value to which an action brings a channel, or at which it holds it; SI.
 
     Attributes
     ----------
     to: the target value; None for the first reading after the action has started.
     within: half width of the tolerance, if there is one.
-    ramp: rate at which the set-point moves there from that first reading, per s; None for a step change.
+    ramp: rate at which the set-point moves to it from the first reading, per s; None for a step change.
     """
 
     channel: str
@@ -34,42 +34,42 @@ class SetPoint:
 
 
 class Action(ABC):
-    """One thing that a plan does on the bench; subclasses are frozen dataclasses."""
+    """What one step of a plan does on the bench; subclasses are frozen dataclasses."""
 
     __slots__ = ()
 
     @abstractmethod
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """The expected duration from `state`, and the expected state of the bench afterwards."""
+        """Return the expected duration from `state`, and the expected state of the bench afterwards."""
 
     @abstractmethod
     def carry_out(self, bench: Bench) -> Behaviour:
-        """A generator that carries it out on `bench`, yields its wait conditions, and returns its outcome.
+        """Return a generator that executes it on `bench`, yields wait conditions, and returns its outcome.
 
         Raises
         ------
         StepFailed
-            it could not be done; the message reports the observation.
+            it could not be completed; the message reports what was observed.
         """
 
     @property
     def needed_rate(self) -> float:
-        """The sampling rate that it cannot do without between records, Hz; 0 where any will do."""
+        """The minimum sampling rate that it needs outside records, Hz; 0 if any rate is sufficient."""
         return 0.0
 
     def refusal(self, bench: Bench) -> RigctlError | None:
-        """Why this bench cannot do it, asked before anything moves; None where it can."""
+        """Return the error if this bench cannot execute it, checked before anything moves; None if it can."""
         return None
 
     def questions(self, rig: Rig) -> tuple[Question, ...]:
-        """The questions to the operator that it waits for on this bench, in order."""
+        """Return the questions to the operator whose answers it waits for on this bench, in order."""
         return ()
 
     def lasting(self) -> frozenset[str]:
-        """The actuators whose state it sets beyond its end: a resumed run repeats the last such action for
-        each."""
+        """Return the actuators that keep the state it sets after its end; a resumed run repeats the last such
+        action for each."""
         return frozenset()
 
     def set_point(self) -> SetPoint | None:
-        """The channel that is controlled and its target; None if the action controls no channel."""
+        """Return the channel that it controls, and the target; None if it controls no channel."""
         return None

@@ -41,7 +41,7 @@ class ArgumentFields(Part):
 
     @property
     def is_list(self) -> bool:
-        """True if its value is a list."""
+        """True if the argument's value is a list."""
         return isinstance(self.default, list)
 
     @property
@@ -53,7 +53,7 @@ class ArgumentFields(Part):
         return first.literal.unit.text or "1"
 
     def default_variable(self) -> Variable | None:
-        """The default as the value of a variable."""
+        """Return the default as the value of a variable; None if there is none."""
         if isinstance(self.default, list):
             return tuple(value.quantity({}) for value in self.default)
         return None if self.default is None else self.default.quantity({})
@@ -64,7 +64,7 @@ class ArgumentFields(Part):
         Raises
         ------
         RigctlError
-            either of them.
+            the dimension is different, or the value is out of bounds.
         """
         unit = parse_unit(self.display_unit)
         if value.unit.dimension != unit.dimension:
@@ -87,7 +87,7 @@ Argument = Annotated[ArgumentFields, Short("default")]
 
 
 class Declaring(Protocol):
-    """A procedure with its arguments."""
+    """A procedure that declares arguments."""
 
     @property
     def name(self) -> str:
@@ -101,12 +101,12 @@ class Declaring(Protocol):
 
 
 def read_arguments(procedure: Declaring, given: Mapping[str, str | float]) -> dict[str, Variable]:
-    """Arguments as typed on a command line: ``30 bar``, or ``20 degC, 40 degC`` for one that is a list.
+    """Read arguments as typed on a command line: ``30 bar``, or ``20 degC, 40 degC`` for a list.
 
     Raises
     ------
     RigctlError
-        an unknown argument, or a text that is not a quantity.
+        an argument is unknown, or its text is not a quantity.
     """
     variables: dict[str, Variable] = {}
     for name, written in given.items():
@@ -124,12 +124,13 @@ def read_arguments(procedure: Declaring, given: Mapping[str, str | float]) -> di
 
 
 def bind(procedure: Declaring, given: Mapping[str, Variable]) -> dict[str, Variable]:
-    """Every argument of the procedure with its value: the given one, or the default.
+    """Return every argument of the procedure with its value: the given one, or the default.
 
     Raises
     ------
     RigctlError
-        an argument is unknown, missing, of another dimension, out of bounds, or wrongly a list.
+        an argument is unknown, missing, of another dimension, out of bounds, or a list where a single value
+        is expected.
     """
     for name in given:
         _declared(procedure, name)

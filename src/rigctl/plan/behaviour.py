@@ -1,6 +1,6 @@
-"""How a step is carried out: a generator of what it waits for, and the bench as steps see it.
+"""The execution of a step: a generator of the conditions it waits for, and the bench's interface to steps.
 
-Only the runner lets time pass; `rigctl.runner.bench` implements the bench.
+Only the runner lets time pass; `rigctl.runner.bench` implements the interface.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ class OnPause(Enum):
 
     RESTART = "restart"  #: the commands at its start are restored and it starts again
     KEEP = "keep"  #: commands are restored and it continues waiting
-    DEFER = "defer"  #: the pause is deferred until the step is over, since half of it would be worthless
+    DEFER = "defer"  #: the pause is deferred until the step is over, since a part of it would be useless
 
 
 @dataclass(frozen=True, slots=True)
 class Until:
     """Continue at bench time `time`, at the first sample for which `when` is true, or once `done` is true.
 
-    The generator is then sent the row of the sample, or None if it did not wait for a sample. `done` is
+    The generator then receives the row of the sample, or None if it was not resumed by a sample. `done` is
     evaluated whenever something has arrived from the bench.
     """
 
@@ -54,22 +54,22 @@ def every_sample(_: Row) -> bool:
     return True
 
 
-#: between two steps: handle signals, requests and the samples that are due, and continue at once
+#: between two steps: handle signals, requests and samples that are due, and continue at once
 CHECKPOINT = Until(-math.inf, on_pause=OnPause.KEEP)
 
 
 @dataclass(frozen=True)
 class Question:
-    """What the operator is asked.
+    """A question or request to the operator.
 
     Parameters
     ----------
     text: the question or the request.
-    name: name under which the answer is kept; None when a confirmation is enough.
+    name: name under which the answer is stored; None if a confirmation is sufficient.
     unit: unit in which a value is typed and shown; None for a confirmation.
-    low, high: SI, included.
+    low, high: inclusive bounds of the answer, SI.
     simulated: SI, the answer of a simulated operator.
-    notice: True if nothing has to be typed, because the channels show when it has been done.
+    notice: True if nothing has to be typed, because the readings show when the request has been fulfilled.
     """
 
     text: str
@@ -82,7 +82,7 @@ class Question:
 
     @property
     def wants_value(self) -> bool:
-        """True when a value has to be typed."""
+        """True if a value has to be typed."""
         return self.name is not None
 
     def __str__(self) -> str:
@@ -99,7 +99,7 @@ class Question:
 
 @dataclass(frozen=True)
 class Answer:
-    """The operator's answer: the text as typed, and its SI value if a value was asked for."""
+    """The operator's answer: the text as typed, and the SI value if a value was requested."""
 
     text: str
     value: float | None = None
@@ -107,9 +107,9 @@ class Answer:
 
 @dataclass(frozen=True)
 class Pulse:
-    """A timed command that the bench ends on its own."""
+    """A timed command that the bench ends by itself."""
 
-    end: float  #: s, time at which it should be over
+    end: float  #: time at which it should end, s
     value: float
 
 
@@ -118,12 +118,12 @@ class Receipt(Protocol):
 
     @property
     def time(self) -> float:
-        """Time at which the actuator actually switched, s."""
+        """The time at which the actuator actually switched, s."""
         ...
 
 
 class Bench(Protocol):
-    """The bench as a step may use it; values in SI, times in s on the bench's clock."""
+    """The interface of the bench to steps; values in SI, times in s on the bench's clock."""
 
     rig: Rig
     columns: Mapping[str, int]  #: index in a row, by channel or command
@@ -132,7 +132,7 @@ class Bench(Protocol):
     commanded: dict[str, float]
     pulses: dict[str, Pulse]
     missed: list[str]  #: measures that were outside their limits while the procedure continued
-    regulated: set[str]  #: actuators that the step in progress commands repeatedly itself
+    regulated: set[str]  #: actuators that the step in progress commands repeatedly
     reachable: bool
 
     @property
@@ -146,15 +146,15 @@ class Bench(Protocol):
         ...
 
     def need_rate(self, rate: float) -> None:
-        """Between records, sample at no less than `rate` Hz from now on; 0: the rig file's rate."""
+        """Outside records, sample at no less than `rate` Hz from now on; 0: at the rig file's rate."""
         ...
 
     def fresh(self) -> Generator[Until, Row | None, Row]:
-        """The newest row, or the next one if a command has been given since."""
+        """Return the latest row, or wait for the next one if a command has been sent since."""
         ...
 
     def condition(self, expression: Expression) -> Callable[[Row], object]:
-        """A condition over channels, commands, measures and answers as a function of a row."""
+        """Return a condition on channels, commands, measures and answers as a function of a row."""
         ...
 
     def command(
@@ -168,11 +168,11 @@ class Bench(Protocol):
         ...
 
     def finish_pulse(self, actuator: str) -> Waiting:
-        """Wait until a timed command is over; the host ends it if the bench cannot."""
+        """Wait for the end of a timed command; the host ends it if the bench cannot."""
         ...
 
     def cannot_regulate(self, loop: LoopSettings) -> str:
-        """Why the bench itself cannot carry out a closed loop; empty where it can."""
+        """Return why the bench itself cannot execute a closed loop; empty if it can."""
         ...
 
     def regulate(self, loop: LoopSettings) -> Waiting:
@@ -180,11 +180,11 @@ class Bench(Protocol):
         ...
 
     def loop_state(self, ahead: float | None = None) -> LoopState:
-        """The state of the loop on the bench's controller; `ahead` is its feed-forward from now on."""
+        """Return the state of the loop on the bench's controller; `ahead` is its feed-forward from now on."""
         ...
 
     def stop_regulating(self, actuator: str) -> Waiting:
-        """End such a loop with its output held, and wait for the confirmation and the loop's timing."""
+        """End such a loop with its output held; wait for the confirmation and the timing statistics."""
         ...
 
     def release(self, actuator: str) -> None:
@@ -192,26 +192,26 @@ class Bench(Protocol):
         ...
 
     def safe_value(self, actuator: str) -> float:
-        """The value an actuator rests at."""
+        """Return the safe value of an actuator, SI."""
         ...
 
     def is_at(self, actuator: str, value: float) -> bool:
-        """Whether an actuator's newest command was `value`, with its acknowledgement received or pending."""
+        """Return whether an actuator's latest command was `value`, whether or not it is acknowledged yet."""
         ...
 
     def rested_at(self, actuator: str, value: float) -> float:
-        """Earliest time at which an actuator with a minimum rest between switches may be switched to `value`,
-        s."""
+        """Return the earliest time, s, at which an actuator with a minimum interval between switches may be
+        switched to `value`."""
         ...
 
     def statistics(
         self, wanted: Sequence[Statistic], stretch: Stretch, window: float | None
     ) -> Mapping[str, float]:
-        """Statistics by key, the stretch's ``duration``, and every value kept so far."""
+        """Return the statistics by key, the ``duration`` of the stretch, and every value stored so far."""
         ...
 
     def record_measure(self, value: MeasuredValue) -> None:
-        """Keep a measured or answered value for later steps, with the open record or else with the run."""
+        """Store a measured or answered value for later steps, with the open record or else with the run."""
         ...
 
     def event(self, kind: str, message: str) -> None:
@@ -219,7 +219,7 @@ class Bench(Protocol):
         ...
 
     def ask(self, question: Question) -> Generator[Until, Row | None, Answer]:
-        """Ask the operator and wait for the answer; sampling and interlocks continue meanwhile."""
+        """Ask the operator, and wait for the answer; sampling and interlocks continue meanwhile."""
         ...
 
     def request(self, question: Question) -> None:

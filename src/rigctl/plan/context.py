@@ -1,4 +1,4 @@
-"""The position in the plan at which a step is being built, and how nodes are made there."""
+"""The position in the plan at which a step is being built, and the construction of nodes there."""
 
 from __future__ import annotations
 
@@ -19,43 +19,43 @@ from rigctl.project import find_project
 from rigctl.units import Quantity
 
 MAX_NODES = 100_000
-#: depth of steps inside steps, through calls: as deep as a single file can nest them
+#: largest nesting depth of steps, through calls: as deep as a single file can nest them
 MAX_DEPTH = 50
-#: limit of the repeats of a step by all enclosing loops together
+#: largest number of repetitions of a step by all enclosing loops together
 MAX_ROUNDS = 1_000_000
 
 
 class Step(Protocol):
-    """What builds a node of the plan; see `rigctl.plan.step`."""
+    """A step, which builds a node of the plan; see `rigctl.plan.step`."""
 
     verb: ClassVar[str]
 
     def build(self, context: Context) -> Node:
-        """The node, with every variable resolved and checked against the rig."""
+        """Return the node, with every variable resolved and checked against the rig."""
         ...
 
 
 class Cleanup(Protocol):
-    """The steps that are carried out when leaving a block."""
+    """The steps that are executed when a block is left."""
 
     @property
     def on_failure(self) -> Sequence[Step] | None:
-        """Steps after a failure of one of its steps."""
+        """The steps after a failure inside the block."""
         ...
 
     @property
     def on_abort(self) -> Sequence[Step] | None:
-        """Steps after an abort of the run inside it."""
+        """The steps after an abort of the run inside the block."""
         ...
 
     @property
     def finally_(self) -> Sequence[Step] | None:
-        """Steps in every case, last."""
+        """The steps that are executed last, in every case."""
         ...
 
 
 class Called(ProcedureText, Declaring, Cleanup, Protocol):
-    """A procedure that a plan is built from: the requested one, or one that a step calls."""
+    """A procedure from which a plan is built: the requested one, or one that a step calls."""
 
     @property
     def document(self) -> Document:
@@ -73,7 +73,7 @@ class Context(Reader):
     """A reader that knows its position in the plan."""
 
     path: str = ""  #: path of the step; empty at the top of the procedure
-    sweep: Mapping[str, Quantity] = field(default_factory=dict)  #: of every enclosing sweep, through calls
+    sweep: Mapping[str, Quantity] = field(default_factory=dict)  #: of all enclosing sweeps, through calls
     recording: bool = False  #: True inside a record
     record_rate: float | None = None  #: sampling rate of the enclosing record, Hz
     depth: int = 0  #: number of enclosing steps
@@ -82,7 +82,7 @@ class Context(Reader):
     load: Callable[[Path], Called]  #: reads the file of a procedure that is called
 
     def allow(self, more: int) -> None:
-        """Refuse a plan that grows larger than anybody can have intended."""
+        """Refuse a plan that would exceed `MAX_NODES` with `more` further nodes."""
         if self.findings.nodes + more > MAX_NODES:
             raise RigctlError(
                 "the plan grows too large",
@@ -91,11 +91,11 @@ class Context(Reader):
             )
 
     def leaf(self, label: str, action: Action) -> Leaf:
-        """The step's only node."""
+        """Return the only node of a step."""
         return Leaf(self.path, label, self.where(), action)
 
     def body(self, steps: Sequence[Step], key: str) -> Group:
-        """The steps under `key` as the inside of a record, a loop or a branch."""
+        """Return the steps under `key` as the body of a record, a loop or a branch."""
         prefix = self.path if key == "do" else f"{self.path}/{key}"
         children = self._steps(steps, key, prefix)
         return Group(f"{self.path}/{key}", key, self.where(key), children)
@@ -110,7 +110,7 @@ class Context(Reader):
         bindings: Mapping[str, str] | None = None,
         cleanup: Cleanup | None = None,
     ) -> Group:
-        """The steps under `key` as a group that is the step's own node."""
+        """Return the steps under `key` as a group, which is the node of the step itself."""
         children = self._steps(steps, key, self.path)
         return self.collect(children, label=label, kind=kind, bindings=bindings, cleanup=cleanup)
 
@@ -124,7 +124,7 @@ class Context(Reader):
         cleanup: Cleanup | None = None,
         path: str | None = None,
     ) -> Group:
-        """Existing nodes as one group with its cleanup."""
+        """Return existing nodes as one group with its cleanup."""
         at = self.path if path is None else path
         blocks = self.cleanup_groups(cleanup, at)
         return Group(
@@ -140,18 +140,18 @@ class Context(Reader):
         )
 
     def with_cleanup(self, node: Node, cleanup: Cleanup) -> Node:
-        """The node itself, or a group around it when the step has cleanup blocks."""
+        """Return the node itself, or a group around it if the step has cleanup blocks."""
         if not (cleanup.on_failure or cleanup.on_abort or cleanup.finally_):
             return node
         path = f"{self.path.rpartition('/')[0]}/block" if "/" in self.path else "block"
         return self.collect([node], label=node.label, kind=GroupKind.DO, cleanup=cleanup, path=path)
 
     def inside_record(self, rate: float) -> Context:
-        """This context inside a record sampled at `rate` Hz."""
+        """Return this context inside a record sampled at `rate` Hz."""
         return replace(self, recording=True, record_rate=rate)
 
     def repeated(self, count: int, key: str) -> Context:
-        """This context inside a loop of `count` rounds."""
+        """Return this context inside a loop of `count` rounds."""
         rounds = self.rounds * max(count, 1)
         if rounds > MAX_ROUNDS:
             with self.located(key):
@@ -161,7 +161,7 @@ class Context(Reader):
         return replace(self, rounds=rounds)
 
     def at_point(self, label: str, point: Mapping[str, Quantity]) -> Context:
-        """This context at one point of a sweep."""
+        """Return this context at one point of a sweep."""
         with self.located("do"):
             self.allow(1)
         self.findings.nodes += 1
@@ -173,7 +173,7 @@ class Context(Reader):
         )
 
     def sweep_values(self) -> dict[str, tuple[float, str]]:
-        """The values of every enclosing sweep in SI, with the units in which they are shown."""
+        """Return the values of every enclosing sweep, SI, with the units in which they are shown."""
         return {name: (value.si, value.unit.text or "1") for name, value in self.sweep.items()}
 
     def open_call(self, written: str) -> Called:
@@ -182,7 +182,8 @@ class Context(Reader):
         Raises
         ------
         RigctlError
-            there is no such file, it is not valid, or it calls itself, directly or not; the chain is named.
+            there is no such file, it is not valid, or it calls itself, directly or indirectly; the message
+            gives the chain of calls.
         """
         project = find_project(self.document.path.parent if self.document.path else None)
         path = project.resolve(written, relative_to=self.document.path)
@@ -193,7 +194,7 @@ class Context(Reader):
         return self.load(path)
 
     def called(self, procedure: Called, variables: Variables) -> Context:
-        """The top of another procedure, called from here."""
+        """Return the context at the top of another procedure that is called from here."""
         return replace(
             self,
             document=procedure.document,
@@ -222,7 +223,7 @@ class Context(Reader):
         return step.build(inner)
 
     def cleanup_groups(self, cleanup: Cleanup | None, path: str) -> dict[str, Group]:
-        """The cleanup blocks present, in the order in which they would run."""
+        """Return the cleanup blocks that are present, in the order in which they would run."""
         if cleanup is None:
             return {}
         named = {
@@ -237,7 +238,7 @@ class Context(Reader):
         }
 
     def _cleanup_group(self, steps: Sequence[Step], key: str, path: str) -> Group:
-        """One cleanup block."""
+        """Return the group of one cleanup block."""
         children = self._steps(steps, key, path)
         return Group(path, key, self.where(key), children, kind=GroupKind.CLEANUP)
 

@@ -1,4 +1,4 @@
-"""A hash of what a plan does, to decide whether two plans do the same."""
+"""A hash of what a plan does, for deciding whether two plans do the same."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from rigctl.errors import Location
 from rigctl.expressions import Expression
 from rigctl.plan.tree import Group
 
-#: texts for a person do not change what is done
+#: fields that are only shown, and do not change what is done
 _NOT_DONE = frozenset(("label", "where", "bindings"))
 
 
 def digest(*groups: Group) -> str:
-    """SHA-256, as hexadecimal digits, over every action, condition and path of the groups.
+    """Return the SHA-256, as hexadecimal digits, of all actions, conditions and paths of the groups.
 
-    Line numbers, labels and comments do not count: moving a step within its file without changing the order,
-    or showing a variable in another unit, leaves the hash unchanged.
+    Line numbers, labels and comments are not included: moving a step within its file without changing the
+    order, or showing a variable in another unit, leaves the hash unchanged.
     """
     state = sha256()
     for group in groups:

@@ -1,4 +1,4 @@
-"""What the fields of steps have in common: a base class, names, formulas, and short forms."""
+"""Common parts of the fields of steps: a base class, names, conditions, units and short forms."""
 
 from __future__ import annotations
 
@@ -75,12 +75,12 @@ Condition = Annotated[
 
 
 def unit_text(written: object) -> str:
-    """The name of a unit, "1" included.
+    """Return the name of a unit, or "1".
 
     Raises
     ------
     PydanticCustomError
-        no such unit.
+        there is no such unit.
     """
     text = str(written) if isinstance(written, str | int) and not isinstance(written, bool) else ""
     try:
@@ -98,15 +98,15 @@ UnitName = Annotated[str, BeforeValidator(unit_text)]
 
 @dataclass(frozen=True)
 class Short:
-    """A short form: a step may be written with the value of one field instead of a mapping: ``wait: 0.2 s``.
+    """A short form: a step may be written with the value of one field instead of a mapping, ``wait: 0.2 s``.
 
-    `field` is the field to which the value belongs.
+    `field` is the name of that field.
     """
 
     field: str
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Turn the short form into the long one before anything is checked."""
+        """Convert the short form to the long one before anything is checked."""
         return core_schema.no_info_before_validator_function(self._lengthen, handler(source))
 
     def _lengthen(self, written: Any) -> Any:
@@ -115,7 +115,7 @@ class Short:
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """Either form."""
+        """Accept either form."""
         long = handler(schema)
         field = handler.resolve_ref_schema(long)["properties"][self.field]
         return {"anyOf": [field, long]}

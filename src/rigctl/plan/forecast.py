@@ -1,6 +1,7 @@
-"""The expected course of one action before anything moves, and the bench as a forecast sees it.
+"""The forecast of one action before anything moves, and the properties of the bench that it is based on.
 
-An action makes its forecast from a `State` and a `ForecastBench`; `rigctl.planning` walks a plan with them.
+An action makes its forecast from a `State` and a `ForecastBench`; `rigctl.planning` does so for all actions
+of a plan in order.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Protocol, TypeAlias
 
 from rigctl.rig import Rig
 
-#: s assumed for a person to turn a valve until the gauge is right, to confirm, to type a value
+#: s assumed for a person: to turn a valve until the gauge shows the set-point, to confirm, to type a value
 TURNING = 20.0
 ANSWERING = 10.0
 TYPING = 20.0
@@ -23,7 +24,7 @@ class Basis(IntEnum):
 
     TIMED = 0  #: the procedure states it
     ESTIMATED = 1  #: from the rig's geometry and heat balance
-    GUESSED = 2  #: an assumption on how long a person takes
+    GUESSED = 2  #: an assumption about how long a person takes
     AT_MOST = 3  #: it ends on a condition; this is its timeout
 
 
@@ -42,7 +43,7 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Forecast:
-    """The expected course of one action."""
+    """The expected duration and effect of one action."""
 
     seconds: float
     basis: Basis
@@ -55,20 +56,20 @@ class OilTank(Protocol):
     """The time course of the oil temperature (K) at a supply pressure (Pa), with the heater on or off."""
 
     def limit(self, pressure: float, heating: bool) -> float:
-        """The steady-state temperature of the oil; infinite without any loss."""
+        """Return the steady-state temperature of the oil, K; infinite without any heat loss."""
         ...
 
     def after(self, temperature: float, seconds: float, pressure: float, heating: bool) -> float:
-        """The temperature `seconds` later."""
+        """Return the temperature `seconds` later, K."""
         ...
 
     def time_to(self, target: float, temperature: float, pressure: float, heating: bool) -> float:
-        """Seconds until `target` is reached; infinite if it never is."""
+        """Return the time until `target` is reached, s; infinite if it never is."""
         ...
 
 
 class ForecastBench(Protocol):
-    """A rig as forecasts see it."""
+    """The properties of a rig on which forecasts are based."""
 
     @property
     def rig(self) -> Rig:
@@ -91,13 +92,13 @@ class ForecastBench(Protocol):
         ...
 
     def operator_time(self, person: float) -> float:
-        """Seconds that the operator takes for what takes a person `person` seconds."""
+        """Return the time that the operator takes, s, for a task that takes a person `person` s."""
         ...
 
     def pass_time(self, state: State, seconds: float, *, heating: bool = False) -> State:
-        """The state `seconds` later: the pump heats the oil, the room cools it."""
+        """Return the state `seconds` later: the pump heats the oil, the surroundings cool it."""
         ...
 
     def speed(self, direction: int, state: State) -> float | None:
-        """Speed of a move, m/s; None if the rig file does not determine it."""
+        """Return the speed of a move, m/s; None if the rig file does not determine it."""
         ...

@@ -1,6 +1,6 @@
 """The device under test and the person in charge: what a procedure requires, and what was given.
 
-A pattern is a regular expression of RE2, which matches in time proportional to the length of the text: no
+A pattern is a regular expression for RE2, which matches in a time proportional to the length of the text: no
 procedure file can make rigctl hang.
 """
 
@@ -16,7 +16,7 @@ from rigctl.errors import RigctlError
 from rigctl.files.refusal import refusal
 from rigctl.plan.fields import Part, Short
 
-#: the longest text of a field
+#: largest length of a field's text
 LONGEST: Final = 200
 
 
@@ -48,12 +48,12 @@ class IdentityField(Part):
         return self
 
     def matches(self, text: str) -> bool:
-        """Whether the whole text matches the pattern; True if there is none.
+        """Return whether the whole text matches the pattern; True if there is no pattern.
 
         Raises
         ------
         RigctlError
-            the pattern cannot be read.
+            the pattern is not a valid regular expression.
         """
         if self.pattern is None:
             return True
@@ -92,7 +92,7 @@ class Identity:
 
     @property
     def device(self) -> dict[str, str]:
-        """Identity of the device under test, by name of the field."""
+        """The identity of the device under test, by name of the field."""
         return {name: text for name, text in self._said() if name != "operator"}
 
     def _said(self) -> Iterator[tuple[str, str]]:
@@ -107,12 +107,12 @@ NAMES: Final = tuple(field.name for field in fields(Identity))
 
 
 def checked(demands: IdentityFields, name: str, text: str) -> str:
-    """A text that was given for a field, without blanks around it.
+    """Return the text given for a field, without blanks around it.
 
     Raises
     ------
     RigctlError
-        it is too long, has unprintable characters, or does not match the pattern.
+        the text is too long, contains unprintable characters, or does not match the pattern.
     """
     said = text.strip()
     demand: IdentityField = getattr(demands, name)
@@ -131,12 +131,12 @@ def checked(demands: IdentityFields, name: str, text: str) -> str:
 
 
 def settled(demands: IdentityFields, given: Mapping[str, str | None]) -> tuple[Identity, tuple[str, ...]]:
-    """The given fields completed by the defaults, and the names of missing required fields.
+    """Return the given fields, completed with the defaults, and the names of missing required fields.
 
     Raises
     ------
     RigctlError
-        as `checked`.
+        as `checked`; also for an empty text for a field that has a default.
     """
     found: dict[str, str] = {}
     for name in NAMES:
@@ -144,7 +144,7 @@ def settled(demands: IdentityFields, given: Mapping[str, str | None]) -> tuple[I
         demand: IdentityField = getattr(demands, name)
         found[name] = checked(demands, name, text) if text is not None else demand.default or ""
         if not found[name] and demand.default:
-            # a scanner that read nothing does not mean the default
+            # an empty text, for example from a scanner that read nothing, does not stand for the default
             raise RigctlError(
                 f"the {name.replace('_', ' ')} is empty",
                 expected=f"a text, or nothing at all for the procedure's default, '{demand.default}'",

@@ -1,4 +1,4 @@
-"""A value that a step measured or an operator answered."""
+"""A value that was measured by a step or entered by an operator."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class MeasuredValue:
-    """A value kept with a record or with the run: SI, with the unit for display and its limits.
+    """A value stored with a record or with the run, with its unit for display and its limits.
 
     Attributes
     ----------
-    value, low, high: SI; the limits are included.
-    unit: the unit it is shown in.
+    value, low, high: SI; the limits are inclusive.
+    unit: the unit in which it is shown.
     passed: whether it is within its limits.
     difference: whether it is a temperature interval, shown without offset.
-    typed: whether it is an operator's answer: its limits restrict what may be typed, and judge nothing.
-    path: of the step that took it, in the plan; "" if unknown.
+    typed: whether it is an operator's answer: its limits only restrict what may be typed, and test nothing.
+    path: path in the plan of the step that produced it; "" if unknown.
     """
 
     name: str
@@ -31,5 +31,5 @@ class MeasuredValue:
 
     @property
     def judged(self) -> bool:
-        """True if it has limits to be judged by."""
+        """True if it is a measure that has limits, and therefore passes or fails."""
         return not self.typed and (self.low is not None or self.high is not None)

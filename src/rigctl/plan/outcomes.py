@@ -1,4 +1,4 @@
-"""How a step, a record and a run may end, and what each ending means."""
+"""The possible outcomes of a step, a record and a run."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from rigctl.errors import ExitCode, Location
 
 
 class Outcome(Enum):
-    """How one step or one record ended."""
+    """The outcome of one step or one record."""
 
     COMPLETE = "complete"  #: it did what was required
-    MISSED = "missed"  #: it was carried out, and a measured value lay outside its limits
-    SKIPPED = "skipped"  #: it was done in an earlier session of the run, or a dry run moves nothing
+    MISSED = "missed"  #: it was completed, and a measured value was outside its limits
+    SKIPPED = "skipped"  #: it was completed in an earlier session of the run, or not executed in a dry run
     TIMED_OUT = "timed_out"  #: its condition was not met in time
-    FAILED = "failed"  #: it could not be carried out, or the monitored channel left its tolerance
+    FAILED = "failed"  #: it could not be completed, or the monitored channel left its tolerance
     TRIPPED = "tripped"  #: an interlock stopped the run during it
-    INTERRUPTED = "interrupted"  #: samples were lost inside it; it is repeated if the procedure requests that
-    LOST = "lost"  #: the bench stopped answering, or its data could not be kept
-    ABORTED = "aborted"  #: somebody ended the run: a key, a command, a signal
+    INTERRUPTED = "interrupted"  #: samples were lost during it; it is repeated if the procedure requests that
+    LOST = "lost"  #: the bench stopped answering, or its data could not be stored
+    ABORTED = "aborted"  #: the run was ended by a key, a command or a signal
 
 
 class Ending(Exception):
@@ -26,10 +26,10 @@ class Ending(Exception):
 
     Parameters
     ----------
-    outcome: of the step in progress.
+    outcome: outcome of the step in progress.
     reason: one sentence for the user.
     where: the step's location in the procedure file, if one step is the cause.
-    exit_code: of the process.
+    exit_code: exit code of the process.
     """
 
     outcome = Outcome.FAILED
@@ -59,7 +59,7 @@ class StepFailed(Ending):
 
 
 class Tripped(Ending):
-    """An interlock stopped the run; the outputs are safe already."""
+    """An interlock has stopped the run; the outputs are already safe."""
 
     outcome = Outcome.TRIPPED
 
@@ -71,12 +71,12 @@ class Lost(Ending):
 
 
 class Aborted(Ending):
-    """A person or the operating system asked for the end; the outputs are safe already."""
+    """A person or the operating system has requested the end of the run; the outputs are already safe."""
 
     outcome = Outcome.ABORTED
 
 
 class SamplesLost(Ending):
-    """Samples were lost inside a record: it is incomplete."""
+    """Samples were lost during a record, which is therefore incomplete."""
 
     outcome = Outcome.INTERRUPTED

@@ -26,7 +26,7 @@ _VARIABLE = re.compile(r"\$([A-Za-z]\w*)")
 
 @dataclass
 class Findings:
-    """What the expansion has found so far, in the order of execution; grows while the plan is built."""
+    """What has been found so far during the expansion, in order of execution."""
 
     answers: dict[str, ValueType] = field(default_factory=dict)  #: measures and operators' answers
     nodes: int = 0
@@ -36,7 +36,7 @@ class Findings:
 class Reader:
     """Resolves the fields of one step; every error names the location of the mistake.
 
-    `keys` in the methods lead from the step to the part in question, as in the file.
+    In the methods, `keys` are the keys in the file that lead from the step to the part in question.
     """
 
     rig: Rig
@@ -46,12 +46,12 @@ class Reader:
     findings: Findings
 
     def where(self, *keys: Key) -> Location:
-        """The location of a part of the step, or of the nearest enclosing part that is written."""
+        """Return the location of a part of the step, or of the nearest enclosing part present in the file."""
         return self.document.locate((*self.keys, *keys))
 
     @contextmanager
     def located(self, *keys: Key) -> Iterator[None]:
-        """Give an error raised inside its location, and the name of the field in front."""
+        """Add the location to an error raised inside, and the name of the field in front of its message."""
         try:
             yield
         except RigctlError as error:
@@ -61,7 +61,7 @@ class Reader:
             raise error.at(self.where(*keys)) from None
 
     def _written_name(self, keys: tuple[Key, ...]) -> str | None:
-        """The last of `keys` present in the file; a short form leaves some of them out."""
+        """Return the last of `keys` that is present in the file, since a short form omits some of them."""
         for end in range(len(keys), 0, -1):
             key = keys[end - 1]
             if isinstance(key, str) and self.where(*keys[:end]) != self.where(*keys[: end - 1]):
@@ -70,15 +70,15 @@ class Reader:
 
     @property
     def answers(self) -> Mapping[str, ValueType]:
-        """Measures and operators' answers of the preceding steps."""
+        """The types of the measures and operators' answers of the preceding steps, by name."""
         return self.findings.answers
 
     def types(self) -> Mapping[str, ValueType]:
-        """Channels and commands by name."""
+        """The types of the channels and commands, by name."""
         return self.rig.layout.types()
 
     def si(self, value: Value, *keys: Key, unit: str | None = None, difference: bool | None = None) -> float:
-        """A value in SI; `unit` and `difference` apply if its kind leaves them open."""
+        """Return a value in SI; `unit` and `difference` apply if its kind leaves them open."""
         with self.located(*keys):
             return value.si(self.variables, unit, difference=difference)
 
@@ -89,17 +89,17 @@ class Reader:
         return None if value is None else self.si(value, *keys, unit=unit, difference=difference)
 
     def quantity(self, value: Value, *keys: Key) -> Quantity:
-        """A value with its unit."""
+        """Return a value with its unit."""
         with self.located(*keys):
             return value.quantity(self.variables)
 
     def variable(self, value: Value, *keys: Key) -> Variable:
-        """A value with its unit, or the list that a single ``$name`` refers to."""
+        """Return a value with its unit, or the list to which a single ``$name`` refers."""
         found = self.variables.get(value.text.strip().removeprefix(MARK)) if MARK in value.text else None
         return found if isinstance(found, tuple) else self.quantity(value, *keys)
 
     def list_variable(self, text: str) -> list[Quantity]:
-        """The values of ``$name``, which must be a list."""
+        """Return the values of ``$name``, which must be a list."""
         name = text.strip().removeprefix(MARK)
         if name not in self.variables:
             raise unknown_name("variable", name, self.variables)
@@ -107,7 +107,7 @@ class Reader:
         return list(found) if isinstance(found, tuple) else [found]
 
     def condition(self, text: str, *keys: Key, answers: bool = False) -> Expression:
-        """A comparison of channels and commands, with `answers` also of measures and answers."""
+        """Return a condition on channels and commands; with `answers` also on measures and answers."""
         with self.located(*keys):
             types = {**self.types(), **self.answers} if answers else self.types()
             expression = substituted(parse(text), self.variables)
@@ -121,35 +121,35 @@ class Reader:
             return expression.checked(types, expected=BOOLEAN)
 
     def channel(self, name: str, *keys: Key) -> Channel:
-        """A channel of the rig."""
+        """Return a channel of the rig."""
         if name not in self.rig.channels:
             with self.located(*keys):
                 raise unknown_name("channel", name, self.rig.channels)
         return self.rig.channels[name]
 
     def heat_role(self) -> HeatRole:
-        """The actuator and channel of `heat`."""
+        """Return the actuator and channel of `heat`."""
         role = self._role("heat", self.rig.roles.heat)
         self.driven(role.actuator, "heat")
         return role
 
     def pressure_role(self) -> SetRole:
-        """The actuator and channel of `set_pressure`."""
+        """Return the actuator and channel of `set_pressure`."""
         return self._role("set_pressure", self.rig.roles.set_pressure)
 
     def move_role(self, verb: str) -> MoveRole:
-        """The actuator of `extend` or `retract`."""
+        """Return the actuator of `extend` or `retract`."""
         role = self._role(verb, self.rig.roles.extend if verb == "extend" else self.rig.roles.retract)
         self.driven(role.actuator, verb)
         return role
 
     def driven(self, name: str, *keys: Key) -> Actuator:
-        """An actuator that rigctl itself switches; `keys` locate its name.
+        """Return an actuator that rigctl itself drives; `keys` locate its name.
 
         Raises
         ------
         RigctlError
-            there is none of this name, or the operator turns it by hand.
+            there is no actuator of this name, or it is operated by hand.
         """
         with self.located(*keys):
             if name not in self.rig.actuators:
@@ -173,7 +173,7 @@ class Reader:
         return role
 
     def fill_in(self, text: str, *keys: Key) -> str:
-        """A text with every ``$name`` replaced by its value."""
+        """Return a text with every ``$name`` replaced by its value."""
 
         def value(match: re.Match[str]) -> str:
             name = match.group(1)

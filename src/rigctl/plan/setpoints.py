@@ -1,4 +1,4 @@
-"""Checks of set-points: one that would trip an interlock or cannot be reached is refused beforehand."""
+"""Checks of set-points: those that would trip an interlock or cannot be reached are refused beforehand."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ def check_set_point(rig: Rig, channel: str, value: float) -> None:
     Raises
     ------
     RigctlError
-        outside the channel's physical range, or past a limit whose action is stop; names the limit.
+        the set-point is outside the channel's physical range, or beyond a limit with the action stop, which
+        the message names.
     """
     described = rig.channels[channel]
 
@@ -46,7 +47,7 @@ def check_level(rig: Rig, actuator: str, value: float) -> None:
     Raises
     ------
     RigctlError
-        out of range; names the actuator.
+        the level is out of range; the message names the actuator.
     """
     try:
         rig.actuators[actuator].check(value)

@@ -25,14 +25,14 @@ def _mean(values: Sequence[float]) -> float:
 
 
 def _std(values: Sequence[float]) -> float:
-    """The sample standard deviation, n − 1 in the denominator; NaN for a single sample."""
+    """Return the sample standard deviation, with n − 1 degrees of freedom; NaN for a single sample."""
     if len(values) < 2:
         return math.nan
     mean = _mean(values)
     return math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (len(values) - 1))
 
 
-#: every statistic by name; missing samples (NaN) have been removed before
+#: all statistics by name; they are computed after missing samples (NaN) have been removed
 STATISTICS: Final[Mapping[str, Callable[[Sequence[float]], float]]] = MappingProxyType(
     {
         "first": lambda values: values[0],
@@ -70,11 +70,11 @@ class Statistic:
 
     @property
     def difference(self) -> bool:
-        """True if the result is an interval: a standard deviation of temperatures has no offset."""
+        """True if the result is an interval, such as a standard deviation of temperatures."""
         return self.kind == "std"
 
     def compute(self, values: Sequence[float]) -> float:
-        """The statistic of these samples, SI; NaN if all are missing."""
+        """Return the statistic of these samples, SI; NaN if all are missing."""
         present = [value for value in values if not math.isnan(value)]
         return STATISTICS[self.kind](present) if present else math.nan
 

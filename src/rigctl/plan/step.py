@@ -1,4 +1,4 @@
-"""What all steps have in common; each kind is a separate module in `rigctl.steps`."""
+"""The base classes of all steps; each kind of step is a separate module in `rigctl.steps`."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class Step(Part):
 
     @abstractmethod
     def build(self, context: Context) -> Node:
-        """The node of the plan, with every variable resolved and checked against the rig.
+        """Return the node of the plan, with every variable resolved and checked against the rig.
 
         Raises
         ------
         RigctlError
-            the step does not fit the rig; with its location in the file.
+            the step is not possible on the rig; with its location in the file.
         """
 
 

@@ -13,17 +13,17 @@ from rigctl.units import Quantity
 
 Point = dict[str, Quantity]
 
-#: a step that misses `to` by less than this fraction of itself meets it
+#: `to` counts as reached if the last value misses it by less than this fraction of a step
 _SLACK = 1e-9
 
 
 def stepped(first: Quantity, stop: float, step: float, allow: Callable[[int], None]) -> list[Quantity]:
-    """``first, first + step, …`` up to `stop` and not past it, in the unit of `first`.
+    """Return ``first, first + step, …``, up to `stop` at most, in the unit of `first`.
 
     Raises
     ------
     RigctlError
-        a zero step, or one that leads away from `stop`; or what `allow` raises for this number of values.
+        the step is zero or leads away from `stop`, or `allow` refuses this number of values.
     """
     if step == 0.0:
         raise RigctlError("the step of a range is zero", value=str(with_value(first, step)))
@@ -39,12 +39,12 @@ def stepped(first: Quantity, stop: float, step: float, allow: Callable[[int], No
 
 
 def spaced(first: Quantity, stop: float, count: int) -> list[Quantity]:
-    """`count` values from `first` to `stop`, both included, evenly; a single one is `first`.
+    """Return `count` evenly spaced values from `first` to `stop`, both included; a single one is `first`.
 
     Raises
     ------
     RigctlError
-        no values at all.
+        `count` is less than one.
     """
     if count < 1:
         raise RigctlError("this sweep is empty", value=str(count), expected="a count of at least 1")
@@ -53,13 +53,13 @@ def spaced(first: Quantity, stop: float, count: int) -> list[Quantity]:
 
 
 def combine(axes: Mapping[str, Sequence[Quantity]], allow: Callable[[int], None]) -> list[Point]:
-    """Every combination, the first variable changing slowest."""
+    """Return all combinations, with the first variable changing most slowly."""
     allow(prod(len(values) for values in axes.values()))
     return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
 
 
 def paired(axes: Mapping[str, Sequence[Quantity]]) -> list[Point]:
-    """The first values together, then the second ones, and so on.
+    """Return points of corresponding values: the first value of every list, then the second ones, and so on.
 
     Raises
     ------
@@ -76,16 +76,16 @@ def paired(axes: Mapping[str, Sequence[Quantity]]) -> list[Point]:
 
 
 def repeated(points: Sequence[Point], times: int) -> list[Point]:
-    """All points, `times` over: replicates are as far apart in time as the sweep is long."""
+    """Return all points `times` times, so that replicates are one whole sweep apart in time."""
     return list(points) * times
 
 
 def shuffled(points: Sequence[Point], seed: int, path: str) -> list[Point]:
-    """The points in a random order determined by the seed (Fisher-Yates on a Mersenne Twister).
+    """Return the points in a random order determined by the seed (Fisher-Yates shuffle, Mersenne Twister).
 
-    `path` is that of the sweep in the plan: an inner sweep has a different order at each point of the outer
-    one, so that an effect of the order is not mistaken for one of the outer variable. Python guarantees the
-    sequence of `random()` for a seed across versions, so only that method is used.
+    `path` is the path of the sweep in the plan: an inner sweep has a different order at each point of the
+    outer one, so that an effect of the order is not mistaken for one of the outer variable. Python guarantees
+    the sequence of `random()` for a seed across versions, so only that method is used.
     """
     order = list(points)
     draw = random.Random(f"{seed}:{path}").random  # noqa: S311 - an order, not a secret

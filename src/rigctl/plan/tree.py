@@ -1,8 +1,8 @@
-"""A procedure with its sweeps, calls and variables resolved: the tree that both preview and runner walk.
+"""A procedure with its sweeps, calls and variables resolved: the tree that both preview and runner traverse.
 
-A node's `path` is a permanent name: it is built from the positions of the steps in the file and the values of
-the sweeps, so the same procedure with the same arguments has the same paths, and a resumed run finds its
-position by them.
+A node's `path` is a permanent name: it is composed of the positions of the steps in the file and the values
+of the sweeps, so that the same procedure with the same arguments has the same paths, by which a resumed run
+finds its position.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ T = TypeVar("T")
 
 
 class ProcedureText(Protocol):
-    """The procedure file that a plan was made from, as it is kept with a run."""
+    """The procedure file from which a plan was made, as it is stored with a run."""
 
     @property
     def name(self) -> str:
@@ -67,10 +67,10 @@ class GroupKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Nodes carried out one after the other, with their cleanup.
+    """Nodes that are executed one after the other, with their cleanup.
 
-    `on_failure` runs when a child failed, `on_abort` when the run was aborted inside, `finally_` last and in
-    every case. A failure propagates upwards after them.
+    `on_failure` runs if a child has failed, `on_abort` if the run was aborted inside the group, and
+    `finally_` last and in every case. A failure then propagates upwards.
     """
 
     path: str
@@ -86,7 +86,7 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """One step that does something on the bench."""
+    """One step that acts on the bench."""
 
     path: str
     label: str
@@ -96,9 +96,9 @@ class Leaf:
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """A body carried out repeatedly: `count` times, or while a condition holds before each round.
+    """A body that is executed repeatedly: `count` times, or while a condition holds before each round.
 
-    It is unrolled while running. A loop with a condition fails if this still holds after `max_iterations`.
+    It is unrolled during the run. A loop with a condition fails if that still holds after `max_iterations`.
     """
 
     path: str
@@ -112,7 +112,7 @@ class Loop:
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """A choice made while running, from the newest sample, earlier measures and operators' answers."""
+    """A choice made during the run, by the latest sample, earlier measures and operators' answers."""
 
     path: str
     label: str
@@ -134,14 +134,14 @@ class RecordNode:
     channels: tuple[str, ...]
     sweep: Mapping[str, tuple[float, str]]  #: SI value and unit for display, by name
     body: Group
-    retries: int = 0  #: permitted repeats after a loss of the bench
+    retries: int = 0  #: permitted number of repetitions after a loss of contact
 
 
 Node: TypeAlias = Group | Leaf | Loop | Branch | RecordNode
 
 
 class Visitor(ABC, Generic[T]):
-    """A visitor with a method for each kind of node; the methods decide themselves whether to descend."""
+    """A visitor with a method for each kind of node; each method decides whether to descend."""
 
     def visit(self, node: Node) -> T:
         """Visit a node by its kind."""
@@ -159,7 +159,7 @@ class Visitor(ABC, Generic[T]):
 
     @abstractmethod
     def leaf(self, node: Leaf) -> T:
-        """At one step."""
+        """Visit a leaf."""
 
     @abstractmethod
     def group(self, node: Group) -> T:
@@ -175,7 +175,7 @@ class Visitor(ABC, Generic[T]):
 
     @abstractmethod
     def branch(self, node: Branch) -> T:
-        """At a choice."""
+        """Visit a branch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +199,7 @@ class Plan:
 
 
 def children(node: Node) -> tuple[Node, ...]:
-    """The nodes directly below, without cleanup blocks."""
+    """Return the nodes directly below, without cleanup blocks."""
     match node:
         case Group():
             return node.children
@@ -212,12 +212,12 @@ def children(node: Node) -> tuple[Node, ...]:
 
 
 def cleanup_blocks(node: Group) -> tuple[Group, ...]:
-    """The cleanup blocks of a group, in the order in which they would run."""
+    """Return the cleanup blocks of a group, in the order in which they would run."""
     return tuple(block for block in (node.on_failure, node.on_abort, node.finally_) if block is not None)
 
 
 def walk(node: Node) -> Iterator[Node]:
-    """The node and everything below it in order of execution, without cleanup blocks."""
+    """Yield the node and all nodes below it in order of execution, without cleanup blocks."""
     stack = [node]
     while stack:
         current = stack.pop()
@@ -226,7 +226,7 @@ def walk(node: Node) -> Iterator[Node]:
 
 
 def all_nodes(plan: Plan) -> Iterator[Node]:
-    """Every node of a plan, those of cleanup blocks after the others."""
+    """Yield every node of a plan, those of cleanup blocks after the others."""
     blocks = (plan.root, plan.on_failure, plan.on_abort, plan.finally_)
     waiting = deque(block for block in blocks if block is not None)
     while waiting:
@@ -237,7 +237,7 @@ def all_nodes(plan: Plan) -> Iterator[Node]:
 
 
 def iteration_path(loop: Loop, iteration: int, path: str) -> str:
-    """The path of a node in one of the rounds of a loop, counted from 1.
+    """Return the path of a node in one round of a loop, counted from 1.
 
     ``2/repeat/1/record`` inside the loop ``2/repeat`` is ``2/repeat#3/1/record`` in the third round.
     """

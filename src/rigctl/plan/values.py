@@ -24,10 +24,10 @@ MARK = "$"
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """What a field accepts: a dimension and bounds in SI, both included unless stated otherwise.
+    """What a field accepts: a dimension, and bounds in SI, which are inclusive unless stated otherwise.
 
-    `unit` is any unit of the dimension; None leaves the dimension to the caller that resolves the value,
-    because it depends on the rig. With `difference`, a temperature is an interval.
+    `unit` is any unit of the dimension; None if the dimension depends on the rig, and is given by the caller
+    that resolves the value. With `difference`, a temperature is an interval.
     """
 
     unit: str | None
@@ -39,12 +39,12 @@ class Kind:
     examples: tuple[str, ...] = ()
 
     def read(self, written: object) -> Value:
-        """The value in the file, checked as far as possible without a rig.
+        """Return the value in the file, checked as far as possible without a rig.
 
         Raises
         ------
         RigctlError
-            not a quantity, a wrong dimension, out of bounds, or a formula that cannot be read.
+            the value is neither a quantity nor a valid formula, has a wrong dimension, or is out of bounds.
         """
         if isinstance(written, Value):
             return written
@@ -57,7 +57,7 @@ class Kind:
         return value
 
     def expected(self) -> str:
-        """The expected form, for error messages."""
+        """A description of the expected form, for error messages."""
         if self.whole:
             return "a whole number"
         return "a number with its unit, e.g. '30 bar'" if self.unit is None else self._described(self.unit)
@@ -66,7 +66,7 @@ class Kind:
         return describe(unit, difference=self.difference)
 
     def check(self, si: float, text: str) -> float:
-        """Refuse an SI value out of bounds, or a fraction where a whole number is needed."""
+        """Return an SI value; refuse one out of bounds, or a fraction where a whole number is required."""
         if self.whole and si != int(si):
             raise RigctlError("not a whole number", value=text, expected="a whole number")
         if self.more_than is not None and si <= self.more_than:
@@ -86,7 +86,7 @@ class Kind:
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """A text with a number and a unit, or with variables; a plain number where it suffices."""
+        """Describe a text with a number and a unit, or with variables; also a plain number if valid."""
         plain = self.unit in (None, "1")
         examples = self.examples or _EXAMPLES.get(self.unit or "", ("30 bar",))
         return {
@@ -117,18 +117,18 @@ class Value:
     expression: Expression | None
 
     def si(self, variables: Variables, unit: str | None = None, *, difference: bool | None = None) -> float:
-        """The value in SI, checked against its kind.
+        """Return the value in SI, checked against its kind.
 
         Parameters
         ----------
-        variables: values of the names after a dollar.
+        variables: values of the ``$names``.
         unit: any unit of the required dimension, if the kind leaves it open.
         difference: whether it is a temperature interval, if the kind leaves that open.
 
         Raises
         ------
         RigctlError
-            an unknown variable, another dimension, or out of bounds.
+            a variable is unknown, the dimension is a different one, or the value is out of bounds.
         """
         wanted = unit or self.kind.unit
         if wanted is None:
@@ -142,7 +142,7 @@ class Value:
         return self.kind.check(si, self.text if quantity is None else self._shown(quantity))
 
     def quantity(self, variables: Variables) -> Quantity:
-        """The value with a unit for display: the written one, or that of the first variable of its
+        """Return the value with a unit for display: the written one, or that of the first variable in its
         expression."""
         known = self.literal or self._simple(variables)
         if known is not None:
@@ -155,7 +155,7 @@ class Value:
         return self.expression.variables if self.expression else frozenset()
 
     def _simple(self, variables: Variables) -> Quantity | None:
-        """The quantity of a single ``$name``."""
+        """Return the quantity of a single ``$name``; None for any other expression."""
         name = self.text.strip().removeprefix(MARK)
         return _scalar(variables, name) if name.isidentifier() and MARK in self.text else None
 
@@ -170,12 +170,12 @@ class Value:
 
 
 def substituted(expression: Expression, variables: Variables) -> Expression:
-    """The expression with every ``$variable`` replaced by its value.
+    """Return the expression with every ``$variable`` replaced by its value.
 
     Raises
     ------
     RigctlError
-        an unknown variable, or one that is a list.
+        a variable is unknown, or is a list.
     """
     return expression.substitute({name: _scalar(variables, name) for name in expression.variables})
 
@@ -201,11 +201,11 @@ def _in_dimension(quantity: Quantity, unit: str, difference: bool, text: str) ->
 
 
 def with_value(quantity: Quantity, value: float) -> Quantity:
-    """A quantity of the same unit; rounded to 12 digits, so that 0.1 + 0.2 reads 0.3."""
+    """Return a quantity with the same unit, rounded to 12 digits, so that 0.1 + 0.2 is shown as 0.3."""
     return Quantity(float(f"{value:.12g}"), quantity.unit)
 
 
-#: s; three years: a longer time is a typing error, and sums of such times would lose digits
+#: three years in s: a longer time is a typing error, and sums of such times would lose digits
 LONGEST = 1e8
 DURATION = Kind("s", more_than=0.0, at_most=LONGEST)
 PERIOD = Kind("s", at_least=0.0, at_most=LONGEST)

@@ -1,4 +1,4 @@
-"""Procedures: a file of steps, its arguments, and its expansion to a plan on a rig."""
+"""Procedures: a file of steps, its arguments, and its expansion to a plan for a rig."""
 
 from rigctl.procedure.expand import expand
 from rigctl.procedure.load import Procedure, ProcedureFile, load_procedure, parse_procedure

@@ -1,4 +1,4 @@
-"""From a procedure and a rig to a plan: sweeps and calls expanded, variables resolved and checked."""
+"""Expands a procedure to a plan for a rig: sweeps and calls, with all variables resolved and checked."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ ProcedureFile.model_rebuild(_types_namespace={"AnyStep": AnyStep})
 
 @dataclass(frozen=True)
 class Procedure:
-    """A procedure file that has been read and found well formed; `expand` turns it into a plan for a rig."""
+    """A procedure file that has been read and found valid; `expand` makes it a plan for a rig."""
 
     file: ProcedureFile
     document: Document = field(repr=False)
@@ -68,7 +68,7 @@ class Procedure:
 
     @property
     def text(self) -> str:
-        """The file's text, kept with every run."""
+        """The file's text, which is stored with every run."""
         return self.document.text
 
     @cached_property
@@ -93,22 +93,22 @@ class Procedure:
 
     @property
     def on_failure(self) -> Sequence[AnyStep]:
-        """Steps that are carried out after a failure."""
+        """The steps that are executed after a failure."""
         return self.file.on_failure or ()
 
     @property
     def on_abort(self) -> Sequence[AnyStep]:
-        """Steps that are carried out after an abort."""
+        """The steps that are executed after an abort."""
         return self.file.on_abort or ()
 
     @property
     def finally_(self) -> Sequence[AnyStep]:
-        """Steps that are carried out last, in every case."""
+        """The steps that are executed last, in every case."""
         return self.file.finally_ or ()
 
     @property
     def rig_path(self) -> Path:
-        """The rig file that it names: relative to its folder or to the project, or a shipped one.
+        """The rig file that it names, relative to its own folder or to the project, or a shipped one.
 
         Raises
         ------
@@ -140,7 +140,7 @@ def load_procedure(path: str | Path) -> Procedure:
 
 
 def parse_procedure(text: str, path: Path | None = None) -> Procedure:
-    """The procedure that a text describes, e.g. the one kept with a run; `path` names it in messages.
+    """Return the procedure that a text describes, e.g. that stored with a run; `path` names it in messages.
 
     Raises
     ------

@@ -37,7 +37,7 @@ closed. A whole procedure may have them too.
 
 
 def steps_page() -> str:
-    """The page: the fields of the file, then every step with its fields."""
+    """Return the page: the fields of the file, then every step with its fields."""
     schema = json_schema(ProcedureFile, title="")
     definitions: dict[str, Any] = schema["$defs"]
     lines = [_HEAD, "## The file", ""]
@@ -105,7 +105,7 @@ def _table(fields: dict[str, FieldInfo], properties: dict[str, Any]) -> list[str
 
 
 def _examples(schema: Any) -> list[str]:
-    """The examples that a schema or one of its branches gives, or the values that it allows."""
+    """Return the examples given by a schema or one of its branches, or else the values that it allows."""
     if not isinstance(schema, dict):
         return []
     found = schema.get("examples") or schema.get("enum") or []

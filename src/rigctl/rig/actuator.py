@@ -46,11 +46,11 @@ class Actuator(Part):
 
     @property
     def display_unit(self) -> str:
-        """The unit its values are shown in; "1" for one with positions."""
+        """The unit in which its values are shown; "1" for an actuator with positions."""
         return self.unit or "1"
 
     def read(self, written: object) -> float:
-        """The SI value of a command as text: the name of a position, or a level with its unit.
+        """Return the SI value of a command given as text: the name of a position, or a level with its unit.
 
         Raises
         ------
@@ -72,12 +72,12 @@ class Actuator(Part):
         return number
 
     def check(self, value: float) -> None:
-        """Refuse an SI value that the actuator cannot take.
+        """Refuse an SI value that is invalid for the actuator.
 
         Raises
         ------
         RigctlError
-            not one of its positions, or a level out of range.
+            the value is not one of its positions, or a level out of range.
         """
         positions = POSITIONS.get(self.kind)
         if positions is None:
@@ -93,7 +93,7 @@ class Actuator(Part):
             raise RigctlError("out of range", value=show(value, self.display_unit), expected=shown)
 
     def show(self, value: float) -> str:
-        """An SI value as text: the name of the position, or the level with its unit."""
+        """Return an SI value as text: the name of the position, or the level with its unit."""
         for word, number in POSITIONS.get(self.kind, {}).items():
             if number == value:
                 return word

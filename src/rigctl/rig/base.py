@@ -18,7 +18,7 @@ class Part(BaseModel):
 
 
 def _text_of_date(written: object) -> object:
-    # a bare number would be read as seconds since 1970
+    # pydantic would read a bare number as seconds since 1970
     if isinstance(written, date | str):
         return written
     raise refusal(RigctlError("no date", value=str(written), expected="a date, e.g. 2026-03-14"))

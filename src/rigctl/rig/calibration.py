@@ -1,4 +1,4 @@
-"""Conversion between raw values of the converter and values of the channel."""
+"""The conversion between raw values of the converter and values of the channel."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class Raw(Part):
 
     @property
     def step(self) -> float:
-        """The difference between two neighbouring codes, in raw units."""
+        """The difference between two adjacent codes, in raw units."""
         return (self.high - self.low) / ((1 << self.bits) - 1)
 
     def quantise(self, raw: float) -> float:
-        """The raw value of the nearest code; clipped to the range, as a converter does."""
+        """Return the raw value of the nearest code, limited to the range, as by a converter."""
         clipped = min(max(raw, self.low), self.high)
         return self.low + round((clipped - self.low) / self.step) * self.step
 
@@ -57,7 +57,7 @@ class Calibration(Part):
     )
 
     def expires(self) -> dt.date | None:
-        """The first day on which it is out of date; None if it does not expire, or has no date."""
+        """Return the first day on which it is out of date; None if it does not expire, or has no date."""
         if self.date is None or self.valid_for is None:
             return None
         try:
@@ -67,7 +67,7 @@ class Calibration(Part):
 
 
 def polynomial(coefficients: Sequence[float], x: float) -> float:
-    """``sum(coefficients[k] * x**k)`` by Horner's scheme."""
+    """Return ``sum(coefficients[k] * x**k)``, by Horner's scheme."""
     value = 0.0
     for coefficient in reversed(coefficients):
         value = value * x + coefficient
@@ -75,7 +75,7 @@ def polynomial(coefficients: Sequence[float], x: float) -> float:
 
 
 def monotonic(coefficients: Sequence[float], low: float, high: float, *, points: int = 257) -> bool:
-    """True if the polynomial is monotonic from `low` to `high`, so that it can be inverted."""
+    """Return whether the polynomial is strictly monotonic at `points` equidistant values, `low` to `high`."""
     grid = [low + (high - low) * i / (points - 1) for i in range(points)]
     values = [polynomial(coefficients, x) for x in grid]
     steps = [b - a for a, b in pairwise(values)]
@@ -83,10 +83,10 @@ def monotonic(coefficients: Sequence[float], low: float, high: float, *, points:
 
 
 def inverse_polynomial(coefficients: Sequence[float], y: float, low: float, high: float) -> float:
-    """The x with ``polynomial(coefficients, x) = y`` for a polynomial that is monotonic from `low` to `high`.
+    """Return the x with ``polynomial(coefficients, x) = y``, which is monotonic from `low` to `high`.
 
-    Exact for a straight line; by bisection otherwise. Outside the range it is extrapolated linearly from the
-    nearer end, so that a sensor driven out of range clips in the converter and not here.
+    Exact for a straight line; by bisection otherwise. Outside the range it is extrapolated along the chord
+    through both ends, so that a sensor driven out of range is limited by the converter and not here.
     """
     if not any(coefficients[2:]):
         return (y - coefficients[0]) / coefficients[1]

@@ -1,5 +1,4 @@
-"""Write a calibration into a rig file: the rest of the text is unchanged, the previous file is kept beside
-it."""
+"""Writes a calibration into a rig file, without changing the rest of its text, and keeps the old file."""
 
 from __future__ import annotations
 
@@ -20,7 +19,7 @@ from rigctl.rig.channel import Channel
 from rigctl.rig.load import parse_rig
 from rigctl.rig.rig import Rig
 
-#: folder of previous rig files, points and figures of calibrations, beside the rig file
+#: folder beside the rig file for previous rig files, and for the points and figures of calibrations
 FOLDER = "calibrations"
 _BOM = b"\xef\xbb\xbf"
 _DIGITS = 10  # significant digits of a coefficient
@@ -41,8 +40,8 @@ def calibration_entries(
     reference: str | None = None,
     valid_for: str | None = None,
 ) -> dict[str, str]:
-    """The fields of a calibration as YAML in one line each; fields that are not given are unchanged in the
-    file."""
+    """Return the fields of a calibration, each as one line of YAML; optional fields that are not given remain
+    unchanged in the file."""
     entries = {
         "coefficients": f"[{', '.join(_number(value) for value in fit.coefficients)}]",
         "date": day.isoformat(),
@@ -56,12 +55,13 @@ def calibration_entries(
 
 
 def with_calibration(rig: Rig, channel: str, entries: Mapping[str, str]) -> str:
-    """The rig file's text with a new calibration of one channel.
+    """Return the rig file's text with a new calibration of one channel.
 
     Raises
     ------
     RigctlError
-        the text cannot be changed at this location alone, or would no longer be a valid rig file.
+        the calibration cannot be changed without changing other parts of the file, or the result would not be
+        a valid rig file.
     """
     try:
         text = set_entries(rig.text, ("channels", channel, "calibration"), entries)
@@ -112,7 +112,7 @@ def write_calibration(rig: Rig, text: str, now: datetime) -> Written:
 
 
 def _free(path: Path) -> Path:
-    """The path, or the first similar one that is free."""
+    """Return the path, or the first similar one at which there is no file yet."""
     candidate, number = path, 1
     while candidate.exists():
         number += 1
@@ -121,10 +121,10 @@ def _free(path: Path) -> Path:
 
 
 def _alone(before: str, after: str, channel: str) -> bool:
-    """Whether two texts differ only in the calibration of one channel."""
+    """Return whether two texts differ at most in the calibration of one channel."""
     try:
         documents: list[Any] = [parse_document(text).data for text in (before, after)]
-    except RigctlError:  # an anchor that others refer to is gone
+    except RigctlError:  # the change has removed an anchor to which another part of the file refers
         return False
     for document in documents:
         document["channels"][channel].pop("calibration", None)
@@ -132,12 +132,12 @@ def _alone(before: str, after: str, channel: str) -> bool:
 
 
 def _number(value: float) -> str:
-    """A number as text that YAML reads as a number, whatever its size."""
+    """Return a number as text that YAML reads as a number, whatever its magnitude."""
     text = format(value, f".{_DIGITS}g")
     return text if any(mark in text for mark in ".en") else f"{text}.0"
 
 
 def _difference(channel: Channel, value: float) -> str:
-    """An interval of the channel with its unit."""
+    """Return a difference of values of the channel as text, with its unit."""
     shown = format(interval(channel, value), ".3g")
     return f"{shown} {channel.interval_unit}" if channel.interval_unit not in ("", "1") else shown

@@ -1,8 +1,8 @@
 """A calibration polynomial from reference values and raw readings, with its uncertainty.
 
-Least squares of ``reference_i = sum_k c_k·x_i^k + e_i`` over points whose x is the mean of repeated raw
-readings (NIST/SEMATECH e-Handbook of Statistical Methods, 2.3.6; Draper and Smith, Applied Regression
-Analysis, 3.1).
+The model ``reference_i = sum_k c_k·x_i^k + e_i`` is fitted by least squares to points whose x is the mean of
+repeated raw readings (NIST/SEMATECH e-Handbook of Statistical Methods, 2.3.6; Draper and Smith, Applied
+Regression Analysis, 3.1).
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from rigctl.rig.channel import Channel
 from rigctl.units import parse_unit
 
 COVERAGE = 0.95
-_CURVED = 0.01  # significance from which another power is mentioned
+_CURVED = 0.01  # p-value below which a higher degree is suggested
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Point:
-    """One reference value in the channel's display unit, and the raw readings that were taken with it."""
+    """One reference value in the channel's display unit, and the raw readings that were taken at it."""
 
     reference: float
     raw: tuple[float, ...]
 
     @property
     def mean(self) -> float:
-        """Mean of the raw readings."""
+        """The mean of the raw readings."""
         return fmean(self.raw)
 
     @property
     def scatter(self) -> float | None:
-        """Standard deviation of the raw readings; None for a single one."""
+        """The sample standard deviation of the raw readings; None for a single one."""
         return stdev(self.raw) if len(self.raw) > 1 else None
 
 
@@ -49,13 +49,14 @@ class CalibrationFit:
 
     Parameters
     ----------
-    points: those to which it was fitted.
-    coefficients: of the polynomial, lowest power first.
+    points: the points to which the polynomial was fitted.
+    coefficients: the coefficients of the polynomial, lowest power first.
     std: their standard deviations; NaN if they cannot be estimated.
-    residuals: reference minus polynomial, for each point.
-    residual_std: with ``n - p`` degrees of freedom; None with as many points as coefficients.
-    uncertainty: of a calibrated value within the range of the points, 95 %.
-    curvature_p_value: probability of such a curvature by chance alone; None if it cannot be tested.
+    residuals: reference less polynomial, for each point.
+    residual_std: standard deviation of the residuals, with ``n - p`` degrees of freedom; None with as many
+        points as coefficients.
+    uncertainty: 95 % uncertainty of a calibrated value within the range of the points.
+    curvature_p_value: p-value of the F test for the next higher power; None if it cannot be tested.
     """
 
     points: tuple[Point, ...]
@@ -68,16 +69,16 @@ class CalibrationFit:
 
     @property
     def degree(self) -> int:
-        """Degree of the polynomial."""
+        """The degree of the polynomial."""
         return len(self.coefficients) - 1
 
     @property
     def bent(self) -> bool:
-        """Whether one more power would fit significantly better."""
+        """Whether a polynomial of the next higher degree would fit significantly better."""
         return self.curvature_p_value is not None and self.curvature_p_value < _CURVED
 
     def largest_change(self, before: Sequence[float]) -> float:
-        """The largest difference to another polynomial within the points."""
+        """Return the largest absolute difference from another polynomial within the range of the points."""
         low, high = min(p.mean for p in self.points), max(p.mean for p in self.points)
         grid = [low + (high - low) * i / 100 for i in range(101)]
         return max(abs(polynomial(self.coefficients, x) - polynomial(before, x)) for x in grid)
@@ -88,19 +89,20 @@ def fit_calibration(
 ) -> CalibrationFit:
     """Fit a polynomial to the points, and determine the uncertainty of a calibrated value.
 
-    The uncertainty is the quadratic sum of three: of a new reading on the fitted curve, ``t·s·sqrt(1 + h)``
-    with the largest leverage h within the points; of the reference; of the converter's step, uniformly
-    distributed.
+    The uncertainty is the root of the sum of the squares of three contributions: of a new reading on the
+    fitted curve, ``t·s·sqrt(1 + h)`` with the largest leverage h within the range of the points; of the
+    reference; and of the converter's step, with a uniform distribution.
 
     Parameters
     ----------
-    degree: 1 for a straight line.
-    reference_uncertainty: of the reference values, 95 %, in the display unit.
+    degree: degree of the polynomial; 1 for a straight line.
+    reference_uncertainty: 95 % uncertainty of the reference values, in the display unit.
 
     Raises
     ------
     RigctlError
-        too few points with different raw values, or a curve that is not monotonic over the converter's range.
+        there are too few points with different raw values, or the curve is not monotonic over the converter's
+        range.
     """
     count = degree + 1
     x = np.array([point.mean for point in points])
@@ -139,7 +141,7 @@ def fit_calibration(
 
 
 def interval(channel: Channel, value: float) -> float:
-    """A difference in the channel's display unit as one in its `interval_unit`."""
+    """Convert a difference from the channel's display unit to its `interval_unit`."""
     si = channel.display.to_si(value, difference=True)
     return parse_unit(channel.interval_unit).from_si(si, difference=True)
 
@@ -161,7 +163,7 @@ def _check(channel: Channel, x: Array, degree: int) -> None:
 
 
 def _powers(centre: float, width: float, count: int) -> Array:
-    """The matrix from coefficients of ``((x - centre)/width)^k`` to those of ``x^k``."""
+    """Return the matrix that converts coefficients of ``((x - centre)/width)^k`` to those of ``x^k``."""
     matrix = np.zeros((count, count))
     power = np.array([1.0])
     for k in range(count):
@@ -171,7 +173,7 @@ def _powers(centre: float, width: float, count: int) -> Array:
 
 
 def _without_rounding(coefficients: Array, x: Array, y: Array) -> tuple[float, ...]:
-    """The coefficients, with zero for those that contribute less than the rounding of the references."""
+    """Return the coefficients, with zero for those that contribute less than the references' rounding."""
     least = 1e-12 * float(np.abs(y).max())
     sizes = np.abs(coefficients) * float(np.abs(x).max()) ** np.arange(len(coefficients))
     return tuple(float(c) if size > least else 0.0 for c, size in zip(coefficients, sizes, strict=True))
@@ -180,9 +182,9 @@ def _without_rounding(coefficients: Array, x: Array, y: Array) -> tuple[float, .
 def _spread(
     points: Sequence[Point], residuals: Array, coefficients: Sequence[float], count: int
 ) -> tuple[float, int, bool]:
-    """Standard deviation of a point, its degrees of freedom, and whether it comes from the residuals.
+    """Return the standard deviation of a point, its degrees of freedom, and whether it is from the residuals.
 
-    With as many points as coefficients there are no residuals; the scatter of repeated readings is used
+    With as many points as coefficients all residuals are zero; the scatter of repeated readings is used
     instead.
     """
     dof = len(points) - count
@@ -198,20 +200,20 @@ def _spread(
 
 
 def _steepest(coefficients: Sequence[float], x: Array) -> float:
-    """The largest slope within the points, display unit per raw unit."""
+    """Return the largest absolute slope within the range of the points, display unit per raw unit."""
     slopes = [k * c for k, c in enumerate(coefficients)][1:]
     return max(abs(polynomial(slopes, float(at))) for at in np.linspace(x.min(), x.max(), 101))
 
 
 def _t(dof: int) -> float:
-    """Student's factor for 95 %."""
+    """Return the quantile of Student's t distribution for a two-sided interval of 95 %."""
     from scipy.stats import t
 
     return float(t.ppf(0.5 + 0.5 * COVERAGE, dof))
 
 
 def _curvature(z: Array, y: Array, count: int, before: float) -> float | None:
-    """The p-value of the F test for one more power; None with too few points."""
+    """Return the p-value of the F test for the next higher power; None with too few points."""
     from scipy.stats import f
 
     dof = len(z) - count - 1
@@ -222,7 +224,7 @@ def _curvature(z: Array, y: Array, count: int, before: float) -> float | None:
     rest = y - design @ solved
     after = float(rest @ rest)
     scale = float(y @ y) or 1.0
-    if before <= 1e-24 * scale:  # both are exact
+    if before <= 1e-24 * scale:  # both polynomials fit exactly
         return 1.0
     if after <= 1e-24 * scale:
         return 0.0

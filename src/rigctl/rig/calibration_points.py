@@ -13,18 +13,18 @@ from rigctl.rig.calibration_fit import Point
 from rigctl.rig.channel import Channel
 from rigctl.units import Unit, parse_unit
 
-_MOST = 100_000  # rows
+_MOST = 100_000  # largest number of rows
 
 
 def read_points(path: Path, channel: Channel) -> list[Point]:
-    """The points of a CSV file with the columns ``reference [unit]`` and ``raw``.
+    """Return the points of a CSV file with the columns ``reference [unit]`` and ``raw``.
 
-    Consecutive rows with the same reference are readings of one point. The unit may be left out.
+    Consecutive rows with the same reference are readings of one point. The unit may be omitted.
 
     Raises
     ------
     RigctlError
-        the file cannot be read, a column is missing, a unit does not fit, or a row has no number.
+        the file cannot be read, a column is missing, a unit has the wrong dimension, or a row has no number.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -52,7 +52,7 @@ def read_points(path: Path, channel: Channel) -> list[Point]:
 
 
 def write_points(points: Sequence[Point], channel: Channel) -> str:
-    """The calibration points as a CSV text, one row for each reading."""
+    """Return the calibration points as CSV, one row for each reading."""
     lines = [f"reference [{channel.unit}],raw [{channel.raw_unit}]"]
     lines += [f"{point.reference!r},{reading!r}" for point in points for reading in point.raw]
     return "\n".join(lines) + "\n"

@@ -13,7 +13,7 @@ from rigctl.rig.base import Part
 from rigctl.rig.calibration import Calibration, Raw, inverse_polynomial, polynomial
 from rigctl.units import Unit, interval_unit, parse_unit
 
-#: measurable quantities, each with a unit of its dimension; "other" leaves the dimension to the unit
+#: measurable quantities, each with a unit of its dimension; for "other" the unit determines the dimension
 QUANTITIES: dict[str, str | None] = {
     "temperature": "K",
     "pressure": "Pa",
@@ -114,12 +114,12 @@ class Channel(Part):
 
     @property
     def converter(self) -> Raw:
-        """Its converter, for a device that always has one.
+        """The channel's converter, for a device that always has one.
 
         Raises
         ------
         RigctlError
-            the rig file states none.
+            the rig file describes none.
         """
         if self.raw is None:
             raise RigctlError(
@@ -134,18 +134,18 @@ class Channel(Part):
         return self.unit if self.raw is None else self.raw.unit
 
     def value_from_raw(self, raw: float) -> float:
-        """The SI value of a raw reading."""
+        """Return the SI value of a raw reading."""
         return polynomial(self.si_coefficients, raw)
 
     def raw_from_value(self, value: float) -> float:
-        """The raw reading, not yet quantised, of an SI value."""
-        if self.raw is None:  # a straight line, see `rig.checks`
+        """Return the raw reading of an SI value, before quantisation."""
+        if self.raw is None:  # the calibration is then a straight line, see `rig.checks`
             return inverse_polynomial(self.si_coefficients, value, 0.0, 1.0)
         return inverse_polynomial(self.si_coefficients, value, self.raw.low, self.raw.high)
 
     @property
     def resolution(self) -> float:
-        """The SI value of one step of the converter, in the middle of its range; 0 without one."""
+        """The size of one step of the converter in the middle of its range, SI; 0 without a converter."""
         if self.raw is None:
             return 0.0
         middle = 0.5 * (self.raw.low + self.raw.high)
@@ -153,7 +153,7 @@ class Channel(Part):
         return abs(self.value_from_raw(middle + half) - self.value_from_raw(middle - half))
 
     def possible(self, value: float) -> bool:
-        """True if an SI value is in the physically possible range; never for NaN."""
+        """Return whether an SI value is in the physically possible range; False for NaN."""
         if self.range is None:
             return value == value  # noqa: PLR0124 - NaN is the only value that differs from itself
         return self.range[0] <= value <= self.range[1]

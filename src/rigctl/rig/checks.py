@@ -1,4 +1,4 @@
-"""Checks across the fields of a rig file: names exist, dimensions fit, the safe state is complete."""
+"""Checks across the fields of a rig file: names exist, dimensions agree, the safe state is complete."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RESERVED = frozenset(
 
 
 def problems(rig: Rig) -> Iterator[Problem]:
-    """All errors that involve several parts of the file."""
+    """Yield all errors that involve several parts of the file."""
     yield from _names(rig)
     for name, channel in rig.channels.items():
         yield from _channel(("channels", name), channel)
@@ -58,7 +58,7 @@ def problems(rig: Rig) -> Iterator[Problem]:
 
 
 def _rates(rig: Rig) -> Iterator[Problem]:
-    """Check that the device supports the sampling rates between records."""
+    """Check that the device supports the sampling rates outside records."""
     moving = any(part.kind == "directional_valve" and part.by == "driven" for part in rig.actuators.values())
     part = next((name for name in ("lines", "modbus", "opcua") if getattr(rig.backend, name) is not None), "")
     for name in ("monitor_rate", "moving_rate") if moving else ("monitor_rate",):
@@ -297,7 +297,7 @@ def _simulation(rig: Rig) -> Iterator[Problem]:
 
 
 def warnings(rig: Rig, today: date) -> Iterator[str]:
-    """Warnings before a run."""
+    """Yield the warnings before a run."""
     for _, doubt in doubtful_calibrations(rig, today):
         yield doubt
     if not any(limit.action == "stop" for limit in rig.limits.values()):
@@ -311,7 +311,7 @@ def warnings(rig: Rig, today: date) -> Iterator[str]:
 
 
 def doubtful_calibrations(rig: Rig, today: date) -> Iterator[tuple[str, str]]:
-    """Channels whose calibration has no date or is out of date, each with a sentence about it."""
+    """Yield the channels whose calibration has no date or is out of date, each with a sentence about it."""
     for name, channel in rig.channels.items():
         calibration = channel.calibration
         expires = calibration.expires()

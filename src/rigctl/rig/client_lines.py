@@ -25,19 +25,19 @@ _MARGIN = 0.2  # allowance for the transfer of an answer from the client to the 
 
 
 class Positioned(Protocol):
-    """Register or node that sets an actuator."""
+    """The register or node that sets an actuator."""
 
     @property
     def values(self) -> Mapping[str, float] | None:
-        """The numbers of its positions; None where they are 0 and 1, or it takes a number."""
+        """The numbers of its positions; None if they have the default numbers, or it takes a level."""
 
 
 class Beating(Protocol):
-    """Register or node of the heartbeat counter."""
+    """The register or node of the heartbeat counter."""
 
     @property
     def every(self) -> float:
-        """Time between two counts, s."""
+        """The time between two counts, s."""
 
 
 class ClientDevice(Protocol):
@@ -45,15 +45,15 @@ class ClientDevice(Protocol):
 
     @property
     def timeout(self) -> float:
-        """Time-out of an answer."""
+        """The time-out of an answer."""
 
     @property
     def tries(self) -> int:
-        """Number of attempts before a query counts as lost."""
+        """The number of attempts before a query counts as lost."""
 
     @property
     def wake(self) -> float:
-        """Time allowed for the first answer after connecting."""
+        """The time allowed for the first answer after connecting."""
 
     @property
     def fastest(self) -> float | None:
@@ -61,7 +61,7 @@ class ClientDevice(Protocol):
 
     @property
     def actuators(self) -> Mapping[str, Positioned]:
-        """Registers or nodes of the actuators."""
+        """The registers or nodes of the actuators, by name."""
 
     @property
     def heartbeat(self) -> Beating | None:
@@ -69,10 +69,10 @@ class ClientDevice(Protocol):
 
     @property
     def watchdog(self) -> float:
-        """Time without contact to rigctl after which the guard makes outputs safe."""
+        """The time without contact with rigctl after which the guard makes outputs safe."""
 
 
-#: fields that such devices share
+#: types of fields that are common to such devices
 Positions = Annotated[
     dict[str, int] | None,
     Field(
@@ -96,12 +96,12 @@ def client_lines(
     identity: str,
     reads: Sequence[tuple[Sequence[str], float | None]],
 ) -> Lines:
-    """The line protocol of a client.
+    """Return the line protocol of a client.
 
     Parameters
     ----------
-    actuators: of the rig.
-    identity: pattern of its answer to ``identify``.
+    actuators: the actuators of the rig.
+    identity: pattern of the client's answer to ``identify``.
     reads: the names that each ``read`` returns, and its shortest interval, s; None: every sample.
     """
     writes = {name: _positions_of(actuators, name, part.values) for name, part in device.actuators.items()}
@@ -141,7 +141,7 @@ def client_lines(
 def _positions_of(
     actuators: Mapping[str, Actuator], name: str, values: Mapping[str, float] | None
 ) -> dict[str, str] | None:
-    """Numbers of an actuator's positions, as texts for the client; None if it takes a number."""
+    """Return the numbers of an actuator's positions, as texts for the client; None if it takes a level."""
     positions = POSITIONS.get(actuators[name].kind) if name in actuators else None
     if positions is None:
         return None
@@ -155,18 +155,18 @@ def client_problems(
     read: Mapping[str, object],
     written: Mapping[str, Mapping[str, float] | None],
 ) -> Iterator[Problem]:
-    """Check that each channel is read, each driven actuator written, each position numbered, no name unknown.
+    """Check that all channels are read, driven actuators written, positions numbered and names known.
 
     Parameters
     ----------
-    at: location of the device's part in the file.
+    at: location of the device's section in the file.
     read: the registers or nodes that are read, by channel.
     written: for each actuator that is written, the numbers of its positions.
     """
     for name in read:
         if name not in channels:
             yield Problem((*at, "channels", name), unknown_name("channel", name, channels), of_key=True)
-    misspelt = any(name not in channels for name in read)  # explains a missing one
+    misspelt = any(name not in channels for name in read)  # it explains a channel that is not read
     for name in channels:
         if name not in read and not misspelt:
             error = RigctlError(f"channels: nothing says where '{name}' is read", expected="every channel")

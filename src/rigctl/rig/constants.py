@@ -1,7 +1,7 @@
 """The dimensions and constants that the shipped model families read from a rig file.
 
-A name that a family does not know is most likely misspelt, so it is refused with the nearest one. For a rig
-without a model any name is accepted.
+A name that a family does not use is most likely misspelt; it is refused, and the message gives the nearest
+valid one. For a rig without a model any name is accepted.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Constant:
-    """A unit of its dimension, and its meaning."""
+    """A dimension or constant: a unit of its dimension, and its meaning."""
 
     unit: str
     meaning: str

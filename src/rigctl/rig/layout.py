@@ -1,4 +1,4 @@
-"""The columns of a sample, in their order: fixed by the rig file, used by bench, runner and dataset alike."""
+"""The columns of a sample, in order: determined by the rig file, and used by bench, runner and dataset."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rigctl.expressions import ValueType
 
-#: columns that every run has before the rig's own
+#: columns that precede those of the rig in every run
 TIME, RECORD = "time", "record"
 
 
@@ -18,7 +18,7 @@ TIME, RECORD = "time", "record"
 class Layout:
     """Names and display units of the columns of a sample.
 
-    `differences` names the columns that hold an interval of temperatures, shown without offset.
+    `differences` names the columns that contain temperature intervals, which are shown without offset.
     """
 
     channels: tuple[str, ...]
@@ -37,7 +37,7 @@ class Layout:
         return (*self.channels, *self.commands)
 
     def unit(self, column: str) -> str:
-        """The display unit of a column; "1" for plain numbers."""
+        """Return the display unit of a column; "1" for plain numbers."""
         return self.units[self.columns.index(column)]
 
     def types(self) -> Mapping[str, ValueType]:

@@ -74,15 +74,15 @@ class Limit(Part):
 
     @property
     def threshold(self) -> float:
-        """The bound in SI (per second for a rate; in seconds for `unchanged`)."""
+        """The bound in SI; per s for a rate, in s for `unchanged`."""
         return float(getattr(self, self.bound))
 
     @property
     def of_value(self) -> bool:
-        """True when it bounds the value itself."""
+        """True if the value itself is limited."""
         return self.bound in ("above", "below")
 
     @property
     def of_rate(self) -> bool:
-        """True when it bounds the rate of change."""
+        """True if the rate of change is limited."""
         return self.bound.startswith("rate")

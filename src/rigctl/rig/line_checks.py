@@ -17,7 +17,7 @@ _AT = ("backend", "lines")
 
 
 def line_problems(rig: Rig, lines: Lines) -> Iterator[Problem]:
-    """All inconsistencies between the protocol and the rest of the rig file."""
+    """Yield all inconsistencies between the protocol and the rest of the rig file."""
     yield from _queries(rig, lines)
     driven = [name for name, actuator in rig.actuators.items() if actuator.by == "driven"]
     for name in driven:
@@ -36,7 +36,7 @@ def line_problems(rig: Rig, lines: Lines) -> Iterator[Problem]:
 
 
 def _queries(rig: Rig, lines: Lines) -> Iterator[Problem]:
-    """Check that each channel is read exactly once, and no unknown name is."""
+    """Check that each channel is read exactly once, and that no unknown name is read."""
     known = {*rig.channels, *(name for name in lines.actuators if name in rig.actuators)}
     read: set[str] = set()
     for index, query in enumerate(lines.queries):
@@ -50,7 +50,7 @@ def _queries(rig: Rig, lines: Lines) -> Iterator[Problem]:
             elif place in read:
                 yield Problem(keys, RigctlError("this is read twice", value=f"{{{place}}}"))
             read.add(place)
-    misspelt = bool(read - known)  # explains a missing one
+    misspelt = bool(read - known)  # it explains a channel that is not read
     for name in rig.channels:
         if name not in read and not misspelt:
             error = RigctlError(
@@ -94,7 +94,7 @@ def _scale(rig: Rig, name: str, part: LineActuator, keys: tuple[str | int, ...])
 
 
 def _fixed(lines: Lines) -> Iterator[Problem]:
-    """The exchanges without a value: all except settings."""
+    """Check the exchanges whose command contains no value: all except settings."""
     named: list[tuple[tuple[str | int, ...], Exchange | None]] = [
         (("identify",), lines.identify),
         (("confirm",), lines.confirm),

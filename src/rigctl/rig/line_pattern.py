@@ -1,8 +1,8 @@
-"""Patterns of commands and answers of line devices: texts with placeholders in braces.
+"""Patterns of commands and answers of line-based devices: texts with placeholders in braces.
 
 ``Q1 {value:.1f}`` is sent with a number in place of the braces. ``{_},{pressure},{position}`` reads two
-numbers from an answer and ignores the text before them. Matching looks for each literal once, from
-left to right: its time grows with the length of the line, whatever a device sends.
+numbers from an answer and ignores the text before them. Matching searches for each literal once, from
+left to right: its time is proportional to the length of the line, whatever a device sends.
 """
 
 from __future__ import annotations
@@ -28,13 +28,16 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
 
 @dataclass(frozen=True)
 class ReplyPattern:
-    """One line of an answer: literal, placeholder, literal, …, with a literal, maybe empty, at both ends."""
+    """One line of an answer: literal, placeholder, literal, …, with a possibly empty literal at both ends."""
 
     literals: tuple[str, ...]
     places: tuple[str, ...]
 
     def match(self, line: str) -> Mapping[str, str] | None:
-        """Texts at the placeholders, by name; None if the line differs. Surrounding blanks are ignored."""
+        """Return the texts at the placeholders, by name; None if the line does not match.
+
+        Blanks at both ends of the line are ignored.
+        """
         line = line.strip()
         first, *others = self.literals
         if not line.startswith(first):
@@ -61,35 +64,35 @@ class SendTemplate:
 
     before: str
     after: str = ""
-    form: str | None = None  #: format of its number; None without a placeholder
+    form: str | None = None  #: format of the number; None without a placeholder
 
     def fill(self, value: float | str) -> str:
-        """The command with a number or word in place of its placeholder."""
+        """Return the command with a number or word in place of its placeholder."""
         return self.before if self.form is None else f"{self.before}{self.written(value)}{self.after}"
 
     def written(self, value: float | str) -> str:
-        """A number or word as it is sent."""
+        """Return a number or word as it is sent."""
         if isinstance(value, str):
             return value
         return str(round(value)) if self.form == "d" else format(value, self.form or "g")
 
 
 def read_number(text: str) -> float | None:
-    """The number in a device's answer, which may be NaN; None for any other text."""
+    """Return the number in a device's answer, which may be NaN; None for any other text."""
     if _NUMBER.fullmatch(text):
         return float(text)
     return math.nan if text.casefold() == "nan" else None
 
 
 def resolution(text: str) -> float:
-    """The place value of the last digit of a number in text."""
+    """Return the place value of the last digit of a number given as text."""
     mantissa, _, exponent = text.casefold().partition("e")
     decimals = len(mantissa.partition(".")[2])
     return float(10.0 ** (int(exponent or 0) - decimals))
 
 
 def reply_pattern(text: str) -> ReplyPattern:
-    """The pattern that a text describes.
+    """Return the pattern that a text describes.
 
     Raises
     ------
@@ -108,12 +111,13 @@ def reply_pattern(text: str) -> ReplyPattern:
 
 
 def send_template(text: str) -> SendTemplate:
-    """The command that a text describes.
+    """Return the command that a text describes.
 
     Raises
     ------
     RigctlError
-        it is empty, or has more than one line, a placeholder other than ``{value}``, or two of them.
+        the text is empty, or has more than one line, a placeholder other than ``{value}``, or several
+        placeholders.
     """
     if not text.strip() or "\n" in text or "\r" in text:
         raise RigctlError("a command is one line", value=repr(text), expected="e.g. 'Q1 {value:.1f}'")
@@ -131,7 +135,7 @@ def send_template(text: str) -> SendTemplate:
 
 
 def _split(text: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Literals and placeholders; a doubled brace is a literal brace."""
+    """Return the literals and the placeholders; a doubled brace is a literal brace."""
     literals, places, position = [""], list[str](), 0
     for found in _PLACE.finditer(text):
         literals[-1] += text[position : found.start()]

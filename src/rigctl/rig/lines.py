@@ -1,4 +1,4 @@
-"""A line-based device: its commands, the meaning of its answers, and how it is switched off."""
+"""A line-based device: its commands, the meaning of its answers, and the commands that make it safe."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Watchdog = Annotated[
     Q("s", low="0.5 s", high="60 s"),
     Field(description="if rigctl hangs for this long, or is killed, its guard makes the outputs safe"),
 ]
-#: default watchdog time-out, s; a slow server has a longer one of its own
+#: default watchdog time-out, s; for a slow server the rig file states a longer one
 WATCHDOG: Final = 2.0
 
 
@@ -137,5 +137,5 @@ class Lines(Part):
 
     @cached_property
     def of_a_client(self) -> Lines:
-        """These lines for a `Client`, which handles message terminators itself."""
+        """Return these lines for a `Client`, which handles message terminators itself."""
         return self.model_copy(update={"send_ends": "\n", "reply_ends": "\n"})

@@ -23,7 +23,7 @@ def load_rig(path: str | Path) -> Rig:
 
 
 def parse_rig(text: str, path: Path | None = None) -> Rig:
-    """The rig that a text describes, e.g. the one kept with a run; `path` names it in messages.
+    """Return the rig that a text describes, e.g. that stored with a run; `path` names it in messages.
 
     Raises
     ------

@@ -21,7 +21,7 @@ Table = Literal["coil", "discrete", "input", "holding"]
 NumberType = Literal["bool", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64"]
 Order = Literal["big", "little"]
 
-#: 16-bit registers that a number takes
+#: number of 16-bit registers by type
 WIDTHS: Mapping[str, int] = {
     "bool": 1,
     "int16": 1,
@@ -35,7 +35,7 @@ WIDTHS: Mapping[str, int] = {
 }
 BITS = ("coil", "discrete")  #: tables of single bits
 WRITABLE = ("coil", "holding")
-#: largest number of values in one request, by the standard
+#: largest number of values in one request, according to the standard
 _LONGEST = {"coil": 2000, "discrete": 2000, "input": 125, "holding": 125}
 
 
@@ -58,7 +58,7 @@ class Register(Part):
 
     @property
     def number_type(self) -> NumberType:
-        """The data type, or its default if the file does not state one."""
+        """The data type, or the default if the file states none."""
         return self.type or ("bool" if self.table in BITS else "uint16")
 
     @property
@@ -127,7 +127,7 @@ class Modbus(Part):
 
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
-        """Blocks of registers to read, in as few requests as possible."""
+        """The blocks of registers to be read, in as few requests as possible."""
         return tuple(_blocks(self))
 
     def identity(self) -> str:
@@ -136,7 +136,7 @@ class Modbus(Part):
         return f"modbus unit {self.unit}{known}"
 
     def in_lines(self, actuators: Mapping[str, Actuator]) -> Lines:
-        """The line protocol of its client, `rigctl.backends.modbus.client`."""
+        """Return the line protocol of its client, `rigctl.backends.modbus.client`."""
         return client_lines(
             self,
             actuators,
@@ -147,11 +147,11 @@ class Modbus(Part):
 
 @dataclass(frozen=True)
 class Block:
-    """Adjacent registers that one request reads, by the names of their numbers.
+    """Adjacent registers that one request reads, with the names of their numbers.
 
     Parameters
     ----------
-    every: shortest interval of two requests, s; None for every sample.
+    every: shortest interval between two requests, s; None: one for every sample.
     """
 
     table: Table
@@ -162,7 +162,7 @@ class Block:
 
 
 def _blocks(modbus: Modbus) -> Iterator[Block]:
-    """Adjacent registers of one table with the same interval, each group as one block."""
+    """Yield the groups of adjacent registers that have the same table and the same interval."""
     read: dict[tuple[Table, float | None], list[tuple[Register, str]]] = {}
     for name, channel in modbus.channels.items():
         read.setdefault((channel.table, channel.every), []).append((channel, name))

@@ -28,7 +28,7 @@ def register_problems(
     actuators: Mapping[str, Actuator],
     safe_state: Mapping[str, Setting],
 ) -> Iterator[Problem]:
-    """All inconsistencies between a register map and the rest of the rig file."""
+    """Yield all inconsistencies between a register map and the rest of the rig file."""
     written = {name: part.values for name, part in modbus.actuators.items()}
     yield from client_problems(channels, actuators, _AT, modbus.channels, written)
     for name, register in modbus.channels.items():
@@ -56,9 +56,9 @@ def _written(register: Register, keys: tuple[str, ...]) -> Iterator[Problem]:
 
 
 def _fits(name: str, actuator: Actuator, part: WrittenRegister, safe: Setting | None) -> Iterator[Problem]:
-    """Check that every value of an actuator fits into its register.
+    """Check that every value of an actuator is in the range of its register's type.
 
-    A command that does not fit would fail in the middle of a run, or make nothing safe.
+    A command out of range would fail during a run, even one that makes outputs safe.
     """
     ends = _INTEGERS.get(part.number_type)
     if ends is None:

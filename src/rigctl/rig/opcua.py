@@ -90,7 +90,7 @@ class OpcUa(Part):
 
     @cached_property
     def reads(self) -> tuple[tuple[float | None, Mapping[str, Node]], ...]:
-        """Nodes read in one request, grouped by their interval."""
+        """The nodes, grouped by their interval; each group is read in one request."""
         found: dict[float | None, dict[str, Node]] = {}
         for name, channel in self.channels.items():
             found.setdefault(channel.every, {})[name] = channel
@@ -101,7 +101,7 @@ class OpcUa(Part):
         return tuple(found.items())
 
     def in_lines(self, actuators: Mapping[str, Actuator]) -> Lines:
-        """The line protocol of its client, `rigctl.backends.opcua.client`."""
+        """Return the line protocol of its client, `rigctl.backends.opcua.client`."""
         return client_lines(
             self,
             actuators,

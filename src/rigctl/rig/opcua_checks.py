@@ -1,4 +1,4 @@
-"""Checks across the fields of an OPC UA server's nodes: names exist, ages are times."""
+"""Checks across the fields of an OPC UA server's nodes: names exist, and an age is read as a time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _AT = ("backend", "opcua")
 def node_problems(
     server: OpcUa, channels: dict[str, Channel], actuators: dict[str, Actuator]
 ) -> Iterator[Problem]:
-    """All inconsistencies between the nodes and the rest of the rig file."""
+    """Yield all inconsistencies between the nodes and the rest of the rig file."""
     written = {name: part.values for name, part in server.actuators.items()}
     yield from client_problems(channels, actuators, _AT, server.channels, written)
     for name, channel in server.channels.items():

@@ -11,12 +11,12 @@ from rigctl.rig.problem import Problem
 def position_problems(
     field: str, positions: Iterable[str], given: Mapping[str, object], keys: tuple[str | int, ...]
 ) -> Iterator[Problem]:
-    """Check that each position has one representation, no other name has one, and no two are equal.
+    """Check that each position has a representation, no other name has one, and no two are equal.
 
     Parameters
     ----------
-    field: description of the field that holds them.
-    given: the representation of each.
+    field: description of the field that contains the representations.
+    given: the representation of each position.
     keys: their location in the file.
     """
     known = tuple(positions)

@@ -1,4 +1,4 @@
-"""Sensors that a bench could have: what they would read, their noise, and their price."""
+"""Sensors that a bench could have: what they would measure, their noise, and their price."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _PRICE = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([^\d\s]\S*)?\s*")
 
 @dataclass(frozen=True)
 class Price:
-    """An amount of money in the currency that is written with it, ``180 EUR``; "" where none is."""
+    """An amount of money in the currency written with it, as in ``180 EUR``; "" if there is none."""
 
     amount: float
     currency: str = ""
@@ -62,7 +62,7 @@ class PossibleChannel(Part):
 
     @property
     def channel(self) -> Channel:
-        """The channel that it would be."""
+        """The channel that the sensor would be."""
         return Channel(
             unit=self.unit,
             quantity=self.quantity,

@@ -1,4 +1,4 @@
-"""The bench as a file describes it."""
+"""The bench, as described by a rig file."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from rigctl.rig.roles import Roles
 from rigctl.rig.setting import Setting
 from rigctl.rig.simulation import Simulation
 
-#: properties that are computed once from the fields and the text of a rig
+#: cached properties, which are computed from the fields and the text of a rig
 _WORKED_OUT = ("layout", "sha256")
 
 
@@ -104,9 +104,9 @@ class Rig(Part):
     __str__ = __repr__
 
     def written_in(self, path: Path | None, text: str) -> Rig:
-        """This rig with its path and text."""
+        """Return a copy of this rig with the path and text of its file."""
         copy = self.model_copy()
-        copy._path = path  # noqa: SLF001 - of its own kind
+        copy._path = path  # noqa: SLF001 - an object of the same class
         copy._text = text  # noqa: SLF001
         return copy
 
@@ -116,12 +116,12 @@ class Rig(Part):
         return self._path
 
     def backend_named(self) -> str:
-        """The kind of backend named in the file, the default of commands.
+        """Return the kind of backend that the file names, which is the default of commands.
 
         Raises
         ------
         RigctlError
-            it names none; nothing is simulated or moved without a request.
+            the file names none; nothing is simulated or moved without a request.
         """
         if "kind" not in self.backend.model_fields_set:
             raise RigctlError(
@@ -135,7 +135,7 @@ class Rig(Part):
 
     @property
     def text(self) -> str:
-        """The file's text, kept with every run."""
+        """The file's text, which is stored with every run."""
         return self._text
 
     @cached_property
@@ -145,7 +145,7 @@ class Rig(Part):
 
     @cached_property
     def layout(self) -> Layout:
-        """The columns of its samples."""
+        """The columns of the bench's samples."""
         return Layout(
             channels=tuple(self.channels),
             commands=tuple(self.actuators),
@@ -160,7 +160,7 @@ class Rig(Part):
 
     @property
     def lines(self) -> Lines | None:
-        """The line protocol of its device, or of its device's client; None without one."""
+        """The line protocol of the device, or of its client; None without one."""
         backend = self.backend
         if backend.lines is None and backend.modbus is not None:
             return backend.modbus.in_lines(self.actuators)
@@ -172,19 +172,19 @@ class Rig(Part):
 
     @property
     def fastest(self) -> float:
-        """The highest polling rate of its device, Hz; infinite if not stated."""
+        """The highest polling rate of the device, Hz; infinite if not stated."""
         device = self.backend.lines or self.backend.modbus or self.backend.opcua
         return math.inf if device is None or device.fastest is None else device.fastest
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Rig:
-        """A copy with some fields changed; computed properties are discarded."""
+        """Return a copy with some fields changed; cached properties are discarded."""
         copy = super().model_copy(update=update, deep=deep)
         for name in _WORKED_OUT:
             copy.__dict__.pop(name, None)
         return copy
 
     def warnings(self, today: date) -> list[str]:
-        """Warnings before a run, e.g. a calibration that is out of date."""
+        """Return the warnings before a run, e.g. that a calibration is out of date."""
         from rigctl.rig.checks import warnings
 
         return list(warnings(self, today))

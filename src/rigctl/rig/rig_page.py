@@ -1,4 +1,4 @@
-"""The page `docs/reference/rig-file.md`, written from the models that read a rig file."""
+"""The page `docs/reference/rig-file.md`, generated from the models that read a rig file."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ _PARTS: tuple[tuple[str, type[BaseModel], str], ...] = (
 
 
 def rig_page() -> str:
-    """The page: the top-level fields, then those of every part."""
+    """Return the page: the top-level fields, then those of every part."""
     schema = json_schema(Rig, title="")
     lines = [_HEAD, "## The file", "", *_table(Rig, schema["properties"])]
     for heading, model, before in _PARTS:
@@ -111,7 +111,7 @@ def _table(model: type[BaseModel], properties: dict[str, Any]) -> Iterator[str]:
 
 
 def _examples(schema: Any) -> list[str]:
-    """The examples that a schema or one of its branches gives, or the values that it allows."""
+    """Return the examples given by a schema or one of its branches, or else the values that it allows."""
     if not isinstance(schema, dict):
         return []
     found = schema.get("enum") or schema.get("examples") or []

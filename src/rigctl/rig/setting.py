@@ -1,4 +1,4 @@
-"""Settings of actuators in files: the word of a position, or a number with its unit."""
+"""Settings of actuators in files: the name of a position, or a number with its unit."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rigctl.files.amount import Amount, AmountField
 from rigctl.files.quantity import reader_schema
 from rigctl.units import parse_unit
 
-#: the words for the positions of an actuator that has positions
+#: the values of an actuator's positions by name, for the kinds of actuators that have positions
 POSITIONS: Mapping[str, Mapping[str, float]] = {
     "switch": {"off": 0.0, "on": 1.0},
     "directional_valve": {"retract": -1.0, "neutral": 0.0, "extend": 1.0},
@@ -24,15 +24,15 @@ _WORDS = {word: number for words in POSITIONS.values() for word, number in words
 
 
 class SettingField:
-    """Reads a position's word or an amount; that it fits its actuator is checked with the whole file."""
+    """Reads the name of a position, or an amount; it is checked against its actuator with the whole file."""
 
     def read(self, written: object) -> Amount:
-        """The setting as an SI number that remembers its word.
+        """Return the setting as an SI number that retains its text.
 
         Raises
         ------
         RigctlError
-            neither a position's word nor a quantity.
+            it is neither the name of a position nor a quantity.
         """
         if isinstance(written, str) and written in _WORDS:
             return Amount(_WORDS[written], parse_unit("1"), written)
@@ -41,13 +41,13 @@ class SettingField:
         return AmountField().read(written)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Read with `read`; a refusal becomes an error of the field."""
+        """Read with `read`; a RigctlError becomes an error of the field."""
         return reader_schema(self.read)
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        """A text or a number."""
+        """Describe a text or a number."""
         return {"type": ["string", "number"], "examples": [*_WORDS, "20 bar"]}
 
 

@@ -1,1 +1,1 @@
-"""The steps of a procedure: one module per kind, with its fields, its forecast and its behaviour."""
+"""The steps of a procedure: one module per kind of step, with its fields, forecast and behaviour."""

@@ -34,7 +34,7 @@ class CallStep(Step, Cleanup):
     call: Annotated[CallFields, Short("procedure")]
 
     def build(self, context: Context) -> Node:
-        """A group with the steps of the other procedure."""
+        """Return a group with the steps of the other procedure."""
         fields = self.call
         with context.located("call", "procedure"):
             procedure = context.open_call(fields.procedure)

@@ -18,7 +18,7 @@ class DoStep(Block):
     )
 
     def build(self, context: Context) -> Group:
-        """A `Group` with its cleanup."""
+        """Return a `Group` with its cleanup."""
         count = len(self.do)
         label = f"do {count} step{'s' if count > 1 else ''}"
         return context.block(self.do, "do", label=label, cleanup=self)

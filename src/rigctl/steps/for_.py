@@ -96,7 +96,7 @@ class ForStep(Block):
     )
 
     def build(self, context: Context) -> Group:
-        """A `Group` with one iteration for each point."""
+        """Return a `Group` with one iteration for each point."""
         points = self._points(context)
         seen: dict[str, int] = {}
         iterations: list[Group] = []
@@ -168,7 +168,7 @@ class ForStep(Block):
 
 
 def _check_dimension(value: Quantity, values: Sequence[Quantity]) -> None:
-    """Refuse a value whose dimension differs from that of the first one with a unit."""
+    """Refuse a value whose dimension differs from that of the first value with a unit."""
     measured = next((other for other in values if other.unit.text), values[0])
     if value.unit.dimension != measured.unit.dimension:
         raise RigctlError(

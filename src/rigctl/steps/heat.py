@@ -52,7 +52,7 @@ class HeatStep(Step):
     heat: Annotated[HeatFields, Short("to")]
 
     def build(self, context: Context) -> Leaf:
-        """A `Heat` on the actuator and channel of the rig's role."""
+        """Return a `Heat` with the actuator and channel of the rig's role."""
         role = context.heat_role()
         fields = self.heat
         to = context.si(fields.to, "heat", "to")
@@ -79,7 +79,8 @@ class HeatStep(Step):
 class Heat(Action):
     """Bring the oil to `to` and keep it there, ± `within`, for `settle` seconds.
 
-    Too cold, the heater is switched with the role's hysteresis; too hot, the step waits for natural cooling.
+    If the oil is too cold, the heater is switched with the role's hysteresis; if it is too hot, the step
+    waits for natural cooling.
     """
 
     actuator: str
@@ -90,7 +91,7 @@ class Heat(Action):
     timeout: float  #: s until the step fails
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """The time to reach the tolerance, plus the settling time."""
+        """Forecast the time to reach the tolerance, plus the settling time."""
         if bench.tank is None or state.temperature is None:
             return self._at_most(state)
         return self._in_tank(bench.tank, state.temperature, state, bench)
@@ -137,18 +138,18 @@ class Heat(Action):
         return show(temperature, bench.rig.channels[self.channel].unit, digits=3)
 
     def set_point(self) -> SetPoint:
-        """The temperature wanted."""
+        """Return the desired temperature."""
         return SetPoint(self.channel, self.to, self.within)
 
     def carry_out(self, bench: Bench) -> Behaviour:
         """Switch the heater with hysteresis until the mean reading has been within tolerance for `settle` s.
 
-        Oil that is too hot cools by itself. The heater is off when the step is over, however it ends.
+        Oil that is too hot cools by itself. The heater is off after the step, however it ends.
 
         Raises
         ------
         StepFailed
-            it did not settle within `timeout` s; says what was seen.
+            the reading did not settle within `timeout` s; the message gives the readings.
         """
         column = bench.columns[self.channel]
         settling = Settling(self.to, self.within, self.settle)
@@ -169,15 +170,16 @@ class Heat(Action):
         return Outcome.COMPLETE
 
     def lasting(self) -> frozenset[str]:
-        """The heater: a temperature lasts beyond the step."""
+        """Return the heater: its effect lasts beyond the step."""
         return frozenset({self.actuator})
 
 
 class _Thermostat:
-    """On below the band, off at the set-point, unchanged between; no faster than the actuator allows.
+    """A two-position controller: on below its band, off from the set-point upwards, unchanged in between.
 
-    The band lies below the set-point: a pump heats its oil too, and what heats on by itself would carry a
-    reading that is at the upper end of a band out of the tolerance before it has settled.
+    It switches no more often than the actuator allows. The band lies below the set-point because the pump
+    heats the oil as well: with a band around the set-point, a reading at its upper end would drift out of
+    the tolerance before it had settled.
     """
 
     def __init__(self, action: Heat, bench: Bench) -> None:
@@ -190,10 +192,10 @@ class _Thermostat:
         self._on = float(actuator.high) if actuator.high is not None else 1.0
         self._off = bench.safe_value(action.actuator)
         self._rest = actuator.min_interval
-        self._next_switch = -1.0  # s; until then the reading may still change what is wanted
+        self._next_switch = -1.0  # earliest time of the next switch, s
 
     def regulate(self, time: float, mean: float) -> None:
-        """Decide by the mean reading."""
+        """Switch the heater, if necessary, according to the mean reading."""
         if mean < self._action.to - self._band:
             wanted = self._on
         elif mean >= self._action.to:
@@ -203,10 +205,10 @@ class _Thermostat:
         bench, name = self._bench, self._action.actuator
         ready = max(self._next_switch, bench.rested_at(name, wanted))
         due = time >= ready and not bench.is_at(name, wanted)
-        if due and bench.try_switch(name, wanted):  # otherwise at the next sample, when it may be back
+        if due and bench.try_switch(name, wanted):  # if the bench is out of reach, retried at the next sample
             self._next_switch = time + self._rest
 
     def off(self) -> None:
-        """Leave it off."""
+        """Switch the heater off, and leave it off."""
         self._bench.regulated.discard(self._action.actuator)
         self._bench.release(self._action.actuator)

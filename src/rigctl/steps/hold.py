@@ -1,4 +1,4 @@
-"""`hold`: wait, and check that a channel stays within a tolerance meanwhile."""
+"""`hold`: wait, while checking that a channel stays within a tolerance."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class HoldStep(Step):
     hold: HoldFields
 
     def build(self, context: Context) -> Leaf:
-        """A `Hold`."""
+        """Return a `Hold`."""
         fields = self.hold
         channel = context.channel(fields.channel, "hold", "channel")
         at = context.optional_si(fields.at, "hold", "at", unit=channel.unit, difference=channel.difference)
@@ -58,34 +58,34 @@ class HoldStep(Step):
 
 @dataclass(frozen=True, slots=True)
 class Hold(Action):
-    """Watch `channel` for `duration`; the step fails at the first sample outside `at` ± `within`."""
+    """Monitor `channel` for `duration`; the step fails at the first sample outside `at` ± `within`."""
 
     duration: float  #: s
     channel: str
     at: float | None  #: SI; None: the reading at the start of the step
-    within: float  #: half width, an interval
+    within: float  #: SI, half width of the tolerance
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """The time as written."""
+        """Forecast the given duration."""
         reaches: Extents = {}
         if self.at is not None:
             reaches = {self.channel: (self.at - self.within, self.at + self.within)}
         return Forecast(self.duration, Basis.TIMED, bench.pass_time(state, self.duration), reaches)
 
     def set_point(self) -> SetPoint:
-        """The channel and the value that is held."""
+        """Return the channel and the value that is held."""
         return SetPoint(self.channel, self.at, self.within)
 
     def carry_out(self, bench: Bench) -> Behaviour:
         """Let `duration` s pass while the channel stays within tolerance.
 
-        A reading outside the physical range of the channel says nothing about the measured quantity: it is
-        left to the interlock, which names the sensor.
+        A reading outside the physical range of the channel contains no information on the measured quantity:
+        it is left to the interlock, whose message names the sensor.
 
         Raises
         ------
         StepFailed
-            a sample lay outside.
+            a sample was outside the tolerance.
         """
         column = bench.columns[self.channel]
         begin = bench.now

@@ -1,4 +1,4 @@
-"""`if`: a choice made while running."""
+"""`if`: a branch that is chosen during the run."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class IfStep(Block):
     else_: list[AnyStep] | None = Field(default=None, alias="else", description="steps if it does not hold")
 
     def build(self, context: Context) -> Node:
-        """A `Branch`."""
+        """Return a `Branch`."""
         condition = context.condition(self.if_, "if", answers=True)
         node = Branch(
             path=context.path,

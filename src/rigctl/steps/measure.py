@@ -28,7 +28,7 @@ from rigctl.units import describe, parse_unit, show
 
 
 class Missed(Enum):
-    """Consequence of a measure outside its limits."""
+    """The consequence of a measure outside its limits."""
 
     FAIL = "fail"  #: the step fails, and with it the record and the run
     CONTINUE = "continue"  #: it is recorded as missed; the run continues and ends with exit code 1
@@ -75,7 +75,7 @@ class MeasureStep(Step):
     measure: MeasureFields
 
     def build(self, context: Context) -> Leaf:
-        """A `Measure` whose expression has the dimension of its unit."""
+        """Return a `Measure` whose expression has the dimension of its unit."""
         fields = self.measure
         with context.located("measure", "value"):
             found = read_measure(
@@ -122,7 +122,7 @@ def _after_comma(text: str | None) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Measure(Action):
-    """A value from recorded data, kept with its record, and compared with its limits.
+    """A value from recorded data, compared with its limits, and stored with its record.
 
     `expression` names statistics by `Statistic.key`, and earlier measures and operators' answers by name;
     see `rigctl.plan.statistics`.
@@ -134,13 +134,13 @@ class Measure(Action):
     unit: str
     stretch: Stretch
     window: float | None = None  #: s; given with Stretch.WINDOW
-    low: float | None = None  #: SI, included
-    high: float | None = None  #: SI, included
+    low: float | None = None  #: SI, inclusive
+    high: float | None = None  #: SI, inclusive
     missed: Missed = Missed.FAIL
     difference: bool = False  #: whether it is a temperature interval, shown without offset
 
     def passes(self, value: float) -> bool:
-        """True if the value is within the limits; never for NaN."""
+        """Return whether the value is within the limits; False for NaN."""
         low = -math.inf if self.low is None else self.low
         high = math.inf if self.high is None else self.high
         return low <= value <= high
@@ -159,16 +159,16 @@ class Measure(Action):
         return f"at most {shown(self.high)}" if self.high is not None else None
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """No time."""
+        """Forecast no time."""
         return Forecast(0.0, Basis.TIMED, state)
 
     def carry_out(self, bench: Bench) -> Behaviour:
-        """Compute the value and keep it with the open record, or with the run.
+        """Compute the value, and store it with the open record or, without one, with the run.
 
         Raises
         ------
         StepFailed
-            there is no value, or it is outside its limits and the procedure lets the run fail then.
+            there is no value, or it is outside its limits, unless the procedure lets the run continue then.
         """
         yield CHECKPOINT
         value = float(self.expression.evaluate(bench.statistics(self.statistics, self.stretch, self.window)))
@@ -190,7 +190,7 @@ class Measure(Action):
 
 @dataclass(frozen=True, slots=True)
 class ReadMeasure:
-    """A parsed measure; with `difference`, its value is a temperature interval."""
+    """A parsed measure; `difference`: whether its value is a temperature interval."""
 
     expression: Expression
     statistics: tuple[Statistic, ...]
@@ -204,20 +204,21 @@ def read_measure(
     answers: Mapping[str, ValueType],
     variables: Variables,
 ) -> ReadMeasure:
-    """The expression of a measure and the statistics that it needs.
+    """Return the expression of a measure, and the statistics that it needs.
 
     Parameters
     ----------
     text: as written, e.g. ``max(position) - min(position)``.
-    unit: in which the value is kept.
-    signals: the channels and commands that statistics can be taken of.
+    unit: the unit in which the value is stored.
+    signals: the channels and commands of which statistics can be taken.
     answers: earlier measures and operators' answers, which the expression can use.
     variables: values of ``$names``.
 
     Raises
     ------
     RigctlError
-        not readable, a name that does not exist, a channel without a statistic, or another dimension.
+        the text is not an expression, a name does not exist, a channel is used without a statistic, or the
+        dimension is not that of `unit`.
     """
     rewritten, statistics = find_statistics(text)
     for statistic in statistics:

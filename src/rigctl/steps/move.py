@@ -70,7 +70,7 @@ class _MoveStep(Step):
         return fields
 
     def build(self, context: Context) -> Leaf:
-        """A `Move` on the actuator of the rig's role."""
+        """Return a `Move` with the actuator of the rig's role."""
         role = context.move_role(self.verb)
         fields = self._fields()
         action = Move(
@@ -141,17 +141,17 @@ class RetractStep(_MoveStep):
 
 @dataclass(frozen=True, slots=True)
 class Move(Action):
-    """Drive the cylinder; exactly one of `duration`, `until` and `target` is given.
+    """Move the cylinder; exactly one of `duration`, `until` and `target` is given.
 
-    `duration` is timed by the bench where it can be. `until` ends at the first sample that satisfies it, and
-    fails after `timeout`. `target` is a closed loop: the position must rest within `within` of it. Every move
-    ends with the actuator back at its safe value.
+    A `duration` is timed by the bench if possible. A move with `until` ends at the first sample that
+    satisfies the condition, and fails after `timeout`. A move to a `target` is controlled in closed loop: the
+    position must come to rest within `within` of it. After every move the actuator is at its safe value.
     """
 
     direction: Literal[1, -1]  #: +1 extend, -1 retract
     actuator: str
-    value: float  #: commanded value
-    position: str | None  #: the channel that reads the position, if the rig has one
+    value: float  #: commanded value, SI
+    position: str | None  #: the channel that measures the position, if the rig has one
     duration: float | None = None  #: s
     until: Expression | None = None
     target: float | None = None  #: m
@@ -159,8 +159,8 @@ class Move(Action):
     timeout: float | None = None  #: s; given with `until` and `target`
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """The time as written, or the distance divided by the speed that follows from the flow through the
-        throttle."""
+        """Forecast the given duration, or the distance divided by the speed that follows from the flow
+        through the throttle."""
         speed = bench.speed(self.direction, state)
         if self.duration is not None:
             travel = self.direction * (speed or 0.0) * self.duration
@@ -169,7 +169,7 @@ class Move(Action):
             travel = 0.0
             seconds, basis = self.timeout or 0.0, Basis.AT_MOST
         else:
-            travel = self._way(state, bench.stroke or 0.0)
+            travel = self._travel(state, bench.stroke or 0.0)
             seconds = min(abs(travel) / speed + _VALVE, self.timeout or math.inf)
             basis = Basis.ESTIMATED
         stroke = math.inf if bench.stroke is None else bench.stroke
@@ -177,25 +177,25 @@ class Move(Action):
         after = replace(bench.pass_time(state, seconds), position=position)
         reaches: Extents = {}
         if self.position is not None and speed is not None and 0.0 < position < stroke:
-            # a move stops at an end stop in any case; the plan does not ask for that position
+            # if it reaches an end stop it stops there anyway, which is not a position that the plan commands
             reaches = {self.position: (position, position)}
         return Forecast(seconds, basis, after, reaches)
 
-    def _way(self, state: State, stroke: float) -> float:
-        """Distance to the target, m; a condition is assumed to hold at the end of the stroke."""
+    def _travel(self, state: State, stroke: float) -> float:
+        """Return the distance to be travelled, m; a condition is assumed to hold at the end of the stroke."""
         if self.target is not None:
             way = self.target - state.position
             return way if way * self.direction > 0.0 else 0.0
         return stroke - state.position if self.direction > 0 else -state.position
 
     def set_point(self) -> SetPoint | None:
-        """The position channel and its target, for a move in closed loop."""
+        """Return the position channel and its target for a move in closed loop, otherwise None."""
         if self.target is None or self.position is None:
             return None
         return SetPoint(self.position, self.target, self.within)
 
     def carry_out(self, bench: Bench) -> Behaviour:
-        """Drive; at the end the actuator is back at its safe value, whatever the outcome.
+        """Move; at the end the actuator is back at its safe value, whatever the outcome.
 
         Raises
         ------
@@ -209,7 +209,7 @@ class Move(Action):
         return self._until(bench)
 
     def _for_a_time(self, bench: Bench, duration: float) -> Behaviour:
-        """Timed by the bench if it can, so that delays of this computer do not change the stroke."""
+        """Move for a time, measured by the bench if possible, so that delays of the host do not matter."""
         receipt = yield from bench.command(self.actuator, self.value, duration)
         yield Until(receipt.time + duration, on_pause=OnPause.DEFER)
         yield from bench.finish_pulse(self.actuator)

@@ -1,4 +1,4 @@
-"""A move to a position: drive, stop early enough to coast to the target, correct with short timed pulses."""
+"""A move to a position: stops early enough to coast to the target, and corrects with short timed pulses."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.steps.readings import reading
 from rigctl.steps.settling import MovingMean
 
-#: Hz, lowest sampling rate of the position where the bench can be read so often, also between records
+#: lowest sampling rate of the position, Hz, also outside records, if the bench allows it
 _RATE = 100.0
-#: s that the position is watched before it counts as at rest
+#: time over which the position at rest is averaged after each drive, s
 _REST = 0.3
-#: s of motion over which a speed is determined
+#: time of motion over which the speed is determined, s
 _SPAN = 0.1
-#: s that the actuator continues moving after it was switched off, initial guess
+#: assumed time at full speed for which the cylinder coasts after the actuator is switched off, s
 _COASTING = 0.03
-#: s, the shortest pulse worth giving: shorter than this a valve does not open
+#: shortest pulse, s; in a shorter one the valve would not open
 _SHORTEST = 0.01
-#: s of travel that are left to timed pulses
+#: remaining travel, in s at full speed, below which timed pulses are used
 _NEAR = 0.5
 
 
@@ -46,7 +46,7 @@ class MoveTo(Protocol):
 
     @property
     def position(self) -> str | None:
-        """The channel that reads the position."""
+        """The channel that measures the position."""
         ...
 
     @property
@@ -68,13 +68,14 @@ class MoveTo(Protocol):
 def approach(action: MoveTo, bench: Bench) -> Behaviour:
     """Bring the position to rest within `within` of `target`, from either side.
 
-    Far away: full speed with a predicted stop. Near: timed pulses, whose length is corrected by the effect of
-    the previous one.
+    Far from the target it moves at full speed, with a predicted stop. Near the target it uses timed pulses,
+    whose length is corrected according to the effect of the previous one.
 
     Raises
     ------
     StepFailed
-        it is not at rest there within `timeout` s, or it has to go back and the rig has no role for that.
+        the position is not at rest there within `timeout` s, or it has to be reversed and the rig has no role
+        for that.
     """
     drive = _Drive(action, bench)
     try:
@@ -90,7 +91,7 @@ def approach(action: MoveTo, bench: Bench) -> Behaviour:
 
 
 class _Drive:
-    """The actuator, and what has been learned about the response of the position to it."""
+    """The actuator, and what has been measured of the response of the position to it."""
 
     def __init__(self, action: MoveTo, bench: Bench) -> None:
         if action.position is None or action.target is None or action.within is None:
@@ -103,10 +104,10 @@ class _Drive:
         self._give_up = bench.now + (action.timeout or 0.0)
         self._position = math.nan
         self._speed = math.nan  # m/s at full speed, once measured
-        self._lost = 0.0  # s of a pulse in which nothing moves
+        self._lost = 0.0  # dead time of a pulse, in which nothing moves, s
 
     def rest(self) -> Generator[Until, Row | None, float]:
-        """The mean position over a short rest, m."""
+        """Wait for a short time, and return the mean position, m."""
         mean = MovingMean(_REST)
         end = self._bench.now + _REST
         while self._bench.now < end or math.isnan(self._position):
@@ -117,7 +118,7 @@ class _Drive:
         return self._position
 
     def towards(self, position: float) -> Waiting:
-        """One drive in the direction of the target."""
+        """Move once in the direction of the target."""
         direction = math.copysign(1.0, self.target - position)
         distance = abs(self.target - position)
         value = self._value(direction)
@@ -127,11 +128,11 @@ class _Drive:
             yield from self._full_speed(value, direction)
 
     def stop(self) -> None:
-        """Leave the actuator at its safe value."""
+        """Return the actuator to its safe value."""
         self._bench.release(self._action.actuator)
 
     def _pulse(self, value: float, distance: float) -> Waiting:
-        """A pulse for `distance`; learns how much of it was lost while the valve opened."""
+        """Give a pulse to travel `distance`; its effect gives the dead time for the next one."""
         duration = max(distance / self._speed + self._lost, _SHORTEST)
         before = self._position
         receipt = yield from self._bench.command(self._action.actuator, value, duration)
@@ -141,7 +142,7 @@ class _Drive:
         self._lost = duration - abs(after - before) / self._speed
 
     def _full_speed(self, value: float, direction: float) -> Waiting:
-        """Drive until waiting for the next sample would be too late, then stop at the predicted time."""
+        """Move at full speed; stop at the predicted time, once the next sample would be too late for that."""
         yield from self._bench.command(self._action.actuator, value)
         period = 1.0 / self._bench.rate
         past: deque[tuple[float, float]] = deque(maxlen=max(2, round(_SPAN / period) + 1))
@@ -168,7 +169,7 @@ class _Drive:
         self.stop()
 
     def _value(self, direction: float) -> float:
-        """The command of the actuator for a motion outwards (+1) or inwards (−1)."""
+        """Return the command to the actuator, SI, for a motion outwards (+1) or inwards (−1)."""
         if direction == self._action.direction:
             return self._action.value
         roles = self._bench.rig.roles

@@ -1,4 +1,4 @@
-"""`prompt`: ask the operator, and keep the answer as data."""
+"""`prompt`: ask the operator, and store the answer as data."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class PromptStep(Step):
     prompt: Annotated[PromptFields, Short("question")]
 
     def build(self, context: Context) -> Leaf:
-        """A `Prompt`, its bounds checked against its unit."""
+        """Return a `Prompt` whose bounds have been checked against its unit."""
         fields = self.prompt
         question = context.fill_in(fields.question, "prompt", "question")
         if fields.name is None or fields.unit is None:
@@ -80,18 +80,18 @@ class PromptStep(Step):
 
 @dataclass(frozen=True, slots=True)
 class Prompt(Action):
-    """Ask the operator. Without a name a confirmation is enough; with one, the value is kept as data."""
+    """Ask the operator for a confirmation or, with a name, for a value, which is stored as data."""
 
     question: str
     name: str | None = None
     unit: str | None = None  #: unit in which the answer is typed and shown
-    low: float | None = None  #: SI, included
-    high: float | None = None  #: SI, included
+    low: float | None = None  #: SI, inclusive
+    high: float | None = None  #: SI, inclusive
     simulated: float | None = None  #: SI; answer of a simulated operator
 
     @property
     def _asked(self) -> Question:
-        """The question as the operator is asked it."""
+        """The question as it is put to the operator."""
         return Question(
             text=self.question,
             name=self.name,
@@ -102,13 +102,13 @@ class Prompt(Action):
         )
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """The time assumed for a person."""
+        """Forecast the time that is assumed for an operator's answer."""
         seconds = bench.operator_time(ANSWERING if self.name is None else TYPING)
         basis = Basis.ESTIMATED if bench.simulated else Basis.GUESSED
         return Forecast(seconds, basis, bench.pass_time(state, seconds))
 
     def questions(self, rig: Rig) -> tuple[Question, ...]:
-        """The one question."""
+        """Return the question."""
         return (self._asked,)
 
     def carry_out(self, bench: Bench) -> Behaviour:

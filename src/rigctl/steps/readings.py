@@ -1,4 +1,4 @@
-"""Readings of the bench in the message of a step that gives up."""
+"""Readings of the bench for the message of a step that fails."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigctl.units import show
 
 
 def seen(bench: Bench, names: Iterable[str]) -> str:
-    """The newest readings of the channels and commands among `names`, e.g. ``position was 80 mm``."""
+    """Return the latest values of the channels and commands among `names`, e.g. ``position was 80 mm``."""
     parts = [
         f"{name} was {reading(bench, name, bench.newest[bench.columns[name]])}"
         for name in sorted(names)
@@ -20,7 +20,7 @@ def seen(bench: Bench, names: Iterable[str]) -> str:
 
 
 def reading(bench: Bench, name: str, value: float, *, difference: bool = False) -> str:
-    """An SI value of a channel or command as text."""
+    """Return an SI value of a channel or command as text, in its unit."""
     if math.isnan(value):
         return "missing"
     layout = bench.rig.layout

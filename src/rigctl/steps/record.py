@@ -1,4 +1,4 @@
-"""`record`: record samples while the steps inside are carried out."""
+"""`record`: record samples while the enclosed steps are executed."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class RecordStep(Block):
     record: RecordFields
 
     def build(self, context: Context) -> Node:
-        """A `RecordNode` with the values of the enclosing sweeps."""
+        """Return a `RecordNode` with the values of the enclosing sweeps."""
         fields = self.record
         channels = self._channels(context)
         rate = context.si(fields.rate, "record", "rate")

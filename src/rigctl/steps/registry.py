@@ -1,7 +1,7 @@
 """All kinds of steps by verb, found in the modules of this package; used for reading, schema and messages.
 
-A new step is one new module or package: a `Step` with its verb and example, and an `Action` if it does
-something on the bench.
+A new kind of step is one new module or package: a `Step` with its verb and example, and an `Action` if it
+acts on the bench.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def _kinds() -> Iterator[type[Step]]:
                 yield kind
 
 
-#: first those that do something on the bench, then those that contain steps
+#: first those that act on the bench, then those that contain steps
 STEPS: tuple[type[Step], ...] = tuple(
     sorted(_kinds(), key=lambda kind: (issubclass(kind, Cleanup), kind.verb))
 )
@@ -44,8 +44,8 @@ _FIELDS: Mapping[str, frozenset[str]] = {
 
 
 def _verbs(written: Mapping[str, Any]) -> list[str]:
-    """The verbs among the keys of a step: exactly one for a valid step; others, such as `do`, are its
-    fields."""
+    """Return the verbs among the keys of a step, exactly one for a valid step; a further verb that is a field
+    of the first, such as `do`, does not count."""
     found = [verb for verb in BY_VERB if verb in written]
     for verb in found:
         if all(other == verb or other in _FIELDS[verb] for other in found):
@@ -54,7 +54,7 @@ def _verbs(written: Mapping[str, Any]) -> list[str]:
 
 
 def _one_verb(written: Any) -> Any:
-    """Refuse a step without a verb or with several, with a message about steps."""
+    """Refuse a step without a verb or with several, with a message that names the verbs."""
     if isinstance(written, Step):
         return written
     if not isinstance(written, dict) or not written:

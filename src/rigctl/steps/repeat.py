@@ -20,7 +20,7 @@ class RepeatStep(Block):
     repeat: Count = Field(description="how often")
 
     def build(self, context: Context) -> Node:
-        """A `Loop` with a count."""
+        """Return a `Loop` with a count."""
         count = int(context.si(self.repeat, "repeat"))
         node = Loop(
             path=context.path,

@@ -25,11 +25,11 @@ from rigctl.rig import Actuator, Rig
 
 
 def _truth_to_word(written: Any) -> Any:
-    # YAML 1.2 reads `true` as a boolean, and people write it for a switch
+    # YAML 1.2 reads `true` as a boolean, and users write it for a switch
     return {True: "on", False: "off"}[written] if isinstance(written, bool) else written
 
 
-#: the name of a position, a number, or a quantity, depending on the actuator
+#: the name of a switching position, a number, or a quantity, depending on the actuator
 Command = Annotated[
     str | int | float,
     BeforeValidator(_truth_to_word),
@@ -63,7 +63,7 @@ class SetStep(Step):
     ]
 
     def build(self, context: Context) -> Leaf:
-        """A `Set` with every value checked against its actuator's range."""
+        """Return a `Set` whose values have been checked against the actuators' ranges."""
         fields = self.set
         actuators = context.rig.actuators
         values: dict[str, float] = {}
@@ -79,7 +79,7 @@ class SetStep(Step):
                     if name not in context.rig.safe_state:
                         raise RigctlError("this actuator has no safe value to return to", value=name)
                     if actuators[name].by == "operator":
-                        # the others would stay on until the operator answers, and nobody turns this one back
+                        # the others would stay on until the operator answers, and nobody would reset this one
                         raise RigctlError(
                             "this actuator is turned by hand, and cannot be set for a time",
                             value=name,
@@ -91,12 +91,12 @@ class SetStep(Step):
 
 
 def read_command(context: Context, name: str, actuator: Actuator, command: str | float) -> float:
-    """The SI value of a command written in a file.
+    """Return the SI value of a command written in a file.
 
     Raises
     ------
     RigctlError
-        not one of the actuator's positions, a wrong unit, or out of range.
+        the command is not one of the actuator's positions, has a wrong unit, or is out of range.
     """
     if isinstance(command, str) and MARK in command:
         value = OPEN.read(command).si(context.variables, actuator.display_unit)
@@ -117,7 +117,7 @@ class Set(Action):
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """No time, or the time as written."""
+        """Forecast the given duration, or no time without one."""
         role = bench.rig.roles.set_pressure
         seconds = self.duration or 0.0
         after = bench.pass_time(state, seconds)
@@ -127,9 +127,9 @@ class Set(Action):
         return Forecast(seconds, Basis.TIMED, replace(after, pressure=level), {role.channel: (level, level)})
 
     def questions(self, rig: Rig) -> tuple[Question, ...]:
-        """To turn each actuator that is turned by hand."""
+        """Return a request for each actuator that is operated by hand."""
         return tuple(
-            _to_turn(rig, name, value)
+            _request(rig, name, value)
             for name, value in self.values.items()
             if rig.actuators[name].by == "operator"
         )
@@ -137,18 +137,18 @@ class Set(Action):
     def carry_out(self, bench: Bench) -> Behaviour:
         """Command every actuator; with a duration, wait until they have returned to their safe values.
 
-        For an actuator that is turned by hand the operator is asked, and has to confirm; such a one is never
-        set for a time.
+        For an actuator that is operated by hand the operator is asked, and has to confirm; such an actuator
+        is never set for a limited time.
         """
         ends: dict[str, float] = {}
-        if self.duration is not None:  # none may be over, or last longer, while another one still rests
+        if self.duration is not None:  # all must start together, so none may be delayed by its resting time
             while bench.now < (ready := max(bench.rested_at(*each) for each in self.values.items())):
                 yield Until(ready)
         for name, value in self.values.items():
             receipt = yield from bench.command(name, value, self.duration)
             ends[name] = receipt.time + (self.duration or 0.0)
             if bench.rig.actuators[name].by == "operator":
-                yield from bench.ask(_to_turn(bench.rig, name, value))
+                yield from bench.ask(_request(bench.rig, name, value))
         if self.duration is not None:
             for name in sorted(ends, key=lambda name: ends[name]):
                 yield Until(ends[name], on_pause=OnPause.DEFER)
@@ -156,10 +156,10 @@ class Set(Action):
         return Outcome.COMPLETE
 
     def lasting(self) -> frozenset[str]:
-        """The actuators, unless they return to their safe values."""
+        """Return the actuators, unless they return to their safe values."""
         return frozenset(self.values) if self.duration is None else frozenset()
 
 
-def _to_turn(rig: Rig, name: str, value: float) -> Question:
-    """The request to turn an actuator by hand, which has to be confirmed."""
+def _request(rig: Rig, name: str, value: float) -> Question:
+    """Return the request to set an actuator by hand, which has to be confirmed."""
     return Question(f"Set {name} to {rig.actuators[name].show(value)}")

@@ -1,4 +1,4 @@
-"""`set_pressure`: adjust the supply pressure until its channel reads the set-point."""
+"""`set_pressure`: adjust the supply pressure until its reading has settled at the set-point."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from rigctl.steps.readings import reading
 from rigctl.steps.settling import Settling, check_settling
 from rigctl.units import show
 
-#: s for a driven level, in addition to the settling time
+#: assumed time for the response of a driven level, s, in addition to the settling time
 _DRIVEN_LEVEL = 1.0
 
 
@@ -55,7 +55,7 @@ class SetPressureStep(Step):
     set_pressure: Annotated[SetPressureFields, Short("to")]
 
     def build(self, context: Context) -> Leaf:
-        """A `SetLevel` on the actuator and channel of the rig's role."""
+        """Return a `SetLevel` with the actuator and channel of the rig's role."""
         role = context.pressure_role()
         fields = self.set_pressure
 
@@ -85,17 +85,17 @@ class SetPressureStep(Step):
 
 @dataclass(frozen=True, slots=True)
 class SetLevel(Action):
-    """Set a continuous actuator, or ask the operator to turn it, until `channel` reads `to`."""
+    """Set a level, or ask the operator to do so, and wait until `channel` has settled at `to`."""
 
     actuator: str
     channel: str
-    to: float  #: SI of the channel's unit
-    within: float  #: half width of the tolerance
-    settle: float  #: s
-    timeout: float  #: s
+    to: float  #: set-point of the channel, SI
+    within: float  #: half width of the tolerance, SI
+    settle: float  #: s within the tolerance before the step is done
+    timeout: float  #: s until the step fails
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """The time of the actuator or of the operator, plus the settling time."""
+        """Forecast the time that the actuator or the operator needs, plus the settling time."""
         by_hand = bench.rig.actuators[self.actuator].by == "operator"
         setting = bench.operator_time(TURNING) if by_hand else _DRIVEN_LEVEL
         total = setting + self.settle
@@ -108,12 +108,12 @@ class SetLevel(Action):
         return Forecast(total, basis, after, reaches)
 
     def carry_out(self, bench: Bench) -> Behaviour:
-        """Command the level, or ask the operator to turn it, and watch the channel until it has settled.
+        """Command the level, or ask the operator to set it, and monitor the channel until it has settled.
 
         Raises
         ------
         StepFailed
-            it did not settle within `timeout` s; says what was seen.
+            the reading did not settle within `timeout` s; the message gives the readings.
         """
         actuator = bench.rig.actuators[self.actuator]
         target = reading(bench, self.channel, self.to)
@@ -135,5 +135,5 @@ class SetLevel(Action):
         return Outcome.COMPLETE
 
     def lasting(self) -> frozenset[str]:
-        """The actuator: its level stays after the step."""
+        """Return the actuator: its level remains after the step."""
         return frozenset({self.actuator})

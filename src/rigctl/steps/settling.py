@@ -1,4 +1,4 @@
-"""Whether a noisy reading has settled at a set-point."""
+"""Detects that a noisy reading has settled at a set-point."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rigctl.plan.context import Context
 from rigctl.plan.shown import shown_time
 from rigctl.steps.readings import reading
 
-#: s, longest average of a reading before it is compared with a tolerance
+#: longest time over which a reading is averaged before it is compared with a tolerance, s
 LONGEST = 1.0
 
 
@@ -33,7 +33,7 @@ def check_settling(context: Context, verb: str, settle: float, timeout: float) -
 
 
 class MovingMean:
-    """The mean of the readings of the last `window` s; at least the newest one."""
+    """The mean of the readings of the last `window` s, and of at least the latest reading."""
 
     def __init__(self, window: float) -> None:
         self._window = window
@@ -41,7 +41,7 @@ class MovingMean:
         self._sum = 0.0
 
     def add(self, time: float, value: float) -> float:
-        """Take a reading and return the mean; a missing reading (NaN) is left out."""
+        """Add a reading and return the mean; a missing reading (NaN) is left out."""
         if not math.isnan(value):
             self._readings.append((time, value))
             self._sum += value
@@ -51,7 +51,7 @@ class MovingMean:
 
 
 class Settling:
-    """Watches a reading until its mean has been within `target` ± `within` for `settle` s.
+    """Monitors a reading until its mean has been within `target` ± `within` for `settle` s.
 
     The mean is taken over half the settling time, at most `LONGEST`: noise on single readings neither
     restarts the settling time nor hides a drift.
@@ -68,7 +68,7 @@ class Settling:
         self.highest = -math.inf
 
     def add(self, time: float, value: float) -> bool:
-        """Take a reading; True when it has settled."""
+        """Add a reading; return True once it has settled."""
         mean = self.mean = self._means.add(time, value)
         if math.isnan(mean):
             return False
@@ -81,7 +81,7 @@ class Settling:
         return time - self._since >= self.settle - 1e-9
 
     def gave_up(self, bench: Bench, channel: str, timeout: float) -> str:
-        """The message if it has not settled within `timeout` s."""
+        """Return the message for a reading that has not settled within `timeout` s."""
 
         def shown(value: float) -> str:
             return reading(bench, channel, value)

@@ -50,7 +50,7 @@ class WaitStep(Step):
     wait: Annotated[WaitFields, Short("for")]
 
     def build(self, context: Context) -> Leaf:
-        """A `Wait`."""
+        """Return a `Wait`."""
         fields = self.wait
         until = context.condition(fields.until, "wait", "until") if fields.until else None
         action = Wait(
@@ -71,7 +71,7 @@ class Wait(Action):
     timeout: float | None = None  #: s; given with `until`
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """The time as written; a condition counts with its timeout."""
+        """Forecast the given duration; for a condition, its time-out."""
         if self.duration is not None:
             return Forecast(self.duration, Basis.TIMED, bench.pass_time(state, self.duration))
         seconds = self.timeout or 0.0
@@ -83,7 +83,7 @@ class Wait(Action):
         Raises
         ------
         StepFailed
-            the condition did not come true within `timeout` s.
+            the condition did not become true within `timeout` s.
         """
         if self.until is None:
             yield Until(bench.now + (self.duration or 0.0))

@@ -24,7 +24,7 @@ class WhileStep(Block):
     )
 
     def build(self, context: Context) -> Node:
-        """A `Loop` with a condition."""
+        """Return a `Loop` with a condition."""
         condition = context.condition(self.while_, "while", answers=True)
         node = Loop(
             path=context.path,

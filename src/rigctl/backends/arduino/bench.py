@@ -1,4 +1,4 @@
-"""The bench on rigctl's own board, as the runner sees it."""
+"""The backend for rigctl's own board."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from rigctl.errors import ExitCode, RigctlError
 from rigctl.plan.loop import LoopSettings, LoopState
 from rigctl.rig import Rig
 
-HOST_SILENT = "host silent"  #: the trip that ends when a host connects
-_SAFE_ANSWER, _SAFE_TRIES = 0.1, 8  # s; makes safe within a second even if lines are lost
+HOST_SILENT = "host silent"  #: the trip whose cause ends when a host connects
+_SAFE_ANSWER, _SAFE_TRIES = 0.1, 8  # s, attempts: outputs are safe within 1 s even if lines are lost
 
 
 @dataclass(frozen=True, slots=True)
 class _Order:
-    """A command that the board has not answered yet; `asked_for` if the caller waits for it."""
+    """A command that the board has not answered yet; `asked_for`: whether the caller waits for the answer."""
 
     pending: PendingCommand
     underway: Underway[None]
@@ -101,12 +101,12 @@ class ArduinoBench(PortBench[Board]):
         return driven_outputs(self._rig)
 
     @property
-    def _over(self) -> str:
+    def _failure(self) -> str:
         return f"the board has tripped: {self._receiver.tripped}" if self._receiver.tripped else ""
 
-    # --- meeting the board --------------------------------------------------------------------------------
+    # --- identification -----------------------------------------------------------------------------------
 
-    def _meet(self, port: Port, *, again: bool) -> DeviceIdentification[Board]:
+    def _identify(self, port: Port, *, again: bool) -> DeviceIdentification[Board]:
         line = Line(port, self.clock, self._baud)
         return DeviceIdentification(port, line.take, self._begin(line, again=again))
 
@@ -123,11 +123,11 @@ class ArduinoBench(PortBench[Board]):
         yield from board.learning_clock(8)
         board.line.forget()
         self.identity = {**self.identity, **board.identity}
-        self._receiver.tripped, self._over_said = "", False
+        self._receiver.tripped, self._failure_announced = "", False
         self._regulation.forget()
         self._note_safe()
         try:
-            yield from self._settling_trips(board)
+            yield from self._clearing_trips(board)
         except BenchTripped as tripped:
             if not again:
                 raise
@@ -139,8 +139,8 @@ class ArduinoBench(PortBench[Board]):
         self._heartbeat = Heartbeat(board, self.clock)
         return board
 
-    def _settling_trips(self, board: Board) -> Conversation[None]:
-        """Clear the trip for a silent host, which has ended; all other trips wait for a person."""
+    def _clearing_trips(self, board: Board) -> Conversation[None]:
+        """Clear a trip due to a silent host, since a host is back; a person must clear all others."""
         before = yield from board.asking_trips()
         if not before:
             return
@@ -167,7 +167,7 @@ class ArduinoBench(PortBench[Board]):
         self._regulation.forget()
         self._receiver.take(board)
 
-    def _let_go(self, board: Board) -> None:
+    def _safe_for_closing(self, board: Board) -> None:
         carry_through(self._making_safe(board), board.line.take)
         board.line.ask("STRM 0")
 
@@ -228,7 +228,7 @@ class ArduinoBench(PortBench[Board]):
         try:
             receipt = yield from self._switching.switch(board, actuator, value, duration)
         except Refused as error:
-            hint = yield from _asking_why(board)
+            hint = yield from _querying_trip(board)
             pending.trouble = RigctlError(str(error), hint=hint, exit_code=ExitCode.FAILED)
             return
         self._outbox.commanded[actuator] = value
@@ -303,7 +303,7 @@ class ArduinoBench(PortBench[Board]):
             try:
                 receipt = yield from asked
             except Refused as error:
-                hint = yield from _asking_why(self._check_reach())
+                hint = yield from _querying_trip(self._check_reach())
                 pending.trouble = RigctlError(str(error), hint=hint, exit_code=ExitCode.FAILED)
                 return
             self._outbox.commanded[actuator] = receipt.value
@@ -331,12 +331,12 @@ class ArduinoBench(PortBench[Board]):
         due += self._regulation.due
         return due if self._streaming is None else [*due, self._streaming.until]
 
-    # --- losing it and finding it again -------------------------------------------------------------------
+    # --- loss of contact and reconnection -----------------------------------------------------------------
 
     def _unanswered(self) -> list[PendingCommand]:
         return [order.pending for order in self._orders.values()]
 
-    def _part(self, board: Board, error: PortLost) -> tuple[str, Port | None]:
+    def _handle_loss(self, board: Board, error: PortLost) -> tuple[str, Port | None]:
         self._streaming = None
         self._receiver.take(board)
         if self._regulation.actuator:
@@ -347,14 +347,14 @@ class ArduinoBench(PortBench[Board]):
             board.port.close()
             return damaged, None
         with suppress(PortLost):
-            board.line.put("OUTP:SAFE")  # whether or not its answers arrive
-        return damaged, board.port  # opening it again would restart an Uno, or allow another host
+            board.line.put("OUTP:SAFE")  # the board may still receive, even if its answers are lost
+        return damaged, board.port  # reopening the port would restart an Uno, or let another host take it
 
-    def _leave_out(self, lost_at: float) -> int:
+    def _skip_missing(self, lost_at: float) -> int:
         return self._receiver.missing_since(lost_at, self._rate or self._rig.monitor_rate)
 
 
-def _asking_why(board: Board) -> Conversation[str | None]:
+def _querying_trip(board: Board) -> Conversation[str | None]:
     """Find the trip that caused a refusal, if any."""
     try:
         causes = trip_causes((yield from board.asking_trips()))

@@ -28,7 +28,7 @@ class Board:
 
     Attributes
     ----------
-    clock_map: from its microseconds to the bench's clock.
+    clock_map: conversion from the board's microseconds to the bench's clock.
     identity: name, firmware and compiled-in limits.
     """
 
@@ -39,7 +39,7 @@ class Board:
 
     @property
     def port(self) -> Port:
-        """The port of its line."""
+        """The port of the board's line."""
         return self.line.port
 
     def asking(self, command: str, tries: int = TRIES) -> Conversation[str]:
@@ -53,7 +53,7 @@ class Board:
         return int(answer.partition(",")[0])
 
     def learning_clock(self, times: int) -> Conversation[None]:
-        """Query its time the given number of times."""
+        """Query the board's time `times` times, and update the clock map."""
         for _ in range(times):
             answer = yield from self.line.asking("SYST:TIME?")
             self.clock_map.add(answer.sent, int(answer.text), answer.received)
@@ -75,7 +75,7 @@ class Heartbeat:
     def __init__(self, board: Board, clock: Clock) -> None:
         self._board = board
         self._clock = clock
-        self._question: Question | None = None  # that is open
+        self._question: Question | None = None  # the query in progress
         self._unanswered = 0
         self.due = clock.now() + _INTERVAL
 
@@ -104,7 +104,7 @@ class Heartbeat:
         Raises
         ------
         NoAnswer
-            the board's time shows that it was restarted, or stood still.
+            the board's time shows that the board was restarted, or that its clock was stopped.
         """
         question = self._question
         if question is None or question.answer is None:
@@ -113,14 +113,14 @@ class Heartbeat:
         self._unanswered = 0
         self.due = question.sent + _INTERVAL
         answer = question.answer
-        if not answer.text.isdigit():  # an error, since the query arrived damaged
+        if not answer.text.isdigit():  # an error message: the query was damaged in transmission
             return
         if not self._board.clock_map.add(answer.sent, int(answer.text), answer.received):
             raise NoAnswer(_clock_text(self._board.clock_map.behind))
 
 
 def _clock_text(behind: float) -> str:
-    """Say what the board's time shows."""
+    """Return a description of what the board's time shows."""
     if not behind:
         return "the board was restarted"
     return f"the board's clock stood still for {behind:.2g} s, as an emulated board's does with its computer"

@@ -1,10 +1,10 @@
 """Maps the board's microseconds to the bench's clock.
 
-A query of the board's time, sent at s and answered at r, shows that the board's clock was b at some time in
-[s, r], reduced by the transmission time of the characters. The narrowest of these intervals give offset and
-rate by
-weighted least squares: ``t = h0 + rate·(b − b0)``. The map is corrected by its slope, never by a step, so
-that the intervals of samples stay correct; it steps only after a restart of the board.
+A query of the board's time, sent at s and answered at r, shows that the board's clock read b at some time in
+[s, r], an interval that is first shortened by the transmission time of the characters. Offset and rate follow
+from these intervals by least squares weighted by the inverse square of their widths,
+``t = h0 + rate·(b − b0)``. Errors are corrected by a change of the slope, never by a step, so that the
+intervals between samples remain correct; the map steps only after a restart of the board.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections import deque
 from dataclasses import dataclass
 
 _ROLL_OVER = 1 << 32
-_KEPT = 64  # time queries
+_KEPT = 64  # number of time queries stored
 _RATE_SPAN = 20.0  # s of queries needed for a rate
 _RATE_LIMIT = 0.01  # tolerance of a ceramic resonator: 0.5 %
 _CORRECTION_TIME = 5.0  # s over which an offset error is removed
@@ -36,8 +36,9 @@ class ClockMap:
     Attributes
     ----------
     uncertainty: half-width of the interval of the true time for a time stamp of the board, s.
-    behind: s that the board's clock, which went on, has lost since the exchange before, if `add` refused the
-        last one; 0 if that shows a restart. An emulated board loses time when its computer stands still.
+    behind: time that the board's clock, without a restart, has lost since the previous exchange, s, if `add`
+        rejected the latest one; 0 if that one shows a restart. An emulated board loses time when its computer
+        is suspended.
     """
 
     def __init__(self) -> None:
@@ -51,8 +52,8 @@ class ClockMap:
         self.behind = 0.0
 
     def unwrap(self, board_us: int) -> float:
-        """Return board time in s, with its roll-overs of 71.6 min; the previous stamp must be less than half
-        of one away."""
+        """Return board time in s, unwrapped over the counter's roll-over every 71.6 min; the stamp must be
+        less than half that period from the previous one."""
         step = (board_us - self._last_us) % _ROLL_OVER
         if step >= _ROLL_OVER // 2:
             step -= _ROLL_OVER
@@ -67,13 +68,13 @@ class ClockMap:
         return min(away, _ROLL_OVER - away) <= span * 1e6
 
     def to_host(self, board_us: int) -> float:
-        """Return the bench time of a board time stamp, s."""
+        """Return the bench time of a time stamp of the board, s."""
         return self._h0 + self._rate * (self.unwrap(board_us) - self._b0)
 
     def add(self, sent: float, board_us: int, received: float) -> bool:
-        """Add an exchange; return False if the board was restarted, or its clock stood still (`behind`).
+        """Add an exchange; return False if the board was restarted, or its clock was stopped (`behind`).
 
-        An exchange that contradicts earlier ones slightly is omitted: a busy computer delays data.
+        An exchange that contradicts the earlier ones only slightly is left out: a busy computer delays data.
         """
         before, self.behind = self._board, 0.0
         board = self.unwrap(board_us)
@@ -103,7 +104,7 @@ class ClockMap:
         return True
 
     def _fit(self, board: float) -> tuple[float, float]:
-        """Return the rate, and bench time at `board`."""
+        """Return the rate, and the bench time at board time `board`, s."""
         exchanges = self._exchanges
         if board - exchanges[0].board < _RATE_SPAN:
             best = min(exchanges, key=lambda one: one.half)

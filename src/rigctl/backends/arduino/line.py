@@ -11,7 +11,7 @@ from rigctl.backends.transport.conversation import Conversation, carry_through
 from rigctl.backends.transport.port import NoAnswer, Port, Refused
 from rigctl.clock import Clock
 
-ANSWER = 0.4  #: s for an answer
+ANSWER = 0.4  #: time-out of an answer, s
 TRIES = 3
 _BITS = 10  # start, eight data bits, stop
 DAMAGED = (-360, -363)  #: wrong checksum or lost characters: the command was not executed
@@ -19,14 +19,14 @@ DAMAGED = (-360, -363)  #: wrong checksum or lost characters: the command was no
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """An answer of the board.
+    """An answer from the board.
 
     Parameters
     ----------
     sent: earliest time at which the board received the command, s.
     text: the answer.
-    received: latest time at which it was given, s, after subtracting the transmission time.
-    readings_before: number of unfetched readings before it.
+    received: latest time at which it was sent, s: its arrival less the transmission time.
+    readings_before: number of readings that arrived before it and have not been fetched.
     """
 
     sent: float
@@ -37,7 +37,7 @@ class Answer:
 
 @dataclass(slots=True)
 class Question:
-    """One transmission of a command; `answer` is set once it is received."""
+    """One transmission of a command; `answer` is set once it has arrived."""
 
     command: str
     tag: int
@@ -81,10 +81,10 @@ class Line:
         self._character = _BITS / baud
         self._reader = LineReader()
         self._tags = count(1)
-        self._open: dict[int, Question] = {}  # sent and not yet answered
+        self._open: dict[int, Question] = {}  # by tag: sent and not yet answered
         self.readings: deque[Reading] = deque()
         self.switched: deque[Switched] = deque()
-        self.heard = False  #: whether anything has ever arrived
+        self.heard = False  #: whether anything has arrived since the port was opened
 
     @property
     def damaged(self) -> int:
@@ -120,11 +120,11 @@ class Line:
         return question
 
     def withdraw(self, question: Question) -> None:
-        """Ignore a later answer."""
+        """Ignore an answer that arrives later."""
         self._open.pop(question.tag, None)
 
     def asking(self, command: str, timeout: float = ANSWER, tries: int = TRIES) -> Conversation[Answer]:
-        """Query; a lost query is repeated, so that it must be harmless if executed twice.
+        """Send a command and return its answer; repeated if lost, so it must be harmless if executed twice.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class Line:
         raise NoAnswer(f"{self.port.name}: the board does not answer '{command}'")
 
     def ask(self, command: str, timeout: float = ANSWER, tries: int = TRIES) -> str:
-        """Wait for the board's answer; raises as `asking`."""
+        """As `asking`, but blocks until the answer has arrived; returns its text."""
         return carry_through(self.asking(command, timeout, tries), self.take).text
 
     def _answer(self, question: Question, reply: Reply) -> Answer:

@@ -1,4 +1,4 @@
-"""Lines of the board: each ends with LF and has the CRC-16/XMODEM of the text before its ``*``."""
+"""The board's lines: each ends with LF and carries the CRC-16/XMODEM of the text before its ``*``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Reading:
     outputs: bit 0 heater, 1 extend, 2 retract, 3 PWM.
     trips: the latched causes.
     pwm: PWM counts while a closed loop runs on the board; otherwise None.
-    held_us: microseconds since `pwm` last changed.
+    held_us: time since `pwm` last changed, µs.
     """
 
     sequence: int
@@ -35,7 +35,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Switched:
-    """An event on the board with an exact time: kind ``H``, ``V``, ``P`` or ``T``."""
+    """An event on the board at an exact time: ``H`` (heater), ``V`` (valve), ``P`` (PWM) or ``T`` (trip)."""
 
     number: int
     board_us: int
@@ -55,11 +55,11 @@ Message: TypeAlias = Reading | Switched | Reply
 
 
 class LineReader:
-    """Parses bytes into messages; starts anywhere, and counts and skips incomplete lines."""
+    """Parses bytes into messages; may start in the middle of a line, and counts and skips damaged lines."""
 
     def __init__(self) -> None:
         self._rest = b""
-        self._synchronised = False  # the first line may have begun before the port was opened
+        self._synchronised = False  # the first line may be incomplete: it began before the port was opened
         self.damaged = 0  #: running count of damaged lines
 
     def feed(self, data: bytes) -> list[Message]:
@@ -79,7 +79,7 @@ class LineReader:
 
 
 def with_checksum(text: str) -> bytes:
-    """Return a command with its checksum."""
+    """Return a command with its checksum and line end, as bytes."""
     body = text.encode("ascii")
     return b"%s*%04X\n" % (body, crc_hqx(body, 0))
 

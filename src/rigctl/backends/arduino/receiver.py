@@ -1,4 +1,4 @@
-"""Turns the board's unsolicited messages into samples, receipts and notices."""
+"""Converts the board's unsolicited messages to samples, receipts and notices."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from rigctl.backends.transport.outbox import Outbox
 from rigctl.clock import Clock
 
 _NUMBERS = 1 << 16
-_FIRST_NUMBERS = 4096  # samples of a new stream: 2 s at the highest rate
-_NOTHING_ELSE = 5  # consecutive damaged lines
+_FIRST_NUMBERS = 4096  # sequence numbers taken as those of a new stream: 2 s at the highest rate
+_NOTHING_ELSE = 5  # consecutive damaged lines after which a fault is reported
 
 
 class Receiver:
@@ -21,11 +21,11 @@ class Receiver:
 
     Attributes
     ----------
-    tripped: why the board has switched off; otherwise empty.
+    tripped: the cause for which the board has switched off its outputs; empty if it has not.
     heard: time of the last message of the stream, s.
     wanted: whether samples were requested.
-    restarting: whether a restart of the stream was requested and not yet answered.
-    looping: time of the newest reading, s, and whether a closed loop ran on the board then.
+    restarting: whether a restart of the stream has been requested and not yet confirmed.
+    looping: time of the newest reading, s, and whether a closed loop was running on the board then.
     """
 
     def __init__(self, translation: Translation, clock: Clock, outbox: Outbox) -> None:
@@ -43,7 +43,7 @@ class Receiver:
         self.looping = (-math.inf, False)
 
     def restart(self, board: Board, before: int) -> None:
-        """Handle a restart of the board's stream; the first `before` waiting readings are of the old one."""
+        """Handle a restart of the board's stream; the first `before` queued readings are from the old one."""
         for _ in range(min(before, len(board.line.readings))):
             self._take_reading(board, board.line.readings.popleft())
         self._sequence = None
@@ -80,12 +80,12 @@ class Receiver:
         self._outbox.receipts.append(CommandReceipt(time, actuator, value, board.clock_map.uncertainty))
 
     def damage_since_heard(self, board: Board) -> str:
-        """Describe what has arrived instead of samples."""
+        """Return a clause on the damaged lines since the last valid one; empty if there is at most one."""
         damaged = board.line.damaged - self._damaged_when_heard
         return f"; {damaged} damaged lines came since the last whole one" if damaged > 1 else ""
 
     def missing_since(self, lost_at: float, rate: float) -> int:
-        """Return the number of samples lost so far with the line, at least one."""
+        """Return the number of samples lost since contact was lost at `lost_at`, at least one."""
         since = self._last_time if math.isfinite(self._last_time) else lost_at
         return max(1, round((self._clock.now() - since) * rate) - 1)
 
@@ -103,7 +103,7 @@ class Receiver:
         time = board.clock_map.to_host(reading.board_us)
         old = step == 0 or step > _NUMBERS // 2
         if old and self.restarting and reading.sequence < _FIRST_NUMBERS and time > self._last_time:
-            old, step = False, 1  # restarted, with the confirmation late or lost
+            old, step = False, 1  # the stream has restarted; its confirmation is late or lost
         if old:
             self._outbox.notice("note", f"sample {reading.sequence} came twice or late, left out")
             return

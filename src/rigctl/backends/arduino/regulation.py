@@ -1,4 +1,4 @@
-"""A closed loop on the board: its settings and its reports."""
+"""A closed loop that the board executes: sends its settings, and queries its state."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rigctl.plan.loop import LoopFigures, LoopSettings, LoopState
 
 #: the first firmware with a closed loop
 SINCE = (1, 1)
-_ASK = 1.0  # s between two queries of its figures
+_ASK = 1.0  # s between two queries of the loop's figures
 _SLACK = 2e-3  # error of the board's times in addition to their uncertainty, s
 _DEGREE = 3  # highest degree of the calibration polynomial on the board
 _LARGEST = 3e38  # limit of the board's 32-bit numbers
@@ -34,8 +34,8 @@ class Regulation:
         self._translation = translation
         self._receiver = receiver
         self._clock = clock
-        self._loop: LoopSettings | None = None  # started, and not ended by the host
-        self._unsure = ""  # actuators that a loop may command without a report by the board
+        self._loop: LoopSettings | None = None  # started, and not stopped by the host
+        self._unsure = ""  # the actuator that a loop may be commanding, while that is unconfirmed
         self._began = 0.0
         self._figures: LoopFigures | None = None
         self._ahead = self._sent = 0.0
@@ -49,7 +49,7 @@ class Regulation:
 
     @property
     def running(self) -> bool:
-        """Whether the loop runs according to the board's latest message."""
+        """Whether the loop is running, according to the board's latest message."""
         if self._loop is None:
             return False
         time, looping = self._receiver.looping
@@ -62,7 +62,7 @@ class Regulation:
         return LoopState(self.running, self._figures)
 
     def forget(self) -> None:
-        """Forget the loop once the board was made safe, lost or commanded otherwise; its figures are kept."""
+        """Forget the loop after the board was made safe, lost, or given another command; figures are kept."""
         self._loop, self._unsure = None, ""
         if self._tending is not None:
             self._tending.drop()
@@ -78,11 +78,11 @@ class Regulation:
         Refused
             a trip is latched.
         PortLost
-            it does not answer.
+            the board does not answer.
         """
         self.forget()
         yield from board.asking("CONT:CLE")
-        yield from self._telling(board, list(self._translation.loop_texts(loop)))
+        yield from self._sending_settings(board, list(self._translation.loop_texts(loop)))
         self._unsure = loop.actuator
         wind_up = ",CLAM" if loop.clamping else ""
         answer = yield from board.line.asking(f"CONT:STAR {'BUMP' if loop.bumpless else 'ZERO'}{wind_up}")
@@ -93,8 +93,8 @@ class Regulation:
         half = 0.5 * (answer.received - answer.sent)
         return CommandReceipt(answer.sent + half, loop.actuator, value, half)
 
-    def _telling(self, board: Board, texts: list[str]) -> Conversation[None]:
-        """Send settings, some at a time, repeating those without an answer."""
+    def _sending_settings(self, board: Board, texts: list[str]) -> Conversation[None]:
+        """Send settings, a few at a time, and repeat those that are not answered."""
         for start in range(0, len(texts), _TOGETHER):
             left = texts[start : start + _TOGETHER]
             for _ in range(_TRIES):
@@ -105,7 +105,7 @@ class Regulation:
                 raise NoAnswer(f"{board.port.name}: the board does not answer '{left[0]}'")
 
     def _sent_once(self, board: Board, texts: list[str]) -> Conversation[list[str]]:
-        """Send commands together, and return those without an answer."""
+        """Send commands together, and return those that were not answered in time."""
         questions = [board.line.put(text) for text in texts]
         deadline = self._clock.now() + ANSWER
         try:
@@ -134,7 +134,7 @@ class Regulation:
     # --- while it runs ------------------------------------------------------------------------------------
 
     def tend(self, board: Board) -> None:
-        """Continue the query in progress, and start those that are due; may raise `PortLost`."""
+        """Continue the query in progress, or start one that is due; may raise `PortLost`."""
         if self._tending is not None:
             self._tending.go_on()
             if not self._tending.over:
@@ -150,7 +150,7 @@ class Regulation:
 
     @property
     def due(self) -> Iterator[float]:
-        """Return when to continue the query in progress, s."""
+        """Yield the time at which to continue the query in progress, s, if there is one."""
         if self._tending is not None:
             yield self._tending.until
 
@@ -181,7 +181,7 @@ def cannot_regulate(identity: Mapping[str, str], translation: Translation, loop:
 
 
 def unfit(translation: Translation, loop: LoopSettings) -> str:
-    """Why no board that is wired like this can carry out a loop, one sentence; empty where one can."""
+    """Return why a board with this wiring cannot execute a loop, as one sentence; empty if it can."""
     if not translation.is_pwm(loop.actuator):
         return f"'{loop.actuator}' is not on the board's PWM, which is the one output that its loop drives"
     if (degree := len(translation.calibration(loop.channel)) - 1) > _DEGREE:

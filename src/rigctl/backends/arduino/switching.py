@@ -1,4 +1,4 @@
-"""Switches an output of the board and determines when, from its report or a later query."""
+"""Switches an output of the board, and determines the time of the switch from a report or a later query."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rigctl.backends.transport.port import NoAnswer
 from rigctl.clock import Clock
 
 _REPORT = 0.5  # time-out of the report of a switch, s
-_VALVE_REST = 0.05  # longest rest of a solenoid before the board executes a command, s
+_VALVE_REST = 0.05  # longest time for which the board delays a command to let a solenoid rest, s
 _SLACK = 2e-3  # error of the board's times in addition to their uncertainty, s
 
 
@@ -28,17 +28,17 @@ class Switching:
     def switch(
         self, board: Board, actuator: str, value: float, duration: float | None
     ) -> Conversation[CommandReceipt]:
-        """Command a switch until the board reports its time.
+        """Command a switch, repeatedly if necessary, until the board reports its time.
 
-        A command without an answer is sent again; a pulse only if the board states that it was not executed,
-        since repeating a pulse would prolong it.
+        A command that is not answered is sent again, but a pulse only if the board reports that it was not
+        executed, since a repeated pulse would be longer.
 
         Raises
         ------
         Refused
-            the board does not do it.
+            the board refuses the command.
         PortLost
-            the outcome stays unknown.
+            the outcome remains unknown.
         """
         timed = duration is not None and self._translation.times_pulse(actuator, duration)
         text = self._translation.text(actuator, value, duration if timed else None)
@@ -61,7 +61,7 @@ class Switching:
     def _report(
         self, board: Board, actuator: str, value: float, begun: float, question: Question
     ) -> Conversation[Switched | None]:
-        """Return the report of the switch; None if the board refuses, or there is none in time."""
+        """Return the report of the switch; None if the board refuses, or does not report it in time."""
         deadline = question.sent + ANSWER
         accepted = False
         while True:
@@ -77,9 +77,9 @@ class Switching:
             yield deadline
 
     def _find_report(self, board: Board, actuator: str, value: float, begun: float) -> Switched | None:
-        """Remove the report of this switch from the received ones, with those of intermediate positions."""
+        """Take the report of this switch from those received, and discard reports of the neutral position."""
         kind, raw = self._translation.event_kind(actuator), self._translation.raw(actuator, value)
-        turns = self._outbox.commanded[actuator] not in (0.0, value)  # over neutral
+        turns = self._outbox.commanded[actuator] not in (0.0, value)  # by way of neutral
         earliest = begun - board.clock_map.uncertainty - _SLACK
         for event in [event for event in board.line.switched if event.kind == kind]:
             if board.clock_map.to_host(event.board_us) < earliest:
@@ -94,10 +94,10 @@ class Switching:
     def _recall(
         self, board: Board, actuator: str, value: float, begun: float, accepted: Answer | None
     ) -> Conversation[CommandReceipt | None]:
-        """Query a switch whose report has not arrived; None if it was not made.
+        """Query a switch whose report has not arrived; None if it did not take place.
 
-        The board stores the times of the valve. Other outputs switch between the command's arrival and its
-        answer.
+        The board stores only the switching times of the valve. Any other output switches between the arrival
+        of the command and its answer.
         """
         if self._translation.event_kind(actuator) == "V":
             answer = yield from board.line.asking("VALV:TIME?")

@@ -15,7 +15,7 @@ _FULL = 1023  # counts of the PWM
 _EVENT_KINDS = {"heater": "H", "valve": "V", "pressure": "P"}
 _OUTPUT_OF_KIND = {kind: output for output, kind in _EVENT_KINDS.items()}
 _VALVE_WORDS = {-1: "RET", 0: "OFF", 1: "EXT"}
-_COEFFICIENTS = 4  # highest degree of the calibration in the board's loop
+_COEFFICIENTS = 4  # coefficients of the calibration polynomial in the board's loop: degree 3
 _ANY = 1e38  # beyond any possible reading
 
 
@@ -32,11 +32,11 @@ class Translation:
         return _EVENT_KINDS[self._wiring.output_of(actuator)]
 
     def actuator_of(self, event_kind: str) -> str | None:
-        """Return the actuator of a reported switch; None if nothing is connected."""
+        """Return the actuator of a reported switch; None if the output is not connected."""
         return self._wiring.outputs.get(_OUTPUT_OF_KIND.get(event_kind, ""))
 
     def times_pulse(self, actuator: str, duration: float) -> bool:
-        """Return whether the board times a pulse."""
+        """Return whether the board itself times a pulse of `duration` s."""
         return self._wiring.output_of(actuator) == "valve" and duration <= _LONGEST_PULSE
 
     def raw(self, actuator: str, value: float) -> int:
@@ -66,7 +66,7 @@ class Translation:
         return f"VALV {_VALVE_WORDS[raw]}{pulse}"
 
     def safe_texts(self) -> tuple[str, ...]:
-        """Return commands for outputs whose safe value is not off; `OUTP:SAFE` switches off the others."""
+        """Return the commands for outputs whose safe value is not off; `OUTP:SAFE` covers the others."""
         actuators = self._rig.actuators
         return tuple(
             self.text(name, float(value), None)
@@ -91,7 +91,7 @@ class Translation:
         """Return the polynomial from the converter's counts to a channel's SI value, lowest power first."""
         described = self._rig.channels[channel]
         low, step = described.converter.low, described.converter.step
-        raw = described.si_coefficients  # of low + step*counts
+        raw = described.si_coefficients  # of a polynomial in low + step*counts
         found = tuple(
             step**power * sum(raw[k] * comb(k, power) * low ** (k - power) for k in range(power, len(raw)))
             for power in range(len(raw))

@@ -1,4 +1,4 @@
-"""The wiring: the connections of a rig's channels and actuators on the board."""
+"""The wiring: which input or output of the board each channel and actuator is connected to."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ INPUTS = ("A0", "A1", "A2")
 _QUANTITIES = {"pressure": "A0", "position": "A1", "temperature": "A2"}
 #: the board's outputs, and the kind of actuator for each
 OUTPUTS = {"heater": "switch", "valve": "directional_valve", "pressure": "level"}
-BITS = 10  #: bits of the board's converter
+BITS = 10  #: resolution of the board's converter, bits
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,12 @@ class Wiring:
     outputs: Mapping[str, str]
 
     def output_of(self, actuator: str) -> str:
-        """Return the board's output of an actuator.
+        """Return the board's output to which an actuator is connected.
 
         Raises
         ------
         RigctlError
-            it is on none, since an operator works it.
+            it is connected to none, since it is operated by hand.
         """
         placed = {name: output for output, name in self.outputs.items()}
         if actuator not in placed:
@@ -46,9 +46,9 @@ class Wiring:
 def wiring_of(rig: Rig, options: Mapping[str, object]) -> Wiring:
     """Return the connections from the backend's options ``inputs`` and ``outputs``, or else the defaults.
 
-    The defaults are: the only pressure on A0, position on A1, temperature on A2; a driven switch on the
-        heater's
-    relay, a driven directional valve on the solenoids, a driven level on the relief valve's PWM.
+    By default the rig's only pressure is on A0, its only position on A1 and its only temperature on A2; a
+    driven switch is on the heater's relay, a driven directional valve on the solenoids, and a driven level on
+    the relief valve's PWM.
 
     Raises
     ------

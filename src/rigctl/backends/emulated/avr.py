@@ -1,7 +1,7 @@
-"""An ATmega328P under simavr: program in, serial bytes and pins in and out, time in cycles.
+"""An ATmega328P emulated by simavr: runs a program, with access to its serial bytes and pins.
 
-The inner loop stays in C: ``lfind(key, base, &n, 0, f)`` calls ``f(key, base)`` until it returns 0, and
-``avr_run(avr)`` returns the core's state, which is 0 only in limbo. A cycle timer puts it there at the
+The inner loop is in C: ``lfind(key, base, &n, 0, f)`` calls ``f(key, base)`` until it returns 0, and
+``avr_run(avr)`` returns the core's state, which is 0 only in `LIMBO`. A cycle timer sets that state at the
 requested cycle, so that one call runs a whole slice. One call per instruction would be ten times slower.
 """
 
@@ -29,7 +29,7 @@ from rigctl.errors import ExitCode, RigctlError
 FREQUENCY = 16_000_000  #: Hz, the Uno's crystal
 SUPPLY_MV = 5000
 _SLICE_CYCLES = 2000  # simavr checks its timers at least this often
-_BITS = 11  # simavr 1.6 always counts a parity bit; at 10 its receiver overflows
+_BITS = 11  # per character: simavr 1.6 always counts a parity bit; with 10 its receiver overflows
 
 # registers of the ATmega328P in data space
 _UCSR0A, _UBRR0L, _UBRR0H = 0xC0, 0xC4, 0xC5
@@ -56,11 +56,11 @@ class Avr:
         self._check_layout()
         self._state.frequency = FREQUENCY
         self._state.vcc = self._state.avcc = self._state.aref = SUPPLY_MV
-        # simavr would sleep in real time; this simavr function only adds up
+        # by default simavr sleeps in real time; this function of simavr only adds up the time
         self._state.sleep = address_of(self._sim.avr_pending_sleep_usec)
         self._sim.avr_loadcode(self._core, program, len(program), 0)
         self._state.codeend = len(program)
-        flags = c.c_uint32(0)  # no echo on stdout, no polling pause
+        flags = c.c_uint32(0)  # no echo on stdout, no pause while the program polls
         self._sim.avr_ioctl(self._core, ioctl_code("uas0"), c.byref(flags))
         self._callbacks: list[Any] = []  # referenced by C, so must not be garbage-collected
         self._sent = bytearray()
@@ -76,7 +76,7 @@ class Avr:
         self._stopper = TimerCallback(self._stop)
         self._receiver = TimerCallback(self._receive)
         self._held = RUNNING
-        self.resets = 0  #: number of restarts, by its watchdog or externally
+        self.resets = 0  #: number of restarts, by the watchdog or from outside
 
     @property
     def cycle(self) -> int:
@@ -111,7 +111,7 @@ class Avr:
             state.run_cycle_limit = _SLICE_CYCLES
             left = cycle - state.cycle
             self._sim.avr_cycle_timer_register(self._core, left, self._stopper, None)
-            # a reset clears every cycle timer, including this one; each call advances at least one cycle
+            # limits the calls, since a reset clears all cycle timers; each call advances at least one cycle
             count.value = left + 1
             self._libc.lfind(self._core, self._core, c.byref(count), 0, self._run)
             if state.state == LIMBO:
@@ -120,27 +120,27 @@ class Avr:
                 self._restarted()
 
     def reset(self) -> None:
-        """Reset, as with the reset button."""
+        """Reset the microcontroller, as its reset button does."""
         self._sim.avr_reset(self._core)
         self._restarted()
 
     def send(self, data: bytes) -> None:
-        """Send bytes to its receiver, which arrive one per character time, as on a wire.
+        """Send bytes to its receiver, where they arrive one per character time, as on a wire.
 
-        Another thread than the one that runs it may call this: simavr's timers are not touched here, since
-        registering one while the program runs can close their list to a ring.
+        May be called from a thread other than the one that runs the program: no timer of simavr is registered
+        here, since that could make its linked list of timers circular while the program is running.
         """
         self._arriving += data
 
     def take(self) -> bytes:
-        """Return what it has sent since the last call."""
+        """Return the bytes that the program has sent since the last call."""
         sent = bytes(self._sent)
         self._sent.clear()
         return sent
 
     @property
     def baud(self) -> float:
-        """Bits per second set by the program."""
+        """Baud rate set by the program, bits per second."""
         return FREQUENCY * _BITS / self._character
 
     def put_voltage(self, channel: int, millivolt: int) -> None:
@@ -154,9 +154,9 @@ class Avr:
             return 0.0
         return (self._register(_OCR1AL) | self._register(_OCR1AH) << 8) / 1023
 
-    def on_pwm(self, told: Callable[[int], None]) -> None:
-        """Report the cycle of every later change of OC1A's compare register."""
-        self._listen("tmr1", 0, lambda _: told(self.cycle))
+    def on_pwm(self, changed: Callable[[int], None]) -> None:
+        """Call `changed` with the cycle of every later write to OC1A's compare register."""
+        self._listen("tmr1", 0, lambda _: changed(self.cycle))
 
     @property
     def _character(self) -> int:
@@ -172,15 +172,15 @@ class Avr:
             raise RigctlError("this simavr lacks a part of the ATmega328P", value=f"{kind}{index}")
         return int(irq)
 
-    def _listen(self, kind: str, index: int, told: Callable[[int], None]) -> None:
-        callback = IrqCallback(lambda _irq, value, _parameter: told(value))
+    def _listen(self, kind: str, index: int, changed: Callable[[int], None]) -> None:
+        callback = IrqCallback(lambda _irq, value, _parameter: changed(value))
         self._callbacks.append(callback)
         self._sim.avr_irq_register_notify(self._irq(kind, index), callback, None)
 
     def _watcher(
-        self, port: str, bit: int, told: Callable[[str, int, bool, int], None]
+        self, port: str, bit: int, changed: Callable[[str, int, bool, int], None]
     ) -> Callable[[int], None]:
-        return lambda value: told(port, bit, bool(value), int(self._state.cycle))
+        return lambda value: changed(port, bit, bool(value), int(self._state.cycle))
 
     def _stop(self, _core: Any, _when: int, _parameter: Any) -> int:
         self._held = self._state.state

@@ -1,4 +1,4 @@
-"""The emulated board with its pins on the simulated bench: sensors in, actuators out."""
+"""The emulated board connected to the simulated bench: it reads the sensors and drives the actuators."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from rigctl.backends.simulated.device import Device
 from rigctl.rig import Rig
 
 SLICE = 1e-3  #: s between two readings of the sensors
-_BOOT = 0.02  # s until it receives
+_BOOT = 0.02  # s after power-on until the board can receive
 _LAST = (1 << BITS) - 1
 _HEATER, _EXTEND, _RETRACT = ("D", 4), ("D", 7), ("B", 0)
 
 
 class EmulatedBoard:
-    """Firmware and bench in step.
+    """Firmware and simulated bench, advanced together.
 
-    The microcontroller runs a slice with constant inputs; its switches, with their exact cycles, are then
-    passed to the bench, which advances to the same time.
+    The microcontroller runs one slice with constant inputs; its output changes, with their exact cycles, are
+    then passed to the bench, which is advanced to the same time.
 
     Parameters
     ----------
@@ -28,8 +28,8 @@ class EmulatedBoard:
 
     Attributes
     ----------
-    valve_times: time of the last switch of a solenoid, to the cycle, s.
-    shorted: True once both solenoids were on together, which the firmware must prevent.
+    valve_times: times at which a solenoid was switched, exact to the cycle, s.
+    shorted: True once both solenoids have been on at the same time, which the firmware must prevent.
     """
 
     def __init__(self, rig: Rig, wiring: Wiring, program: bytes, device: Device) -> None:
@@ -50,16 +50,16 @@ class EmulatedBoard:
 
     @property
     def time(self) -> float:
-        """s since power-on."""
+        """Time since power-on, s."""
         return self.avr.cycle / FREQUENCY
 
     @property
     def outputs(self) -> tuple[bool, bool, bool]:
-        """Levels of heater, solenoid extend and solenoid retract."""
+        """Whether the heater, the solenoid that extends and the one that retracts are on."""
         return self._levels[_HEATER], self._levels[_EXTEND], self._levels[_RETRACT]
 
     def run_to(self, time: float) -> None:
-        """Run firmware and bench to `time`."""
+        """Run firmware and bench up to `time`, s."""
         end, step = round(time * FREQUENCY), round(SLICE * FREQUENCY)
         while self.avr.cycle < end:
             self.avr.run_to(min(self.avr.cycle + step, end))
@@ -67,12 +67,12 @@ class EmulatedBoard:
             self._measure()
 
     def close(self) -> None:
-        """Switch it off."""
+        """Switch the board off."""
         self.avr.close()
 
     def _follow(self) -> None:
         """Apply the board's outputs to the bench."""
-        if self.avr.resets != self._resets:  # a reset turns every pin into an input without notice
+        if self.avr.resets != self._resets:  # a reset makes every pin an input, which simavr does not report
             self._resets = self.avr.resets
             self._edges += [(self.avr.cycle, pin, False) for pin in self._levels]
         for cycle, pin, level in self._edges:
@@ -105,7 +105,7 @@ class EmulatedBoard:
         self.device.command(actuator, low + self._pwm * (high - low), self.time, None)
 
     def _measure(self) -> None:
-        """Apply the sensors' signals to the converter's pins."""
+        """Apply the sensors' signals to the analog inputs."""
         channels = self._rig.channels.values()
         for channel, pin, value in zip(channels, self._wiring.inputs, self.device.read(), strict=True):
             converter = channel.converter

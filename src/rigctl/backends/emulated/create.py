@@ -25,7 +25,7 @@ OPTIONS = (*OF_THE_BENCH, "inputs", "outputs", "baud", "image", "clear_trips")
 
 
 def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
-    """Make the board's firmware on an emulated microcontroller, in step with `clock`; not yet open.
+    """Make a bench with the firmware on an emulated microcontroller that follows `clock`; not yet open.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
             switched_on.append((EmulatedBoard(rig, wiring, program, bench.switch_on()), origin))
         board, origin = switched_on[0]
         port = EmulatedPort(board, clock, origin, Link(bench.faults))
-        port.read(clock.now())  # a dead line is detected at once
+        port.read(clock.now())  # raises at once if the line is dead
         return port
 
     def by_hand(actuator: str, value: float) -> None:
@@ -87,7 +87,7 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Backend:
 
 
 def make_board(rig: Rig, options: Mapping[str, object]) -> EmulatedBoard:
-    """Make only the board, switched on, for another client; options as for `create`.
+    """Make only the board, switched on, for a client other than rigctl; options as for `create`.
 
     Raises
     ------

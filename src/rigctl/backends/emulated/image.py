@@ -1,4 +1,4 @@
-"""The firmware's image: Intel HEX files, shipped with the package."""
+"""The firmware images: Intel HEX files that come with the package."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 
-FLASH = 32 * 1024  #: bytes of the ATmega328P
+FLASH = 32 * 1024  #: size of the ATmega328P's flash memory, bytes
 BAUDS = (115200, 500000)  #: baud rates of the images
 
 
@@ -27,7 +27,7 @@ def shipped_image(baud: int) -> Path:
 
 
 def read_intel_hex(path: Path) -> bytes:
-    """Return the flash content from address 0 in a file; gaps are 0xFF.
+    """Return the flash content from address 0 that a file defines; gaps are filled with 0xFF.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def read_intel_hex(path: Path) -> bytes:
 
 
 def _parse(line: str) -> tuple[int, int, bytes]:
-    """Return kind, address and data of ``:LLAAAATT…CC``."""
+    """Return type, address and data of the record ``:LLAAAATT…CC``."""
     if not line.startswith(":"):
         raise ValueError("no colon")
     record = bytes.fromhex(line[1:].strip())

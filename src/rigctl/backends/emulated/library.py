@@ -1,4 +1,4 @@
-"""simavr by ctypes. It is GPL-3: loaded at run time from the system's package, never bundled or linked."""
+"""simavr through ctypes. Under GPL-3, it is loaded at run time from the system's package, never bundled."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TimerCallback = c.CFUNCTYPE(c.c_uint64, c.c_void_p, c.c_uint64, c.c_void_p)
 
 
 class Core(c.Structure):
-    """The head of simavr 1.6's ``avr_t`` on 64-bit Linux, checked when a core is made."""
+    """The first fields of simavr 1.6's ``avr_t`` on 64-bit Linux; their layout is checked for every core."""
 
     _fields_ = (
         ("mmcu", c.c_char_p),
@@ -52,7 +52,7 @@ class Core(c.Structure):
 
 @dataclass(frozen=True)
 class Libraries:
-    """simavr and the C library, with the required signatures."""
+    """simavr and the C library, with the signatures of the functions that are used."""
 
     simavr: Any
     libc: Any
@@ -99,7 +99,7 @@ def load_libraries() -> Libraries:
 
 
 def ioctl_code(text: str) -> int:
-    """Return one of simavr's four-letter codes."""
+    """Return the integer of one of simavr's four-letter codes."""
     return int.from_bytes(text.encode("ascii"), "big")
 
 

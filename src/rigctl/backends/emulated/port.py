@@ -1,4 +1,4 @@
-"""The emulated board's line without a second process: reading advances its time with the clock."""
+"""The emulated board's serial line within this process: reading advances the board with the clock."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rigctl.clock import Clock
 
 
 class EmulatedPort:
-    """A `Port` in step with an injected clock.
+    """A `Port` that follows an injected clock.
 
     On a virtual clock two runs with the same seed and calls give identical bytes.
 
@@ -20,7 +20,7 @@ class EmulatedPort:
     board: the board at the other end.
     clock: the clock of both sides.
     origin: bench time at which the board was switched on.
-    link: when the line is dead.
+    link: the times at which the line is dead.
     """
 
     name = "the emulated board"

@@ -1,4 +1,4 @@
-"""The emulated board on a pseudo-terminal that any client opens as its serial port."""
+"""The emulated board on a pseudo-terminal, which any client can open as a serial port."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from rigctl.backends.emulated.board import SLICE, EmulatedBoard
 from rigctl.clock import Clock
 from rigctl.errors import Location, RigctlError
 
-_BAUD_TOLERANCE = 0.045  # tolerance of a receiver's baud rate
-_FARTHEST_BEHIND = 2.0  # largest lag of a busy computer that is caught up, s
+_BAUD_TOLERANCE = 0.045  # relative tolerance of a receiver's baud rate
+_FARTHEST_BEHIND = 2.0  # longest delay of a busy computer that is made up for, s
 
 
 class PtyBridge:
     """Passes bytes between a pseudo-terminal and a board, both following a clock.
 
-    Unread data are dropped, as on a wire. A client with another baud rate receives and sends garbage.
+    Unread data are lost, as on a wire. A client with a different baud rate receives and sends garbage.
 
     Parameters
     ----------
-    board: what is at the other end.
-    clock: real, or faster.
+    board: the board at the other end.
+    clock: real time, or faster.
 
     Attributes
     ----------
-    port: the path for a client.
+    port: the path that a client opens.
     """
 
     def __init__(self, board: EmulatedBoard, clock: Clock) -> None:
@@ -43,7 +43,7 @@ class PtyBridge:
         tty.setraw(slave)  # otherwise the terminal would echo answers back as commands
         self.port = os.ttyname(slave)
         self._named: Path | None = None
-        os.close(slave)  # so that a hang-up on the master means that no client has it open
+        os.close(slave)  # so that a hang-up of the master end shows that no client has the port open
         os.set_blocking(self._master, False)
         self._speeds = _speeds()
         self._poll = select.poll()
@@ -63,7 +63,7 @@ class PtyBridge:
         self._keep_pace()
 
     def close(self) -> None:
-        """Remove the port, as if unplugged."""
+        """Remove the port, as if the board were unplugged."""
         os.close(self._master)
 
     def link(self, path: Path) -> None:
@@ -127,7 +127,7 @@ class PtyBridge:
 
 
 def _speeds() -> dict[int, int]:
-    """Return the baud rate for each of the system's speed codes."""
+    """Return the baud rate by the system's speed code."""
     import termios
 
     names = (name for name in dir(termios) if name[0] == "B" and name[1:].isdigit())

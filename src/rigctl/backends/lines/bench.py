@@ -1,4 +1,4 @@
-"""The backend of a device with a line-based text protocol, which is queried for each sample."""
+"""The backend for a device with a line-based text protocol, which is queried for every sample."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Exchange, Lines, Rig
 
-_SAFE_ANSWER = 0.2  # s for the answer to each command that makes safe at an ending: it has one second in all
+_SAFE_ANSWER = 0.2  # s for the answer to each safe command at the end of a run, which must be safe within 1 s
 
 
 @dataclass(slots=True)
@@ -33,7 +33,7 @@ class _Order:
 
     Parameters
     ----------
-    asked_for: whether the caller waits for its answer; one that was replaced by a newer command is not.
+    asked_for: whether the caller waits for its answer; not if a newer command has replaced it.
     """
 
     pending: PendingCommand
@@ -44,9 +44,9 @@ class _Order:
 class LineBench(PortBench[Talk]):
     """A `Backend` for a device that is described by the rig file's ``backend.lines``, on any `Port`.
 
-    A sample consists of the device's answers, with the middle of the time of the queries as its time stamp. A
-    device does not buffer: a sample that could not be taken in time is a gap. The line carries one query at a
-    time: a command waits for a sample in progress; only commands that make outputs safe do not.
+    A sample consists of the device's answers; its time stamp is the middle of the interval of the queries. A
+    device does not buffer: a sample that could not be taken in time becomes a gap. The line carries one query
+    at a time, so that a command waits for a sample in progress; only commands that make outputs safe do not.
 
     Parameters
     ----------
@@ -54,10 +54,10 @@ class LineBench(PortBench[Talk]):
     clock: for waiting.
     connect: opens the port; called again when it was lost.
     kind: ``serial`` or ``emulated``, for the identity.
-    reconnect: s for a lost device to come back.
+    reconnect: s allowed for a lost device to return.
     by_hand: called when the operator turns something, if the operator is emulated too.
-    duty: keeps the known state of the outputs for the supervisor.
-    without_host: what happens to the outputs when the device cannot be reached.
+    duty: the known state of the outputs, for the guard.
+    without_host: what happens to the outputs if the host can no longer reach the device, one sentence.
     """
 
     timed = False
@@ -87,33 +87,33 @@ class LineBench(PortBench[Talk]):
         self._start = 0.0
         self._index = 0
         self._job: Underway[None] | None = None  # the query in progress
-        self._order: _Order | None = None  # the command in it, if it is one
-        self._orders: deque[_Order] = deque()  # that come next
-        self._interrupted = False  # it has not answered its last question, and will not be waited for
-        self._distrust = ""  # why the device cannot be trusted any more
+        self._order: _Order | None = None  # the command that it sends, if it sends one
+        self._orders: deque[_Order] = deque()  # commands to be sent next
+        self._interrupted = False  # a query was in progress when `safe` was called; its answer is not awaited
+        self._distrust = ""  # why the device can no longer be trusted; empty if it can
 
     @property
     def outputs_read(self) -> frozenset[str]:
-        """Actuators that a query has read since the device was reached."""
+        """Actuators whose state a query has read since the connection was made."""
         return frozenset(self._poll.states_read)
 
     @property
     def outputs_answered(self) -> frozenset[str]:
-        """Actuators whose commands have a `reply`."""
+        """Actuators whose commands the device answers, according to the rig file."""
         return frozenset(name for name, part in self._lines.actuators.items() if part.patterns)
 
     @property
-    def _over(self) -> str:
+    def _failure(self) -> str:
         return self._distrust
 
-    # --- meeting the device -------------------------------------------------------------------------------
+    # --- identification -----------------------------------------------------------------------------------
 
-    def _meet(self, port: Port, *, again: bool) -> DeviceIdentification[Talk]:
+    def _identify(self, port: Port, *, again: bool) -> DeviceIdentification[Talk]:
         talk = Talk(port, self.clock, self._lines)
         return DeviceIdentification(port, talk.take, self._begin(talk))
 
     def _begin(self, talk: Talk) -> Conversation[Talk]:
-        """Accept a device that answers: check that it is the same, set it up, make it safe."""
+        """Identify the device, check that it is the same as before, set it up and make it safe."""
         found = yield from handshake(talk, self.clock, self._lines)
         known = {name: text for name, text in self.identity.items() if name in found}
         if known and known != found:
@@ -134,7 +134,7 @@ class LineBench(PortBench[Talk]):
     # --- making safe --------------------------------------------------------------------------------------
 
     def safe(self) -> None:
-        """Bring every output to the rig's safe state now; a sample in progress is queried again."""
+        """Bring every output to the rig's safe state now; a sample in progress is taken again afterwards."""
         self._interrupted = self._job is not None
         if self._interrupted and self._order is None:
             self._index -= 1
@@ -144,13 +144,13 @@ class LineBench(PortBench[Talk]):
         if self._interrupted:
             self._interrupted = False
             talk.abandon()
-        if not talk.in_step:  # to bring it back takes time
-            with suppress(PortLost):  # said by what follows, which waits for answers
+        if not talk.in_step:  # resynchronising takes time, so the commands are sent without waiting first
+            with suppress(PortLost):  # reported by the commands that follow, which wait for answers
                 for step in self._setter.safe_commands():
                     talk.send(step.text)
-        self._let_go(talk)
+        self._safe_for_closing(talk)
 
-    def _let_go(self, talk: Talk) -> None:
+    def _safe_for_closing(self, talk: Talk) -> None:
         trouble = carry_through(self._making_safe(talk, _SAFE_ANSWER), talk.take)
         if trouble is not None:
             raise trouble
@@ -186,7 +186,7 @@ class LineBench(PortBench[Talk]):
     # --- commands -----------------------------------------------------------------------------------------
 
     def _put(self, actuator: str, value: float, duration: float | None, *, asked_for: bool) -> PendingCommand:
-        """Send a command, or let it wait for the answer to the query in progress."""
+        """Send a command, or queue it until the query in progress has been answered."""
         if self._distrust:
             raise BackendLost(self._distrust)
         talk = self._check_reach()
@@ -206,8 +206,8 @@ class LineBench(PortBench[Talk]):
         return pending
 
     def _replace(self, actuator: str) -> None:
-        """Supersede earlier commands: one not yet sent is dropped, one that was sent is no longer waited
-        for."""
+        """Supersede earlier commands to an actuator: those not yet sent are dropped, and the caller no longer
+        waits for one that was."""
         for order in [order for order in self._orders if order.pending.actuator == actuator]:
             self._orders.remove(order)
             order.pending.trouble = OutOfReach("another command came before it was sent")
@@ -233,7 +233,7 @@ class LineBench(PortBench[Talk]):
         self._answered = self._answered or order.asked_for
 
     def _drop_orders(self, why: str) -> None:
-        """Abandon the query in progress and those that follow; no answer is waited for."""
+        """Abandon the query in progress and the queued commands, without waiting for any answer."""
         if self._job is not None:
             self._job.drop()
         dropped = [*([self._order] if self._order is not None else []), *self._orders]
@@ -243,14 +243,14 @@ class LineBench(PortBench[Talk]):
         self._job = self._order = None
         self._orders.clear()
 
-    # --- time passes --------------------------------------------------------------------------------------
+    # --- the line over time -------------------------------------------------------------------------------
 
     def _advance(self, talk: Talk, until: float) -> None:
         """Continue the query in progress, or start what is due."""
         self._attempt(lambda: self._go_on(talk, until))
 
     def _attempt(self, action: Callable[[], object]) -> None:
-        """Use the line; an action of the supervisor or a refusal does not count as a loss of contact."""
+        """Use the line; neither an intervention of the guard nor a refusal counts as a loss of contact."""
         try:
             action()
         except GuardActed as acted:
@@ -271,7 +271,7 @@ class LineBench(PortBench[Talk]):
         self._finish_job()
 
     def _begin_next(self, talk: Talk) -> None:
-        """Start what is due first: commands, then the keep-alive message, then the sample."""
+        """Start what is due next: a command, otherwise the keep-alive message, otherwise a sample."""
         now = self.clock.now()
         keep_alive = self._lines.keep_alive
         if self._orders:
@@ -291,11 +291,11 @@ class LineBench(PortBench[Talk]):
             self._job = self._order = None
 
     def _due(self) -> float:
-        """When the next sample is due, s."""
+        """Return the time at which the next sample is due, s."""
         return self._start + self._index / self._rate if self._rate else math.inf
 
     def _keep_alive_due(self, talk: Talk) -> float:
-        """When the next keep-alive message is due, s."""
+        """Return the time at which the next keep-alive message is due, s."""
         return math.inf if self._lines.keep_alive is None else talk.last_sent + self._lines.keep_alive.every
 
     # --- samples ------------------------------------------------------------------------------------------
@@ -313,7 +313,7 @@ class LineBench(PortBench[Talk]):
         self._start, self._index = self.clock.now(), 0
 
     def _ask_sample(self, talk: Talk) -> Conversation[None]:
-        """Ask all that is due."""
+        """Send the queries that are due, and store their answers as a sample."""
         missed = math.floor((self.clock.now() - self._due()) * self._rate)
         if missed > 0:
             self._outbox.gap(missed)
@@ -327,15 +327,15 @@ class LineBench(PortBench[Talk]):
         commands = tuple(self._outbox.commanded[name] for name in self._rig.layout.commands)
         self._outbox.samples.append(Sample(reading.time, reading.values, commands))
 
-    # --- losing it, and what it does by itself ------------------------------------------------------------
+    # --- loss of contact, and actions of the device or its guard ------------------------------------------
 
     def _end(self, why: str) -> None:
-        """The device cannot be trusted any more: the next samples are the last ones."""
+        """Record why the device can no longer be trusted; no further sample is started."""
         self._distrust = self._distrust or why
         self._outbox.notice("alarm", why)
 
     def _guard_acted(self, acted: GuardActed) -> None:
-        """The guard has made outputs safe while nothing was heard of this process."""
+        """Record that the guard has made outputs safe because this process was silent."""
         outbox, commanded = self._outbox, self._outbox.commanded
         changed = {name: value for name, value in self._resting().items() if commanded.get(name) != value}
         commanded |= changed
@@ -352,11 +352,11 @@ class LineBench(PortBench[Talk]):
     def _unanswered(self) -> list[PendingCommand]:
         return [] if self._order is None else [self._order.pending]
 
-    def _part(self, talk: Talk, error: PortLost) -> tuple[str, Port | None]:
+    def _handle_loss(self, talk: Talk, error: PortLost) -> tuple[str, Port | None]:
         talk.port.close()
         return "", None
 
-    def _leave_out(self, lost_at: float) -> int:
+    def _skip_missing(self, lost_at: float) -> int:
         missed = 0
         if self._rate:
             missed = max(math.floor((self.clock.now() - self._start) * self._rate) + 1 - self._index, 0)
@@ -365,5 +365,5 @@ class LineBench(PortBench[Talk]):
 
 
 def _ask(talk: Talk, exchange: Exchange) -> Conversation[None]:
-    """Ask something for the asking alone."""
+    """Make an exchange whose answer is not used."""
     yield from talk.asking(exchange)

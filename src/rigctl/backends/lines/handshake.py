@@ -22,7 +22,7 @@ def handshake(talk: Talk, clock: Clock, lines: Lines) -> Conversation[Mapping[st
     Raises
     ------
     PortLost
-        there is no answer while the device may still be starting, or the port is gone.
+        there was no answer within the time that the device may need to start, or the port is gone.
     RigctlError
         another device answers.
     """

@@ -15,7 +15,7 @@ _NO_NUMBER = 9.9e37
 
 
 class Meaning:
-    """The rig's channels and actuators in the lines of a device."""
+    """Conversion of the rig's channels and actuators to and from the lines of a device."""
 
     def __init__(self, rig: Rig, lines: Lines) -> None:
         self._rig = rig
@@ -36,7 +36,7 @@ class Meaning:
         return part.template.fill(self._written(name, part, value))
 
     def written(self, name: str, value: float) -> str:
-        """Return an SI value as written in the command."""
+        """Return an SI value as text, as written in the command."""
         part = self._lines.actuators[name]
         return part.template.written(self._written(name, part, value))
 

@@ -1,4 +1,4 @@
-"""Queries a device for one sample: every query that is due, and the values in its answers."""
+"""Queries a device for one sample: sends the queries that are due, and reads the values in the answers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SLACK = 1e-6  # s; the times of a grid are sums of rounded numbers
 
 @dataclass(frozen=True)
 class PolledSample:
-    """The answers of a device.
+    """One sample, from the answers of a device.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Poll:
             answer = yield from self._ask(talk, index, query)
             if query.every is not None:
                 self._due[index] = max(self._due[index] + query.every, now)
-                if self._due[index] == now:  # for the first time, or after a long time
+                if self._due[index] == now:  # the first query, or the first one after a long time
                     self._due[index] = now + query.every
             if answer is not None:
                 answers.append(answer)
@@ -107,7 +107,7 @@ class Poll:
     def _readable(self, found: Mapping[str, str]) -> bool:
         """Return whether the numbers and settings of an answer are valid.
 
-        A truncated line must not become a value, nor the answer to another query a setting.
+        A truncated line must not be read as a value, nor the answer to another query as a setting.
         """
         return all(
             (read_number(text) if name in self._rig.channels else self._meaning.setting(name, text, 0.0))

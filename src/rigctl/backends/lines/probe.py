@@ -1,4 +1,4 @@
-"""Identifies the device on a port and measures the line, without switching anything."""
+"""Identifies the device on a port and measures the quality of the line, without switching anything."""
 
 from __future__ import annotations
 
@@ -63,12 +63,12 @@ def probe(connect: Callable[[], Port], clock: Clock, *, rounds: int = 50, patien
     PortLost
         there is no such port, or no answer.
     RigctlError
-        it may not be opened.
+        there is no permission to open it.
     """
     port = connect()
     try:
         talk = Talk(port, clock, _protocol(QUESTIONS[0]))
-        question, identity = _introduction(talk, clock, patience)
+        question, identity = _first_answer(talk, clock, patience)
         link = _measure(Talk(port, clock, _protocol(question)), clock, question, identity, rounds)
     finally:
         port.close()
@@ -81,7 +81,7 @@ def _protocol(question: str) -> Lines:
 
 
 def _ask(talk: Talk, question: str) -> str | None:
-    """Return the answer; None for silence, and for a device that only echoes the query."""
+    """Return the answer; None if there is none, or if the device only echoes the query."""
     exchange = Exchange.model_validate({"send": question, "reply": "{identity}"})
     try:
         found = talk.ask(exchange, tries=1).found["identity"]
@@ -90,8 +90,8 @@ def _ask(talk: Talk, question: str) -> str | None:
     return found if found and found.casefold() != question.casefold() else None
 
 
-def _introduction(talk: Talk, clock: Clock, patience: float) -> tuple[str, str]:
-    """Return the first query with an answer, and the answer."""
+def _first_answer(talk: Talk, clock: Clock, patience: float) -> tuple[str, str]:
+    """Return the first of `QUESTIONS` that the device answers, and its answer."""
     give_up = clock.now() + patience
     talk.port.write(b"\n")  # terminates any incomplete command
     talk.idle(clock.now() + 0.2)

@@ -18,14 +18,14 @@ from rigctl.rig import Lines, Rig
 
 @dataclass
 class OneReading:
-    """The answers of a device.
+    """The identity of a device, and one value of every channel.
 
     Attributes
     ----------
-    identity: of the device, as far as known.
+    identity: the device's identity, as far as known.
     values: SI, by channel; NaN for missing values.
     troubles: answers that were not values.
-    round_trip: median of the queries, s.
+    round_trip: median round-trip time of the queries, s.
     """
 
     identity: Mapping[str, str]
@@ -34,7 +34,7 @@ class OneReading:
     round_trip: float = math.nan
 
     def impossible(self, rig: Rig) -> list[str]:
-        """Return channels with impossible values."""
+        """Return the channels whose values are physically impossible."""
         return [name for name, value in self.values.items() if not rig.channels[name].possible(value)]
 
 

@@ -61,13 +61,13 @@ class Setter:
         return CommandReceipt(middle, actuator, value, half)
 
     def _require(self, actuator: str, value: float, text: str, answer: Answer) -> None:
-        """Require that an answer which repeats the value repeats the commanded one."""
+        """Require that an answer that contains a value contains the commanded one."""
         echoed = answer.found.get(VALUE)
         if echoed is not None and self._meaning.setting(actuator, echoed, value) != value:
             raise WrongAnswer(text, echoed, self._rig.actuators[actuator].show(value))
 
     def orders(self) -> tuple[SafeOrder, ...]:
-        """Return the commands for the guard, which does not know the rig: bytes and their confirmation."""
+        """Return the safe commands for the guard, which does not know the rig: bytes and expected answers."""
         ends = self._lines.send_ends.encode("utf-8")
         found = [
             SafeOrder(exchange.send.encode("utf-8") + ends, tuple(exchange.reply))

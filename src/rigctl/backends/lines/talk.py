@@ -1,8 +1,8 @@
 """Queries and answers, one after the other, on a line without sequence numbers or checksums.
 
-A late answer would be taken for that to the next query. Unsolicited lines are therefore discarded before each
-query, and after a silence or an unexpected answer the line is resynchronised: wait until it is quiet and, if
-the device has an identity query, read until the answer is its identity.
+A late answer would be taken for the answer to the next query. Unsolicited lines are therefore discarded
+before each query, and after a missing or unexpected answer the line is resynchronised: rigctl waits until it
+is quiet and, if the device has an identity query, sends it and reads until the answer is the identity.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from rigctl.backends.transport.port import NoAnswer, Port, Refused
 from rigctl.clock import Clock
 from rigctl.rig import Exchange, Lines
 
-_LONGEST = 4096  # bytes; without a line's end in so many it is garbage
+_LONGEST = 4096  # longest line, bytes; data without a line end in so many are garbage
 _QUIET = 0.1  # s
 _LONGEST_NOISE = 1.0  # longest uninterrupted output of a line-based device, s
 
 
 class WrongAnswer(Refused):
-    """The device answered with an error, or not what the rig file expects."""
+    """The device answered with an error, or with something that the rig file does not expect."""
 
     def __init__(self, command: str, answer: str, expected: str | None = None) -> None:
         text = f"the device answers {answer!r} to {command!r}"
@@ -54,13 +54,13 @@ class Talk:
         self._reply_ends = lines.reply_ends.encode("utf-8")
         self._rest = b""
         self.stray = 0
-        self._bytes = 0  # that have arrived
+        self._bytes = 0  # number of bytes that have arrived
         self.last_sent = clock.now()  #: s
         self._in_step = True  # no answer to an earlier query is outstanding
 
     @property
     def heard(self) -> bool:
-        """Whether anything has ever arrived."""
+        """Whether anything has arrived since the port was opened."""
         return self._bytes > 0
 
     @property
@@ -94,7 +94,7 @@ class Talk:
         text: the command, if it contains a value.
         tries, timeout: override those of the rig file.
         fits: returns whether the fields of an answer are valid, e.g. numbers.
-        anyway: send it even if the line cannot be resynchronised, for commands that make safe.
+        anyway: whether to send it even if the line cannot be resynchronised, for commands that make safe.
 
         Raises
         ------
@@ -110,7 +110,7 @@ class Talk:
                 try:
                     yield from self._synchronise(command, timeout or self._lines.timeout * self._lines.tries)
                 except (WrongAnswer, NoAnswer):
-                    if wrong:  # what this question itself was answered is said
+                    if wrong:  # the error names the unexpected answer to this query instead
                         break
                     if not anyway:
                         raise
@@ -161,7 +161,7 @@ class Talk:
         return found, ""
 
     def _line(self, deadline: float) -> Conversation[str | None]:
-        """Return the next line; None if there is none by then."""
+        """Return the next line; None if there is none by bench time `deadline`."""
         while self._reply_ends not in self._rest:
             if self._clock.now() >= deadline:
                 return None
@@ -191,9 +191,9 @@ class Talk:
         Raises
         ------
         WrongAnswer
-            it sends something other than its identity, possibly the answer to an earlier query.
+            the device sends something other than its identity, possibly the answer to an earlier query.
         NoAnswer
-            it is silent.
+            the device is silent.
         """
         self._in_step = True
         give_up = self._clock.now() + _LONGEST_NOISE

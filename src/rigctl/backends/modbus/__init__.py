@@ -1,1 +1,1 @@
-"""A device with Modbus registers, on TCP or a serial line, described by its rig file."""
+"""A Modbus device on TCP or a serial line, whose registers are described by the rig file."""

@@ -31,7 +31,7 @@ _EXCEPTIONS = {
     11: "no answer behind the gateway",
 }
 _PORT = 502  # standard port of Modbus TCP
-_LONGEST_NOISE = 2.0  # s; a line on which others speak is never silent
+_LONGEST_NOISE = 2.0  # s to wait for silence; a line with other traffic never falls silent
 
 
 def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
@@ -77,7 +77,7 @@ class ModbusClient:
         self._every = 0.0 if settings["heartbeat"] is None else float(settings["heartbeat"][1])
         self._count = 0
         self._beat_at = -math.inf  # s, monotonic
-        self._set: dict[str, tuple[list[int], str]] = {}  # the last written values, and their text
+        self._set: dict[str, tuple[list[int], str]] = {}  # the values last written, and their text
         self._failed: type[Exception] = ModbusException
         self._library = _connection(url, settings)
         if not self._library.connect():
@@ -90,12 +90,12 @@ class ModbusClient:
         name, _, argument = line.partition(" ")
         try:
             answer = self._carry_out(name, argument)
-            if time.monotonic() - self._beat_at >= self._every:  # the caller is alive
+            if time.monotonic() - self._beat_at >= self._every:  # only while the caller is alive
                 self._beat()
             return answer
         except (_RefusedError, ValueError) as refused:
             return f"error {refused}"
-        except self._failed:  # no answer; a lost connection will not answer again
+        except self._failed:  # no answer now; raises if the connection is lost, and there will never be one
             self._require_connection()
             self._await_silence()
             return None
@@ -124,7 +124,7 @@ class ModbusClient:
     def _who(self) -> str:
         if self._identify is None:
             table, address, count, _ = self._blocks[0]
-            self._fetch(table, address, count)  # checks the connection
+            self._fetch(table, address, count)  # only to check the connection
             return str(self._identity)
         found = self._identify.text(
             self._fetch(self._identify.table, self._identify.address, self._identify.width)
@@ -167,7 +167,7 @@ class ModbusClient:
         answer = reading(address, count=count, device_id=self._unit)
         _require(answer, f"{table} {address}", _READS[table])
         found: Sequence[int] = answer.bits if table in ("coil", "discrete") else answer.registers
-        spare = 8 if table in ("coil", "discrete") else 1  # bits come in whole bytes
+        spare = 8 if table in ("coil", "discrete") else 1  # bits are transmitted in whole bytes
         if not count <= len(found) < count + spare:
             raise _RefusedError(f"{len(found)} values instead of {count} from {table} {address}")
         return [int(word) for word in found[:count]]
@@ -189,7 +189,7 @@ class ModbusClient:
             raise _RefusedError(f"a write to {answer.address} was confirmed instead of one to {where}")
 
     def _ready(self) -> Any:
-        """Return the library without late answers, since RTU has no transaction numbers."""
+        """Return the library's client after discarding late answers, since RTU has no transaction numbers."""
         if (line := self._serial_line) is not None:
             line.reset_input_buffer()
         return self._library
@@ -197,7 +197,7 @@ class ModbusClient:
     def _await_silence(self) -> None:
         """On a serial line, wait until nothing has arrived for as long as an answer may take.
 
-        A late answer would be taken for that to the next request: it contains no address.
+        A late answer would be taken for the answer to the next request, as it contains no register address.
         """
         if (line := self._serial_line) is None:
             return
@@ -207,13 +207,13 @@ class ModbusClient:
 
     @property
     def _serial_line(self) -> Any:
-        """The port of an RTU connection, from pyserial; None for TCP."""
+        """The pyserial port of an RTU connection; None for TCP."""
         socket = self._library.socket
         return socket if hasattr(socket, "reset_input_buffer") else None
 
 
 class _RefusedError(Exception):
-    """The device answers with an exception."""
+    """The device answers with an exception code."""
 
 
 def _require(answer: Any, where: str, function: int) -> None:

@@ -56,7 +56,7 @@ def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
 
 
 def other_orders(rig: Rig) -> Iterator[tuple[str, Rig]]:
-    """Return the rig with other byte and word orders, each with the corresponding entries of the file."""
+    """Yield the rig with each other byte and word order, after the corresponding entries of the rig file."""
     modbus = _registers(rig)
     turned: dict[Order, Order] = {"big": "little", "little": "big"}
     word, byte = turned[modbus.word_order], turned[modbus.byte_order]
@@ -76,7 +76,7 @@ def _registers(rig: Rig) -> Modbus:
 
 
 def settings_of(modbus: Modbus, baud: int) -> dict[str, Any]:
-    """Return the settings of the client, JSON-compatible."""
+    """Return the client's settings, which are JSON-compatible."""
 
     def place(register: Register) -> dict[str, Any]:
         return asdict(

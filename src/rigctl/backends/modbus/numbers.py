@@ -1,6 +1,6 @@
-"""Numbers in registers of 16 bits: their type, their byte and word order, their scale.
+"""Numbers in 16-bit registers: their type, byte and word order, and scale.
 
-Has few imports, since a guard starts with it.
+Imports little, since every guard of a Modbus device loads it when it starts.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ _FORMATS: Mapping[str, str] = {
     "uint64": ">Q",
     "float64": ">d",
 }
-#: below these the mantissa is not normalised
+#: smallest normalised magnitude of each type
 _SMALLEST: Mapping[str, float] = {"float32": 2.0**-126, "float64": 2.0**-1022}
 _DIGITS: Mapping[str, str] = {"float32": ".8g", "float64": ".16g"}
 
 
 @dataclass(frozen=True)
 class Place:
-    """The place and format of a number; JSON-compatible, so that it can be passed to a guard.
+    """The location and format of a number; JSON-compatible, so that it can be passed to a guard.
 
     Parameters
     ----------
     table: ``coil``, ``discrete``, ``input`` or ``holding``.
     address: from 0.
     kind: `rigctl.rig.modbus.NumberType`.
-    swap_bytes, swap_words: if the order is little-endian.
+    swap_bytes, swap_words: whether the order of bytes or words is little-endian.
     scale, offset: number = register * scale + offset.
-    invalid: content of the register for a missing value; None if it always has one.
+    invalid: content of the register for a missing value; None if there is always a value.
     """
 
     table: str
@@ -62,9 +62,9 @@ class Place:
     def text(self, words: Sequence[int]) -> str:
         """Return the number as text; ``nan`` for a missing value.
 
-        A value is missing if the device says so, or if it is denormalised, such as a pressure of 1e-40 bar
-        from the wrong byte or word order: no measurement is so small, and an interlock would take it for
-        zero.
+        A value is missing if the register has the content `invalid`, or if it is a denormalised number, such
+        as a pressure of 1e-40 bar from the wrong byte or word order: no measurement is that small, and an
+        interlock would take it for zero.
         """
         found = self._unpacked(words)
         if isinstance(found, float):
@@ -85,7 +85,7 @@ class Place:
         Raises
         ------
         ValueError
-            the number does not fit.
+            the number is out of the range of its type.
         """
         raw = (number - self.offset) / self.scale
         if not math.isfinite(raw):
@@ -105,6 +105,6 @@ class Place:
         return struct.unpack(_FORMATS[self.kind], packed)[0]
 
     def _ordered(self, words: Sequence[int]) -> list[int]:
-        """Return the words with bytes or words swapped, which is its own inverse."""
+        """Return the words with bytes or words swapped as configured; its own inverse."""
         found = [(word & 0xFF) << 8 | word >> 8 for word in words] if self.swap_bytes else list(words)
         return found[::-1] if self.swap_words else found

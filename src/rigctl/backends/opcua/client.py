@@ -40,7 +40,7 @@ Result = TypeVar("Result")
 
 
 def open_port(url: str, settings: Mapping[str, Any], clock: Clock) -> ClientPort:
-    """The port of an `Address`: ``opc.tcp://host:port/path``.
+    """Open the port of an `Address`: ``opc.tcp://host:port/path``.
 
     Its settings are those of `rigctl.backends.opcua.create.settings_of`.
     """
@@ -58,7 +58,8 @@ class _Item:
     age: bool
 
     def text(self, answer: Any, now: datetime | None) -> str:
-        """Return the number of a node's answer; ``nan`` if it has none, or a bad, old or future one."""
+        """Return the number in a node's answer as text; ``nan`` if there is none, its status is not good, or
+        its time stamp is too old or in the future."""
         source, read_at = answer.SourceTimestamp, answer.ServerTimestamp or now
         age = math.nan if source is None or read_at is None else (read_at - source).total_seconds()
         if self.age:
@@ -66,7 +67,7 @@ class _Item:
         value = None if answer.Value is None else answer.Value.Value
         if not (answer.StatusCode.is_good() and isinstance(value, bool | int | float)):
             return "nan"
-        # a source whose clock is ahead would be fresh until its time has come, though it may have stopped
+        # if the source's clock is ahead, a value looks fresh until that time, even if the source has stopped
         if self.max_age is not None and not abs(age) <= self.max_age:
             return "nan"
         if self.scale == 1.0 and self.offset == 0.0 and not isinstance(value, float):
@@ -102,7 +103,7 @@ class OpcUaClient:
         self._heartbeat = settings["heartbeat"]
         self._count, self._beat_at = 0, -math.inf
         self._types: dict[str, Any] = {}  # types of the nodes that are written
-        self._set: dict[str, tuple[object, str]] = {}  # the last written values, and their text
+        self._set: dict[str, tuple[object, str]] = {}  # the values last written, and their text
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True, name=f"loop of {url}")
         self._thread.start()
@@ -139,7 +140,7 @@ class OpcUaClient:
         self._stop()
 
     def _stop(self) -> None:
-        """End the loop, with the library's remaining tasks."""
+        """Stop the event loop, and the library's remaining tasks."""
 
         async def cancel() -> None:
             others = asyncio.all_tasks() - {asyncio.current_task()}
@@ -154,7 +155,7 @@ class OpcUaClient:
             self._loop.close()
 
     def _waited(self, work: Coroutine[Any, Any, Result], limit: float) -> Result | object:
-        """Return the result of a task in the loop; `_LATE` if it takes longer than `limit` s."""
+        """Return the result of a task in the event loop; `_LATE` if it takes longer than `limit` s."""
         begun: Future[Result] = asyncio.run_coroutine_threadsafe(work, self._loop)
         try:
             return begun.result(limit)
@@ -174,7 +175,7 @@ class OpcUaClient:
         else:
             raise ValueError(f"not understood: {name}")
         if self._heartbeat is not None and time.monotonic() - self._beat_at >= self._heartbeat[1]:
-            await self._beat()  # the caller is alive
+            await self._beat()  # only while the caller is alive
         return answer
 
     async def _who(self) -> str:
@@ -235,7 +236,7 @@ class OpcUaClient:
         try:
             written = ua.DataValue(ua.Variant(value, kind))
             ua.ua_binary.variant_to_binary(written.Value)
-        except Exception:  # noqa: BLE001 - asyncua has an error for each type; sent, it would end the session
+        except Exception:  # noqa: BLE001 - asyncua raises a different error for each type; sending it would end the session
             raise ValueError(f"node {node}: {value:g} is no value of type {kind.name}") from None
         (status,) = await self._session.uaclient.write_attributes([ua.NodeId.from_string(node)], [written])
         status.check()
@@ -246,4 +247,4 @@ class OpcUaClient:
         return value
 
 
-_LATE = object()  # instead of an answer
+_LATE = object()  # returned instead of an answer

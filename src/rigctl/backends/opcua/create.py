@@ -50,7 +50,7 @@ def address_of(rig: Rig, options: Mapping[str, object]) -> Address:
 
 
 def settings_of(server: OpcUa) -> dict[str, Any]:
-    """Return the settings of the client, JSON-compatible."""
+    """Return the client's settings, which are JSON-compatible."""
     who, beat = server.identify, server.heartbeat
     return {
         "timeout": server.timeout,

@@ -20,7 +20,7 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> Player:
 
     Parameters
     ----------
-    rig: its channels are played.
+    rig: its channels are played back.
     clock: virtual, scaled or real.
     options: ``run`` (an id, the start of one, a path, or ``latest``), ``runs`` (the runs folder; by default
         the project's).

@@ -1,4 +1,4 @@
-"""A recording as a bench: returns its samples at their times, and acknowledges commands."""
+"""Plays back a recorded run as a bench: returns its samples at their times, and acknowledges commands."""
 
 from __future__ import annotations
 
@@ -15,21 +15,22 @@ from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
 
-NEAR = 2.0  #: s
+NEAR = 2.0  #: largest time between a command and the recorded one with which it is aligned, s
 _BLOCK = 1024  # rows converted to tuples at once
 _PATIENCE = 0.5  # fraction of the rig's stale_after: the end is reported before it looks like a silent bench
 
 
 class Player:
-    """A `Backend` that plays a `Recording`.
+    """A `Backend` that plays back a `Recording`.
 
     The first `start` begins the recording; samples arrive at their recorded intervals, regardless of the
     requested rate, with the commands in force at that time. New commands have no effect, but receipts are
     returned as by a bench that times its pulses.
 
-    A repeated procedure uses the same samples, but a wait may end one sample earlier or later, since the
-    recorded bench had a response time. A command that the recording also has within `NEAR` therefore moves
-    the recording to it: strokes begin when they are commanded.
+    If the procedure of the recorded run is repeated, it receives the same samples, but a wait may end one
+    sample earlier or later, since the recorded bench had a response time. A command that was also recorded
+    within `NEAR` s therefore shifts the playback to the recorded one, so that a stroke begins when it is
+    commanded.
 
     Parameters
     ----------
@@ -60,12 +61,12 @@ class Player:
 
     @property
     def outputs_read(self) -> frozenset[str]:
-        """All of them."""
+        """All driven outputs."""
         return driven_outputs(self._rig)
 
     @property
     def outputs_answered(self) -> frozenset[str]:
-        """All of them."""
+        """All driven outputs."""
         return driven_outputs(self._rig)
 
     def open(self) -> None:
@@ -78,11 +79,11 @@ class Player:
         self._passed = 0
 
     def close(self) -> None:
-        """Forget the recording."""
+        """Release the recording."""
         self._recording = None
 
     def start(self, rate: float) -> None:
-        """Start or continue playing."""
+        """Start or continue the playback; `rate` is only checked."""
         self._opened()
         if not (math.isfinite(rate) and rate > 0.0):
             raise RigctlError("not a sampling rate", value=f"{rate:g} Hz", expected="e.g. '100 Hz'")
@@ -95,7 +96,7 @@ class Player:
         Raises
         ------
         BackendLost
-            the recording has ended some time ago, since a wait in progress at its end may still finish.
+            the recording ended some time ago; not at once, so that a wait in progress at its end can finish.
         """
         recording = self._opened()
         deadline = self.clock.now() + timeout
@@ -105,7 +106,7 @@ class Player:
         if not self._rows:
             self._rows = self._next_rows(recording)
         if not self._rows:
-            self._outlast(self._origin + float(recording.times[-1]), deadline)
+            self._wait_at_end(self._origin + float(recording.times[-1]), deadline)
             return None
         when = self._origin + self._rows[-1][0]
         if when > deadline:
@@ -120,7 +121,7 @@ class Player:
         recording = self._opened()
         check_command(self._rig, actuator, value, duration)
         now = self.clock.now()
-        self._meet(recording, actuator, value, now)
+        self._align(recording, actuator, value, now)
         self._pulse_ends.pop(actuator, None)
         if duration is not None:
             self._pulse_ends[actuator] = now + duration
@@ -142,7 +143,7 @@ class Player:
         return []
 
     def safe(self) -> None:
-        """Forget pulses; nothing can move."""
+        """Discard pulses; nothing can move."""
         self._opened()
         self._pulse_ends.clear()
 
@@ -151,8 +152,8 @@ class Player:
             raise BackendLost("the recording is not open")
         return self._recording
 
-    def _meet(self, recording: Recording, actuator: str, value: float, now: float) -> None:
-        """Move the recording to the same command, if that is near."""
+    def _align(self, recording: Recording, actuator: str, value: float, now: float) -> None:
+        """Shift the playback to the same command in the recording, if there is one within `NEAR` s."""
         if self._origin is None:
             return
         position = now - self._origin
@@ -174,8 +175,8 @@ class Player:
         rows = zip(times, recording.values[part].tolist(), recording.commands[part].tolist(), strict=True)
         return list(rows)[::-1]
 
-    def _outlast(self, last: float, deadline: float) -> None:
-        """Wait without samples for half the time after which silence is a fault."""
+    def _wait_at_end(self, last: float, deadline: float) -> None:
+        """Wait without samples until `_PATIENCE` of the time after which silence counts as a fault."""
         given_up = last + _PATIENCE * self._rig.stale_after
         self.clock.sleep_until(min(deadline, given_up))
         if deadline >= given_up:

@@ -1,4 +1,4 @@
-"""A recorded run for the player."""
+"""A recorded run, read for playback."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Switch:
-    """A command of the recorded run: s since the first sample, and the SI value."""
+    """A command of the recorded run: time since the first sample, s, actuator and SI value."""
 
     time: float
     actuator: str
@@ -44,7 +44,7 @@ class Recording:
 
 
 def read_recording(run: Run, rig: Rig) -> Recording:
-    """Read the samples of a run, for a rig with these channels.
+    """Read the samples of a run, in the layout of a rig.
 
     Raises
     ------
@@ -75,8 +75,8 @@ def read_recording(run: Run, rig: Rig) -> Recording:
 
 
 def continuous_time(times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the time since the first sample; where it goes back, as in imports whose records start at zero,
-    the next record follows after one median step."""
+    """Return the time since the first sample, s; where it steps back, as in imports whose records all start
+    at zero, the next record follows after one median sampling interval."""
     steps = np.diff(times, prepend=times[:1])
     forward = steps[steps > 0.0]
     steps[steps < 0.0] = np.median(forward) if len(forward) else 0.0
@@ -88,9 +88,10 @@ def _switches(run: Run, times: NDArray[np.float64]) -> tuple[Switch, ...]:
     if np.any(np.diff(times) < 0.0):
         return ()
     events = run.table("events").select(["time", "kind", "data"]).to_pylist()
-    told = [(event["time"], json.loads(event["data"])) for event in events if event["kind"] == "command"]
+    commands = [(event["time"], json.loads(event["data"])) for event in events if event["kind"] == "command"]
     return tuple(
-        Switch(float(time) - float(times[0]), data["actuator"], float(data["value"])) for time, data in told
+        Switch(float(time) - float(times[0]), data["actuator"], float(data["value"]))
+        for time, data in commands
     )
 
 

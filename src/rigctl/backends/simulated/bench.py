@@ -1,4 +1,4 @@
-"""The simulated bench as a backend: sampled on a grid of an injected clock."""
+"""The simulated bench as a backend, sampled on a regular grid of an injected clock."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.rig import Rig
 
-#: s; a sample's time and the end of a wait are the same sum with different rounding
+#: s; a sample's time and the end of a wait may be the same sum, rounded differently
 _ROUNDING = 1e-9
 
 
 class SimulatedBench:
-    """A `Backend` with a simulated bench.
+    """A `Backend` for a simulated bench.
 
-    A sample at time t shows the bench after every switch up to and including t. Samples are exactly at
+    A sample at time t shows the bench after all switches up to and including t. Samples are taken exactly at
     ``start + k/rate``; a late caller receives all of them. On a virtual clock, two runs with the same seed
     and the same calls have identical samples.
 
@@ -58,17 +58,17 @@ class SimulatedBench:
         self._index = 0  # number of the next sample on the grid
         self._missed = 0  # samples lost since the last one that arrived
         self._lost_at: float | None = None  # clock time of the loss of contact
-        self._told: dict[str, float] = {}  # commands of driven actuators since they were safe
+        self._commanded: dict[str, float] = {}  # commands to driven actuators since they were last made safe
         self._notices: list[Notice] = []
 
     @property
     def outputs_read(self) -> frozenset[str]:
-        """All of them."""
+        """All driven outputs."""
         return driven_outputs(self._rig)
 
     @property
     def outputs_answered(self) -> frozenset[str]:
-        """All of them."""
+        """All driven outputs."""
         return driven_outputs(self._rig)
 
     def open(self) -> None:
@@ -111,7 +111,7 @@ class SimulatedBench:
         check_command(self._rig, actuator, value, duration)
         when = device.command(actuator, value, self._reached() - self._origin, duration)
         if self._rig.actuators[actuator].by == "driven":
-            self._told[actuator] = value
+            self._commanded[actuator] = value
         return PendingCommand.answered(CommandReceipt(when + self._origin, actuator, value))
 
     def take_receipts(self) -> list[CommandReceipt]:
@@ -121,7 +121,7 @@ class SimulatedBench:
             self._catch_up(device)
         taken, device.receipts = device.receipts, []
         for receipt in taken:
-            self._told[receipt.actuator] = receipt.value
+            self._commanded[receipt.actuator] = receipt.value
         return [replace(receipt, time=receipt.time + self._origin) for receipt in taken]
 
     def take_notices(self) -> list[Notice]:
@@ -138,7 +138,7 @@ class SimulatedBench:
         if not self._link.perfect and self._link.back_at(now) > now:
             raise _lost()
         device.make_safe(now)
-        self._told.clear()
+        self._commanded.clear()
         self._catch_up(device)
 
     def _opened(self) -> Device:
@@ -147,18 +147,18 @@ class SimulatedBench:
         return self._device
 
     def _catch_up(self, device: Device) -> None:
-        """Advance the device to now, unless an earlier sample is still to be taken."""
+        """Advance the device to now, unless an earlier sample has yet to be taken."""
         now = self.clock.now()
         if self._rate == 0.0 or self._start + self._index / self._rate > now:
             device.run_to(max(device.time, now - self._origin))
 
     def _next_arriving(self, deadline: float) -> float:
-        """Return the clock time of the next sample that arrives, or of the first after `deadline`.
+        """Return the clock time of the next sample that is not lost, or of the first one after `deadline`.
 
         Raises
         ------
         BackendLost
-            the bench is gone for good by then.
+            contact is lost for good before that.
         """
         if self._rate == 0.0:
             return math.inf
@@ -177,7 +177,7 @@ class SimulatedBench:
         return when
 
     def _reached(self) -> float:
-        """Return the current time; raises if the bench cannot be reached now."""
+        """Return the current clock time; raises `OutOfReach` or `BackendLost` if there is no contact."""
         now = self.clock.now()
         if self._link.perfect:
             return now
@@ -189,21 +189,21 @@ class SimulatedBench:
         return now
 
     def _make_safe_again(self, device: Device, when: float) -> list[str]:
-        """Make actuators safe after a loss, as a host does with a real bench that is back.
+        """Make actuators safe after a loss of contact, as a host does with a real bench that has returned.
 
-        The time at which they were switched off is only known to be within the loss.
+        The time at which they were switched off is known only to lie within the loss.
         """
         if self._lost_at is None:
             return []
         for receipt in device.receipts:  # pulses that ended normally
-            self._told[receipt.actuator] = receipt.value
+            self._commanded[receipt.actuator] = receipt.value
         resting = {name: float(value) for name, value in self._rig.safe_state.items()}
-        switched_off = [name for name, value in self._told.items() if value != resting.get(name, value)]
+        switched_off = [name for name, value in self._commanded.items() if value != resting.get(name, value)]
         now, half = when - self._origin, 0.5 * (when - self._lost_at)
         device.make_safe(now)
         device.run_to(now)
         device.receipts += [CommandReceipt(now - half, name, resting[name], half) for name in switched_off]
-        self._told.clear()
+        self._commanded.clear()
         self._lost_at = None
         return switched_off
 

@@ -52,10 +52,7 @@ def create(rig: Rig, clock: Clock, options: Mapping[str, object]) -> SimulatedBe
 
 @dataclass(frozen=True)
 class Prepared:
-    """A simulated bench without host and clock, ready to be switched on.
-
-    The emulated board is wired to one.
-    """
+    """A simulated bench without host and clock, ready to be switched on; also used by the emulated board."""
 
     switch_on: Callable[[], Device]
     faults: tuple[Fault, ...]

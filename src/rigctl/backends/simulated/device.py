@@ -21,10 +21,10 @@ WATCHDOG = 2.0
 
 
 class Device:
-    """The events on the bench, at exact times in s since it was switched on.
+    """A simulation of the bench by events at exact times, in s since it was switched on.
 
     The plant is advanced from event to event (switches, ends of pulses, the operator's actions, faults), so
-    that a pulse has exactly its commanded duration, independent of the samples.
+    that a pulse has exactly its commanded duration, independently of the samples.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class Device:
 
     @property
     def next_event(self) -> float:
-        """Time of the next switch, end of a pulse or fault; infinite without one."""
+        """Time of the next event, s; infinite if there is none."""
         return self._schedule.next_time
 
     def run_to(self, time: float) -> None:
@@ -76,9 +76,9 @@ class Device:
         return self._outputs.row
 
     def command(self, actuator: str, value: float, at: float, duration: float | None) -> float:
-        """Switch an actuator at `at` or, if that has passed, now; an operator responds after a delay.
+        """Schedule a switch at time `at`, or now if that has passed; an operator responds after a delay.
 
-        Returns the time of the switch.
+        With `duration`, s, the actuator then returns to its safe value. Returns the time of the switch.
         """
         when = max(at, self.time)
         if self._rig.actuators[actuator].by == "operator":
@@ -87,7 +87,7 @@ class Device:
         return when
 
     def make_safe(self, time: float) -> None:
-        """Switch every driven actuator to its safe value at `time`, and drop other commands."""
+        """Switch every driven actuator to its safe value at `time`, and drop all other commands."""
         self._schedule.drop_commands()
         self._pulse_ends.clear()
         for actuator, value in self._rig.safe_state.items():

@@ -8,12 +8,12 @@ from collections.abc import Callable, Mapping
 from rigctl.backends.simulated.sensors import Failure, Sensor
 from rigctl.rig import Channel
 
-#: default range, in standard deviations of the channel's noise
+#: assumed width of the possible range if it is unlimited, in standard deviations of the channel's noise
 _NOISES = 1000.0
 
 
 def stuck() -> Failure:
-    """Repeats the first value after its start."""
+    """Repeats the first reading after the start of the failure."""
     held: list[float] = []
 
     def read(sensor: Sensor, true: float, z: float) -> float:
@@ -25,8 +25,8 @@ def stuck() -> Failure:
 
 
 def open_circuit() -> Failure:
-    """Reads the end of the converter's range that is outside the possible range, if the rig file allows a
-    broken wire to be detected; otherwise there is no value."""
+    """Reads the end of the converter's range that lies outside the channel's possible range, where the rig
+    file allows a broken wire to be detected in this way; otherwise no value."""
 
     def read(sensor: Sensor, true: float, z: float) -> float:
         ends = converter_range(sensor.channel)
@@ -36,7 +36,8 @@ def open_circuit() -> Failure:
 
 
 def noisy() -> Failure:
-    """Adds white noise of a tenth of the possible range, or of 100 times its own if that is unknown."""
+    """Adds white noise whose standard deviation is a tenth of the possible range, or 100 times that of the
+    channel's noise if the range is unlimited."""
 
     def read(sensor: Sensor, true: float, z: float) -> float:
         return sensor.convert(true + 0.1 * _span(sensor.channel) * z)
@@ -45,7 +46,7 @@ def noisy() -> Failure:
 
 
 def out_of_range() -> Failure:
-    """Reads a tenth of the range above the possible maximum; no value if the range is unlimited."""
+    """Reads a tenth of the range more than the possible maximum; no value if the range is unlimited."""
 
     def read(sensor: Sensor, true: float, z: float) -> float:
         high = possible_range(sensor.channel)[1]
@@ -54,7 +55,7 @@ def out_of_range() -> Failure:
     return read
 
 
-#: fault kind -> a new failure
+#: kind of fault -> function that makes the failure
 SENSOR_FAILURES: Mapping[str, Callable[[], Failure]] = {
     "sensor_stuck": stuck,
     "sensor_open": open_circuit,
@@ -78,6 +79,6 @@ def possible_range(channel: Channel) -> tuple[float, float]:
 
 
 def _span(channel: Channel) -> float:
-    """Return the width of the possible range; derived from the noise without a range and a converter."""
+    """Return the width of the possible range; if it is unlimited, a width derived from the noise."""
     low, high = possible_range(channel)
     return high - low if math.isfinite(high - low) else _NOISES * (float(channel.noise or 0.0) or 1.0)

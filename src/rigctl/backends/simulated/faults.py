@@ -1,6 +1,6 @@
 """Faults that can be injected: ``KIND[:CHANNEL]@TIME`` or ``KIND[:CHANNEL]@TIME..TIME``.
 
-``sensor_stuck:position@12 s`` sticks from 12 s after the bench was opened on;
+With ``sensor_stuck:position@12 s`` the reading is stuck from 12 s after opening the bench until the end;
 ``samples_stop@30 s..33 s`` ends after three seconds.
 """
 
@@ -15,7 +15,7 @@ from rigctl.errors import RigctlError, unknown_name
 from rigctl.rig import Rig
 from rigctl.units import read_si
 
-#: kind -> what happens, in the words of the help text
+#: kind -> its effect, as described in the help text
 KINDS: Mapping[str, str] = {
     "sensor_stuck": "the channel holds the value it has then",
     "sensor_open": "the channel gives no value any more",
@@ -40,7 +40,7 @@ class Fault:
     ----------
     kind: one of `KINDS`.
     channel: the affected channel, if the kind needs one or the user named one.
-    begin, end: s since the bench was opened; `end` is infinite for a fault that stays.
+    begin, end: s since the bench was opened; `end` is infinite for a permanent fault.
     """
 
     kind: str
@@ -60,7 +60,8 @@ def parse_fault(text: str, rig: Rig) -> Fault:
     Raises
     ------
     RigctlError
-        the text is not a fault, or kind, channel or time is wrong; names the nearest valid one.
+        the text is not a fault, or its kind, channel or time is invalid; the message names the nearest valid
+        one.
     """
     match = _GRAMMAR.match(text)
     if not match:
@@ -92,7 +93,7 @@ def _time(fault: str, text: str) -> float:
 
 
 def _check_target(text: str, kind: str, channel: str | None, rig: Rig) -> None:
-    """Check that the channel of a fault, and the affected part, exist on this rig."""
+    """Check that the rig has the channel of a fault, and the actuator that it affects."""
     by_channel = controlled_channels(rig)
     if kind.startswith("sensor_"):
         if not channel:
@@ -113,7 +114,8 @@ def _check_target(text: str, kind: str, channel: str | None, rig: Rig) -> None:
 
 
 def seized_by(fault: Fault, rig: Rig) -> dict[str, float | None]:
-    """Return the actuators that ignore commands, with the SI value at which each sticks (None: as it is)."""
+    """Return the actuators that ignore commands, each with the SI value at which it sticks; None: its present
+    one."""
     if fault.kind == "heater_stuck_on" and rig.roles.heat is not None:
         heater = rig.roles.heat.actuator
         return {heater: full_value(rig, heater)}

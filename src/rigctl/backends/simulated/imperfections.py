@@ -12,7 +12,7 @@ from rigctl.backends.simulated.faults import Fault
 
 
 class Purpose(IntEnum):
-    """The purpose of random numbers; each has a separate stream, so that they do not affect each other."""
+    """What random numbers are drawn for; each purpose has its own stream, so that none affects another."""
 
     SENSORS = 0
     SETTINGS = 1
@@ -20,15 +20,15 @@ class Purpose(IntEnum):
 
 @dataclass(frozen=True)
 class Imperfections:
-    """Noise, scatter and faults; all random numbers are determined by `seed`.
+    """Noise, scatter and faults of a simulated bench.
 
     Parameters
     ----------
-    seed: of every random number.
-    noise: whether sensors are noisy.
-    quantised: whether converters have a finite number of codes.
-    scatter: by actuator, the relative standard deviation of its actual setting.
-    answer_delay: response time of the operator, s.
+    seed: determines all random numbers.
+    noise: whether the sensors are noisy.
+    quantised: whether the readings are quantised by the converters.
+    scatter: by actuator, the relative standard deviation of its actual setting about the commanded one.
+    answer_delay: response time of the simulated operator, s.
     faults: the faults and their times.
     """
 

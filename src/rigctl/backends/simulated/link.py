@@ -1,4 +1,4 @@
-"""The line between host and simulated bench: the times at which it is dead, or only the samples stop."""
+"""The line between host and simulated bench: when it is dead, and when only the samples are missing."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Link:
         return any(begin <= time < end for begin, end in self._silences)
 
     def back_at(self, time: float) -> float:
-        """Return when the bench can be reached: `time` itself, the end of the loss, or infinity."""
+        """Return when the bench can next be reached, s: `time` itself, the end of the loss, or infinity."""
         return max((end for begin, end in self.losses if begin <= time < end), default=time)
 
 

@@ -1,4 +1,4 @@
-"""A plant from a model: its equations, advanced from event to event."""
+"""A plant that is simulated with a model: its equations are integrated from event to event."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from rigctl.rig import Rig
 
 
 class ModelPlant:
-    """A model behind the channels and actuators of a rig.
+    """A plant whose true values are the outputs of a model.
 
-    The rig's ``simulation`` gives the initial value of each state with a channel, the ambient temperature,
-    and whether the pump runs. A channel that is neither in the model nor one of its inputs keeps its initial
-    value.
+    The rig's ``simulation`` gives the initial value of each state that has a channel, the ambient
+    temperature, and whether the pump is running. A channel that is neither an output nor an input of the
+    model keeps its initial value.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class ModelPlant:
                 for effect, parameters in model.effects.items()
             },
             {parameter.name: model.values[parameter.name] for parameter in model.family.parameters},
-            initial={s.name: initial[s.name] for s in model.family.states if _says_start(rig, s.name)},
+            initial={s.name: initial[s.name] for s in model.family.states if _gives_initial(rig, s.name)},
             commands=self._commands,
             own_effects=model.own_effects,
             family=model.family,
@@ -68,7 +68,7 @@ class ModelPlant:
         return self._values
 
     def take_departures(self) -> Sequence[str]:
-        """Return newly left validity ranges of the model's effects, each once."""
+        """Return messages on effects whose range of validity was left since the last call, each only once."""
         if not self._ranges.sides:
             return ()
         stepper = self._stepper
@@ -78,8 +78,8 @@ class ModelPlant:
         return self._ranges.left(known)
 
 
-def _says_start(rig: Rig, state: str) -> bool:
-    """Return whether the rig gives a state's initial reading, directly or by the ambient temperature."""
+def _gives_initial(rig: Rig, state: str) -> bool:
+    """Return whether the rig gives the initial value of a state, directly or by the ambient temperature."""
     if state not in rig.channels:
         return False
     return state in rig.simulation.initial or rig.channels[state].quantity == "temperature"

@@ -11,10 +11,10 @@ from rigctl.rig import Rig
 
 
 class Outputs:
-    """Commanded values and their path to the plant.
+    """The commanded values, and how they are passed to the plant.
 
-    A faulty actuator is *seized*: commands are recorded, but do not reach the plant until it is freed. A
-    setting may have a relative scatter, as from an operator or a proportional valve.
+    A faulty actuator is *seized*: its commands are recorded, but do not affect the plant until it is freed.
+    The actual setting may have a relative scatter, such as that of an operator or a proportional valve.
     """
 
     def __init__(
@@ -47,13 +47,13 @@ class Outputs:
             self._act(actuator)
 
     def seize(self, actuator: str, value: float | None = None) -> None:
-        """Disable commands to `actuator`, and set it to `value` unless it stays as it is."""
+        """Make `actuator` ignore commands, after setting it to `value` if that is not None."""
         self._seized.add(actuator)
         if value is not None:
             self._plant.switch(actuator, value)
 
     def free(self, actuator: str) -> None:
-        """Enable its commands again, at once."""
+        """Make an actuator follow its commands again; the latest one takes effect at once."""
         self._seized.discard(actuator)
         self._act(actuator)
 

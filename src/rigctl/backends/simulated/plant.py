@@ -7,7 +7,7 @@ from typing import Protocol
 
 
 class Plant(Protocol):
-    """True quantities that evolve under switched inputs.
+    """The true quantities of a bench, as functions of time for piecewise constant inputs.
 
     Time is in s since the bench was opened, and only increases.
     """
@@ -18,7 +18,7 @@ class Plant(Protocol):
         ...
 
     def advance(self, time: float) -> None:
-        """Advance the plant to `time` with constant inputs."""
+        """Advance the plant to `time`, s, with constant inputs."""
         ...
 
     def switch(self, actuator: str, value: float) -> None:
@@ -30,5 +30,5 @@ class Plant(Protocol):
         ...
 
     def take_departures(self) -> Sequence[str]:
-        """Return texts for the validity ranges of effects that were left since the last call."""
+        """Return messages on the effects whose range of validity was left since the last call."""
         ...

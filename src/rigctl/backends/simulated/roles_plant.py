@@ -23,7 +23,7 @@ STROKE_TIME = 2.5  #: s for the full range of the position
 
 
 class RolesPlant:
-    """Temperature, pressure and position by the rig's roles.
+    """Temperature, pressure and position that follow the actuators of the rig's roles.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class RolesPlant:
         self._inputs[actuator] = value
 
     def take_departures(self) -> Sequence[str]:
-        """Return nothing, since it has no effects."""
+        """Return no messages, since there are no effects."""
         return ()
 
     def read(self) -> list[float]:

@@ -21,7 +21,7 @@ class Schedule:
         self.next_time = math.inf
 
     def add(self, time: float, action: Action, *, commanded: bool = False) -> int:
-        """Schedule `action` at `time`; return a number for `drop`."""
+        """Schedule `action` at `time`; return its number, for `drop`."""
         number = next(self._number)
         heapq.heappush(self._queue, (time, number, commanded, action))
         self.next_time = self._queue[0][0]
@@ -34,11 +34,11 @@ class Schedule:
         return time, action
 
     def drop(self, number: int) -> None:
-        """Drop one action."""
+        """Remove the action with this number."""
         self._keep([entry for entry in self._queue if entry[1] != number])
 
     def drop_commands(self) -> None:
-        """Drop all commanded actions."""
+        """Remove all actions that were scheduled by commands."""
         self._keep([entry for entry in self._queue if not entry[2]])
 
     def _keep(self, entries: list[tuple[float, int, bool, Action]]) -> None:

@@ -1,8 +1,8 @@
-"""From a true value to the reading: noise, calibration, converter.
+"""Simulated sensors: the reading for a true value, with noise, calibration and converter.
 
-A reading is ``value(code(true + noise·z))``: white noise z ~ N(0, 1), the calibration inverted to raw
-units, rounded to one of the converter's codes and clipped to its range, and the calibration applied again.
-Without a converter in the rig file it is ``true + noise·z``.
+A reading is ``value(code(true + noise·z))`` with white noise z ~ N(0, 1): the noisy value is converted to
+raw units by the inverse calibration, rounded to one of the converter's codes, limited to its range, and
+converted back by the calibration. Without a converter in the rig file it is ``true + noise·z``.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy as np
 
 from rigctl.rig import Channel, Rig
 
-#: a failed sensor: (the sensor, true SI value, standard normal number) -> reading, SI
+#: a sensor failure: (the sensor, true SI value, standard normal number) -> reading, SI
 Failure = Callable[["Sensor", float, float], float]
 
 _BLOCK = 512  # rows of noise drawn at once, since a call of the generator costs more than its numbers
-_TABLE_BITS = 16  # a curved calibration is tabulated up to this resolution
+_TABLE_BITS = 16  # a non-linear calibration is tabulated up to this resolution of the converter
 
 
 class Sensor:
@@ -26,7 +26,7 @@ class Sensor:
 
     Attributes
     ----------
-    convert: the converter: maps an SI value to the nearest possible reading.
+    convert: the quantisation by the converter: maps an SI value to the nearest possible reading.
     failure: its failure, if any.
     """
 
@@ -39,11 +39,11 @@ class Sensor:
         self._noise = float(channel.noise or 0.0) if noise else 0.0
 
     def sound(self, true: float, z: float) -> float:
-        """Return the reading of an intact sensor, SI."""
+        """Return the reading of the sensor without its failure, SI."""
         return self.convert(true + self._noise * z)
 
     def read(self, true: float, z: float) -> float:
-        """Return the reading, SI; NaN for no value."""
+        """Return the reading, SI; NaN for a missing value. `z` is a standard normal number."""
         failure = self.failure
         if failure is not None:
             return failure(self, true, z)
@@ -53,8 +53,8 @@ class Sensor:
 class Sensors:
     """All channels of a rig, in the order of its layout, with one seeded stream of noise.
 
-    The stream depends only on the seed and the number of readings: a failed sensor consumes its numbers as an
-    intact one does, so that the readings of the others do not change.
+    The stream depends only on the seed and the number of readings: a failed sensor uses as many random
+    numbers as an intact one, so that the readings of the others do not change.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ def _converter(channel: Channel) -> Callable[[float], float]:
 
 
 def _straight(channel: Channel) -> Callable[[float], float]:
-    """Quantise to evenly spaced values."""
+    """Return the quantisation to evenly spaced values, for a linear calibration."""
     raw = channel.converter
     last = (1 << raw.bits) - 1
     first_value = channel.value_from_raw(raw.low)
@@ -111,7 +111,7 @@ def _straight(channel: Channel) -> Callable[[float], float]:
 
 
 def _tabulated(channel: Channel) -> Callable[[float], float]:
-    """Quantise on a monotonic curve, by a table of the midpoints between codes."""
+    """Return the quantisation for a monotonic calibration curve, from a table of midpoints between codes."""
     raw = channel.converter
     codes = range(1 << raw.bits)
     values = [channel.value_from_raw(raw.low + code * raw.step) for code in codes]

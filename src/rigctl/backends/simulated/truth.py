@@ -1,4 +1,4 @@
-"""The model of the simulated bench: the rig's family or a model file, with hidden effects."""
+"""The true model of the simulated bench: the rig's family or a model file, with hidden effects."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from rigctl.rig import Rig
 
 
 def read_truth(rig: Rig, model_file: Path | None, effects: Sequence[str]) -> Model:
-    """Read the model of the bench.
+    """Read the true model of the bench.
 
     Parameters
     ----------
     rig: the simulated bench; the model's outputs are its channels.
-    model_file: its parameters and effects; by default the rig's family without effects.
-    effects: further ones, e.g. ``piston_leakage:clearance=30 um`` or ``my-effect.yaml``; omitted sizes are
-        typical ones.
+    model_file: the file with its parameters and effects; by default the rig's family without effects.
+    effects: further effects, e.g. ``piston_leakage:clearance=30 um`` or ``my-effect.yaml``; parameters
+        without a value have their typical ones.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def read_truth(rig: Rig, model_file: Path | None, effects: Sequence[str]) -> Mod
 
 
 def describe(model: Model) -> str:
-    """Describe the model briefly: its origin, and its effects with their SI values."""
+    """Return a brief description of the model: its origin, and its effects with their SI values."""
     origin = str(model.path) if model.path is not None else model.family.name
     effects = [
         f"{name} ({', '.join(f'{key}={value.si:.6g}' for key, value in values.items())})"

@@ -1,7 +1,7 @@
-"""The USB adapter behind a serial port, which must be the same one after a loss of contact.
+"""Checks that a serial port has the same USB adapter after a loss of contact.
 
-Names such as ``/dev/ttyACM0`` and ``COM3`` depend on the order in which adapters appear: after a fault of a
-hub the port may lead to another bench with a device of the same kind.
+Names such as ``/dev/ttyACM0`` and ``COM3`` depend on the order in which adapters are detected: after a fault
+of a hub the name may refer to another bench with a device of the same kind.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from rigctl.errors import RigctlError
 
 
 def usb_serial_numbers() -> dict[str, str]:
-    """USB serial numbers of the serial ports of this computer that have one, by the device's name."""
+    """Return the USB serial numbers of this computer's serial ports that have one, by name of the device."""
     from serial.tools.list_ports import comports
 
     return {port.device: port.serial_number for port in comports() if port.serial_number}
@@ -23,15 +23,15 @@ def usb_serial_numbers() -> dict[str, str]:
 def same_adapter(
     connect: Connect, device: str, numbers: Callable[[], dict[str, str]] = usb_serial_numbers
 ) -> Connect:
-    """Refuse to open a port again if another USB adapter is there than at the first time.
+    """Return `connect` with a check that refuses to reopen the port if its USB adapter is a different one.
 
-    This is checked before the port is opened, which would restart an Arduino.
+    The check precedes the opening of the port, which would restart an Arduino.
 
     Parameters
     ----------
     connect: opens the port.
-    device: its name, possibly a link; anything else than a serial port of this computer is always accepted.
-    numbers: returns the USB serial numbers by the device's name.
+    device: its name, possibly a link; anything other than a serial port of this computer is always accepted.
+    numbers: returns the USB serial numbers by name of the device.
     """
     known: str | None = None
 

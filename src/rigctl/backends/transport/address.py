@@ -1,4 +1,4 @@
-"""The address of a bench, which can be passed to its guard: kind of port, address and settings."""
+"""The address of a bench: kind of port, address and settings; it can be passed to the guard."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class Address:
 
     Parameters
     ----------
-    kind: of the port: ``serial``, ``modbus``, …
+    kind: kind of port: ``serial``, ``modbus``, …
     url: its address.
-    settings: other settings of this kind, JSON-compatible.
+    settings: other settings for this kind of port, JSON-compatible.
     """
 
     kind: str

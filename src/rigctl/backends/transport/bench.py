@@ -1,4 +1,4 @@
-"""A bench on a port with any protocol: opening, closing, loss and reconnection."""
+"""A bench on a port, with any protocol: opening, closing, loss of contact and reconnection."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class PortBench(ABC, Generic[Contact]):
     connect: opens the port; called again after a loss.
     kind: ``serial``, ``emulated``, …, for the identity.
     reconnect: s allowed for a lost device to return.
-    identity: other facts known before the bench answers.
+    identity: further entries of the identity that are known before the device answers.
     by_hand: called when the operator turns something, if the operator is emulated too.
 
     Attributes
@@ -58,7 +58,7 @@ class PortBench(ABC, Generic[Contact]):
         self._rig = rig
         self._connect = connect
         self._reconnection = Reconnection(
-            clock, connect, lambda port: self._meet(port, again=True), reconnect
+            clock, connect, lambda port: self._identify(port, again=True), reconnect
         )
         self._by_hand = by_hand
         self._outbox = Outbox(clock)
@@ -67,25 +67,25 @@ class PortBench(ABC, Generic[Contact]):
         self._rate = 0.0
         self._ends: dict[str, float] = {}  # ends of pulses timed by the host, s
         self._answered = False  # whether a command was answered since `next_sample` was called
-        self._cut_off: set[str] = set()  # actuators driven, or possibly driven, at the loss of contact
-        self._over_said = False
+        self._cut_off: set[str] = set()  # actuators driven, or possibly driven, when contact was lost
+        self._failure_announced = False
 
-    # --- what a kind of device adds -----------------------------------------------------------------------
+    # --- to be implemented for each kind of device --------------------------------------------------------
 
     @abstractmethod
-    def _meet(self, port: Port, *, again: bool) -> DeviceIdentification[Contact]:
-        """Start identifying the device on a port that has just been opened, or `again` after a loss.
+    def _identify(self, port: Port, *, again: bool) -> DeviceIdentification[Contact]:
+        """Start to identify the device on a port just opened, or `again` on a port reopened after a loss.
 
-        The result is the right device, with outputs safe, and sampling as before.
+        At its end the device has been verified, its outputs are safe, and it is sampling as before.
         """
 
     @abstractmethod
-    def _let_go(self, contact: Contact) -> None:
+    def _safe_for_closing(self, contact: Contact) -> None:
         """Make outputs safe before closing; may raise `PortLost` and `Refused`."""
 
     @abstractmethod
     def _check_rate(self, rate: float) -> None:
-        """Refuse a rate that the device does not support."""
+        """Refuse a sampling rate that the device does not support."""
 
     @abstractmethod
     def _begin_sampling(self) -> None:
@@ -93,7 +93,7 @@ class PortBench(ABC, Generic[Contact]):
 
     @abstractmethod
     def _advance(self, contact: Contact, until: float) -> None:
-        """Let time pass up to `until`, or until something has arrived or is due; may raise `PortLost`."""
+        """Let time pass until `until`, or until something has arrived or is due; may raise `PortLost`."""
 
     @abstractmethod
     def _put(self, actuator: str, value: float, duration: float | None, *, asked_for: bool) -> PendingCommand:
@@ -111,27 +111,27 @@ class PortBench(ABC, Generic[Contact]):
 
     @abstractmethod
     def _unanswered(self) -> list[PendingCommand]:
-        """Return commands that may have been executed without an answer."""
+        """Return the unanswered commands, which may have been executed."""
 
     @abstractmethod
     def _drop_orders(self, why: str) -> None:
-        """Abandon the query in progress and those that follow."""
+        """Abandon the exchange in progress and the pending commands, for the reason `why`."""
 
     @abstractmethod
-    def _part(self, contact: Contact, error: PortLost) -> tuple[str, Port | None]:
-        """Handle a loss of contact; return further facts, and the port on which to search first.
+    def _handle_loss(self, contact: Contact, error: PortLost) -> tuple[str, Port | None]:
+        """Handle a loss of contact; return details for the message, and the port if it is still usable.
 
-        A port that is not usable for that is closed.
+        A port that is no longer usable is closed.
         """
 
     @abstractmethod
-    def _leave_out(self, lost_at: float) -> int:
-        """Return the number of samples lost so far, which will not be recovered."""
+    def _skip_missing(self, lost_at: float) -> int:
+        """Return the number of samples lost since contact was lost at `lost_at`."""
 
     @property
     @abstractmethod
-    def _over(self) -> str:
-        """Return why the device no longer works or cannot be trusted; empty otherwise."""
+    def _failure(self) -> str:
+        """Why the device has stopped working or can no longer be trusted; empty otherwise."""
 
     # --- open and close -----------------------------------------------------------------------------------
 
@@ -140,7 +140,7 @@ class PortBench(ABC, Generic[Contact]):
         port: Port | None = None
         try:
             port = self._connect()
-            self._contact = self._meet(port, again=False).carry_through()
+            self._contact = self._identify(port, again=False).carry_through()
         except BaseException as error:
             if port is not None:
                 port.close()
@@ -158,7 +158,7 @@ class PortBench(ABC, Generic[Contact]):
         if contact is None:
             return
         with suppress(PortLost, Refused):  # left to the device's guard or watchdog
-            self._let_go(contact)
+            self._safe_for_closing(contact)
         contact.port.close()
 
     # --- samples ------------------------------------------------------------------------------------------
@@ -178,10 +178,10 @@ class PortBench(ABC, Generic[Contact]):
         deadline = self.clock.now() + timeout
         self._answered = False
         while not self._outbox.samples:
-            if self._over:
-                if self._over_said:
-                    raise BackendLost(self._over)
-                self._over_said = True  # its notices and receipts must be fetched first
+            if self._failure:
+                if self._failure_announced:
+                    raise BackendLost(self._failure)
+                self._failure_announced = True  # raise at the next call: notices must be fetched first
                 return None
             if self._answered or self.clock.now() >= deadline:
                 return None
@@ -225,7 +225,7 @@ class PortBench(ABC, Generic[Contact]):
             self._lose(error)
             raise BackendLost(f"the outputs may not be safe: {error}") from None
 
-    # --- inside -------------------------------------------------------------------------------------------
+    # --- internal -----------------------------------------------------------------------------------------
 
     def _check_open(self) -> None:
         if not self._opened:
@@ -238,24 +238,24 @@ class PortBench(ABC, Generic[Contact]):
         return self._contact
 
     def _pending(self, actuator: str, value: float) -> PendingCommand:
-        """Return a pending command for one about to be sent."""
+        """Return the `PendingCommand` for a command that is about to be sent."""
         return PendingCommand(actuator, value, lambda: self._pump(math.inf))
 
     def _resting(self) -> dict[str, float]:
         return {name: float(value) for name, value in self._rig.safe_state.items()}
 
     def _driven(self) -> set[str]:
-        """Return actuators commanded to a value other than the safe one."""
+        """Return the actuators whose commanded value is not the safe one."""
         commanded = self._outbox.commanded
         return {name for name, value in self._resting().items() if commanded.get(name) != value}
 
     def _note_safe(self) -> None:
-        """Record that the device was made safe; for a new one, all its actuators."""
+        """Record the safe values as commanded; 0 for other actuators that were never commanded."""
         commanded = self._outbox.commanded
         self._outbox.commanded = dict.fromkeys(self._rig.actuators, 0.0) | commanded | self._resting()
 
     def _pump(self, until: float) -> None:
-        """Let time pass up to `until`, or until something arrives or is due."""
+        """Let time pass until `until`, or until something arrives or is due."""
         self._end_pulses()
         contact = self._contact
         if contact is None:
@@ -269,11 +269,11 @@ class PortBench(ABC, Generic[Contact]):
     def _end_pulses(self) -> None:
         for actuator in [name for name, end in self._ends.items() if end <= self.clock.now()]:
             del self._ends[actuator]
-            with suppress(BackendLost):  # a device that reconnects is made safe first
+            with suppress(BackendLost):  # a device that is reconnected is made safe anyway
                 self._put(actuator, float(self._rig.safe_state[actuator]), None, asked_for=False)
 
     def _doubt(self, pending: PendingCommand) -> None:
-        """Record that a command may have been executed when contact was lost."""
+        """Record that a command may have been executed before contact was lost."""
         if pending.value != self._resting().get(pending.actuator):
             self._cut_off.add(pending.actuator)
 
@@ -283,7 +283,7 @@ class PortBench(ABC, Generic[Contact]):
         for pending in self._unanswered():
             self._doubt(pending)
         self._drop_orders(f"contact with the {self.device} is lost: {error}")
-        details, kept = ("", None) if contact is None else self._part(contact, error)
+        details, kept = ("", None) if contact is None else self._handle_loss(contact, error)
         self._cut_off |= self._driven()
         self._reconnection.begin(f"{error}{details}", kept)
         self._outbox.notice("fault", f"contact with the {self.device} is lost: {error}{details}")
@@ -298,10 +298,10 @@ class PortBench(ABC, Generic[Contact]):
         self._outbox.notice("note", f"the {self.device} is back after {now - lost_at:.1f} s, outputs safe")
         resting, switched_off = self._resting(), sorted(self._cut_off)
         self._cut_off.clear()
-        half = 0.5 * (now - lost_at)  # the exact time at which they went off is unknown
+        half = 0.5 * (now - lost_at)  # they were switched off at an unknown time during the loss
         self._outbox.receipts += [
             CommandReceipt(now - half, name, resting[name], half) for name in switched_off
         ]
-        missed = self._leave_out(lost_at)
+        missed = self._skip_missing(lost_at)
         if missed > 0 or switched_off:
             self._outbox.gap(missed, cause=self._reconnection.why, switched_off=switched_off)

@@ -1,7 +1,7 @@
-"""A port for a protocol library: lines in, lines out, with the library in a separate thread.
+"""A line-based port to a protocol library, which runs in a separate thread.
 
-A protocol library blocks while its device is silent. With this port only its thread waits for it, and the
-line-based code for queries, guards and reconnection works with any protocol.
+A protocol library blocks while its device is silent. With this port only the library's thread blocks, and the
+line-based code for queries, guards and reconnection can be used with any protocol.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from rigctl.backends.transport.port import PortLost
 from rigctl.clock import Clock
 
 _LONGEST_WAIT = 0.5  # s of wall time in one read
-_ENDS_WITHIN = 0.2  # s; after this, a library that still waits for its device is abandoned
-_GIVES_WAY = 10.0  # s that the next port to the device waits for that library
+_ENDS_WITHIN = 0.2  # s after which a library that is still waiting for its device is abandoned
+_GIVES_WAY = 10.0  # s for which the next port to the same device waits for an abandoned library to end
 
-#: by device, the thread of the last opened port
+#: by device, the thread of the port opened last
 _threads: dict[str, Thread] = {}
 
 
@@ -45,7 +45,7 @@ class Client(Protocol):
 class ClientPort:
     """A `Port` to a `Client`.
 
-    Opening does not wait: a device that cannot be reached is lost as soon as that is known.
+    Opening does not block: if the device cannot be reached, the port is lost as soon as that is known.
 
     Parameters
     ----------
@@ -58,11 +58,11 @@ class ClientPort:
         self.name = name
         self._clock = clock
         self._requests: SimpleQueue[str | None] = SimpleQueue()
-        self._answers: SimpleQueue[bytes | None] = SimpleQueue()  # None if it is lost
+        self._answers: SimpleQueue[bytes | None] = SimpleQueue()  # None if the device is lost
         self._lost: PortLost | None = None
         self._begun = b""
         self._left = False  # the device was silent when the port was closed
-        self._asked = math.inf  # time of the query in progress, s
+        self._asked = math.inf  # start of the query in progress, s; infinite without one
         earlier = _threads.get(name)
         self._thread = Thread(
             target=self._serve, args=(connect, earlier), daemon=True, name=f"client of {name}"
@@ -91,12 +91,12 @@ class ClientPort:
         except Empty:
             return b""
         if answer is None:
-            self._answers.put(None)  # later reads must fail too
+            self._answers.put(None)  # so that later reads fail too
             raise PortLost(str(self._lost))
         return answer
 
     def close(self) -> None:
-        """Close the port; sent commands are executed, unless the device has been silent for long.
+        """Close the port; commands already sent are executed, unless the device has been silent for too long.
 
         Commands that a silent device has not received are dropped, since they might contradict later ones.
         """
@@ -107,7 +107,7 @@ class ClientPort:
             self._left = self._thread.is_alive()
 
     def _serve(self, connect: Callable[[], Client], earlier: Thread | None) -> None:
-        if earlier is not None:  # its outstanding commands precede anything sent from now on
+        if earlier is not None:  # its outstanding commands must precede anything sent from now on
             earlier.join(_GIVES_WAY)
         try:
             client = connect()

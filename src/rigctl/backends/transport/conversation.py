@@ -39,14 +39,14 @@ class Underway(Generic[T]):
         self.go_on()
 
     def go_on(self) -> None:
-        """Resume it, as something has arrived or its time is reached."""
+        """Resume the conversation, because something has arrived or its time is reached."""
         self._step(lambda: next(self._conversation))
 
     def take(self, take: Take, until: float) -> None:
-        """Read until bench time `until` at the latest, and resume; errors are passed to the conversation."""
+        """Read, until bench time `until` at the latest, and resume; errors are raised in the conversation."""
         try:
             take(min(self.until, until))
-        except Exception as error:  # noqa: BLE001 - the conversation interprets it
+        except Exception as error:  # noqa: BLE001 - handled by the conversation
             trouble = error
             self._step(lambda: self._conversation.throw(trouble))
         else:
@@ -66,13 +66,13 @@ class Underway(Generic[T]):
 
     @property
     def result(self) -> T:
-        """Return its result; only after it has ended."""
+        """Return the result of the conversation, which must have ended."""
         if not self.over:
             raise RuntimeError("a conversation that still goes on has no result")
         return self._result  # type: ignore[return-value]
 
     def drop(self) -> None:
-        """Abandon it: nothing more is sent for it."""
+        """Abandon the conversation; it sends nothing more."""
         self.over = True
         self._conversation.close()
 

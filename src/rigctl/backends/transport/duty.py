@@ -1,6 +1,6 @@
 """The commands that make a device safe, and the state of its outputs when its port is closed.
 
-Has few imports, since every guard starts with it.
+Imports little, since every guard loads it when it starts.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from enum import Enum
 
 @dataclass(frozen=True)
 class SafeOrder:
-    """One safe command: its bytes, the lines of its answer, and the value they must repeat."""
+    """One safe command: its bytes, the lines of its answer, and the value that they must contain."""
 
     text: bytes
     reply: tuple[str, ...] = ()
@@ -23,7 +23,7 @@ class Outputs(Enum):
 
     UNTOUCHED = b"untouched"  #: nothing was commanded yet
     SAFE = b"safe"  #: the device has confirmed that they are safe
-    DRIVEN = b"driven"  #: something else was commanded since: its guard continues
+    DRIVEN = b"driven"  #: another command has been sent since: the guard continues
 
 
 class Duty:

@@ -1,11 +1,11 @@
 """The guard: a small separate process that holds the port of a device without a watchdog.
 
-It passes bytes both ways, and makes outputs safe if rigctl is silent for too long or has ended for any
-reason. It knows only the bytes that make the bench safe. If the device does not confirm that it is safe, the
-guard keeps trying, see `rigctl.backends.transport.pursuit`.
+It forwards bytes in both directions, and makes outputs safe if rigctl is silent for too long or has ended for
+any reason. It knows only the commands that make the bench safe. If the device does not confirm that it is
+safe, the guard keeps trying, see `rigctl.backends.transport.pursuit`.
 
-``python -P -m rigctl.backends.transport.guard PORT``, where PORT is the TCP port at which rigctl waits for
-it; the secret that authenticates it is read from stdin.
+It is started by ``python -P -m rigctl.backends.transport.guard PORT``, where PORT is the TCP port on which
+rigctl listens for it; the secret that authenticates it is read from stdin.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from rigctl.backends.transport.pursuit import Pursuit, hold, let_go, take_over
 from rigctl.clock import Clock, real_clock
 from rigctl.errors import RigctlError
 
-_LOOK = 0.1  # s between two checks of the silence of rigctl
+_LOOK = 0.1  # s between two checks whether rigctl is silent
 _PAUSE = 0.05  # s between two safe commands, for devices without a buffer
 _READ = 0.2  # s
 _GIVES_WAY = 2.0  # s for another guard to release the port
@@ -36,7 +36,7 @@ _GIVES_WAY = 2.0  # s for another guard to release the port
 
 @dataclass(frozen=True)
 class Orders:
-    """The guard's orders: the port, the safe commands, and the limit of silence."""
+    """The guard's orders: the port, the safe commands, and the longest permitted silence of rigctl."""
 
     address: Address
     safe: tuple[SafeOrder, ...]
@@ -46,7 +46,7 @@ class Orders:
 
     @property
     def url(self) -> str:
-        """The port, for messages."""
+        """The address of the port, for messages."""
         return self.address.url
 
     def to_json(self) -> bytes:
@@ -62,13 +62,13 @@ class Orders:
     @classmethod
     def from_json(cls, content: bytes) -> Orders:
         """Read orders written by `to_json`."""
-        told = json.loads(content)
-        who = told["identify"]
-        safe = tuple(_order(plain) for plain in told["safe"])
+        fields = json.loads(content)
+        who = fields["identify"]
+        safe = tuple(_order(plain) for plain in fields["safe"])
         return cls(
             **{
-                **told,
-                "address": Address(**told["address"]),
+                **fields,
+                "address": Address(**fields["address"]),
                 "safe": safe,
                 "identify": None if who is None else _order(who),
             }
@@ -96,7 +96,7 @@ class Guard:
         self._sending = threading.Lock()
         self._ended = threading.Event()  # an end was requested
         self._over = threading.Event()  # rigctl no longer listens
-        self._acted = False  # not yet known to rigctl
+        self._acted = False  # it has made outputs safe, and rigctl has not acknowledged that yet
         self._next_act = 0.0
         self._left: Outputs | None = None  # state in which rigctl released the port; None: it has ended
 
@@ -105,8 +105,8 @@ class Guard:
         """Whether an end was requested."""
         return self._ended.is_set()
 
-    def stand(self) -> Outputs | None:
-        """Pass bytes until rigctl releases the port; return the outputs' state, None if rigctl has ended."""
+    def run(self) -> Outputs | None:
+        """Forward bytes until rigctl releases the port; return the outputs' state, None if rigctl ended."""
         listener = threading.Thread(target=self._listen, daemon=True)
         listener.start()
         try:
@@ -119,11 +119,11 @@ class Guard:
         return self._left
 
     def end(self) -> None:
-        """Request it to make outputs safe and end."""
+        """Request that the guard make outputs safe and end."""
         self._ended.set()
 
     def _serve(self) -> Outputs | None:
-        """Run until rigctl releases the port or ends, or the port is lost while rigctl is silent."""
+        """Serve rigctl until it releases the port or ends, or until the port is lost while it is silent."""
         self._connection.settimeout(_LOOK)
         heard = time.monotonic()
         while not self._ended.is_set():
@@ -148,14 +148,14 @@ class Guard:
     def _obey(self, frame: Frame, content: bytes) -> None:
         if frame is Frame.RESUME:
             self._acted = False
-        elif frame is Frame.WRITE and not self._acted:  # rigctl must not undo what it did not know yet
+        elif frame is Frame.WRITE and not self._acted:  # rigctl must not switch outputs on before it knows
             try:
                 self._port.write(content)
             except PortLost as error:
                 self._tell(Frame.LOST, str(error).encode("utf-8"))
 
     def _act(self, silence: float) -> bool:
-        """Make safe, repeatedly while rigctl is silent; return False if the port is lost."""
+        """Make outputs safe, repeatedly while rigctl is silent; return False if the port is lost."""
         now = time.monotonic()
         if self._acted and now < self._next_act:
             return True
@@ -195,7 +195,7 @@ class Guard:
 def main() -> int:
     """Connect to rigctl, open the port that it names, and guard it."""
     secret = sys.stdin.readline().strip()
-    for name in ("SIGINT", "SIGHUP", "SIGBREAK"):  # meant for rigctl, whose reaction is received here
+    for name in ("SIGINT", "SIGHUP", "SIGBREAK"):  # meant for rigctl, to whose reaction the guard responds
         number = getattr(signal, name, None)
         if number is not None:
             signal.signal(number, signal.SIG_IGN)
@@ -214,7 +214,7 @@ def main() -> int:
         signal.signal(signal.SIGTERM, lambda _number, _frame: guard.end())
         send_frame(connection, Frame.OPENED)
         try:
-            left = guard.stand()
+            left = guard.run()
         except BaseException:
             port.close()
             raise
@@ -228,7 +228,7 @@ def main() -> int:
 
 
 def _open(orders: Orders, clock: Clock) -> tuple[Port, bool]:
-    """Open the port; also return whether another guard was making its device safe, which gives way."""
+    """Open the port; also return whether another guard, which is stopped, was making its device safe."""
     give_up = time.monotonic() + _GIVES_WAY
     inherited = False
     while True:
@@ -243,7 +243,7 @@ def _open(orders: Orders, clock: Clock) -> tuple[Port, bool]:
 
 
 def _pursue(guard: Guard, orders: Orders, port: Port, clock: Clock, holding: str) -> bool:
-    """Continue until the device has confirmed that it is safe."""
+    """Continue until the device confirms that it is safe; return False as `Pursuit.carry_out`."""
     pursuit = Pursuit(orders, clock, lambda: orders.address.open(clock), lambda: guard.ended, holding)
     return pursuit.carry_out(port)
 
@@ -261,12 +261,12 @@ def _first(connection: socket.socket) -> bytes:
 
 
 def _refusal(error: RigctlError | PortLost) -> bytes:
-    told = (
+    details = (
         {"what": error.what, "value": error.value, "hint": error.hint}
         if isinstance(error, RigctlError)
         else {"lost": str(error)}
     )
-    return json.dumps(told).encode("utf-8")
+    return json.dumps(details).encode("utf-8")
 
 
 if __name__ == "__main__":

@@ -17,13 +17,13 @@ class Frame(Enum):
     CONFIGURE = b"c"  #: to the guard: port, safe commands, watchdog, as JSON
     WRITE = b"w"  #: to the guard: bytes for the device
     ALIVE = b"a"  #: to the guard: rigctl's loop is running
-    RESUME = b"r"  #: to the guard: rigctl knows that it has acted
-    CLOSE = b"x"  #: to the guard: release the port; with the state of the outputs, see `Duty`
+    RESUME = b"r"  #: to the guard: rigctl knows that the guard has made outputs safe
+    CLOSE = b"x"  #: to the guard: release the port; with the state of the outputs, see `Outputs`
     OPENED = b"o"  #: from the guard: the port is open
     REFUSED = b"e"  #: from the guard: the port cannot be opened, and why, as JSON
-    DATA = b"d"  #: from the guard: bytes of the device
+    DATA = b"d"  #: from the guard: bytes from the device
     LOST = b"l"  #: from the guard: the port is gone, and why
-    ACTED = b"t"  #: from the guard: it has made outputs safe; with the silence in s
+    ACTED = b"t"  #: from the guard: it has made outputs safe; with the duration of the silence, s
 
 
 class FrameReader:

@@ -18,12 +18,12 @@ from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 
 _STARTS_WITHIN = 20.0  # s; Python starts slowly on a busy computer
-_SIGN_OF_LIFE = 0.2  # s between two
-_LONGEST_WAIT = 0.2  # s of wall time in one read, so that signs of life continue
-_ENDS_WITHIN = 3.0  # s
+_SIGN_OF_LIFE = 0.2  # s between two messages to the guard that show that rigctl is alive
+_LONGEST_WAIT = 0.2  # s of wall time in one read, so that these messages continue
+_ENDS_WITHIN = 3.0  # s for the guard's process to end
 
 
-#: guards that continue by themselves
+#: guards that continue after their port was closed
 _GOING_ON: list[subprocess.Popen[str]] = []
 
 
@@ -36,7 +36,7 @@ class GuardActed(PortLost):
 
 
 class GuardedPort:
-    """A `Port` in the guard's process.
+    """A `Port` that the guard's process holds.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class GuardedPort:
         self._data = b""
         self._lost = ""
         self._silence: float | None = None
-        self._told = clock.now()
+        self._last_sent = clock.now()
         self._connection, self._process = _start()
         try:
             self._begin(orders)
@@ -76,7 +76,7 @@ class GuardedPort:
 
     def read(self, until: float) -> bytes:
         """Return what has arrived by bench time `until`, as soon as something has."""
-        if self._clock.now() - self._told >= _SIGN_OF_LIFE:
+        if self._clock.now() - self._last_sent >= _SIGN_OF_LIFE:
             self._tell(Frame.ALIVE)
         if not self._data:
             left = (until - self._clock.now()) / self._clock.speed
@@ -116,10 +116,10 @@ class GuardedPort:
                 raise PortLost(f"the guard of {self.name} has ended")
             for frame, content in self._reader.feed(data):
                 if frame is Frame.REFUSED:
-                    told = json.loads(content)
-                    if "lost" in told:
-                        raise PortLost(told["lost"])
-                    raise RigctlError(told["what"], value=told["value"], hint=told["hint"])
+                    details = json.loads(content)
+                    if "lost" in details:
+                        raise PortLost(details["lost"])
+                    raise RigctlError(details["what"], value=details["value"], hint=details["hint"])
                 if frame is Frame.OPENED:
                     self._connection.settimeout(None)
                     return
@@ -143,7 +143,7 @@ class GuardedPort:
                 self._silence = float(content)
 
     def _check(self) -> None:
-        """Raise the state of the port; that the guard has acted, only once."""
+        """Raise `PortLost` if the port is lost, and `GuardActed` once if the guard has made outputs safe."""
         if self._silence is not None:
             silence, self._silence = self._silence, None
             self._tell(Frame.RESUME)
@@ -152,7 +152,7 @@ class GuardedPort:
             raise PortLost(self._lost)
 
     def _tell(self, frame: Frame, content: bytes = b"") -> None:
-        self._told = self._clock.now()
+        self._last_sent = self._clock.now()
         try:
             send_frame(self._connection, frame, content)
         except OSError as error:
@@ -165,7 +165,7 @@ def _start() -> tuple[socket.socket, subprocess.Popen[str]]:
     flags = getattr(subprocess, "CREATE_NO_WINDOW", 0) | getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
     with socket.create_server(("127.0.0.1", 0), backlog=1) as server:
         server.settimeout(_STARTS_WITHIN)
-        # -P: imports nothing from the current folder
+        # -P: no module is imported from the current folder
         port = str(server.getsockname()[1])
         command = [sys.executable, "-P", "-m", "rigctl.backends.transport.guard", port]
         process = subprocess.Popen(  # noqa: S603 - this Python, this package
@@ -202,10 +202,10 @@ def _accept(server: socket.socket, process: subprocess.Popen[str], secret: str) 
             ) from None
         connection.settimeout(_STARTS_WITHIN)
         try:
-            told = list(FrameReader().feed(connection.recv(1024)))
+            frames = list(FrameReader().feed(connection.recv(1024)))
         except (OSError, ValueError):
-            told = []
-        if told and secrets.compare_digest(told[0][1], secret.encode("ascii")):
+            frames = []
+        if frames and secrets.compare_digest(frames[0][1], secret.encode("ascii")):
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             return connection
         connection.close()

@@ -1,4 +1,4 @@
-"""A bench's samples, receipts and notices for its runner, stored until they are fetched."""
+"""A bench's samples, receipts and notices, stored until the runner fetches them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigctl.clock import Clock
 
 
 class Outbox:
-    """Filled by the reader of the bench, emptied by the runner.
+    """A queue that is filled by the reader of the bench and emptied by the runner.
 
     Attributes
     ----------
@@ -36,11 +36,11 @@ class Outbox:
         return taken
 
     def notice(self, kind: str, message: str, *, time: float | None = None, **fields: object) -> None:
-        """Add an event of the run, now unless another time is given."""
+        """Add a notice, with the present time unless another one is given."""
         self.notices.append(Notice(self._clock.now() if time is None else time, kind, message, fields))
 
     def gap(self, missing: int, *, cause: str = "", switched_off: Sequence[str] = ()) -> None:
-        """Add a gap of lost samples, with the actuators that went to their safe value without a command."""
+        """Add the notice of a gap, with the actuators that went to their safe value without a command."""
         text = f"{missing} sample{'' if missing == 1 else 's'} missing before {self._clock.now():.3f} s"
         if cause:
             text += f": {cause}"

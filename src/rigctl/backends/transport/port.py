@@ -7,7 +7,7 @@ from typing import Protocol
 
 
 class PortLost(Exception):
-    """The port is gone, or there is no answer; it may return."""
+    """The port is gone, or there is no answer; this may be temporary."""
 
 
 class NoAnswer(PortLost):
@@ -15,15 +15,15 @@ class NoAnswer(PortLost):
 
 
 class Refused(Exception):
-    """The device refused the command, or did something else."""
+    """The device refused the command, or did something other than what was commanded."""
 
 
 class Port(Protocol):
-    """Bytes both ways. Times are s on the bench's clock."""
+    """A port that transmits bytes in both directions. Times are in s on the bench's clock."""
 
     @property
     def name(self) -> str:
-        """Its name in messages."""
+        """The name of the port in messages."""
         ...
 
     def write(self, data: bytes) -> None:
@@ -44,9 +44,9 @@ class OnPort(Protocol):
 
     @property
     def port(self) -> Port:
-        """Its port."""
+        """The port of the device."""
         ...
 
 
-#: opens the port; raises `PortLost` if it does not exist now, `RigctlError` if it never will
+#: opens the port; raises `PortLost` if it does not exist at present, `RigctlError` if a retry cannot help
 Connect = Callable[[], Port]

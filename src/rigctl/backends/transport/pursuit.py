@@ -1,8 +1,8 @@
-"""Makes an unreachable device safe: repeats the commands until it confirms.
+"""Makes an unreachable device safe: repeats the safe commands until the device confirms them.
 
-A guard does this after rigctl has ended with outputs that may be on. A small file in the user's state folder
-records it for `rigctl doctor`, `monitor` and `off`; a program that opens the port removes the file, which
-ends the guard.
+A guard does this after rigctl has ended with outputs that may be on. A small file in the user's state folder,
+the notice, reports it to `rigctl doctor`, `monitor` and `off`; a program that opens the port removes the
+file, which ends the guard.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _OLD = 60.0  # s without a report after which it is unknown whether a guard is s
 
 @dataclass(frozen=True)
 class Notice:
-    """A guard's report while it tries: the port, since when, how often, and the obstacle.
+    """A guard's report of its attempts: the port, since when, how many, and why they fail.
 
     `since` and `newest` are calendar times in s; `given_up` is true once it has stopped trying.
     """
@@ -62,11 +62,11 @@ class Notice:
 
 
 class Orders(Protocol):
-    """The part of a guard's orders that is needed here."""
+    """The part of a guard's orders that is used here."""
 
     @property
     def url(self) -> str:
-        """The port."""
+        """The address of the port."""
         ...
 
     @property
@@ -76,7 +76,7 @@ class Orders(Protocol):
 
     @property
     def identify(self) -> SafeOrder | None:
-        """The identity query, sent first on a reopened port, so that nothing is sent to another device."""
+        """The identity query, sent first on a reopened port, so that no other device is commanded."""
         ...
 
     @property
@@ -86,7 +86,7 @@ class Orders(Protocol):
 
 
 class Pursuit:
-    """One guard's attempts.
+    """The attempts of one guard to make a device safe.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class Pursuit:
         self._rest = b""
 
     def carry_out(self, port: Port | None) -> bool:
-        """Try until the device confirms; return False if another program has taken over, or at the limit."""
+        """Try until the device confirms; return False if another program takes over, or after `LASTS` s."""
         give_up = time.monotonic() + LASTS
         pause, known = _FIRST_PAUSE, port is not None
         self._announce()  # for any program that opens the port meanwhile
@@ -211,10 +211,9 @@ class Pursuit:
             self._announced = _write(self._path, self._notice) or self._announced
 
     def _taken_over(self) -> bool:
-        """Return whether another program has removed or replaced the notice.
+        """Return whether another program has removed or replaced the notice, or has since opened the port.
 
-        Also if it has opened the port since the guard did. A notice that could not be written, or cannot be
-        read, does not count as removed.
+        A notice that could not be written, or cannot be read, does not count as removed.
         """
         if self._holding and _held_by_another(self._orders.url, self._holding):
             return True
@@ -238,7 +237,7 @@ def _close(port: Port | None) -> None:
 
 
 class _TakenOver(Exception):
-    """Another program has opened the port, so that its commands have precedence."""
+    """Another program has opened the port; its commands take precedence."""
 
 
 class _Mute(PortLost):
@@ -246,7 +245,7 @@ class _Mute(PortLost):
 
 
 def hold(url: str) -> str:
-    """Record that this process has opened a port, which stops earlier guards; return its token."""
+    """Record that this process has opened a port, which stops earlier guards; return the record's token."""
     token = f"{os.getpid()} {uuid4().hex}"
     path = _holder_of(url)
     with suppress(OSError):
@@ -256,7 +255,7 @@ def hold(url: str) -> str:
 
 
 def let_go(url: str, token: str) -> None:
-    """Remove the record of `hold`, unless another process has the port by now."""
+    """Remove the record of `hold`, unless another process has opened the port since."""
     path = _holder_of(url)
     with suppress(OSError):
         if path.read_text(encoding="utf-8") == token:
@@ -277,12 +276,12 @@ def _holder_of(url: str) -> Path:
 
 
 def pursuits() -> list[Notice]:
-    """Return the guards that are trying, or have given up, to make a device safe on this computer."""
+    """Return the notices of guards on this computer that are trying to make a device safe, or gave up."""
     return sorted(_found(), key=lambda notice: notice.since)
 
 
 def take_over(url: str) -> Notice | None:
-    """End a guard's attempts on a port, which the caller takes over; return its notice."""
+    """End a guard's attempts on a port, which the caller takes over; return its notice, if there is one."""
     path = _path_of(url)
     found = _read(path)
     with suppress(OSError):
@@ -314,14 +313,14 @@ def _folder() -> Path:
 def _read(path: Path) -> Notice | None:
     try:
         notice = Notice(**json.loads(path.read_text(encoding="utf-8")))
-        str(notice)  # values of another kind
+        str(notice)  # raises if a value has another type
     except (OSError, ValueError, TypeError, OverflowError):
         return None
     return notice
 
 
 def _write(path: Path, notice: Notice) -> bool:
-    """Write a notice; return False if the disk fails, which must not prevent making a device safe."""
+    """Write a notice; return False if that fails, which must not keep the guard from making a device safe."""
     draft = path.with_suffix(".tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

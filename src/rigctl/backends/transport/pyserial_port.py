@@ -11,7 +11,7 @@ from rigctl.backends.transport.port import PortLost
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 
-#: pyserial URLs that only connect: 'spy://' writes a file, and 'alt://' runs another class
+#: pyserial URLs that only connect; of the others, 'spy://' writes a file, and 'alt://' uses any class
 _SCHEMES = ("socket", "rfc2217", "hwgrep", "loop")
 _LONGEST_WAIT = 0.5  # s of wall time in one read, so that a lost port is detected
 
@@ -73,7 +73,7 @@ class PyserialPort:
             if not first:
                 return b""
             rest: bytes = self._serial.read(self._serial.in_waiting or 0)
-        except self._lost as error:  # TypeError: pyserial's own, when the port is closed under it
+        except self._lost as error:  # pyserial raises a TypeError if the port is closed meanwhile
             raise PortLost(f"{self.name}: {error}") from None
         return first + rest
 
@@ -100,7 +100,7 @@ def _require_plain(url: str) -> None:
 
 
 def _refusal(url: str, error: Exception) -> Exception:
-    """Return the error, depending on whether a retry may help."""
+    """Return `PortLost` if a retry may help, otherwise a `RigctlError`."""
     number = getattr(error, "errno", None)
     text = str(error)
     if number == errno.EACCES or "PermissionError" in text:

@@ -1,4 +1,4 @@
-"""Reconnects a lost bench in small steps, without blocking a caller that waits for a sample."""
+"""Reconnects a lost bench in small steps, without blocking a caller that is waiting for a sample."""
 
 from __future__ import annotations
 
@@ -14,38 +14,38 @@ from rigctl.errors import RigctlError
 
 _FIRST_RETRY, _LONGEST_RETRY = 0.1, 2.0  # s, between two attempts
 
-Met = TypeVar("Met")
+Device = TypeVar("Device")
 
 
-class DeviceIdentification(Generic[Met]):
-    """The conversation that identifies the device on a port that has just been opened.
+class DeviceIdentification(Generic[Device]):
+    """The identification of the device on a port that has just been opened.
 
     Parameters
     ----------
-    port: its port.
+    port: the port.
     take: reads what arrives on it.
-    conversation: identifies and sets up the bench.
+    conversation: identifies and sets up the device.
     """
 
-    def __init__(self, port: Port, take: Take, conversation: Conversation[Met]) -> None:
+    def __init__(self, port: Port, take: Take, conversation: Conversation[Device]) -> None:
         self.port = port
         self._take = take
         self._underway = Underway(_lost_if_refused(conversation))
 
-    def go_on(self, until: float) -> Met | None:
-        """Continue up to about bench time `until`; return the device, or None if it takes longer."""
+    def go_on(self, until: float) -> Device | None:
+        """Continue until about bench time `until`; return the device, or None if it takes longer."""
         if not self._underway.over:
             self._underway.take(self._take, until)
         return self._underway.result if self._underway.over else None
 
-    def carry_through(self) -> Met:
-        """Wait until it has ended."""
-        while (met := self.go_on(self._underway.until)) is None:
+    def carry_through(self) -> Device:
+        """Complete the identification, waiting for the answers; return the device."""
+        while (device := self.go_on(self._underway.until)) is None:
             pass
-        return met
+        return device
 
 
-def _lost_if_refused(conversation: Conversation[Met]) -> Conversation[Met]:
+def _lost_if_refused(conversation: Conversation[Device]) -> Conversation[Device]:
     """Treat a refusal of a set-up that worked before as a loss of contact, which may be temporary."""
     try:
         return (yield from conversation)
@@ -53,14 +53,14 @@ def _lost_if_refused(conversation: Conversation[Met]) -> Conversation[Met]:
         raise PortLost(str(error)) from None
 
 
-class Reconnection(Generic[Met]):
+class Reconnection(Generic[Device]):
     """Attempts with increasing intervals, until the bench answers or `limit` has passed.
 
     Parameters
     ----------
     connect: opens the port.
-    meet: starts the identification.
-    limit: s allowed for it to return.
+    identify: starts the identification.
+    limit: s allowed for the bench to return.
 
     Attributes
     ----------
@@ -69,13 +69,17 @@ class Reconnection(Generic[Met]):
     """
 
     def __init__(
-        self, clock: Clock, connect: Connect, meet: Callable[[Port], DeviceIdentification[Met]], limit: float
+        self,
+        clock: Clock,
+        connect: Connect,
+        identify: Callable[[Port], DeviceIdentification[Device]],
+        limit: float,
     ) -> None:
         self._clock = clock
         self._connect = connect
-        self._meet = meet
+        self._identify = identify
         self._limit = limit
-        self._meeting: DeviceIdentification[Met] | None = None
+        self._identification: DeviceIdentification[Device] | None = None
         self._next_try = self._pause = 0.0
         self.since = math.nan
         self.why = ""
@@ -85,14 +89,14 @@ class Reconnection(Generic[Met]):
         self.since = self._next_try = self._clock.now()
         self._pause = _FIRST_RETRY
         self.why = why
-        self._meeting = None
+        self._identification = None
         if still_open is not None:
             try:
-                self._meeting = self._meet(still_open)
+                self._identification = self._identify(still_open)
             except PortLost:
                 still_open.close()
 
-    def attempt(self, until: float) -> Met | None:
+    def attempt(self, until: float) -> Device | None:
         """Try until about bench time `until`; return the bench, or None if it is not ready yet.
 
         Raises
@@ -104,13 +108,13 @@ class Reconnection(Generic[Met]):
         if now - self.since > self._limit:
             self.drop()
             raise BackendLost(f"the bench did not come back within {self._limit:g} s: {self.why}")
-        if self._meeting is None and now < self._next_try:
+        if self._identification is None and now < self._next_try:
             self._clock.sleep_until(min(self._next_try, until))
             return None
         try:
-            if self._meeting is None:
-                self._meeting = self._open(now)
-            met = self._meeting.go_on(until)
+            if self._identification is None:
+                self._identification = self._open(now)
+            device = self._identification.go_on(until)
         except PortLost as error:
             self.why = str(error)
             self.drop()
@@ -118,17 +122,17 @@ class Reconnection(Generic[Met]):
         except RigctlError as error:
             self.drop()
             raise BackendLost(str(error)) from None
-        if met is not None:
-            self._meeting = None  # the port now belongs to the bench
-        return met
+        if device is not None:
+            self._identification = None  # the port now belongs to the bench
+        return device
 
     def drop(self) -> None:
         """Close a port opened by an attempt."""
-        if self._meeting is not None:
-            self._meeting.port.close()
-        self._meeting = None
+        if self._identification is not None:
+            self._identification.port.close()
+        self._identification = None
 
-    def _open(self, now: float) -> DeviceIdentification[Met]:
+    def _open(self, now: float) -> DeviceIdentification[Device]:
         self._next_try = now + self._pause
         self._pause = min(2.0 * self._pause, _LONGEST_RETRY)
         try:
@@ -136,7 +140,7 @@ class Reconnection(Generic[Met]):
         except RigctlError as error:  # a new port may lack permissions, or be probed
             raise PortLost(str(error)) from None
         try:
-            return self._meet(port)
+            return self._identify(port)
         except PortLost:
             port.close()
             raise

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-#: USB vendor and product (None: whatever the product) -> what it most likely is.
-#: Vendor numbers are those of usb.org; products as their makers document them.
+#: USB vendor and product ID (None: any product) -> what it most likely is.
+#: Vendor IDs are those of usb.org, product IDs those documented by the manufacturers.
 _KNOWN: Mapping[tuple[int, int | None], str] = MappingProxyType(
     {
         (0x2341, 0x0043): "Arduino Uno",
@@ -45,9 +45,9 @@ class PortInfo:
     Parameters
     ----------
     device: the name for opening it.
-    description: the system's description.
-    vendor, product: of USB; None for other ports.
-    serial_number: of USB.
+    description: the operating system's description.
+    vendor, product: USB IDs; None for other ports.
+    serial_number: USB serial number.
     guess: the probable device; empty if unknown.
     accessible: whether this user may open it.
     fix: how to get access otherwise.
@@ -69,7 +69,7 @@ class PortInfo:
 
 
 def list_ports() -> list[PortInfo]:
-    """List every serial port of the system; USB first, then by name."""
+    """Return all serial ports of this computer: those on USB first, then by name."""
     from serial.tools.list_ports import comports
 
     found = []
@@ -91,14 +91,14 @@ def list_ports() -> list[PortInfo]:
 
 
 def guess(vendor: int | None, product: int | None) -> str:
-    """Return the probable device for USB numbers; empty if unknown."""
+    """Return the probable device for a USB vendor and product ID; empty if unknown."""
     if vendor is None:
         return ""
     return _KNOWN.get((vendor, product)) or _KNOWN.get((vendor, None)) or ""
 
 
 def access_to(device: str) -> tuple[bool, str]:
-    """Return whether this user may read and write a port, and how to get access. It is not opened."""
+    """Return whether this user may read and write a port, and how to get access; the port is not opened."""
     if sys.platform == "win32" or os.access(device, os.R_OK | os.W_OK):
         return True, ""
     group = _group_of(device)
@@ -137,7 +137,7 @@ def _group_of(device: str) -> str | None:
 
 
 def _is_member(group: str) -> bool:
-    """Return whether the user's account is in a group, possibly not yet effective in this login."""
+    """Return whether the user's account is in a group, even if that requires a new login to take effect."""
     if sys.platform == "win32":
         return False
     import getpass

@@ -1,4 +1,4 @@
-"""The client of a VISA instrument: each line is a message; one with a question mark has an answer.
+"""The client of a VISA instrument: each line is a message, and one with a question mark is answered.
 
 PyVISA communicates in the thread of a `ClientPort`, with pyvisa-py or an installed VISA.
 """
@@ -12,10 +12,10 @@ from rigctl.backends.transport.client_port import ClientPort
 from rigctl.backends.transport.port import PortLost
 from rigctl.clock import Clock
 
-#: ms, the shortest time-out; and lines that nobody asked for, after which an instrument is given up
+#: the shortest time-out, ms; and the number of unsolicited lines after which contact counts as lost
 _AT_ONCE = 1
 _UNASKED = 100
-#: longest answer, bytes; and bytes read at a time where only a character ends it
+#: longest answer, bytes; and the number of bytes read at a time if only a terminator ends it
 _LONGEST = 4096
 _PIECE = 256
 
@@ -78,10 +78,10 @@ class VisaClient:
         self._manager.close()
 
     def _message(self) -> str | None:
-        """What the instrument sends, up to its end; None for the beginning of a message that went silent.
+        """Return the next message from the instrument; None if only the beginning of one has arrived.
 
-        On a socket or a serial line only a character ends a message: PyVISA would wait for it in any amount
-        of data, and take the beginning "1" of "12.5" for the whole.
+        On a socket or a serial line only a terminator ends a message: PyVISA by itself would wait for it
+        through any amount of data, and might return the beginning "1" of "12.5" as the whole message.
 
         Raises
         ------
@@ -114,8 +114,8 @@ class VisaClient:
     def _discard(self) -> None:
         """Discard unsolicited data, and late answers.
 
-        On a socket or a serial line they would be taken for the answer to the next query, and so would shift
-        every later answer; other buses discard them.
+        On a socket or a serial line they would be taken for the answer to the next query, and all later
+        answers would be shifted; other buses discard them.
 
         Raises
         ------
@@ -134,7 +134,7 @@ class VisaClient:
         self._instrument.flush(BufferOperation.discard_read_buffer)
 
     def _read_until_silent(self, milliseconds: float) -> None:
-        """Read and discard until nothing has arrived for so long.
+        """Read and discard until nothing has arrived for `milliseconds`.
 
         Raises
         ------
@@ -177,10 +177,10 @@ class VisaClient:
         return instrument
 
     def _forget(self) -> None:
-        """Prevent a late answer from being taken for that to a later query.
+        """Prevent a late answer from being taken for the answer to a later query.
 
-        A new connection does not receive it; other buses have a command that clears the device. A serial line
-        is read until it has been silent for as long as an answer may take.
+        A socket is reconnected, since a new connection does not receive it. A serial line is read until it
+        has been silent for as long as an answer may take. Other buses have a command that clears the device.
         """
         if self._is_socket:
             self._instrument.close()

@@ -1,4 +1,4 @@
-"""`control`: a closed loop from a channel to an actuator, carried out on the host or by the bench's board."""
+"""`control`: a closed loop from a channel to an actuator, executed by the host or by the bench's board."""
 
 from rigctl.steps.control.action import Control
 from rigctl.steps.control.on_board import ControlOnBoard

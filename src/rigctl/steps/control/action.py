@@ -1,4 +1,4 @@
-"""The action of the step `control`: a closed loop on the host, sample by sample."""
+"""The action of the step `control`: a closed loop on the host, updated sample by sample."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from rigctl.steps.control.timing import Timing
 from rigctl.steps.readings import reading
 from rigctl.steps.settling import Settling
 
-#: share of the loop's period by which an update may be early, for rounding of times on the sampling grid
+#: fraction of the loop's period by which an update may be early, since times on the sampling grid are rounded
 EARLY = 0.01
-#: s, or if longer so many periods, for which a loop may wait for the first value of its feed-forward
+#: longest wait of a loop for the first value of its feed-forward: s, or periods if that is longer
 _UNDEFINED, _UNDEFINED_PERIODS = 1.0, 10.0
-#: the values that are kept about a loop, and their units
+#: the measures of a loop that are stored, and their units
 KEPT = {"jitter_p50": "ms", "jitter_p99": "ms", "jitter_max": "ms", "latency_p99": "ms", "saturated": "%"}
 
 
@@ -45,22 +45,22 @@ class Control(Action):
     within: float | None
     settle: float | None
     timeout: float | None
-    oscillation: float  #: amplitude of an oscillation that ends the step
+    oscillation: float  #: amplitude above which a sustained oscillation ends the step
     name: str
     stay: bool
 
     @property
     def longest(self) -> float:
-        """The longest time that it can take, s."""
+        """The longest time that the step can take, s."""
         return self.duration if self.duration is not None else self.timeout or 0.0
 
     @property
     def needed_rate(self) -> float:
-        """The loop's own rate, Hz."""
+        """The update rate of the loop, Hz."""
         return 1.0 / self.period
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """The time as written; if it ends by settling, its timeout."""
+        """Forecast the given duration or, if the step ends by settling, its time-out."""
         basis = Basis.TIMED if self.duration is not None else Basis.AT_MOST
         after = bench.pass_time(state, self.longest)
         heat, pressure = bench.rig.roles.heat, bench.rig.roles.set_pressure
@@ -71,7 +71,7 @@ class Control(Action):
         return Forecast(self.longest, basis, after, {self.channel: (self.to, self.to)})
 
     def carry_out(self, bench: Bench) -> Behaviour:
-        """Run the loop; between records the bench is temporarily read at the loop's rate.
+        """Run the loop; outside a record the bench is sampled at the loop's rate meanwhile.
 
         Raises
         ------
@@ -118,30 +118,29 @@ class Control(Action):
                 return
 
     def keep(self, bench: Bench, values: Iterable[tuple[str, float, str]]) -> None:
-        """Keep how the loop ran with the record or the run, also if it was interrupted."""
+        """Store measures of the loop with the record or the run, also if it was interrupted."""
         for name, value, unit in values:
-            with suppress(RigctlError):  # a full disk ends the run at the next sample
+            with suppress(RigctlError):  # if the disk is full, the run ends at the next sample anyway
                 bench.record_measure(MeasuredValue(f"{self.name}_{name}", value, unit))
 
     def set_point(self) -> SetPoint:
-        """The target of the loop's channel, with the ramp."""
+        """Return the target of the loop's channel, with the ramp."""
         return SetPoint(self.channel, self.to, self.within, self.ramp)
 
     def lasting(self) -> frozenset[str]:
-        """The actuator, if its last value stays."""
+        """Return the actuator if it keeps its last value, otherwise nothing."""
         return frozenset({self.actuator}) if self.stay else frozenset()
 
 
 class Watch:
-    """What is monitored in a loop, on the host or the board: set-point, feed-forward, settling,
-    oscillation."""
+    """The monitoring of a loop on the host or the board: set-point, feed-forward, settling, oscillation."""
 
     def __init__(self, action: Control, bench: Bench) -> None:
         self._action, self._bench = action, bench
         self._feed_forward = action.feed_forward.on(bench) if action.feed_forward is not None else None
         self._ahead: float | None = 0.0 if action.feed_forward is None else None  # its newest defined value
-        self._undefined = 0  # updates without one
-        self._waiting = math.inf  # since when for the first one, s
+        self._undefined = 0  # number of updates at which it was undefined
+        self._waiting = math.inf  # time since which the loop has waited for its first value, s
         self._detector = OscillationDetector(action.oscillation)
         self._start: tuple[float, float] | None = None
         self._settling: Settling | None = None
@@ -149,7 +148,7 @@ class Watch:
             self._settling = Settling(action.to, action.within, action.settle)
 
     def setpoint(self, time: float, value: float) -> float:
-        """The set-point now, on the ramp from the first reading."""
+        """Return the set-point at `time`, on the ramp from the first reading if there is a ramp."""
         ramp, target = self._action.ramp, self._action.to
         if ramp is None:
             return target
@@ -160,12 +159,12 @@ class Watch:
         return min(first + way, target) if target >= first else max(first - way, target)
 
     def ahead(self, row: Row, setpoint: float) -> float | None:
-        """The feed-forward; where the formula is undefined, its newest value, or None before the first.
+        """Return the feed-forward; while it is undefined, its latest value, or None before the first one.
 
         Raises
         ------
         StepFailed
-            it has had no value since the start of the loop.
+            it has had no value for too long since the start of the loop.
         """
         if self._feed_forward is None:
             return self._ahead
@@ -184,7 +183,7 @@ class Watch:
         return self._ahead
 
     def log_undefined(self) -> None:
-        """Log how often the feed-forward had no value."""
+        """Log at how many updates the feed-forward was undefined."""
         if self._undefined and self._ahead is not None:
             self._bench.event(
                 "note",
@@ -196,7 +195,7 @@ class Watch:
         return self._action.feed_forward.expression.text if self._action.feed_forward is not None else ""
 
     def settled(self, time: float, setpoint: float, value: float) -> bool:
-        """Whether the reading has settled.
+        """Return whether the reading has settled.
 
         Raises
         ------
@@ -214,12 +213,12 @@ class Watch:
         return self._settling is not None and self._settling.add(time, value)
 
     def give_up(self) -> None:
-        """End the loop when its time is over.
+        """End the loop when its time has elapsed.
 
         Raises
         ------
         StepFailed
-            the reading was to settle, and has not.
+            the loop was to run until the reading settles, and it has not.
         """
         if self._settling is not None:
             action = self._action
@@ -235,7 +234,7 @@ class _Loop:
         self._pid = Pid(action.gains, action.bounds, output, bumpless=action.bumpless)
 
     def update(self, row: Row, value: float, timing: Timing) -> bool:
-        """One update of the output; True when the reading has settled.
+        """Update the output; return True once the reading has settled.
 
         Raises
         ------
@@ -245,7 +244,7 @@ class _Loop:
         time = row[0]
         setpoint = self._watch.setpoint(time, value)
         ahead = self._watch.ahead(row, setpoint)
-        if ahead is None:  # the output stays as it was before the loop
+        if ahead is None:  # until there is a value, the output remains as it was before the loop
             timing.missed += 1
             return False
         output = self._pid.update(time, value, setpoint, ahead)

@@ -1,4 +1,4 @@
-"""Feed-forward: an output by a formula of the set-point, readings and parameters of a fitted model."""
+"""Feed-forward: an output from a formula in the set-point, readings and parameters of a fitted model."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ SETPOINT: Final = "setpoint"
 
 @dataclass(frozen=True, slots=True)
 class FeedForward:
-    """A formula over channels, commands, measures, answers and the set-point; `constants` are SI by name."""
+    """A formula in channels, commands, measures, answers and the set-point; `constants` are SI, by name."""
 
     expression: Expression
     constants: Mapping[str, float]
 
     def on(self, bench: Bench) -> Callable[[Row, float], float]:
-        """The formula as a function of a row of readings and the set-point, SI; NaN where it is undefined."""
+        """Return the formula as a function of a row of readings and the set-point, SI; NaN if undefined."""
         kept = bench.statistics((), Stretch.RECORD, None)  # measures and answers so far
         fixed, columns = {}, {}
         for name in sorted(self.expression.names - {SETPOINT}):
@@ -54,7 +54,7 @@ def read_feed_forward(
     *,
     difference: bool,
 ) -> FeedForward:
-    """The formula of a procedure, checked.
+    """Return a formula of a procedure, after checking it.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def read_feed_forward(
 
 
 def _parameters(path: Path) -> dict[str, Quantity]:
-    """The values of a model file's parameters, fitted or not."""
+    """Return the values of a model file's parameters, fitted or not."""
     document = read_document(path)
     written: Any = document.data
     parameters = written.get("parameters") if isinstance(written, dict) else None

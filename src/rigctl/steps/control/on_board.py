@@ -1,8 +1,8 @@
-"""The action of the step `control` if the bench's board carries out the loop.
+"""The action of the step `control` if the bench's board executes the loop.
 
-The board receives the controller's parameters, computes at a fixed period, and reports its output with every
-sample. The host continues to monitor: sampling, interlocks, settling and oscillation work as for a loop on
-the host, and every ending makes the outputs safe first, which ends the loop on the board.
+The board receives the controller's parameters, computes with a fixed period, and reports its output with
+every sample. The host continues to monitor it: sampling, interlocks, settling and oscillation work as for a
+loop on the host, and every end of a run first makes the outputs safe, which ends the loop on the board.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from rigctl.steps.control.action import Control, Watch
 from rigctl.steps.control.pid import AntiWindup
 from rigctl.units import show
 
-#: Hz, highest sampling rate between records, however fast the loop is
+#: highest sampling rate outside records, Hz, however fast the loop is
 _WATCHED = 100.0
 _LONGEST_PERIOD = 60_000  # ms
 
 
 def whole_period(period: float) -> int:
-    """The period of a loop on the board, ms.
+    """Return the period of a loop on the board, ms.
 
     Raises
     ------
@@ -45,12 +45,12 @@ def whole_period(period: float) -> int:
 
 @dataclass(frozen=True, slots=True)
 class ControlOnBoard(Control):
-    """A loop that the board carries out; `required` if the host may not do it instead."""
+    """A loop that the board executes; `required`: whether the host must not do so instead."""
 
     required: bool
 
     def settings(self, ahead: float = 0.0) -> LoopSettings:
-        """The parameters for the board."""
+        """Return the parameters for the board; `ahead` is the feed-forward at the start, SI."""
         gains, bounds = self.gains, self.bounds
         return LoopSettings(
             actuator=self.actuator,
@@ -72,14 +72,14 @@ class ControlOnBoard(Control):
         )
 
     def refusal(self, bench: Bench) -> RigctlError | None:
-        """The error that the loop cannot run on this bench's board, as required."""
+        """Return the error if the loop must run on the bench's board but cannot; otherwise None."""
         reason = bench.cannot_regulate(self.settings())
         if not (self.required and reason):
             return None
         return RigctlError(f"'where: board': {reason}", hint="With 'where: auto' the host runs it there")
 
     def carry_out(self, bench: Bench) -> Behaviour:
-        """Let the board run the loop and monitor it; if it cannot, and need not, the host runs it.
+        """Run the loop on the board, and monitor it; run it on the host if the board cannot and need not.
 
         Raises
         ------
@@ -95,9 +95,9 @@ class ControlOnBoard(Control):
         try:
             bench.need_rate(min(self.needed_rate, _WATCHED))
             bench.regulated.add(self.actuator)
-            yield from self._look_on(bench, watch)
+            yield from self._monitor(bench, watch)
             yield from bench.stop_regulating(self.actuator)
-        finally:  # whatever else ends it has made the outputs safe, and so ended the loop
+        finally:  # any other ending has made the outputs safe before, and thereby ended the loop
             state = bench.loop_state()
             bench.regulated.discard(self.actuator)
             bench.need_rate(0.0)
@@ -107,8 +107,8 @@ class ControlOnBoard(Control):
             bench.release(self.actuator)
         return Outcome.COMPLETE
 
-    def _look_on(self, bench: Bench, watch: Watch) -> Generator[Until, Row | None, None]:
-        """Start the loop, and monitor its samples until its time is over."""
+    def _monitor(self, bench: Bench, watch: Watch) -> Generator[Until, Row | None, None]:
+        """Start the loop, and monitor its samples until it has settled or its time has elapsed."""
         column = bench.columns[self.channel]
         possible = bench.rig.channels[self.channel].possible
         end = bench.now + self.longest

@@ -1,4 +1,4 @@
-"""Whether a loop oscillates instead of settling."""
+"""Detects that a loop oscillates instead of settling."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ import math
 from collections import deque
 from typing import Final
 
-#: half periods that are examined: five cycles
+#: number of half periods that are examined: five cycles
 _HALVES: Final = 10
-#: smallest ratio of the peaks in the second half of them to those in the first: the oscillation is sustained
+#: smallest ratio of the peaks in their second half to those in the first half for a sustained oscillation
 _LASTING: Final = 0.8
-#: largest relative deviation of half periods from their median; those of noise deviate more
+#: largest relative deviation of the half periods from their median; those due to noise deviate more
 _REGULAR: Final = 0.5
 
 
 class OscillationDetector:
-    """Watches the control error between its changes of sign (after Hägglund, 1995).
+    """Monitors the control error between its changes of sign (after Hägglund, 1995).
 
-    A sustained oscillation has ten consecutive half periods of similar length, whose peaks are all above
-    `amplitude` and do not decay.
+    A sustained oscillation consists of ten consecutive half periods of similar length whose peaks are all at
+    least `amplitude` and do not decay.
     """
 
     def __init__(self, amplitude: float) -> None:
@@ -29,7 +29,7 @@ class OscillationDetector:
         self._peak = 0.0
 
     def add(self, time: float, error: float) -> tuple[float, float] | None:
-        """Take the error at a time; amplitude and period (s) of a sustained oscillation, else None."""
+        """Add the error at a time; return amplitude and period (s) of a sustained oscillation, or None."""
         sign = math.copysign(1.0, error) if error != 0.0 else self._sign
         if sign == self._sign:
             self._peak = max(self._peak, abs(error))
@@ -40,7 +40,7 @@ class OscillationDetector:
         return self._found()
 
     def _finish(self, length: float) -> None:
-        """A half period is over; a small one resets the detection."""
+        """Add a completed half period; one with a small peak resets the detection."""
         if self._peak < self._amplitude:
             self._halves.clear()
         else:

@@ -1,15 +1,15 @@
-"""A PID controller in parallel form, sample by sample.
+"""A PID controller in parallel form, updated sample by sample.
 
 With the error ``e = r − y`` between the set-point ``r`` and the reading ``y``::
 
     v = u_ff + P + I + D
     P = K_p·e
     dI/dt = K_i·e + (u − v)/T_t                    (back-calculation)
-    T_f·dD/dt + D = −K_d·dy/dt                     (of the measurement: no derivative kick)
+    T_f·dD/dt + D = −K_d·dy/dt                     (derivative on measurement: no derivative kick)
     u = v, bounded by the output's limits and its rate of change
 
-After Åström and Hägglund, *Advanced PID Control* (ISA, 2006), chapters 3 and 13: the integral by the forward
-difference, the derivative by the backward one, each with the time that has actually elapsed.
+After Åström and Hägglund, *Advanced PID Control* (ISA, 2006), chapters 3 and 13: the integral is discretised
+with forward differences, the derivative with backward ones, each over the time that has actually elapsed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from enum import Enum
 class AntiWindup(Enum):
     """Method of anti-windup."""
 
-    BACK_CALCULATION = "back_calculation"  #: the integral is driven back with the tracking time constant T_t
+    BACK_CALCULATION = "back_calculation"  #: the integral is corrected with the tracking time constant T_t
     CLAMPING = "clamping"  #: the integral is held while it would drive the output further into saturation
 
 
@@ -47,19 +47,21 @@ class Bounds:
     rate: float  #: largest rate of change, per s; may be infinite
 
     def apply(self, value: float, before: float, span: float) -> float:
-        """The value, limited to the range and to what the previous one can reach in `span` s."""
+        """Return the value, limited to the range and to what can be reached from `before` within `span` s."""
         reach = self.rate * span if math.isfinite(self.rate) else math.inf
         near = min(max(value, before - reach), before + reach)
         return min(max(near, self.low), self.high)
 
 
 class Pid:
-    """The controller's state.
+    """A PID controller and its state.
 
     Parameters
     ----------
-    output: command at the start, SI. With `bumpless` the integral is initialised so that the output continues
-        from it.
+    gains: the parameters.
+    bounds: the limits of the output.
+    output: the command at the start, SI.
+    bumpless: whether the integral is initialised so that the output continues from `output`.
     """
 
     def __init__(self, gains: Gains, bounds: Bounds, output: float, *, bumpless: bool) -> None:
@@ -74,7 +76,7 @@ class Pid:
         self.saturated = False  #: the newest output was saturated
 
     def update(self, time: float, reading: float, setpoint: float, feed_forward: float) -> float:
-        """The output after a reading, SI.
+        """Return the output after a reading, SI.
 
         Parameters
         ----------
@@ -91,7 +93,7 @@ class Pid:
             self._differentiate(reading, span)
         self._reading, self._time = reading, time
         wanted = feed_forward + proportional + self._integral + self._derivative
-        if math.isnan(wanted):  # of numbers so large that they cancel to none, nothing follows
+        if math.isnan(wanted):  # infinite terms of opposite sign: the output is undefined, and is held
             self.saturated = True
             return self.output
         bounded = self._bounds.apply(wanted, self.output, span)
@@ -101,7 +103,7 @@ class Pid:
         return bounded
 
     def _differentiate(self, reading: float, span: float) -> None:
-        """The backward difference of the filtered derivative."""
+        """Update the filtered derivative by a backward difference."""
         gains = self._gains
         if gains.derivative == 0.0 or self._reading is None:
             return
@@ -111,7 +113,7 @@ class Pid:
         ) / total
 
     def _integrate(self, error: float, wanted: float, span: float) -> None:
-        """The forward difference of the integral, for the next output."""
+        """Update the integral by a forward difference, for the next output."""
         gains, excess = self._gains, self.output - wanted
         rise = gains.integral * error * span
         if gains.anti_windup is AntiWindup.CLAMPING:
@@ -124,6 +126,6 @@ class Pid:
         self._keep(found)
 
     def _keep(self, integral: float) -> None:
-        """The integral from now on; one that is no number would never leave it again."""
+        """Set the integral, unless the value is not finite: the integral could never recover from that."""
         if math.isfinite(integral):
             self._integral = integral

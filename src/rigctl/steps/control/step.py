@@ -25,7 +25,7 @@ from rigctl.steps.control.on_board import ControlOnBoard, whole_period
 from rigctl.steps.control.pid import AntiWindup, Bounds, Gains
 from rigctl.units import show
 
-#: default amplitude, as a share of the channel's range, from which a sustained oscillation ends the step
+#: default amplitude, as a fraction of the channel's range, from which a sustained oscillation ends the step
 _OSCILLATION = 0.02
 
 
@@ -137,7 +137,7 @@ class ControlStep(Step):
     control: ControlFields
 
     def build(self, context: Context) -> Leaf:
-        """A `Control` whose gains, bounds and formula fit the rig."""
+        """Return a `Control` whose gains, bounds and formula have been checked against the rig."""
         return _Builder(context, self.control).leaf()
 
 
@@ -153,7 +153,7 @@ class _Builder:
         self._interval = "K" if absolute else unit
 
     def leaf(self) -> Leaf:
-        """The plan's node."""
+        """Return the node of the plan."""
         context, fields = self._context, self._fields
         channel = self._channel
         to = context.si(fields.to, "control", "to", unit=channel.unit, difference=channel.difference)
@@ -217,7 +217,7 @@ class _Builder:
                 )
 
     def _per(self, value: AnyDifference | None, field: str, more: str = "") -> float:
-        """A gain in SI, unit of the actuator per unit of the channel; zero if it is left out."""
+        """Return a gain in SI, actuator unit per channel unit, with the factor `more`; zero if omitted."""
         if value is None:
             return 0.0
         unit = f"({self._actuator.display_unit})/({self._interval}){more}"

@@ -1,4 +1,4 @@
-"""Timing statistics of a loop, kept with the record."""
+"""Timing statistics of a loop, stored with the record."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Timing:
-    """The instants at which a loop acted.
+    """The times of a loop's updates, and their statistics.
 
-    *Jitter* is the deviation of the time between two commands from the loop's period; *latency* is the time
-    from a reading until its command was sent to the bench.
+    *Jitter* is the absolute deviation of the time between two commands from the loop's period; *latency* is
+    the time from a reading to the sending of the command that follows from it.
     """
 
     period: float  #: s
@@ -21,7 +21,7 @@ class Timing:
     _latency: list[float] = field(default_factory=list)
 
     def add(self, read: float, acted: float, *, saturated: bool) -> None:
-        """Take an update: the times of the reading and of its command, s."""
+        """Add an update: the times of the reading and of its command, s."""
         self._acted.append(acted)
         self._latency.append(acted - read)
         self.saturated += saturated
@@ -32,7 +32,7 @@ class Timing:
         return len(self._acted)
 
     def values(self) -> Iterator[tuple[str, float, str]]:
-        """The values to keep: name, SI value, unit for display."""
+        """Yield the values to be stored: name, SI value, unit for display."""
         jitter = sorted(
             abs(later - earlier - self.period)
             for earlier, later in zip(self._acted, self._acted[1:], strict=False)
@@ -48,6 +48,6 @@ class Timing:
 
 
 def _quantile(ordered: list[float], share: float) -> float:
-    """The quantile by nearest rank."""
+    """Return a quantile of sorted values by the nearest-rank method."""
     rank = max(-(-len(ordered) * round(share * 1000) // 1000), 1)
     return ordered[rank - 1]

@@ -1,4 +1,4 @@
-"""Checks of a whole waveform against the limits of the rig, before anything moves."""
+"""Checks of a complete waveform against the limits of the rig, before anything moves."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from rigctl.plan.setpoints import check_level, check_set_point
 from rigctl.rig import Actuator, Limit, Rig
 from rigctl.units import show
 
-#: most commands of one waveform; more is probably a typing error
+#: largest number of commands of one waveform; more are probably a typing error
 MOST: Final = 1_000_000
-#: s; a host cannot keep a shorter time between two commands
+#: shortest interval between two commands that a host can maintain, s
 SHORTEST: Final = 1e-3
-#: relative tolerance within which two rates are equal
+#: relative tolerance within which two rates count as equal
 _SLACK: Final = 1e-6
 
 
@@ -26,8 +26,8 @@ def check_commands(
 
     Parameters
     ----------
-    commands: times in s and values in SI, as they will be given.
-    held: whether the output jumps at each command, instead of following a curve.
+    commands: times in s and SI values, as they will be sent.
+    held: whether the output jumps at each command instead of following a curve.
 
     Returns
     -------
@@ -36,12 +36,12 @@ def check_commands(
     Raises
     ------
     RigctlError
-        with the time at which it would happen, and the bound.
+        the waveform violates a limit; the message gives the limit, and the time of the violation.
     """
     described = rig.actuators[actuator]
     low, high = math.inf, -math.inf
     newest: tuple[float, float] | None = None
-    changed = -math.inf  # s, the last change
+    changed = -math.inf  # time of the latest change, s
     windows = [_Window(rig, name, limit) for name, limit in _rate_limits(rig, actuator)]
     for time, value in commands:
         try:
@@ -75,7 +75,7 @@ def check_commands(
 def _check_rate(
     described: Actuator, name: str, before: tuple[float, float], after: tuple[float, float], *, held: bool
 ) -> None:
-    """Check the rate of change between commands; an output held between them jumps."""
+    """Check the rate of change between two commands; an output that is `held` in between jumps."""
     if described.max_rate is None:
         return
     span = 0.0 if held else after[0] - before[0]
@@ -90,7 +90,7 @@ def _check_rate(
 
 
 def _rate_limits(rig: Rig, actuator: str) -> Iterator[tuple[str, Limit]]:
-    """The rate limits with action stop of the channel that follows an actuator's level."""
+    """Yield the rate limits with the action stop on the channel that follows an actuator's level."""
     role = rig.roles.set_pressure
     if role is None or role.actuator != actuator:
         return
@@ -108,7 +108,7 @@ class _Window:
         self._first = 0
 
     def add(self, time: float, value: float) -> None:
-        """Take the next command."""
+        """Add the next command."""
         over, past = self._limit.over, self._past
         past.append((time, value))
         while self._first + 1 < len(past) and past[self._first + 1][0] <= time - over:

@@ -1,4 +1,4 @@
-"""The waveforms of an output: values in SI over the time from their start, s."""
+"""The waveforms of an output: SI values as functions of the time since their start, s."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Protocol
 
 
 class Shape(Protocol):
-    """A waveform: values over a time."""
+    """A waveform: a value as a function of time, of limited duration."""
 
     @property
     def duration(self) -> float:
-        """Its duration, s."""
+        """The duration, s."""
         ...
 
     @property
@@ -24,11 +24,11 @@ class Shape(Protocol):
 
     @property
     def held(self) -> bool:
-        """True if it changes only at its edges."""
+        """True if the value changes only at the edges."""
         ...
 
     def at(self, time: float) -> float:
-        """The value at a time; at a jump, the value after it."""
+        """Return the value at a time, s; at a jump, the value after it."""
         ...
 
 
@@ -43,7 +43,7 @@ class Ramp:
     held: bool = False
 
     def at(self, time: float) -> float:
-        """On the line."""
+        """Return the value on the line."""
         share = min(max(time / self.duration, 0.0), 1.0)
         return self.begin + share * (self.end - self.begin)
 
@@ -61,7 +61,7 @@ class Sine:
     held: bool = False
 
     def at(self, time: float) -> float:
-        """On the sine."""
+        """Return the value of the sine."""
         angle = 2.0 * math.pi * math.fmod(self.frequency * time, 1.0) + self.phase
         return self.mean + self.amplitude * math.sin(angle)
 
@@ -76,21 +76,21 @@ class Steps:
 
     @property
     def duration(self) -> float:
-        """All levels."""
+        """The duration of all levels, s."""
         return self.each * len(self.levels)
 
     @property
     def edges(self) -> tuple[float, ...]:
-        """The start of each level."""
+        """The start of each level, s."""
         return tuple(index * self.each for index in range(len(self.levels)))
 
     @property
     def held(self) -> bool:
-        """True without a rise."""
+        """True if there is no rise time."""
         return self.rise == 0.0
 
     def at(self, time: float) -> float:
-        """The level, or the linear transition to it from the previous one."""
+        """Return the level, or the value on the linear transition to it from the previous one."""
         index = min(max(int(time / self.each + 1e-9), 0), len(self.levels) - 1)
         since = time - index * self.each
         if index == 0 or since >= self.rise:
@@ -101,24 +101,24 @@ class Steps:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Values at times; between them the previous one (`held`), or a straight line."""
+    """Values at given times; in between the previous value (`held`), or a linear interpolation."""
 
-    times: tuple[float, ...]  #: increasing, the first is 0
+    times: tuple[float, ...]  #: s, increasing from 0
     values: tuple[float, ...]
     held: bool
 
     @property
     def duration(self) -> float:
-        """Its last time."""
+        """The last time of the table, s."""
         return self.times[-1]
 
     @property
     def edges(self) -> tuple[float, ...]:
-        """All its times if it is held, otherwise the start."""
+        """All times of the table if its values are held, otherwise only the start."""
         return self.times if self.held else self.times[:1]
 
     def at(self, time: float) -> float:
-        """The value, held or interpolated between two rows."""
+        """Return the value, held or interpolated between two rows."""
         index = min(max(bisect_right(self.times, time + 1e-9) - 1, 0), len(self.times) - 1)
         if self.held or index == len(self.times) - 1:
             return self.values[index]
@@ -128,7 +128,7 @@ class Table:
 
 
 def commands(shape: Shape, period: float, rounds: int = 1) -> Iterator[tuple[float, float]]:
-    """The commands of the output: times in s from the start, increasing, and values.
+    """Yield the commands of the output: times in s from the start, increasing, and SI values.
 
     A held waveform is commanded at its edges; any other every `period` s and at its end.
     """
@@ -136,7 +136,7 @@ def commands(shape: Shape, period: float, rounds: int = 1) -> Iterator[tuple[flo
         begin = number * shape.duration
         if shape.held:
             for edge in shape.edges:
-                if edge < shape.duration or number == rounds - 1:  # else the next round begins there
+                if edge < shape.duration or number == rounds - 1:  # otherwise the next round begins there
                     yield begin + edge, shape.at(edge)
             continue
         for index in range(math.ceil(shape.duration / period - 1e-9)):
@@ -146,5 +146,5 @@ def commands(shape: Shape, period: float, rounds: int = 1) -> Iterator[tuple[flo
 
 
 def count(shape: Shape, period: float, rounds: int) -> float:
-    """The largest possible number of commands."""
+    """Return an upper limit of the number of commands."""
     return rounds * (len(shape.edges) if shape.held else shape.duration / period + 1.0)

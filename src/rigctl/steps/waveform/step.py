@@ -1,4 +1,4 @@
-"""The step `waveform`: its fields, and how it is carried out."""
+"""The step `waveform`: its fields, and its execution."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class WaveformStep(Step):
     waveform: WaveformFields
 
     def build(self, context: Context) -> Leaf:
-        """A `Waveform`, completely checked if its start value is known."""
+        """Return a `Waveform`, which has been checked completely if its start value is known."""
         fields = self.waveform
         name, at = fields.actuator, ("waveform",)
         rig = context.rig
@@ -178,7 +178,7 @@ class _Builder:
         self._actuator = context.rig.actuators[actuator]
 
     def shape(self, fields: WaveformFields) -> Shape:
-        """The shape that is given."""
+        """Return the shape that the fields define."""
         if fields.ramp is not None:
             return self._ramp(fields.ramp)
         if fields.sine is not None:
@@ -242,8 +242,8 @@ class _Builder:
 class Waveform(Action):
     """Command `actuator` along `shape`; SI.
 
-    Between two commands the last one is held. A host that is late skips the overdue commands: the commanded
-    value is always that of the current time.
+    Between two commands the earlier one is held. A host that is late skips overdue commands: the commanded
+    value is always that of the present time.
     """
 
     actuator: str
@@ -251,22 +251,22 @@ class Waveform(Action):
     period: float  #: s between two commands along a curve
     rounds: int
     from_now: bool  #: a ramp that starts at the present command
-    stay: bool  #: whether the last value stays; otherwise the safe one follows
+    stay: bool  #: whether the last value is kept at the end; otherwise the safe one follows
 
     @property
     def duration(self) -> float:
-        """All rounds, s."""
+        """The duration of all rounds, s."""
         return self.shape.duration * self.rounds
 
     def course(self, now: float | None) -> Iterator[tuple[float, float]]:
-        """Its commands, if the actuator is commanded to `now` at its start."""
+        """Return its commands, for an actuator that is commanded to `now` at the start."""
         shape = self.shape
         if self.from_now and now is not None and isinstance(shape, Ramp):
             shape = replace(shape, begin=now)
         return commands(shape, self.period, self.rounds)
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
-        """The time as written, and the supply pressure if it follows the actuator."""
+        """Forecast the given duration, and the supply pressure if it follows the actuator."""
         after = bench.pass_time(state, self.duration)
         role = bench.rig.roles.set_pressure
         reaches: Extents = {}
@@ -277,14 +277,14 @@ class Waveform(Action):
         return Forecast(self.duration, Basis.TIMED, after, reaches)
 
     def carry_out(self, bench: Bench) -> Behaviour:
-        """Give every command at its time, after approaching the first value no faster than allowed.
+        """Send every command at its time, after approaching the first value no faster than allowed.
 
-        Whatever ends it early makes the outputs safe, as in any step.
+        If it ends early, the outputs are made safe, as for any step.
 
         Raises
         ------
         StepFailed
-            from the present command it would be faster than the rig allows; nothing has moved.
+            starting from the present command it would be faster than the rig allows; nothing has moved.
         """
         name = self.actuator
         now = bench.commanded.get(name, bench.safe_value(name))
@@ -310,7 +310,7 @@ class Waveform(Action):
         return Outcome.COMPLETE
 
     def _lead_in(self, bench: Bench, now: float, first: float) -> list[tuple[float, float]]:
-        """Move from the present command to the first value as fast as allowed; nothing if it may jump."""
+        """Return the commands from `now` to the first value, as fast as allowed; none if it may jump."""
         fastest = bench.rig.actuators[self.actuator].max_rate
         if fastest is None or now == first:
             return []
@@ -320,8 +320,8 @@ class Waveform(Action):
     def _follow(
         self, bench: Bench, course: list[tuple[float, float]], end: float
     ) -> Generator[Until, Row | None, int]:
-        """Give commands at their times until `end` s; returns the number skipped because a later one was
-        due."""
+        """Send commands at their times until `end`, s; return the number that were skipped because a later
+        one was due."""
         begin, late = bench.now, 0
         for index, (time, value) in enumerate(course):
             if index + 1 < len(course) and begin + course[index + 1][0] <= bench.now:
@@ -336,5 +336,5 @@ class Waveform(Action):
         return late
 
     def lasting(self) -> frozenset[str]:
-        """The actuator, if its last value stays."""
+        """Return the actuator if it keeps its last value, otherwise nothing."""
         return frozenset({self.actuator}) if self.stay else frozenset()

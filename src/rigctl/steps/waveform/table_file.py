@@ -12,26 +12,26 @@ from typing import Final
 from rigctl.errors import Location, RigctlError
 from rigctl.units import Unit, parse_unit
 
-#: rows of a file
+#: largest number of rows of a file
 _MOST: Final = 200_000
-#: bytes of a file
+#: largest size of a file, bytes
 _LARGEST: Final = 50_000_000
 
 
 def read_table(
     path: Path, name: str, unit: str, check: Callable[[float], None]
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Times and values in SI.
+    """Return the times, s, and the SI values of a file.
 
     Parameters
     ----------
     name, unit: the actuator whose column is read, and a unit of its dimension.
-    check: refuses a value that the actuator cannot take; the row is added to its message.
+    check: raises for a value that is invalid for the actuator; the line is added to the message.
 
     Raises
     ------
     RigctlError
-        the file cannot be read, a column or a number is missing, or a value cannot be taken; with its line.
+        the file cannot be read, a column or a number is missing, or a value is invalid; with the line.
     """
     text = _text(path)
     try:
@@ -64,7 +64,7 @@ def read_table(
 
 
 def _text(path: Path) -> str:
-    """The file's text: a device or a pipe might never end."""
+    """Return the file's text, of limited size, since a device or a pipe might never end."""
     try:
         if path.exists() and not path.is_file():
             raise RigctlError("cannot read the table: it is no file", where=Location(path))
@@ -81,11 +81,11 @@ def _text(path: Path) -> str:
 
 
 def _column(head: Sequence[str], name: str, unit: str, path: Path) -> tuple[int, Unit]:
-    """The index of a column, and its unit."""
+    """Return the index of a column, and its unit."""
     names = [cell.partition("[")[0].strip() for cell in head]
     expected = f"'time [s],{name} [{unit}]'" if name != "time" else "a column 'time [s]'"
     if names.count(name) != 1:
-        # a file without the column of times may be anything; its first line may be for nobody's log
+        # a file without a column of times may be any file, whose first line must not appear in a message
         shown = ", ".join(head) if "time" in names else f"{names.count(name)} of {len(head)} columns"
         raise RigctlError(
             f"one column '{name}' is expected",
