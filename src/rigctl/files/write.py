@@ -134,9 +134,14 @@ def _publish(temporary: Path, path: Path, content: bytes) -> None:
         raise
     except (OSError, NotImplementedError):  # a file system without hard links
         with path.open("xb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
+            try:
+                stream.write(content)
+                stream.flush()
+                os.fsync(stream.fileno())
+            except OSError:  # a full disk: nothing rather than a part
+                stream.close()
+                path.unlink()
+                raise
 
 
 def _keep_mode(path: Path, temporary: Path) -> None:

@@ -41,10 +41,16 @@ class MovingMean:
         self._sum = 0.0
 
     def add(self, time: float, value: float) -> float:
-        """Add a reading and return the mean; a missing reading (NaN) is left out."""
-        if not math.isnan(value):
+        """Add a reading and return the mean; NaN if there has been no reading for longer than the window.
+
+        A missing reading (NaN), or an infinite one, is left out.
+        """
+        if math.isfinite(value):
             self._readings.append((time, value))
             self._sum += value
+        elif self._readings and self._readings[-1][0] < time - self._window:
+            self._readings.clear()
+            self._sum = 0.0
         while len(self._readings) > 1 and self._readings[0][0] < time - self._window:
             self._sum -= self._readings.popleft()[1]
         return self._sum / len(self._readings) if self._readings else math.nan
@@ -71,6 +77,7 @@ class Settling:
         """Add a reading; return True once it has settled."""
         mean = self.mean = self._means.add(time, value)
         if math.isnan(mean):
+            self._since = None
             return False
         self.lowest, self.highest = min(self.lowest, mean), max(self.highest, mean)
         if abs(mean - self.target) > self.within:
