@@ -6,7 +6,8 @@ them.
     sign(u)·|u/R|^a, a ∈ {½, 1, 3/2, 2, 3};   |u/R|^a, a ∈ {½, 1, 2};   tanh(u/s);   (u/s)/(1 + |u|/s)
     exp(u/s);   exp(−u/s);   tanh(4u/s)·exp(−(u/s)²);   ((u − s)/R)₊;   ((s − u)/R)₊;   exp(−((u − s)/w)²)
 
-A product has one of these over one variable, and over the other |v/R|^b, b ∈ {½, 1, 2}, v/R or tanh(v/s).
+A product has one of these over one variable, and over the other |v/R|^b, b ∈ {½, 1, 2}, v/R, tanh(v/s) or
+the sign of v, as tanh(100·v/R): a dry force has no scale of its own.
 Every argument of a function is a pure number, and the one size in front has the unit of the slot.
 """
 
@@ -31,6 +32,8 @@ _AWAY = 0.5
 #: corners are rounded over this share of the reference
 WIDTH = 1e-3
 _ZERO_CELSIUS = 273.15
+#: the sign of a variable changes over this share of the reference
+_STEP = 0.01
 #: scales that are distances; the others are values of the variable
 DISTANCES = frozenset(("scale", "width"))
 
@@ -79,6 +82,11 @@ class Argument:
         if name not in DISTANCES and self.point:
             return amount(si - _ZERO_CELSIUS, "degC")
         return amount(si, self.driver.unit)
+
+    @property
+    def step_text(self) -> str:
+        """The width of the sign of u as written in an effect file."""
+        return _bracketed(amount(_STEP * self.reference, self.driver.unit))
 
     @property
     def driver_text(self) -> str:
@@ -196,7 +204,7 @@ def forms(low: float, high: float) -> Iterator[Form]:
     """The forms of one argument with x from `low` to `high`."""
     largest, length = max(abs(low), abs(high)), high - low
     yield from odd_powers()
-    if low < -0.05 * length and high > 0.05 * length:  # else they equal the odd ones
+    if _changes_sign(low, high):  # else they equal the odd ones
         yield from even_powers()
     yield _tanh(largest)
     shares = tuple((share * largest,) for share in (0.03, 0.1, 0.3, 1.0))
@@ -264,6 +272,16 @@ def factors(low: float, high: float) -> Iterator[Form]:
     if low < 0.0 < high:
         yield Form("linear", lambda a, _: a.ratio, lambda x: x)
         yield _tanh(max(abs(low), abs(high)))
+    if _changes_sign(low, high):
+        yield Form(
+            "sign", lambda a, _: f"tanh({a.text}/{a.step_text})", lambda x: np.tanh(x / _STEP), complexity=2
+        )
+
+
+def _changes_sign(low: float, high: float) -> bool:
+    """Whether x has values of both signs, not only by its scatter about an end of the range."""
+    least = 0.05 * (high - low)
+    return low < -least and high > least
 
 
 def _word(power: float) -> str:

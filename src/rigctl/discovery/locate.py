@@ -41,8 +41,9 @@ _ALIKE = 1e-3
 #: number of locations over one variable whose formulas are tried, and of pairs of variables at the first
 #: locations
 _SINGLES, _PAIRS = 4, (4, 2, 1)
-#: of those that explain as much as the best: number over one variable, locations, pairs at each
-_MORE_SINGLES, _MORE_PLACES, _MORE_PAIRS = 16, 6, 3
+#: of those that explain as much as the best: number over one variable, and of pairs at each of the first
+#: locations
+_MORE_SINGLES, _MORE_PAIRS = 16, (5, 3, 3, 3, 2, 2)
 #: possible error of a linear model of a large effect, as a share of χ²: a smaller difference excludes no
 #: location
 _AS_MUCH = 0.05
@@ -144,13 +145,13 @@ class Map:
         for one in seen:
             if len(one.over) == 2:
                 double.setdefault(one.slot.name, []).append(one)
-        for k, pairs in enumerate(list(double.values())[:_MORE_PLACES]):
+        for k, (pairs, more) in enumerate(zip(double.values(), _MORE_PAIRS, strict=False)):
             few = _PAIRS[k] if k < len(_PAIRS) else 0
             # by what they explain: a formula does not pay for the splines' degrees of freedom
             as_much = sorted(
                 (one for one in pairs if one.explains_as_much_as(seen[0])), key=lambda one: -one.statistic
             )
-            chosen += dict.fromkeys([*pairs[:few], *as_much[:_MORE_PAIRS]])
+            chosen += dict.fromkeys([*pairs[:few], *as_much[:more]])
         return tuple(chosen)
 
 
