@@ -15,4 +15,4 @@ FINGERPRINT = "51087c135894"
 #: raised by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 3
 #: hash of the code of this version of the search
-DISCOVERY_FINGERPRINT = "d6fbe65f1138"
+DISCOVERY_FINGERPRINT = "fb95f3746823"
