@@ -13,6 +13,6 @@ METHOD_VERSION = 29
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
 FINGERPRINT = "51087c135894"
 #: raised by one when a search for formulas may find other locations or formulas
-DISCOVERY_VERSION = 3
+DISCOVERY_VERSION = 4
 #: hash of the code of this version of the search
-DISCOVERY_FINGERPRINT = "fb95f3746823"
+DISCOVERY_FINGERPRINT = "947970df54b1"
