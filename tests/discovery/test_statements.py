@@ -9,7 +9,9 @@ from typing import Any, cast
 import pytest
 
 from rigctl.analysis.diagnosis_result import Verdict
+from rigctl.cli.commands.discover import _lead_on
 from rigctl.cli.views.discover import _written
+from rigctl.command_line import DataOptions
 from rigctl.discovery.discover import _notes, _statement, _too_weak
 from rigctl.discovery.gate import gate_of
 from rigctl.discovery.locate import Located, Map, locate
@@ -236,3 +238,15 @@ def test_where_no_term_would_be_visible_the_search_says_so() -> None:
     assert not found.sure
     assert found.most_wanted == ()
     assert "would not be visible in these data at any location" in _too_weak(found)
+
+
+@pytest.mark.parametrize(
+    ("reason", "said"), [("adequate", "makes the page of it"), ("replicates", "plots where the model fails")]
+)
+def test_a_model_that_agrees_is_not_said_to_fail(
+    reason: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found: Any = SimpleNamespace(formulas=(), gate=SimpleNamespace(reason=reason))
+    _lead_on(found, ["latest"], "own.yaml", DataOptions(), saved=False)
+    printed = capsys.readouterr()
+    assert said in printed.out + printed.err
