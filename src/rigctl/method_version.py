@@ -13,6 +13,6 @@ METHOD_VERSION = 29
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
 FINGERPRINT = "8424dab4f32e"
 #: increased by one when a search for formulas may find other locations or formulas
-DISCOVERY_VERSION = 3
+DISCOVERY_VERSION = 4
 #: hash of the code of this version of the search
-DISCOVERY_FINGERPRINT = "d6fbe65f1138"
+DISCOVERY_FINGERPRINT = "a00acc13d1f5"

@@ -10,8 +10,10 @@ import pytest
 import commands
 from commands import MODEL
 from rigctl.cli.commands.init import create_project
+from rigctl.cli.commands.model_changes import _in_words
 from rigctl.errors import RigctlError
 from rigctl.model import Change, ModelError, load_model, save_version
+from rigctl.model.stated import StatedValue
 
 said = partial(commands.told, "model")
 answer = partial(commands.answer, "model")
@@ -217,3 +219,11 @@ def test_a_version_is_accepted_wherever_a_model_file_is(tmp_path: Path) -> None:
     ]
     first, second = (run.table("samples")["position"].to_numpy() for run in runs)
     assert abs(first[: len(second)] - second[: len(first)]).max() > 1e-3
+
+
+def test_a_number_without_a_unit_is_not_followed_by_a_one() -> None:
+    """``size 31.76 ± 0.24``, not ``size 31.76 ± 0.24 1``."""
+    known = {"std": 0.2, "fit": True, "fixed": False, "origin": "effect", "source": "", "meaning": ""}
+    ratio = StatedValue(name="worn.size", si=31.76, unit="1", **known)
+    mass = StatedValue(name="worn.mass", si=2.0, unit="kg", **known)
+    assert _in_words([ratio, mass]) == "worn.size 31.76 ± 0.20, worn.mass 2.00 ± 0.20 kg"

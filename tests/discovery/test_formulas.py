@@ -9,7 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rigctl.discovery.chance import draw_chance
+from rigctl.analysis.adequacy import chi2_tail
+from rigctl.discovery.chance import draw_chance, log_tail
 from rigctl.discovery.dimensions import tier_of
 from rigctl.discovery.effect_file import effect_of, scale_parameters
 from rigctl.discovery.formulas import Factor, Formula
@@ -118,10 +119,10 @@ def test_the_family_wise_level_counts_only_independent_searches() -> None:
         projected(noise, np.tile(columns[:, :3], 8), 4), [slice(3 * k, 3 * k + 3) for k in range(8)]
     )
     others = draw_chance(projected(noise, columns, 4), [slice(3 * k, 3 * k + 3) for k in range(8)])
-    assert one.family_wise(0.02) == pytest.approx(0.02, rel=0.15)
-    assert same.family_wise(0.02) == pytest.approx(0.02, rel=0.15)
-    assert others.family_wise(0.02) == pytest.approx(1.0 - 0.98**8, rel=0.15)
-    assert others.family_wise(0.02) <= 8 * 0.02  # Bonferroni's bound
+    assert one.family_wise(math.log(0.02)) == pytest.approx(0.02, rel=0.15)
+    assert same.family_wise(math.log(0.02)) == pytest.approx(0.02, rel=0.15)
+    assert others.family_wise(math.log(0.02)) == pytest.approx(1.0 - 0.98**8, rel=0.15)
+    assert others.family_wise(math.log(0.02)) <= 8 * 0.02  # Bonferroni's bound
     assert others.independent == pytest.approx(8.0, rel=0.2)
 
 
@@ -131,10 +132,41 @@ def test_residuals_slower_than_the_noise_model_raise_the_family_wise_p_value() -
     slow = np.repeat(rng.standard_normal((30, 5)), 8, axis=1)
     columns = np.tile(np.repeat(np.eye(5), 8, axis=0), (30, 1))
     groups = [slice(k, k + 1) for k in range(5)]
-    sure = draw_chance(projected(white.ravel(), columns, 30), groups).family_wise(1e-3)
-    less = draw_chance(projected((white + slow).ravel(), columns, 30), groups).family_wise(1e-3)
+    sure = draw_chance(projected(white.ravel(), columns, 30), groups).family_wise(math.log(1e-3))
+    less = draw_chance(projected((white + slow).ravel(), columns, 30), groups).family_wise(math.log(1e-3))
     assert sure < 0.02
     assert less > 10.0 * sure
+
+
+@pytest.mark.parametrize("known", [0, 60, 2000])
+@pytest.mark.parametrize("dof", [1, 8, 25])
+def test_the_logarithm_of_a_tail_continues_where_the_probability_underflows(dof: int, known: int) -> None:
+    sizes = np.geomspace(1.0, 1e7, 2000)
+    logs = log_tail(sizes, dof, known)
+    assert np.all(np.isfinite(logs))
+    assert np.all(np.diff(logs) < 0.0)
+    slopes = np.diff(logs) / np.diff(sizes)
+    assert np.all(np.abs(np.diff(slopes[sizes[1:] > 200.0])) < 0.01)  # no step where one formula takes over
+    seen = np.array([chi2_tail(float(size), dof, known) for size in sizes])
+    assert np.exp(logs) == pytest.approx(seen, rel=1e-9, abs=1e-270)
+
+
+@pytest.mark.parametrize("known", [0, 500])
+def test_a_large_effect_is_significant_although_what_is_left_beside_it_is_large_too(known: int) -> None:
+    """Both p-values are below the smallest float: 300 sigma of an effect beside 60 of other misfits."""
+    rng = np.random.default_rng(2)
+    columns = rng.standard_normal((900, 12))
+    one = columns[:, :3] @ np.array([10.0, -6.0, 4.0])
+    other = np.repeat(rng.choice([-1.0, 1.0], 9), 100) * columns[:, 6]
+    residual = rng.standard_normal(900) + one + 2.0 * other
+    at = projected(residual, columns, 9)
+    at.noise_degrees = known
+    groups = [slice(3 * k, 3 * k + 3) for k in range(4)]
+    chance = draw_chance(at, groups)
+    basis = np.linalg.qr(columns[:, :3])[0]
+    best = float(np.square(basis.T @ residual).sum())
+    assert chi2_tail(best, 3) == 0.0
+    assert chance.family_wise(log_tail(best, 3, known).item()) < 1e-3
 
 
 def regions_of(values: np.ndarray, groups: tuple[int, ...]) -> SimpleNamespace:

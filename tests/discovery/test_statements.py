@@ -9,6 +9,9 @@ from typing import Any, cast
 import pytest
 
 from rigctl.analysis.diagnosis_result import Verdict
+from rigctl.cli.commands.discover import _lead_on
+from rigctl.cli.views.discover import _written
+from rigctl.command_line import DataOptions
 from rigctl.discovery.discover import _notes, _statement, _too_weak
 from rigctl.discovery.gate import gate_of
 from rigctl.discovery.locate import Located, Map, locate
@@ -93,6 +96,26 @@ def test_too_weak_evidence_states_how_many_records_would_suffice() -> None:
     assert "8.0 are needed" in said
     assert "4 times as many records" in said
     assert "at any location" in _too_weak(Map((), (), 0, 0.0, 8.0))
+
+
+def test_a_large_but_uncertain_effect_is_not_called_too_weak() -> None:
+    """Else the same sentence has 90 sigma where 8 are needed, and asks for 1.1 times as many records."""
+    said = _too_weak(Map((located("friction", 8108.0, 0.3),), (), 210, 56.0, 8.0))
+    assert "90.0 sigma" in said
+    assert "p = 0.3" in said
+    assert "record more conditions" in said
+    assert "too weak" not in said.casefold()
+    assert "needed" not in said
+
+
+@pytest.mark.parametrize(("combine", "written"), [("sum", "here + 2*x"), ("product", "here*(1 + 2*x)")])
+def test_a_formula_is_written_with_its_slot_as_the_slot_combines_terms(combine: str, written: str) -> None:
+    slot = SimpleNamespace(combine=combine)
+    term = "2*x" if combine == "sum" else "1 + 2*x"
+    found = SimpleNamespace(
+        slot="here", term=term, fitted=SimpleNamespace(formula=SimpleNamespace(slot=slot))
+    )
+    assert _written(cast("FoundFormula", found)) == written
 
 
 def test_a_single_condition_and_untestable_locations_are_noted() -> None:
@@ -215,3 +238,15 @@ def test_where_no_term_would_be_visible_the_search_says_so() -> None:
     assert not found.sure
     assert found.most_wanted == ()
     assert "would not be visible in these data at any location" in _too_weak(found)
+
+
+@pytest.mark.parametrize(
+    ("reason", "said"), [("adequate", "makes the page of it"), ("replicates", "plots where the model fails")]
+)
+def test_a_model_that_agrees_is_not_said_to_fail(
+    reason: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found: Any = SimpleNamespace(formulas=(), gate=SimpleNamespace(reason=reason))
+    _lead_on(found, ["latest"], "own.yaml", DataOptions(), saved=False)
+    printed = capsys.readouterr()
+    assert said in printed.out + printed.err

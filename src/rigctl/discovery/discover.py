@@ -205,6 +205,12 @@ def _too_weak(searched: Map) -> str:
     if not searched.located:
         return "Something is missing, but a term would not be visible in these data at any location"
     best = searched.located[0]
+    if best.size > searched.needed:
+        return (
+            f"Not certain enough to discover: the best of {searched.tests} places, {best.name}, has a size "
+            f"of {best.size:.1f} sigma, but what it leaves differs so much between the records that chance "
+            f"gives as much (p = {best.p_value:.2g}); record more conditions"
+        )
     factor = max((searched.needed / best.size) ** 2 if best.size else math.inf, 1.1)
     more = f", or about {factor:.2g} times as many records like these" if factor < 100.0 else ""
     return (

@@ -16,12 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.adequacy import chi2_tail
 from rigctl.analysis.decision_levels import ALPHA, LEAST_DIFFERENCE
 from rigctl.analysis.fitting import OnProgress, no_progress
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.analysis.shape_tolerance import FUNCTIONS
-from rigctl.discovery.chance import Chance, draw_chance, span
+from rigctl.discovery.chance import Chance, draw_chance, log_tail, span
 from rigctl.discovery.open_slots import OpenSlots, products_at, splines_at
 from rigctl.effects.drivers import Driver
 from rigctl.engine.one_thread import one_thread
@@ -62,6 +61,7 @@ class Located:
     p_value: family-wise, of the best of all hypotheses.
     share: of the misfit that it explains, 0 … 1.
     alike: other slots at which a term has the same signature in these data.
+    log_alone: logarithm of its p-value as the only hypothesis.
     """
 
     slot: Slot
@@ -71,7 +71,7 @@ class Located:
     p_value: float
     share: float
     alike: tuple[str, ...] = ()
-    chance_alone: float = field(default=1.0, repr=False)
+    log_alone: float = field(default=0.0, repr=False)
 
     @property
     def name(self) -> str:
@@ -183,7 +183,7 @@ def locate(
     on_progress("Simulating the null distribution")
     chance = replace(seen_at.chance(seen), more=len(pairs))
     located = [
-        replace(one, p_value=chance.family_wise(one.chance_alone))
+        replace(one, p_value=chance.family_wise(one.log_alone))
         for one in sorted([*seen, *pairs], key=lambda one: one.cost(samples))
     ]
     return Map(
@@ -245,8 +245,8 @@ def _located(projected: Projected, chosen: slice, slot: Slot, over: tuple[Driver
     basis = span(projected, chosen)
     statistic, dof = float(np.square(basis.T @ projected.residual).sum()), basis.shape[1]
     excess = max(float(projected.residual @ projected.residual) - projected.dof, statistic, 1.0)
-    tail = chi2_tail(statistic, dof, projected.noise_degrees) if dof else 1.0
-    return Located(slot, over, statistic, dof, tail, statistic / excess, chance_alone=tail)
+    tail = log_tail(statistic, dof, projected.noise_degrees).item() if dof else 0.0
+    return Located(slot, over, statistic, dof, math.exp(tail), statistic / excess, log_alone=tail)
 
 
 def _one_place_each(tried: Sequence[Located]) -> list[Located]:
@@ -336,6 +336,5 @@ def _needed(chance: Chance) -> float:
     """λ of a detectable term with as many degrees of freedom as one variable has."""
     from scipy.special import chndtrinc, gammainccinv
 
-    level = float(np.quantile(chance.least, ALPHA))
-    critical = 2.0 * gammainccinv(0.5 * FUNCTIONS, max(level, 1e-12))
+    critical = 2.0 * gammainccinv(0.5 * FUNCTIONS, max(chance.level(ALPHA), 1e-12))
     return math.sqrt(float(chndtrinc(critical, FUNCTIONS, 1.0 - _POWER)))

@@ -47,7 +47,11 @@ def passivity(formula: Formula, opened: OpenSlots) -> str:
 
 
 def _above(place: Balance, opened: OpenSlots) -> Floats:
-    name = place.surroundings
-    weights = [(place.state.name, 1.0)] if name is None else [(place.state.name, 1.0), (name, -1.0)]
-    along = courses(opened.problem, opened.trajectories, Driver(tuple(weights), place.state.unit))
-    return np.asarray(np.concatenate(along) - (place.reference if name is None else 0.0))
+    name, moving = place.surroundings, [(place.state.name, 1.0)]
+    model = opened.problem.model
+    given = {one.name: model.values.get(one.name, one.value) for one in model.family.parameters}
+    level = place.reference if name is None else given.get(name, 0.0)
+    if name is not None and name not in given:
+        moving.append((name, -1.0))
+    along = courses(opened.problem, opened.trajectories, Driver(tuple(moving), place.state.unit))
+    return np.asarray(np.concatenate(along) - level)

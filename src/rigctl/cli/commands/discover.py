@@ -132,5 +132,6 @@ def _lead_on(found: Discovery, runs: list[str], model: str, choice: DataOptions,
         again = analysis("discover", runs, model, choice)
         show_next(f"{again} -o effects", "writes them as effect files, for 'model add' and 'compare'")
     else:
-        draws = "plots where the model fails"
+        agrees = found.gate.reason == "adequate"
+        draws = "makes the page of it" if agrees else "plots where the model fails"
         show_next(f"{analysis('compare', runs, model, choice)} -o page.html", draws)

@@ -110,6 +110,10 @@ def _show_values(made: Model) -> None:
 def _in_words(fitted: Sequence[StatedValue]) -> str:
     """The first of the fitted parameters with their uncertainty; those of effects before the others."""
     first = sorted(fitted, key=lambda stated: "." not in stated.name)[:_NAMED]
-    said = [" ".join(part for part in (one.name, *value_texts(one), one.unit) if part) for one in first]
+    units = ["" if one.unit == "1" else one.unit for one in first]
+    said = [
+        " ".join(part for part in (one.name, *value_texts(one), unit) if part)
+        for one, unit in zip(first, units, strict=True)
+    ]
     left = len(fitted) - len(first)
     return ", ".join([*said, *([f"and {left} more"] if left else [])])

@@ -49,7 +49,7 @@ def _facts(found: Discovery) -> Iterator[tuple[str, str]]:
         held_out = f", error held out {_held_out(one)}" if _held_out(one) else ""
         accepted = "accepted" if one.accepted else "not accepted"
         sizes = ", ".join(f"{name} {value}" for name, value in one.parameters.items())
-        yield "formula", f"{one.slot} + {one.term}: {sizes}{held_out}; {accepted}"
+        yield "formula", f"{_written(one)}: {sizes}{held_out}; {accepted}"
 
 
 def _show_evidence(found: Discovery) -> None:
@@ -140,9 +140,16 @@ def _held_out(one: FoundFormula) -> str:
     return f"{significant(check.before)} to {significant(check.after)}"
 
 
+def _written(one: FoundFormula) -> str:
+    """The slot with the formula: ``friction + size*…``; ``orifice*(1 + size*…)`` where terms are factors."""
+    if one.fitted.formula.slot.combine == "product":
+        return f"{one.slot}*({one.term})"
+    return f"{one.slot} + {one.term}"
+
+
 def _show_formula(one: FoundFormula) -> None:
     out = console()
-    out.print(f"  [bold]{escape(one.name)}[/]: {escape(one.slot)} + {escape(one.term)}", soft_wrap=True)
+    out.print(f"  [bold]{escape(one.name)}[/]: {escape(_written(one))}", soft_wrap=True)
     out.print(f"    tier {one.tier.letter}: {escape(one.tier.statement)}", soft_wrap=True)
     if one.passive:
         out.print(f"    it {one.passive}", soft_wrap=True)
