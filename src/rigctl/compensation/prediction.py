@@ -70,7 +70,7 @@ class Predictor:
         self._require(courses.failures, points)
         return np.array(
             [
-                self._of(record, outlines.seen(one))
+                self._of(record, outlines.measured(one))
                 for record, one in zip(outlines.records, courses.outputs, strict=True)
             ]
         )

@@ -168,7 +168,7 @@ class Proposer:
         courses = simulate(problem.compiled, [problem.excitation(0, values, own)])
         if not courses.ok:
             raise RigctlError(f"the bench cannot be simulated: {courses.summary()}")
-        outputs = outlines.seen(courses.outputs[0])
+        outputs = outlines.measured(courses.outputs[0])
         sigma = problem.noise.sigma_at(outputs, record.times)
         return np.asarray(outputs + sigma * rng.standard_normal(outputs.shape))
 
