@@ -86,13 +86,13 @@ class Workshop:
     stage: Stage
     workers: Workers | None = None
     tried: int = 0
-    _made: dict[object, Proposal | None] = field(default_factory=dict)
+    _proposals: dict[object, Proposal | None] = field(default_factory=dict)
     _shown: dict[int, tuple[Proposal, Scene]] = field(default_factory=dict)
 
     def propose(self, points: Sequence[tuple[Scheme, Sequence[float]]]) -> list[Proposal | None]:
         """A proposal for each point of a scheme; None if the point is not acceptable."""
         recipes = [scheme.recipe(point) for scheme, point in points]
-        fresh = {_key(one): k for k, one in enumerate(recipes) if _key(one) not in self._made}
+        fresh = {_key(one): k for k, one in enumerate(recipes) if _key(one) not in self._proposals}
         indices = list(fresh.values())
         self.tried += len(indices)
         parts = [indices[begin : begin + _AT_ONCE] for begin in range(0, len(indices), _AT_ONCE)]
@@ -100,10 +100,10 @@ class Workshop:
         for part, every in zip(parts, judged, strict=True):
             for k, shown in zip(part, every, strict=True):
                 scheme, point = points[k]
-                self._made[_key(recipes[k])] = (
+                self._proposals[_key(recipes[k])] = (
                     None if shown is None else Proposal(scheme, tuple(point), recipes[k], *shown)
                 )
-        return [self._made[_key(one)] for one in recipes]
+        return [self._proposals[_key(one)] for one in recipes]
 
     def _judged(self, parts: Sequence[Sequence[Recipe]]) -> list[list[Shown | None]]:
         """The results of each part, in order; the parts do not depend on where they are simulated."""
@@ -130,12 +130,12 @@ class Workshop:
 
     def forget(self) -> None:
         """Forget the proposals made so far, so that they may be proposed again."""
-        self._made.clear()
+        self._proposals.clear()
         self._shown.clear()
 
     def refuse(self, proposal: Proposal) -> None:
         """Never propose it again."""
-        self._made[_key(proposal.recipe)] = None
+        self._proposals[_key(proposal.recipe)] = None
 
     def _scenes(self, recipes: Sequence[Recipe]) -> list[Scene | None]:
         measurements = self.rivals[0].fit.problem.measurements
