@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from scipy.stats import norm
 
 from rigctl.design.information import Refit, Response
-from rigctl.design.power import Gain, gain, power_to_distinguish, seen, threshold_of
+from rigctl.design.power import Gain, detection_power, gain, power_to_distinguish, threshold_of
 
 Floats = NDArray[np.float64]
 Model = Callable[[Floats, Floats], Floats]
@@ -120,5 +120,5 @@ def test_the_power_to_detect_an_effect_agrees_with_simulated_scores() -> None:
     rng = np.random.default_rng(3)
     scores = np.square(rng.normal(4.0, 1.0, 40_000))
     asked = norm.isf(0.01 / 40 / 2.0) ** 2
-    assert seen(16.0, 1, 40) == pytest.approx(np.mean(scores > asked), abs=0.01)
-    assert seen(0.0, 1, 40) == pytest.approx(0.01 / 40, rel=1e-3)
+    assert detection_power(16.0, 1, 40) == pytest.approx(np.mean(scores > asked), abs=0.01)
+    assert detection_power(0.0, 1, 40) == pytest.approx(0.01 / 40, rel=1e-3)

@@ -40,11 +40,11 @@ def argument_of(measure: TakenMeasure, predictor: Predictor) -> str:
     known: set[str] | None = None
     for k in predictor.fit.fitted:
         record = problem.records[k]
-        given = measure.arguments.get((record.run, record.index))
-        if given is None:
+        arguments = measure.arguments.get((record.run, record.index))
+        if arguments is None:
             continue
         value = predictor.vary.of(record, outputs)
-        same = {name for name, text in given.items() if _is(text, value)}
+        same = {name for name, text in arguments.items() if _is(text, value)}
         known = same if known is None else known & same
     if not known or len(known) > 1:
         raise RigctlError(

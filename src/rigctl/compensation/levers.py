@@ -72,12 +72,12 @@ def levers_of(stage: Stage, records: Sequence[MeasuredRecord], outputs: Sequence
     """All quantities with which a record of this rig may start, by name."""
     rig = stage.rig
     known = {free.name: free for scheme in schemes_of(stage, records) for free in scheme.free}
-    found: dict[str, Lever] = {}
+    levers: dict[str, Lever] = {}
     heat, pressure = rig.roles.heat, rig.roles.set_pressure
     if heat is not None and heat.channel in outputs:
         free = known.get("temperature")
         low, high = (free.low, free.high) if free is not None else (-np.inf, np.inf)
-        found[heat.channel] = Lever(heat.channel, rig.channels[heat.channel].unit, low, high, "heat")
+        levers[heat.channel] = Lever(heat.channel, rig.channels[heat.channel].unit, low, high, "heat")
     moves = {role.actuator for role in (rig.roles.extend, rig.roles.retract) if role is not None}
     for column, source in enumerate(stage.sources):
         for actuator, factor in source.actuators:
@@ -95,13 +95,13 @@ def levers_of(stage: Stage, records: Sequence[MeasuredRecord], outputs: Sequence
             else:
                 role, names = "", [actuator]
             for name in names:
-                found[name] = Lever(name, unit, low, high, role, ((column, factor),))
+                levers[name] = Lever(name, unit, low, high, role, ((column, factor),))
     for column, source in enumerate(stage.sources):
         if not source.actuators and source.input in stage.standing:
             unit = next((u for n, u in _shown(stage) if n == source.channel), "")
             if unit:
-                found[source.input] = Lever(source.input, unit, -np.inf, np.inf, "", ((column, 1.0),))
-    return found
+                levers[source.input] = Lever(source.input, unit, -np.inf, np.inf, "", ((column, 1.0),))
+    return levers
 
 
 def _shown(stage: Stage) -> list[tuple[str, str]]:

@@ -118,7 +118,7 @@ def find_measure(runs: Sequence[Run], rig: Rig, target: Target) -> TakenMeasure:
         no record takes the measure, or their procedure no longer exists or has changed.
     """
     arguments: dict[tuple[str, int], Mapping[str, str]] = {}
-    found: list[tuple[Measure, Path]] = []
+    measures: list[tuple[Measure, Path]] = []
     for run in runs:
         plan = _plan_of(run, rig)
         nodes = {node.path: (node, call) for node, call in _records(plan.root, None)}
@@ -127,19 +127,19 @@ def find_measure(runs: Sequence[Run], rig: Rig, target: Target) -> TakenMeasure:
             measure = None if node is None else _measure_in(node, target.name)
             if node is None or measure is None or node.where.file is None:
                 continue
-            found.append((measure, Path(node.where.file)))
-            given = call.bindings if call is not None else plan.arguments
-            arguments[run.id, int(row["record"])] = dict(given)
-    if not found:
+            measures.append((measure, Path(node.where.file)))
+            values = call.bindings if call is not None else plan.arguments
+            arguments[run.id, int(row["record"])] = dict(values)
+    if not measures:
         raise RigctlError(f"no record of these runs takes the measure '{target.name}' in itself")
-    measure, file = found[0]
+    measure, file = measures[0]
     return TakenMeasure(measure, _when(runs, target.name), file, arguments)
 
 
 def _measures_of_records(run: Run) -> set[str]:
     events = run.events
-    taken = events[events["kind"] == "measure"]
-    return {str(json.loads(data)["name"]) for data in taken["data"]}
+    measured = events[events["kind"] == "measure"]
+    return {str(json.loads(data)["name"]) for data in measured["data"]}
 
 
 def _when(runs: Sequence[Run], name: str) -> float:
@@ -148,8 +148,8 @@ def _when(runs: Sequence[Run], name: str) -> float:
     for run in runs:
         begins = dict(zip(run.records["record"], run.records["start"], strict=True))
         events = run.events
-        taken = events[(events["kind"] == "measure") & (events["record"] >= 0)]
-        for time, record, data in zip(taken["time"], taken["record"], taken["data"], strict=True):
+        measured = events[(events["kind"] == "measure") & (events["record"] >= 0)]
+        for time, record, data in zip(measured["time"], measured["record"], measured["data"], strict=True):
             if json.loads(data)["name"] == name and record in begins:
                 times.append(float(time) - float(begins[record]))
     return float(np.median(times))
@@ -185,5 +185,5 @@ def _records(node: Node, call: Group | None) -> Iterator[tuple[RecordNode, Group
 def _measure_in(node: Node, name: str) -> Measure | None:
     if isinstance(node, Leaf) and isinstance(node.action, Measure) and node.action.name == name:
         return node.action
-    found = (_measure_in(child, name) for child in children(node))
-    return next((one for one in found if one is not None), None)
+    measures = (_measure_in(child, name) for child in children(node))
+    return next((one for one in measures if one is not None), None)

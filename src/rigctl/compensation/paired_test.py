@@ -61,7 +61,7 @@ class Verdict:
     def statement(self) -> str:
         """In words."""
         error, plain = (show(one, self.unit, difference=True) for one in (self.with_it, self.without))
-        said = (
+        text = (
             f"{self.quantity} was off {show(self.target, self.unit)} by {error} with the schedule and by "
             f"{plain} without, in {self.pairs} pairs: a ratio of {self.ratio:.2f}"
         )
@@ -70,8 +70,8 @@ class Verdict:
             why = (
                 f"so few pairs give no bound; {fewest} are the fewest" if self.pairs < fewest else "no bound"
             )
-            return f"{said}, {why}"
-        return f"{said}, below {self.bound:.2f} in 95 of 100 cases"
+            return f"{text}, {why}"
+        return f"{text}, below {self.bound:.2f} in 95 of 100 cases"
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer; errors in the unit."""
@@ -99,7 +99,7 @@ def judge(runs: Sequence[Run]) -> Verdict:
     RigctlError
         these are not runs of such a check, or of different ones.
     """
-    quantity, target, unit = _asked(runs)
+    quantity, target, unit = _quantity_and_target(runs)
     errors: dict[tuple[str, float], dict[bool, float]] = {}
     for run in runs:
         for record in run.each(run.usable):
@@ -107,18 +107,18 @@ def judge(runs: Sequence[Run]) -> Verdict:
             if math.isfinite(value):
                 pair = errors.setdefault((run.id, record.sweep[PAIR]), {})
                 pair[bool(record.sweep[COMPENSATED])] = value - target
-    whole = [one for one in errors.values() if len(one) == 2]
-    if not whole:
+    complete = [one for one in errors.values() if len(one) == 2]
+    if not complete:
         raise RigctlError("no pair of records is whole", value=", ".join(run.id for run in runs))
-    with_it = np.array([one[True] for one in whole])
-    without = np.array([one[False] for one in whole])
+    with_it = np.array([one[True] for one in complete])
+    without = np.array([one[False] for one in complete])
     mean = [float(np.sqrt(np.square(one).mean())) for one in (with_it, without)]
     return Verdict(
         runs=tuple(run.id for run in runs),
         quantity=quantity,
         target=target,
         unit=unit,
-        pairs=len(whole),
+        pairs=len(complete),
         with_it=mean[0],
         without=mean[1],
         ratio=mean[0] / mean[1] if mean[1] > 0.0 else math.inf,
@@ -165,9 +165,9 @@ def _orders(pairs: int) -> Floats:
     return drawn
 
 
-def _asked(runs: Sequence[Run]) -> tuple[str, float, str]:
+def _quantity_and_target(runs: Sequence[Run]) -> tuple[str, float, str]:
     """The quantity and its target, from the records' own sweeps."""
-    found: set[tuple[str, float, str]] = set()
+    targets: set[tuple[str, float, str]] = set()
     for run in runs:
         ending = f"_{TARGET}"
         names = [str(name) for name in run.records.columns if str(name).endswith(ending)]
@@ -179,10 +179,10 @@ def _asked(runs: Sequence[Run]) -> tuple[str, float, str]:
                 expected="a run of a procedure that 'rigctl compensate -o check.yaml' wrote",
             )
         unit = run.record_units.get(names[0], "1")
-        targets = {parse_unit(unit).to_si(float(one)) for one in run.records[names[0]].dropna()}
-        found |= {(names[0].removesuffix(ending), one, unit) for one in targets}
-    if len(found) != 1:
+        values = {parse_unit(unit).to_si(float(one)) for one in run.records[names[0]].dropna()}
+        targets |= {(names[0].removesuffix(ending), one, unit) for one in values}
+    if len(targets) != 1:
         raise RigctlError(
             "the records are of no check, or of several", value=", ".join(run.id for run in runs)
         )
-    return found.pop()
+    return targets.pop()

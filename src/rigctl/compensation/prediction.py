@@ -70,7 +70,7 @@ class Predictor:
         self._require(courses.failures, points)
         return np.array(
             [
-                self._of(record, outlines.seen(one))
+                self._of(record, outlines.measured(one))
                 for record, one in zip(outlines.records, courses.outputs, strict=True)
             ]
         )
@@ -95,21 +95,23 @@ class Predictor:
 
     def _point(self, record: MeasuredRecord, one: Predicted, covariance: Floats) -> Point:
         slopes = self._slopes(record, one.outputs, one.slopes, np.sqrt(np.maximum(np.diag(covariance), 0.0)))
-        own = self._slopes(record, one.outputs, one.own[:, :, : one.scattering], np.ones(one.scattering))
+        scattering = self._slopes(
+            record, one.outputs, one.own[:, :, : one.scattering], np.ones(one.scattering)
+        )
         common = float(slopes @ covariance @ slopes)
         return Point(
-            self._of(record, one.outputs), float(np.sqrt(max(common, 0.0))), float(np.linalg.norm(own))
+            self._of(record, one.outputs), float(np.sqrt(max(common, 0.0))), float(np.linalg.norm(scattering))
         )
 
     def _slopes(self, record: MeasuredRecord, outputs: Floats, slopes: Floats, widths: Floats) -> Floats:
         """(columns) derivatives of the quantity; for statistics that select a sample, through the samples."""
-        found = np.zeros(slopes.shape[2])
+        derivatives = np.zeros(slopes.shape[2])
         for k, width in enumerate(widths.tolist()):
             step = _STEP * width
             if step > 0.0:
                 up, down = (self._of(record, outputs + side * step * slopes[:, :, k]) for side in (1.0, -1.0))
-                found[k] = (up - down) / (2.0 * step)
-        return found
+                derivatives[k] = (up - down) / (2.0 * step)
+        return derivatives
 
     def _covariance(self, rival: Rival) -> Floats:
         """(p, p) of the common unknowns, each in its typical size; larger if the model leaves a misfit."""

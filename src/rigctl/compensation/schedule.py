@@ -67,7 +67,7 @@ def compensate(
         the runs have no such measure, or the model predicts none of its channels; nothing of that name can be
         set; setting it changes nothing; the target is out of reach everywhere.
     """
-    said = on_progress or no_progress
+    report = on_progress or no_progress
     target = Target.read(keep)
     require_measure(runs, target.name)  # this and what follows before a fit of minutes
     rig = rig_of(model, runs) or model.rig
@@ -80,9 +80,9 @@ def compensate(
     (judged,) = compared.models
     fit = judged.fit
     _require_predicted(measure, target, fit)
-    said("Computing the set-points")
+    report("Computing the set-points")
     predictor = _predictor(fit, rig, measure, vary, over)
-    found = _solved(predictor, target, _range(predictor.over, fit), max(rows, 2))
+    solution = _solved(predictor, target, _range(predictor.over, fit), max(rows, 2))
     valid = tuple((one.name, *_range(one, fit), one.unit) for one in (predictor.over, predictor.vary))
     schedule = Schedule(
         runs=tuple(run.id for run in runs),
@@ -94,13 +94,13 @@ def compensate(
         vary_unit=predictor.vary.unit,
         over=predictor.over.name,
         over_unit=predictor.over.unit,
-        rows=found.rows,
-        fixed=found.fixed,
-        off=found.off,
+        rows=solution.rows,
+        fixed=solution.fixed,
+        off=solution.off,
         valid=valid,
-        ends=tuple(_ends(found, predictor, target)),
+        ends=tuple(_ends(solution, predictor, target)),
         statement="",
-        notes=tuple(_notes(judged, found, predictor, target, valid)),
+        notes=tuple(_notes(judged, solution, predictor, target, valid)),
         called=measure.file.absolute().as_posix(),
     )
     text = procedure_text(schedule, measure, predictor, runs, seed)
@@ -141,10 +141,10 @@ def _predictor(fit: FitResult, rig: Rig, measure: TakenMeasure, vary: str, over:
             value=vary,
             expected="one that a record begins with",
         )
-    taken = [k for k in fit.fitted if (records[k].run, records[k].index) in measure.arguments]
-    if not taken:
+    indices = [k for k in fit.fitted if (records[k].run, records[k].index) in measure.arguments]
+    if not indices:
         raise RigctlError("no fitted record takes this measure", value=measure.measure.name)
-    template = records[taken[0]]
+    template = records[indices[0]]
     for one in (varied, drifting):
         if not one.steady(template):
             raise RigctlError(
@@ -182,15 +182,15 @@ class _Solved:
 def _solved(predictor: Predictor, target: Target, span: tuple[float, float], count: int) -> _Solved:
     at = np.linspace(*span, count)
     low, high = predictor.vary.low, predictor.vary.high
-    looked = np.linspace(low, high, _LOOKED_AT)
-    values = predictor.values([(x, u) for x in at for u in looked]).reshape(count, looked.size)
-    middle = predictor.with_spread([(float(at[count // 2]), float(looked[looked.size // 2]))])[0]
+    grid = np.linspace(low, high, _LOOKED_AT)
+    values = predictor.values([(x, u) for x in at for u in grid]).reshape(count, grid.size)
+    middle = predictor.with_spread([(float(at[count // 2]), float(grid[grid.size // 2]))])[0]
     if float(np.ptp(values, axis=1).max()) <= _NOTHING * math.hypot(middle.common, middle.scatter):
         raise RigctlError(
             f"setting '{predictor.vary.name}' does not change '{target.name}' in this model",
             value=predictor.vary.name,
         )
-    set_points = _roots(predictor, at, looked, values - target.value, target)
+    set_points = _roots(predictor, at, grid, values - target.value, target)
     reached = np.isfinite(set_points)
     if not reached.any():
         raise RigctlError(
@@ -208,7 +208,7 @@ def _solved(predictor: Predictor, target: Target, span: tuple[float, float], cou
     )
 
 
-def _roots(predictor: Predictor, at: Floats, looked: Floats, excess: Floats, target: Target) -> Floats:
+def _roots(predictor: Predictor, at: Floats, grid: Floats, excess: Floats, target: Target) -> Floats:
     """(points) where the quantity equals the target, by regula falsi (Illinois) at all points at once; NaN if
     nowhere."""
     sides: list[tuple[int, float, float, float, float]] = []
@@ -216,29 +216,29 @@ def _roots(predictor: Predictor, at: Floats, looked: Floats, excess: Floats, tar
         crossing = np.flatnonzero(np.sign(one[:-1]) * np.sign(one[1:]) <= 0.0)
         if crossing.size:
             k = int(crossing[0])
-            sides.append((row, float(looked[k]), float(looked[k + 1]), float(one[k]), float(one[k + 1])))
-    found = np.full(at.size, np.nan)
+            sides.append((row, float(grid[k]), float(grid[k + 1]), float(one[k]), float(one[k + 1])))
+    roots = np.full(at.size, np.nan)
     for _ in range(_STEPS):
         if not sides:
             break
         tried = [
             (row, (a * fb - b * fa) / (fb - fa) if fb != fa else 0.5 * (a + b)) for row, a, b, fa, fb in sides
         ]
-        left = predictor.values([(float(at[row]), u) for row, u in tried]) - target.value
+        deviations = predictor.values([(float(at[row]), u) for row, u in tried]) - target.value
         narrower = []
-        for (row, a, b, fa, fb), (_, u), f in zip(sides, tried, left.tolist(), strict=True):
-            found[row] = u
+        for (row, a, b, fa, fb), (_, u), f in zip(sides, tried, deviations.tolist(), strict=True):
+            roots[row] = u
             narrower.append((row, a, u, 0.5 * fa, f) if f * fb > 0.0 else (row, u, b, f, 0.5 * fb))
         sides = narrower
-    return found
+    return roots
 
 
 def _rows(predictor: Predictor, at: Floats, set_points: Floats, fixed: float) -> list[Row]:
     width = 1e-3 * (predictor.vary.high - predictor.vary.low)
     reached = [k for k, u in enumerate(set_points) if math.isfinite(u)]
-    here = [(float(at[k]), float(set_points[k])) for k in reached]
-    points = predictor.with_spread(here)
-    beside = [(x, u + side * width) for x, u in here for side in (-1.0, 1.0)]
+    operating_points = [(float(at[k]), float(set_points[k])) for k in reached]
+    points = predictor.with_spread(operating_points)
+    beside = [(x, u + side * width) for x, u in operating_points for side in (-1.0, 1.0)]
     slopes = np.diff(predictor.values(beside).reshape(-1, 2), axis=1)[:, 0] / (2.0 * width)
     unchanged = predictor.values([(float(x), fixed) for x in at])
     by_row = dict(zip(reached, zip(points, slopes.tolist(), strict=True), strict=True))
@@ -263,72 +263,72 @@ def _between(predictor: Predictor, at: Floats, set_points: Floats, target: Targe
     return float(np.abs(predictor.values(halfway) - target.value).max()) if halfway else 0.0
 
 
-def _ends(found: _Solved, predictor: Predictor, target: Target) -> list[str]:
+def _ends(solution: _Solved, predictor: Predictor, target: Target) -> list[str]:
     """Where the rig's range is insufficient, a sentence for each range of operating points, with the
     resulting quantity."""
-    vary, over, said = predictor.vary, predictor.over, []
+    vary, over, sentences = predictor.vary, predictor.over, []
     stretch: list[int] = []
-    for k, row in enumerate([*found.rows, None]):
+    for k, row in enumerate([*solution.rows, None]):
         if row is not None and not row.reached:
             stretch.append(k)
         elif stretch:
-            off = found.reach[stretch] - target.value
+            off = solution.reach[stretch] - target.value
             side = int(np.argmin(np.abs(off).sum(axis=0)))
             bound, word = ((vary.low, "lowest"), (vary.high, "highest"))[side]
-            beside = [one for one in (stretch[0] - 1, stretch[-1] + 1) if 0 <= one < len(found.rows)]
-            ends = [_crossing(found, one, stretch, side, target) for one in beside]
+            beside = [one for one in (stretch[0] - 1, stretch[-1] + 1) if 0 <= one < len(solution.rows)]
+            ends = [_crossing(solution, one, stretch, side, target) for one in beside]
             at = " and ".join(show(one, over.unit) for one in ends)
-            shown = [show(float(found.reach[one, side]), target.unit) for one in (stretch[0], stretch[-1])]
-            first, last = (show(found.rows[one].over, over.unit) for one in (stretch[0], stretch[-1]))
+            shown = [show(float(solution.reach[one, side]), target.unit) for one in (stretch[0], stretch[-1])]
+            first, last = (show(solution.rows[one].over, over.unit) for one in (stretch[0], stretch[-1]))
             where = first if first == last else f"{first} to {last}"
             become = shown[0] if shown[0] == shown[1] else f"{shown[0]} to {shown[1]}"
-            said.append(
+            sentences.append(
                 f"it ends at {over.name} {at}; at {where} the rig does not go far enough: at {vary.name} "
                 f"{show(bound, vary.unit)}, its {word}, {target.name} is {become}"
             )
             stretch = []
-    return said
+    return sentences
 
 
-def _crossing(found: _Solved, inside: int, stretch: Sequence[int], side: int, target: Target) -> float:
+def _crossing(solution: _Solved, inside: int, stretch: Sequence[int], side: int, target: Target) -> float:
     """The operating point between a row that is reached and the next, which is not, at which the end of the
     rig's range is just sufficient."""
     outside = stretch[0] if inside < stretch[0] else stretch[-1]
-    a, b = (float(found.reach[one, side]) - target.value for one in (inside, outside))
-    x, y = found.rows[inside].over, found.rows[outside].over
+    a, b = (float(solution.reach[one, side]) - target.value for one in (inside, outside))
+    x, y = solution.rows[inside].over, solution.rows[outside].over
     return x + (y - x) * a / (a - b) if a != b else x
 
 
 def _notes(
     judged: ModelComparison,
-    found: _Solved,
+    solution: _Solved,
     predictor: Predictor,
     target: Target,
     valid: Sequence[tuple[str, float, float, str]],
 ) -> list[str]:
-    said = []
+    notes = []
     if not judged.adequate:
-        said.append(
+        notes.append(
             f"{judged.name} does not agree with these data (p = {judged.adequacy.p_value:.2g}): a schedule "
             "is as good as its model; 'rigctl diagnose' says what it lacks"
         )
     name, low, high, unit = valid[1]
-    beyond = [row for row in found.rows if row.reached and not low <= row.vary <= high]
+    beyond = [row for row in solution.rows if row.reached and not low <= row.vary <= high]
     if beyond:
-        said.append(
-            f"{len(beyond)} of {len(found.rows)} set-points lie outside of what was measured, {name} "
+        notes.append(
+            f"{len(beyond)} of {len(solution.rows)} set-points lie outside of what was measured, {name} "
             f"{show(low, unit)} to {show(high, unit)}: there the model is extrapolated"
         )
-    reached = [row for row in found.rows if row.reached]
+    reached = [row for row in solution.rows if row.reached]
     worst = max(abs(row.fixed - target.value) for row in reached)
     scatter = max(row.scatter for row in reached)
     if worst < 2.0 * scatter:
-        said.append(
+        notes.append(
             f"with {predictor.vary.name} left where it is, {target.name} would be off by no more than "
             f"{show(worst, target.unit, difference=True)}, and records scatter by "
             f"{show(scatter, target.unit, difference=True)}: there is little to compensate"
         )
-    return said
+    return notes
 
 
 def _worded(schedule: Schedule, text: str) -> Schedule:

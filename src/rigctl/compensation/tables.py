@@ -27,7 +27,7 @@ def header_text(schedule: Schedule) -> str:
     worst = max(row.std for row in schedule.reached)
     box = ", ".join(f"{n} {show(low, u)} to {show(high, u)}" for n, low, high, u in schedule.valid)
     guard = f"{name.upper()}_H"
-    said = [
+    remarks = [
         f"{schedule.vary} in {schedule.vary_unit} over {schedule.over} in {schedule.over_unit}: keeps "
         f"{schedule.quantity} at {show(schedule.target, schedule.unit)}.",
         f"By {schedule.model} fitted to {', '.join(schedule.runs)}.",
@@ -36,7 +36,7 @@ def header_text(schedule: Schedule) -> str:
         f"Measured over: {box}.",
         *schedule.ends,
     ]
-    comment = "\n".join(f" * {line}" for line in said)
+    comment = "\n".join(f" * {line}" for line in remarks)
     return f"""/*
 {comment}
  */

@@ -72,34 +72,34 @@ class Draws:
         """The rivals from which draws are made."""
         return self.workshop.rivals
 
-    def outputs(self, place: int, proposal: Proposal) -> Floats:
+    def outputs(self, index: int, proposal: Proposal) -> Floats:
         """(draws, n, outputs) SI for one rival; NaN if a draw cannot be simulated."""
-        key = (place, id(proposal))
+        key = (index, id(proposal))
         if key not in self._outputs:
             self._kept.append(proposal)  # so that its id stays unique
-            self._outputs[key] = self._simulated(place, proposal)
+            self._outputs[key] = self._simulated(index, proposal)
         return self._outputs[key]
 
-    def _simulated(self, place: int, proposal: Proposal) -> Floats:
-        rival = self.rivals[place]
+    def _simulated(self, index: int, proposal: Proposal) -> Floats:
+        rival = self.rivals[index]
         outlines = Outlines(rival, [proposal.record])
         courses = outlines.at_draws(
-            drawn(rival, self.known.covariances[place], self.seed + place, self.count)
+            drawn(rival, self.known.covariances[index], self.seed + index, self.count)
         )
-        found = np.full((self.count, *proposal.record.values.shape), np.nan)
+        outputs = np.full((self.count, *proposal.record.values.shape), np.nan)
         for k, failure in enumerate(courses.failures):
             if failure is None:
-                found[k] = outlines.seen(courses.outputs[k])
-        return found
+                outputs[k] = outlines.measured(courses.outputs[k])
+        return outputs
 
     def keeps_clear(self, rig: Rig, proposal: Proposal) -> bool:
         """Whether every draw of every rival that counts keeps clear of every limit."""
         sigma, times = self.workshop.scene(proposal).sigma, proposal.record.times
         channels = self.rivals[0].fit.problem.measurements.outputs
-        for place, rival in enumerate(self.rivals):
+        for index, rival in enumerate(self.rivals):
             if rival.weight < _COUNTS:
                 continue
-            for outputs in self.outputs(place, proposal):
+            for outputs in self.outputs(index, proposal):
                 if not np.isfinite(outputs).all():
                     return False
                 if not clear_of_limits(rig, channels, times, outputs, sigma):
@@ -151,13 +151,13 @@ class Draws:
         from_fit = truths - fit[:, None]
         return _TruthDraws(truths, from_fit, refit.left(from_fit))
 
-    def _refit(self, place: int, chosen: Sequence[Proposal]) -> tuple[Refit, Floats]:
+    def _refit(self, index: int, chosen: Sequence[Proposal]) -> tuple[Refit, Floats]:
         """The refit of a rival to records, and its whitened prediction of them at its present fit."""
         responses = [
-            scene.predicted[place].response(scene.whitener) for scene in map(self.workshop.scene, chosen)
+            scene.predicted[index].response(scene.whitener) for scene in map(self.workshop.scene, chosen)
         ]
         fit = np.concatenate([one.predicted for one in responses])
-        return Refit.of(responses, self.known.information[place]), fit
+        return Refit.of(responses, self.known.information[index]), fit
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rigctl.analysis.decision_levels import LEAST_SEPARATION
 from rigctl.design.information import Evidence
 from rigctl.design.information_so_far import Known
-from rigctl.design.power import Gain, enough, enough_seen, power_to_distinguish, seen, threshold_of
+from rigctl.design.power import Gain, detection_power, enough, enough_seen, power_to_distinguish, threshold_of
 from rigctl.design.result import NONE
 from rigctl.design.rivals import Question, Rival
 
@@ -29,7 +29,7 @@ Pair: TypeAlias = tuple[int, int]
 #: D at draws of the truth scatters about D at the fits: a search relies on this share of it
 _SURE = 1.0 / 1.5
 #: just below the D that corresponds to the separation required for a verdict
-_NOT_TOLD = 0.999 * (2.0 * LEAST_SEPARATION) ** 2
+_INDISTINGUISHABLE = 0.999 * (2.0 * LEAST_SEPARATION) ** 2
 #: weight of the mean over the rivals, beside the least
 _OTHERS = 0.1
 
@@ -109,10 +109,10 @@ class Discrimination:
     @cached_property
     def rivals_of(self) -> dict[int, tuple[int, ...]]:
         """For each possible truth, the rivals from which it is to be distinguished."""
-        found: dict[int, tuple[int, ...]] = {}
+        rivals_by_truth: dict[int, tuple[int, ...]] = {}
         for truth, rival in self.question.pairs:
-            found[truth] = (*found.get(truth, ()), rival)
-        return found
+            rivals_by_truth[truth] = (*rivals_by_truth.get(truth, ()), rival)
+        return rivals_by_truth
 
     @cached_property
     def weights(self) -> dict[int, float]:
@@ -124,15 +124,15 @@ class Discrimination:
     def distances(self, evidence: Evidence) -> Floats:
         """(k, k) D in noise as wide as the truth's own fit leaves it."""
         factors = np.array([one.overdispersion for one in self.question.rivals])
-        found = np.asarray(evidence.distances(self.known.information) / factors[:, None])
+        distances = np.asarray(evidence.distances(self.known.information) / factors[:, None])
         for pair in self.pairs:
-            found[pair] *= self.stays(pair)
-        return found
+            distances[pair] *= self.stays(pair)
+        return distances
 
     def separation(self, evidence: Evidence) -> float:
         """The criterion at the rivals' fits."""
-        found = self.distances(evidence)
-        return self.together({pair: float(found[pair]) for pair in self.pairs})
+        distances = self.distances(evidence)
+        return self.together({pair: float(distances[pair]) for pair in self.pairs})
 
     def worth(self, evidence: Evidence) -> float:
         """The worth at the rivals' fits."""
@@ -144,10 +144,10 @@ class Discrimination:
 
     def _shares(self, evidence: Evidence) -> dict[int, list[float]]:
         """For each possible truth, D of its rivals as shares of what is sufficient."""
-        found = self.distances(evidence)
+        distances = self.distances(evidence)
         return {
             truth: [
-                min(_SURE * float(found[truth, rival]) / self._enough(truth, rival, found), 1.0)
+                min(_SURE * float(distances[truth, rival]) / self._enough(truth, rival, distances), 1.0)
                 for rival in rivals
             ]
             for truth, rivals in self.rivals_of.items()
@@ -159,7 +159,7 @@ class Discrimination:
         truth, rival = pair
         expected = float(self.known.distances[truth, rival])
         names = frozenset((self.question.rivals[truth].name, self.question.rivals[rival].name))
-        return min(expected, _NOT_TOLD) if names in self.question.alike else expected
+        return min(expected, _INDISTINGUISHABLE) if names in self.question.alike else expected
 
     def _enough(self, truth: int, rival: int, distances: Floats) -> float:
         margin, so_far = self.margins.margin(truth, rival), self.so_far((truth, rival))
@@ -167,13 +167,13 @@ class Discrimination:
 
     def predicted_probability(self, evidence: Evidence) -> float:
         """The probability at the rivals' fits, less an allowance for draws."""
-        found = _SURE * self.distances(evidence)
-        gains = {pair: Gain(found[pair][None], found[pair][None]) for pair in self.pairs}
-        return self.together({pair: self.of_pair(pair, one, found) for pair, one in gains.items()})
+        distances = _SURE * self.distances(evidence)
+        gains = {pair: Gain(distances[pair][None], distances[pair][None]) for pair in self.pairs}
+        return self.together({pair: self.of_pair(pair, one, distances) for pair, one in gains.items()})
 
     def stays(self, pair: Pair) -> float:
         """The share of a pair's linear D that its rival cannot absorb."""
-        truth, rival = (self.question.rivals[place] for place in pair)
+        truth, rival = (self.question.rivals[index] for index in pair)
         return 0.0 if rival.contains(truth) else self.reach.get(pair, 1.0)
 
     @property
@@ -208,9 +208,9 @@ class Detection:
 
     def noncentralities(self, evidence: Evidence) -> dict[int, float]:
         """λ² by effect: D from the model without it, old and new data together."""
-        whole = (self.known.evidence + evidence).distances(self.known.prior)
+        distances = (self.known.evidence + evidence).distances(self.known.prior)
         factor = self.question.rivals[self.none].overdispersion
-        return {truth: float(whole[truth, self.none]) / factor for truth, _ in self.question.pairs}
+        return {truth: float(distances[truth, self.none]) / factor for truth, _ in self.question.pairs}
 
     @property
     def none(self) -> int:
@@ -219,8 +219,8 @@ class Detection:
 
     def separation(self, evidence: Evidence) -> float:
         """The criterion at the effects' usual sizes."""
-        found = self.noncentralities(evidence)
-        return sum(self.question.rivals[truth].weight * value for truth, value in found.items())
+        noncentralities = self.noncentralities(evidence)
+        return sum(self.question.rivals[truth].weight * value for truth, value in noncentralities.items())
 
     def worth(self, evidence: Evidence) -> float:
         """The worth at the effects' usual sizes, each as a share of the sufficient λ²."""
@@ -235,14 +235,14 @@ class Detection:
     def of_each(self, evidence: Evidence) -> dict[int, float]:
         """The power for each effect."""
         return {
-            truth: seen(value, self.question.rivals[truth].trial.parameters, self.question.library)
+            truth: detection_power(value, self.question.rivals[truth].trial.parameters, self.question.library)
             for truth, value in self.noncentralities(evidence).items()
         }
 
     def predicted_probability(self, evidence: Evidence) -> float:
         """The power, averaged over the effects."""
-        found = self.of_each(evidence)
-        return sum(self.question.rivals[truth].weight * value for truth, value in found.items())
+        probabilities = self.of_each(evidence)
+        return sum(self.question.rivals[truth].weight * value for truth, value in probabilities.items())
 
 
 @dataclass(frozen=True)
@@ -262,8 +262,8 @@ class Precision:
     def covariance(self, evidence: Evidence | None = None) -> Floats:
         """Covariance of the chosen parameters, scaled, now or with new records."""
         known = self.known.information[0]
-        whole = known if evidence is None else known + evidence.information[0]
-        return np.asarray(np.linalg.inv(whole), dtype=float)[np.ix_(self.places, self.places)]
+        information = known if evidence is None else known + evidence.information[0]
+        return np.asarray(np.linalg.inv(information), dtype=float)[np.ix_(self.places, self.places)]
 
     def worth(self, evidence: Evidence) -> float:
         """The worth at the fit."""

@@ -88,31 +88,31 @@ def design_experiment(
         nothing is left to be distinguished, or a name is unknown; the budget is too small for any record; the
         bench's conditions cannot be set.
     """
-    said = on_progress or no_progress
+    report = on_progress or no_progress
     if separate is not None:
         require_names(model, separate)
-    found = diagnosis or diagnose(
-        runs, model, hold_out=hold_out, only=only, excluded=excluded, on_progress=said
+    diagnosed = diagnosis or diagnose(
+        runs, model, hold_out=hold_out, only=only, excluded=excluded, on_progress=report
     )
-    question = question_of(found, separate, precise)
-    measured = found.before.fit.problem.measurements
+    question = question_of(diagnosed, separate, precise)
+    measured = diagnosed.before.fit.problem.measurements
     if measured.table:
         if question.aim != "discrimination":
-            raise nothing_left(found, _OF_TABLES)
-        return design_rows(found, question, records or MOST_RECORDS)
+            raise nothing_left(diagnosed, _OF_TABLES)
+        return design_rows(diagnosed, question, records or MOST_RECORDS)
     rig = measured.rig
     assert rig is not None  # noqa: S101 - data with a course in time are of a bench
-    said(f"Designing for {', '.join(one.name for one in question.rivals)}")
+    report(f"Designing for {', '.join(one.name for one in question.rivals)}")
     design = _Design.on(question, rig, rig_reference(runs, rig), seed, workers)
     try:
-        chosen = design.chosen(records or MOST_RECORDS, budget, said)
+        chosen = design.chosen(records or MOST_RECORDS, budget, report)
     except NothingToSet as error:
         raise design.sensor_instead(error) from None
-    made = design.result(found, chosen)
-    if not sensors and (made.separable or made.aim != "discrimination"):
-        return made
-    said("Evaluating the sensors that the bench could have")
-    return design.with_sensors(made, chosen)
+    result = design.result(diagnosed, chosen)
+    if not sensors and (result.separable or result.aim != "discrimination"):
+        return result
+    report("Evaluating the sensors that the bench could have")
+    return design.with_sensors(result, chosen)
 
 
 @one_thread()
@@ -147,10 +147,10 @@ def with_next_experiment(
     """
     model = diagnosis.before.fit.problem.model
     try:
-        found = design_experiment(runs, model, diagnosis=diagnosis, seed=seed, on_progress=on_progress)
+        design = design_experiment(runs, model, diagnosis=diagnosis, seed=seed, on_progress=on_progress)
     except NothingLeft:
         return diagnosis, None
-    return replace(diagnosis, next_experiment=found.next_experiment()), found
+    return replace(diagnosis, next_experiment=design.next_experiment()), design
 
 
 @dataclass
@@ -177,12 +177,12 @@ class _Design:
         fit = question.rivals[0].fit
         stage = stage_of(fit, rig)
         writer = Writer(rig, reference, called_so_far(fit.problem.records, stage))
-        made: dict[str, type[Discrimination | Detection | Precision]] = {
+        criteria: dict[str, type[Discrimination | Detection | Precision]] = {
             "discrimination": Discrimination,
             "detection": Detection,
             "precision": Precision,
         }
-        criterion = made[question.aim](question, known)
+        criterion = criteria[question.aim](question, known)
         workshop = Workshop(question.rivals, known, stage, workers)
         draws = Draws(known, workshop, seed, DRAWS)
         return cls(question, known, stage, writer, criterion, workshop, draws, seed)
@@ -192,7 +192,7 @@ class _Design:
         """The rig's clock."""
         return RigTime(self.stage.rig)
 
-    def chosen(self, records: int, budget: float | None, said: OnProgress) -> list[Proposal]:
+    def chosen(self, records: int, budget: float | None, report: OnProgress) -> list[Proposal]:
         """The records, in the order in which they are to be taken.
 
         Raises
@@ -202,47 +202,47 @@ class _Design:
         """
         workshop = self.workshop
         schemes = schemes_of(self.stage, self.question.rivals[0].fit.problem.records)
-        said("Simulating candidates with every rival")
+        report("Simulating candidates with every rival")
         self.pool = first_candidates(workshop, schemes, self.seed)
         self.first = tuple(one.evidence for one in self.pool)
         self._require_time(budget)
-        said("Improving the best records")
+        report("Improving the best records")
         limit = math.inf if budget is None else budget
         search = Search(workshop, self.criterion, self.clock, self.pool, records, limit)
-        found = self._acceptable(replace(search, per_minute=self._cheap_enough(search)))
-        if self._refit(found):
-            said("Searching again, with what a rival absorbs in the records left out")
+        proposals = self._acceptable(replace(search, per_minute=self._cheap_enough(search)))
+        if self._refit(proposals):
+            report("Searching again, with what a rival absorbs in the records left out")
             search = replace(search, criterion=self.criterion)
-            found = self._acceptable(replace(search, per_minute=self._cheap_enough(search)))
-            self._refit(found)
-        return self._in_order(found)
+            proposals = self._acceptable(replace(search, per_minute=self._cheap_enough(search)))
+            self._refit(proposals)
+        return self._in_order(proposals)
 
-    def _in_order(self, found: Sequence[Proposal]) -> list[Proposal]:
+    def _in_order(self, proposals: Sequence[Proposal]) -> list[Proposal]:
         """The records in the order that takes the least bench time."""
-        order = self.clock.quickest([one.recipe for one in found]).order if found else ()
-        return self.workshop.one_after_the_other([found[k] for k in order])
+        order = self.clock.quickest([one.recipe for one in proposals]).order if proposals else ()
+        return self.workshop.one_after_the_other([proposals[k] for k in order])
 
     def at_random(self, records: int) -> list[Proposal]:
         """Records at random points of all schemes; fewer if hardly any keep clear of the limits."""
         schemes = schemes_of(self.stage, self.question.rivals[0].fit.problem.records)
         rng = np.random.default_rng(self.seed)
-        found: list[Proposal] = []
+        proposals: list[Proposal] = []
         for _ in range(_TRIES * records):
             scheme = schemes[int(rng.integers(len(schemes)))]
-            (made,) = self.workshop.propose([(scheme, rng.uniform(size=len(scheme.free)).tolist())])
-            if made is not None and not self._refused([made]):
-                found.append(made)
-            if len(found) == records:
+            (proposal,) = self.workshop.propose([(scheme, rng.uniform(size=len(scheme.free)).tolist())])
+            if proposal is not None and not self._refused([proposal]):
+                proposals.append(proposal)
+            if len(proposals) == records:
                 break
-        self._refit(found)
-        return self._in_order(found)
+        self._refit(proposals)
+        return self._in_order(proposals)
 
-    def _refit(self, found: Sequence[Proposal]) -> bool:
+    def _refit(self, proposals: Sequence[Proposal]) -> bool:
         """Reduce the distances to those left by an actual refit; return whether they are far less than
         expected."""
         if not isinstance(self.criterion, Discrimination):
             return False
-        self.criterion = as_refitted(self.criterion, self.draws, found, self.workshop.workers)
+        self.criterion = as_refitted(self.criterion, self.draws, proposals, self.workshop.workers)
         return min(self.criterion.reach.values(), default=1.0) < TAKEN_UP
 
     def _cheap_enough(self, search: Search) -> bool:
@@ -259,17 +259,17 @@ class _Design:
     def _acceptable(self, search: Search) -> list[Proposal]:
         """The best set of records that keep clear of every limit for every draw, and that the rig accepts."""
         while True:
-            found = search.best_set()
-            refused = self._refused(found)
+            proposals = search.best_set()
+            refused = self._refused(proposals)
             if not refused:
-                return found
+                return proposals
             search = search.without(refused)
 
-    def _refused(self, found: Sequence[Proposal]) -> list[Proposal]:
+    def _refused(self, proposals: Sequence[Proposal]) -> list[Proposal]:
         """Records that come near a limit for some draw, or that the rig does not accept."""
         return [
             one
-            for one in found
+            for one in proposals
             if not self.draws.keeps_clear(self.stage.rig, one) or forecast(self.writer, [one.recipe]) is None
         ]
 
@@ -296,7 +296,7 @@ class _Design:
         records = tuple(
             self._record(chosen, k, steps[k], steps[k + 1], timed.each[k]) for k in range(len(chosen))
         )
-        made = DesignResult(
+        result = DesignResult(
             runs=diagnosis.runs,
             model=diagnosis.model,
             aim=self.question.aim,
@@ -314,7 +314,7 @@ class _Design:
             notes=(self._tried(),),
             diagnosis=diagnosis,
         )
-        return self.written(replace(made, statement=statement(made)), chosen)
+        return self.written(replace(result, statement=statement(result)), chosen)
 
     def _tried(self) -> str:
         rivals = len(self.question.rivals)
@@ -335,17 +335,17 @@ class _Design:
         fit = self.question.rivals[0].fit
         return [fit.problem.records[k] for k in fit.fitted]
 
-    def with_sensors(self, made: DesignResult, chosen: Sequence[Proposal]) -> DesignResult:
+    def with_sensors(self, result: DesignResult, chosen: Sequence[Proposal]) -> DesignResult:
         """The answer with the power of other sensors; unchanged if the rig names none that could help."""
         if not isinstance(self.criterion, Discrimination):
             return replace(
-                made, notes=(*made.notes, "sensors are evaluated only if rivals are to be distinguished")
+                result, notes=(*result.notes, "sensors are evaluated only if rivals are to be distinguished")
             )
-        taken = [*self._so_far, *(one.record for one in chosen)]
-        sets = sensor_sets(self.criterion, self.equipment, taken)
-        best = None if made.separable else best_sensor(sets)
-        found = replace(made, sensors=sets, sensor=best)
-        return self.written(replace(found, statement=statement(found)), chosen)
+        records = [*self._so_far, *(one.record for one in chosen)]
+        sets = sensor_sets(self.criterion, self.equipment, records)
+        best = None if result.separable else best_sensor(sets)
+        extended = replace(result, sensors=sets, sensor=best)
+        return self.written(replace(extended, statement=statement(extended)), chosen)
 
     @property
     def equipment(self) -> Rig:
@@ -353,17 +353,17 @@ class _Design:
         now = self.question.rivals[0].fit.problem.model.rig
         return now if now is not None and now.could_have else self.stage.rig
 
-    def written(self, made: DesignResult, chosen: Sequence[Proposal]) -> DesignResult:
+    def written(self, result: DesignResult, chosen: Sequence[Proposal]) -> DesignResult:
         """With the procedure, commented like the answer."""
-        reasons = [reason(made, number) for number in range(len(made.records))]
+        reasons = [reason(result, number) for number in range(len(result.records))]
         text = self.writer.text(
             [one.recipe for one in chosen],
-            title=f"next for {made.model}",
-            description=f"{made.statement}.",
-            why=header(made),
+            title=f"next for {result.model}",
+            description=f"{result.statement}.",
+            why=header(result),
             reasons=reasons,
         )
-        return replace(made, procedure=text if made.records else "")
+        return replace(result, procedure=text if result.records else "")
 
     def _after(self, chosen: Sequence[Proposal]) -> PredictedResult:
         """The predicted power of records together."""
@@ -422,8 +422,8 @@ class _Design:
         base = self.criterion.separation(together(others)) if others else 0.0
         if isinstance(self.criterion, Detection) and not others:
             base = self.criterion.separation(self.known.evidence.scaled(0.0))
-        whole = [one + together(others) if others else one for one in repeats]
-        return max((self.criterion.separation(one) - base for one in whole), default=0.0)
+        candidates = [one + together(others) if others else one for one in repeats]
+        return max((self.criterion.separation(one) - base for one in candidates), default=0.0)
 
     def _of_random(self) -> float:
         """The median worth of the candidates with which a search started, one record each."""
@@ -432,16 +432,16 @@ class _Design:
     def _predictions(self, proposal: Proposal) -> tuple[Prediction, ...]:
         scene = self.workshop.scene(proposal)
         measurements = self.question.rivals[0].fit.problem.measurements
-        found = []
-        for place, (name, unit) in enumerate(zip(measurements.outputs, measurements.units, strict=True)):
+        predictions = []
+        for index, (name, unit) in enumerate(zip(measurements.outputs, measurements.units, strict=True)):
             shown = parse_unit(unit)
             by_rival = {
-                rival.name: (one.outputs[:, place] - shown.offset) / shown.factor
+                rival.name: (one.outputs[:, index] - shown.offset) / shown.factor
                 for rival, one in zip(self.question.rivals, scene.predicted, strict=True)
             }
-            sigma = scene.sigma[:, place] / shown.factor
-            found.append(Prediction(name, unit, scene.record.times, by_rival, sigma))
-        return tuple(found)
+            sigma = scene.sigma[:, index] / shown.factor
+            predictions.append(Prediction(name, unit, scene.record.times, by_rival, sigma))
+        return tuple(predictions)
 
     def _precision_gains(self, chosen: Sequence[Proposal]) -> tuple[PrecisionGain, ...]:
         """The precision of the parameters of the accepted effect, before and after."""

@@ -30,10 +30,10 @@ def clear_of_limits(
     """Whether readings (n, channels) with this standard deviation, SI, keep `CLEARANCE` from every limit."""
     room = CLEARANCE * spread
     return all(
-        _clear(limit, times, outputs[:, place], room[:, place])
+        _clear(limit, times, outputs[:, index], room[:, index])
         for limit in rig.limits.values()
-        for place in [channels.index(limit.channel) if limit.channel in channels else -1]
-        if place >= 0 and limit.bound != "unchanged"
+        for index in [channels.index(limit.channel) if limit.channel in channels else -1]
+        if index >= 0 and limit.bound != "unchanged"
     ) and all(_possible(rig, name, outputs[:, k], room[:, k]) for k, name in enumerate(channels))
 
 
@@ -87,7 +87,7 @@ def inside_validity(rivals: Sequence[Rival], records: Sequence[MeasuredRecord]) 
             continue
         for k, record in enumerate(records):
             problem = Outlines(rival, [record]).problem
-            local = tuple(np.array([one.unknown.start for one in own]) for own in problem.local)
-            there = FitResult(problem, (0,), None, rival.fit.values, local, (record.values,))
-            good[k] = good[k] and not departures(there)
+            local = tuple(np.array([one.unknown.start for one in unknowns]) for unknowns in problem.local)
+            result = FitResult(problem, (0,), None, rival.fit.values, local, (record.values,))
+            good[k] = good[k] and not departures(result)
     return good

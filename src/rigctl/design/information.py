@@ -71,21 +71,21 @@ class Evidence:
         slopes, information = [], []
         for j, rival in enumerate(responses):
             differences = predicted - rival.predicted[:, None]
-            left = rival.left(np.hstack([differences, rival.shared]))
+            residuals = rival.left(np.hstack([differences, rival.shared]))
             count = len(responses)
-            squares[:, j] = np.einsum("nk,nk->k", differences, left[:, :count])
-            slopes.append(differences.T @ left[:, count:])
-            information.append(rival.shared.T @ left[:, count:])
+            squares[:, j] = np.einsum("nk,nk->k", differences, residuals[:, :count])
+            slopes.append(differences.T @ residuals[:, count:])
+            information.append(rival.shared.T @ residuals[:, count:])
         return cls(squares, tuple(slopes), tuple(information))
 
     @classmethod
-    def total(cls, found: Iterable[Evidence]) -> Evidence:
+    def total(cls, parts: Iterable[Evidence]) -> Evidence:
         """The evidence of several records together."""
-        every = list(found)
+        evidence = list(parts)
         return cls(
-            np.sum([one.squares for one in every], axis=0),
-            tuple(np.sum(each, axis=0) for each in zip(*(one.slopes for one in every), strict=True)),
-            tuple(np.sum(each, axis=0) for each in zip(*(one.information for one in every), strict=True)),
+            np.sum([one.squares for one in evidence], axis=0),
+            tuple(np.sum(each, axis=0) for each in zip(*(one.slopes for one in evidence), strict=True)),
+            tuple(np.sum(each, axis=0) for each in zip(*(one.information for one in evidence), strict=True)),
         )
 
     def __add__(self, other: Evidence) -> Evidence:
@@ -101,12 +101,12 @@ class Evidence:
 
     def distances(self, known: Sequence[Floats]) -> Floats:
         """(k, k) D of the first from the second, which is refitted; `known` is I of each, (p, p)."""
-        found = self.squares.copy()
+        distances = self.squares.copy()
         for j, (slopes, information) in enumerate(zip(self.slopes, self.information, strict=True)):
             if slopes.shape[1]:
                 solved = np.linalg.solve(known[j] + information, slopes.T)
-                found[:, j] -= np.einsum("kp,pk->k", slopes, solved)
-        return np.maximum(found, 0.0)
+                distances[:, j] -= np.einsum("kp,pk->k", slopes, solved)
+        return np.maximum(distances, 0.0)
 
 
 @dataclass(frozen=True)
@@ -129,12 +129,12 @@ class Refit:
         root = np.linalg.cholesky(np.linalg.inv(known)) if known.size else np.zeros((0, 0))
         shared = np.vstack([one.shared for one in responses]) @ root
         rows = [one.predicted.size for one in responses]
-        own = np.zeros((sum(rows), sum(one.own.shape[1] for one in responses)))
+        local = np.zeros((sum(rows), sum(one.own.shape[1] for one in responses)))
         row = column = 0
         for one, count in zip(responses, rows, strict=True):
-            own[row : row + count, column : column + one.own.shape[1]] = one.own
+            local[row : row + count, column : column + one.own.shape[1]] = one.own
             row, column = row + count, column + one.own.shape[1]
-        return cls(np.hstack([shared, own]))
+        return cls(np.hstack([shared, local]))
 
     def left(self, differences: Floats) -> Floats:
         """``S⁻¹·Δ``, for (rows) or (rows, k)."""

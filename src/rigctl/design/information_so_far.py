@@ -69,13 +69,13 @@ def _responses(rival: Rival, first: Rival) -> list[Response]:
     fit = rival.fit
     problem = fit.problem.only(fit.fitted)
     columns = tuple(dict.fromkeys([*(u.name for u in problem.shared), *problem.local_names]))
-    found = []
+    responses = []
     for part in problem.parts(len(columns) + len(problem.initial_names)):
         local = [fit.local[fit.fitted[k]] for k in part]
         courses = problem.only(part).simulate(fit.values, local, columns, initial=True)
         if not courses.ok:
             raise RigctlError(f"{rival.name} cannot be linearised: {courses.summary()}")
-        for place, k in enumerate(part):
+        for index, k in enumerate(part):
             whitener = first.fit.problem.whiteners[fit.fitted[k]]
-            found.append(predicted_of(rival, courses, place, problem.local[k]).response(whitener))
-    return found
+            responses.append(predicted_of(rival, courses, index, problem.local[k]).response(whitener))
+    return responses

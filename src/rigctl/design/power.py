@@ -79,8 +79,8 @@ def power_to_distinguish(
 
     expected = 0.5 * np.sqrt(np.maximum(so_far + gained.mean, 0.0))
     by_refit = (2.0 * LEAST_SEPARATION + REFIT_SCATTER * 2.0) ** 2
-    asked = np.where(expected >= LEAST_SEPARATION, threshold, max(threshold, by_refit))
-    ahead = margin + gained.mean - asked
+    required = np.where(expected >= LEAST_SEPARATION, threshold, max(threshold, by_refit))
+    ahead = margin + gained.mean - required
     spread = 2.0 * np.sqrt(np.maximum(gained.variance, 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         deviates = np.where(spread > 0.0, ahead / spread, np.where(ahead >= 0.0, math.inf, -math.inf))
@@ -108,7 +108,7 @@ def enough_seen(parameters: int, library: int) -> float:
     return float((math.sqrt(chi2.isf(ALPHA / max(library, 1), parameters)) + QUANTILE) ** 2)
 
 
-def seen(noncentrality: float | Floats, parameters: int, library: int) -> float:
+def detection_power(noncentrality: float | Floats, parameters: int, library: int) -> float:
     """The probability that an effect is detected in a library: the power of χ² at the family-wise level.
 
     Parameters
@@ -119,6 +119,6 @@ def seen(noncentrality: float | Floats, parameters: int, library: int) -> float:
     """
     from scipy.stats import chi2, ncx2
 
-    asked = chi2.isf(ALPHA / max(library, 1), parameters)
+    critical = chi2.isf(ALPHA / max(library, 1), parameters)
     values = np.maximum(np.atleast_1d(np.asarray(noncentrality, dtype=float)), 1e-12)
-    return float(np.mean(ncx2.sf(asked, parameters, values)))
+    return float(np.mean(ncx2.sf(critical, parameters, values)))

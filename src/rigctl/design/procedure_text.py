@@ -47,23 +47,23 @@ class Called:
 def called_so_far(records: Sequence[MeasuredRecord], stage: Stage) -> Called:
     """The names of the sweeps whose values are the ones that were set."""
     pressures = [source.input for source in stage.sources if _is_pressure(stage.rig, source.actuators)]
-    place = [source.input for source in stage.sources].index(pressures[0]) if pressures else -1
+    index = [source.input for source in stage.sources].index(pressures[0]) if pressures else -1
     heat = stage.rig.roles.heat
-    found = {"temperature": "", "pressure": ""}
+    names = {"temperature": "", "pressure": ""}
     for name in dict.fromkeys(name for record in records for name in record.condition):
         values = [record.condition.get(name) for record in records]
-        if place >= 0 and all(
-            value is not None and abs(value - record.inputs[0, place]) <= 1e-6 * abs(value)
+        if index >= 0 and all(
+            value is not None and abs(value - record.inputs[0, index]) <= 1e-6 * abs(value)
             for value, record in zip(values, records, strict=True)
         ):
-            found["pressure"] = name
+            names["pressure"] = name
         elif (
             heat is not None
             and heat.channel in stage.readings
             and all(value is not None and 250.0 < value < 500.0 for value in values)
         ):
-            found["temperature"] = name
-    return Called(**found)
+            names["temperature"] = name
+    return Called(**names)
 
 
 def _is_pressure(rig: Rig, actuators: Sequence[tuple[str, float]]) -> bool:
@@ -103,58 +103,58 @@ class Writer:
         lines += ["", "steps:"]
         at: float | None = None
         for number, recipe in enumerate(recipes):
-            said = reasons[number] if number < len(reasons) else ()
-            lines += self._record(number + 1, recipe, said, heat=recipe.temperature != at)
+            comment = reasons[number] if number < len(reasons) else ()
+            lines += self._record(number + 1, recipe, comment, heat=recipe.temperature != at)
             at = recipe.temperature
         levels = {name: value for recipe in recipes for name, value in recipe.before.items()}
         if levels:
             lines += ["", "finally:", f"  - set: {self._safe(levels)}"]
         return "\n".join(lines) + "\n"
 
-    def _record(self, number: int, recipe: Recipe, said: Sequence[str], *, heat: bool) -> list[str]:
+    def _record(self, number: int, recipe: Recipe, comment: Sequence[str], *, heat: bool) -> list[str]:
         swept = self._swept(recipe)
-        made = [*self._before(recipe, swept, heat=heat), *self._recorded(number, recipe)]
-        lines = _comment(said, "  ")
+        steps = [*self._before(recipe, swept, heat=heat), *self._recorded(number, recipe)]
+        lines = _comment(comment, "  ")
         if not swept:
-            return [*lines, *(f"  {line}" for line in made)]
+            return [*lines, *(f"  {line}" for line in steps)]
         points = ", ".join(f"{name}: [{value}]" for name, value in swept.values())
         zipped = ["    zip: true"] if len(swept) > 1 else []
-        return [*lines, f"  - for: {{{points}}}", *zipped, "    do:", *(f"      {line}" for line in made)]
+        return [*lines, f"  - for: {{{points}}}", *zipped, "    do:", *(f"      {line}" for line in steps)]
 
     def _swept(self, recipe: Recipe) -> dict[str, tuple[str, str]]:
         """For each quantity that is set, the sweep's name and its value."""
-        roles, found = self.rig.roles, {}
+        roles, swept = self.rig.roles, {}
         if recipe.temperature is not None and roles.heat is not None and self.called.temperature:
             unit = self.rig.channels[roles.heat.channel].unit
-            found["temperature"] = (self.called.temperature, written(recipe.temperature, unit))
+            swept["temperature"] = (self.called.temperature, written(recipe.temperature, unit))
         if recipe.pressure is not None and roles.set_pressure is not None and self.called.pressure:
             unit = self.rig.channels[roles.set_pressure.channel].unit
-            found["pressure"] = (self.called.pressure, written(recipe.pressure, unit))
-        return found
+            swept["pressure"] = (self.called.pressure, written(recipe.pressure, unit))
+        return swept
 
     def _before(self, recipe: Recipe, swept: Mapping[str, tuple[str, str]], *, heat: bool) -> list[str]:
         """The steps that establish the operating point and bring the bench home."""
-        roles, found = self.rig.roles, []
+        roles, steps = self.rig.roles, []
         if recipe.temperature is not None and roles.heat is not None and heat:
             to = self._to(recipe.temperature, roles.heat.channel, swept.get("temperature"))
-            found.append(
+            steps.append(
                 f"- heat: {{to: {to}, within: {HEAT.within:g} K, settle: {seconds(HEAT.settle)}, "
                 f"timeout: {HEAT.timeout / 3600.0:g} h}}"
             )
         if recipe.moves:
-            found += self._home()
+            steps += self._home()
         if recipe.pressure is not None and roles.set_pressure is not None:
             role = roles.set_pressure
             to = self._to(recipe.pressure, role.channel, swept.get("pressure"))
-            found.append(
+            steps.append(
                 f"- set_pressure: {{to: {to}, within: {self._within()}, settle: {seconds(PRESS.settle)}, "
                 f"timeout: {seconds(PRESS.timeout)}}}"
             )
         if recipe.before:
-            found.append(f"- set: {levels_text(recipe.before, self.rig)}")
+            steps.append(f"- set: {levels_text(recipe.before, self.rig)}")
         if recipe.rest > 0.0:
-            found.append(f"- wait: {seconds(recipe.rest)}")
-        return found
+            steps.append(f"- wait: {seconds(recipe.rest)}")
+        return steps
 
     def _to(self, value: float, channel: str, swept: tuple[str, str] | None) -> str:
         return f"${swept[0]}" if swept else written(value, self.rig.channels[channel].unit)
@@ -183,8 +183,10 @@ class Writer:
 
     def _safe(self, levels: Mapping[str, float]) -> str:
         safe = self.rig.safe_state
-        found = {name: self.rig.actuators[name].read(safe[name].text) for name in levels if name in safe}
-        return levels_text(found, self.rig)
+        safe_levels = {
+            name: self.rig.actuators[name].read(safe[name].text) for name in levels if name in safe
+        }
+        return levels_text(safe_levels, self.rig)
 
 
 def _comment(sentences: Sequence[str], indent: str) -> list[str]:

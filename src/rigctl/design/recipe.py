@@ -67,13 +67,13 @@ class Recipe:
 
     def settings(self, rig: Rig) -> dict[str, str]:
         """The operating point by channel or actuator, as displayed."""
-        found = {}
+        settings = {}
         for value, role in ((self.temperature, rig.roles.heat), (self.pressure, rig.roles.set_pressure)):
             if value is not None and role is not None:
-                found[role.channel] = written(value, rig.channels[role.channel].unit)
+                settings[role.channel] = written(value, rig.channels[role.channel].unit)
         for name, value in self.before.items():
-            found[name] = rig.actuators[name].show(value)
-        return found
+            settings[name] = rig.actuators[name].show(value)
+        return settings
 
 
 def written(value: float, unit: str) -> str:
@@ -122,38 +122,38 @@ class Stage:
     def standing_course(self, recipe: Recipe, readings: Mapping[str, float] | None = None) -> Course:
         """The inputs before the record, while the levels hold, starting at these readings or those so far."""
         row = self.inputs(self.commands_before(recipe))
-        begun = self.readings if readings is None else readings
+        start = self.readings if readings is None else readings
         rate = min(recipe.rate, _LOOKS / recipe.rest)
-        return Course(np.zeros(1), np.array([row]), recipe.rest, rate, dict(begun), "rest")
+        return Course(np.zeros(1), np.array([row]), recipe.rest, rate, dict(start), "rest")
 
     def first(self, recipe: Recipe) -> dict[str, float]:
         """The first readings of the channels: the value set, else that in the data so far."""
-        found = dict(self.readings)
+        readings = dict(self.readings)
         roles = self.rig.roles
         if recipe.temperature is not None and roles.heat is not None:
-            found[roles.heat.channel] = recipe.temperature
+            readings[roles.heat.channel] = recipe.temperature
         if recipe.pressure is not None and roles.set_pressure is not None:
-            self._scaled_to(found, roles.set_pressure.channel, recipe.pressure)
-        return found
+            self._scaled_to(readings, roles.set_pressure.channel, recipe.pressure)
+        return readings
 
     def inputs(self, commands: Mapping[str, float]) -> list[float]:
         """The model's inputs for the actuators' SI values."""
-        made = input_values(self.sources, commands)
+        values = input_values(self.sources, commands)
         return [
             self.standing.get(source.input, value) if not source.actuators else value
-            for source, value in zip(self.sources, made, strict=True)
+            for source, value in zip(self.sources, values, strict=True)
         ]
 
     def commands_before(self, recipe: Recipe) -> dict[str, float]:
         """Every actuator's value at the start of the record: safe, except what was set."""
-        found = {
+        commands = {
             name: actuator.read(self.rig.safe_state[name].text) if name in self.rig.safe_state else 0.0
             for name, actuator in self.rig.actuators.items()
         }
         role = self.rig.roles.set_pressure
         if role is not None and recipe.pressure is not None:
-            found[role.actuator] = recipe.pressure
-        return found | dict(recipe.before)
+            commands[role.actuator] = recipe.pressure
+        return commands | dict(recipe.before)
 
     def _commanded(self, step: Step) -> dict[str, float]:
         if step.verb == "set":
@@ -169,14 +169,14 @@ class Stage:
             return {}
         return {name: self.commands_before(Recipe((), 1.0))[name] for name in self._commanded(step)}
 
-    def _scaled_to(self, found: dict[str, float], channel: str, pressure: float) -> None:
+    def _scaled_to(self, readings: dict[str, float], channel: str, pressure: float) -> None:
         """Before a record, pressures are in proportion to the set one."""
-        known = found.get(channel, 0.0)
-        for name, value in list(found.items()):
+        known = readings.get(channel, 0.0)
+        for name, value in list(readings.items()):
             same = name in self.rig.channels and self.rig.channels[name].quantity == "pressure"
             if same and name != channel and known > 0.0:
-                found[name] = value * pressure / known
-        found[channel] = pressure
+                readings[name] = value * pressure / known
+        readings[channel] = pressure
 
 
 def rounded(value: float, unit: str, step: float) -> float:
@@ -187,14 +187,14 @@ def rounded(value: float, unit: str, step: float) -> float:
 
 def lines_of(recipe: Recipe, rig: Rig) -> tuple[str, ...]:
     """The steps of the record, one line each, as in a procedure without its dashes."""
-    found: list[str] = []
+    lines: list[str] = []
     for step in recipe.steps:
         if step.verb == "set":
-            found.append(f"set: {levels_text(step.levels, rig)}")
-            found.append(f"wait: {seconds(step.seconds)}")
+            lines.append(f"set: {levels_text(step.levels, rig)}")
+            lines.append(f"wait: {seconds(step.seconds)}")
         else:
-            found.append(f"{step.verb}: {seconds(step.seconds)}")
-    return tuple(found)
+            lines.append(f"{step.verb}: {seconds(step.seconds)}")
+    return tuple(lines)
 
 
 def levels_text(levels: Mapping[str, float], rig: Rig) -> str:

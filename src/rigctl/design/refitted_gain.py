@@ -46,11 +46,11 @@ def refitted_gain(rival: Rival, truth: int, scenes: Sequence[Scene]) -> float:
     new = [replace(scene.record, values=scene.predicted[truth].outputs) for scene in scenes]
     problem, local = _with_records(rival, new, scenes)
     try:
-        found = fit(problem, local=local, cost=_COST, largest_step=_STEP)
+        refit = fit(problem, local=local, cost=_COST, largest_step=_STEP)
     except RigctlError:
         return float("inf")
-    assert found.solution is not None  # noqa: S101 - a rival has parameters to fit
-    return max(2.0 * found.solution.cost - rival.trial.chi2, 0.0)
+    assert refit.solution is not None  # noqa: S101 - a rival has parameters to fit
+    return max(2.0 * refit.solution.cost - rival.trial.chi2, 0.0)
 
 
 def refitted_gains(
@@ -62,8 +62,8 @@ def refitted_gains(
     """D of each pair of indices (right one, rival), see `refitted_gain`; in this process if `workers` is
     None."""
     work = partial(_gain_of, tuple(map(sent, rivals)), tuple(scenes))
-    found = dict(map_tasks(work, list(pairs), workers or Workers(1)))
-    return [found[k] for k in range(len(pairs))]
+    gains = dict(map_tasks(work, list(pairs), workers or Workers(1)))
+    return [gains[k] for k in range(len(pairs))]
 
 
 def sent(rival: Rival) -> Rival:
@@ -101,5 +101,5 @@ def _with_records(
         grown=None if so_far.grown is None else (*so_far.grown, *sigma),
     )
     problem = problem.with_shared(started(problem.shared, fitted.values))
-    begun = [np.array([one.unknown.start for one in own]) for own in added.local]
-    return problem, [*(fitted.local[k] for k in fitted.fitted), *begun]
+    starts = [np.array([one.unknown.start for one in unknowns]) for unknowns in added.local]
+    return problem, [*(fitted.local[k] for k in fitted.fitted), *starts]

@@ -175,7 +175,7 @@ class ProposedRecord:
     @property
     def widest(self) -> LargestDifference | None:
         """Where two rivals differ most; None if there are not two."""
-        found = [
+        differences = [
             LargestDifference(
                 one.channel,
                 first,
@@ -185,7 +185,7 @@ class ProposedRecord:
             for one in self.predictions
             for first, second in combinations(one.by_rival, 2)
         ]
-        return max(found, key=lambda one: one.sigmas, default=None)
+        return max(differences, key=lambda one: one.sigmas, default=None)
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form, without the curves."""
@@ -212,7 +212,7 @@ class SensorSet:
     channels: one or two of the rig file's `could_have`.
     price: as in the rig file, summed; None if one has none.
     currency: of the price.
-    told: number of pairs of rivals that would be distinguished with a probability of at least a half; `of`
+    distinguished: number of pairs of rivals distinguished with a probability of at least a half; `of`
         all.
     separation, probability: as for the design, with the channels added for the proposed records.
     splits: the pairs that are distinguished with them and not without.
@@ -221,7 +221,7 @@ class SensorSet:
     channels: tuple[str, ...]
     price: float | None
     currency: str
-    told: int
+    distinguished: int
     of: int
     separation: float
     probability: float
@@ -233,7 +233,7 @@ class SensorSet:
             "channels": list(self.channels),
             "price": self.price,
             "currency": self.currency,
-            "told": self.told,
+            "told": self.distinguished,
             "of": self.of,
             "expected_separation": self.separation,
             "probability": self.probability,

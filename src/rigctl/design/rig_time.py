@@ -90,22 +90,24 @@ class RigTime:
 
     def _actions(self, recipe: Recipe, *, heat: bool) -> list[Action]:
         """The actions of the steps that `Writer` writes."""
-        roles, found = self.rig.roles, list[Action]()
+        roles, actions = self.rig.roles, list[Action]()
         if recipe.temperature is not None and roles.heat is not None and heat:
             role = roles.heat
-            found.append(
+            actions.append(
                 Heat(role.actuator, role.channel, recipe.temperature, HEAT.within, HEAT.settle, HEAT.timeout)
             )
         if recipe.moves and roles.retract is not None and roles.retract.position is not None:
-            found.append(self._move(-1, None))
+            actions.append(self._move(-1, None))
         if recipe.pressure is not None and roles.set_pressure is not None:
             by = roles.set_pressure
-            found.append(SetLevel(by.actuator, by.channel, recipe.pressure, 0.0, PRESS.settle, PRESS.timeout))
-        found.append(Wait(recipe.rest))
+            actions.append(
+                SetLevel(by.actuator, by.channel, recipe.pressure, 0.0, PRESS.settle, PRESS.timeout)
+            )
+        actions.append(Wait(recipe.rest))
         for step in recipe.steps:
             direction = {"extend": 1, "retract": -1}.get(step.verb)
-            found.append(Wait(step.seconds) if direction is None else self._move(direction, step.seconds))
-        return found
+            actions.append(Wait(step.seconds) if direction is None else self._move(direction, step.seconds))
+        return actions
 
     def _move(self, direction: int, seconds: float | None) -> Move:
         role = self.rig.roles.extend if direction > 0 else self.rig.roles.retract
@@ -118,7 +120,7 @@ class RigTime:
 def forecast(writer: Writer, recipes: Sequence[Recipe]) -> Preview | None:
     """The preview of a procedure; None if the rig refuses it, or it will most probably fail."""
     try:
-        found = preview(expand(parse_procedure(writer.text(recipes)), writer.rig))
+        result = preview(expand(parse_procedure(writer.text(recipes)), writer.rig))
     except RigctlError:
         return None
-    return None if found.warnings else found
+    return None if result.warnings else result

@@ -86,15 +86,15 @@ class Rival:
 
     def described(self) -> DesignRival:
         """The rival as shown in a result."""
-        found = self.fit
+        fit = self.fit
         return DesignRival(
             name=self.name,
             effects=self.trial.effects,
             weight=self.weight,
             parameters=_parameters(self.trial),
             chi2=self.trial.chi2,
-            chi2_reduced=found.chi2_reduced,
-            std=found.std,
+            chi2_reduced=fit.chi2_reduced,
+            std=fit.std,
         )
 
 
@@ -138,7 +138,7 @@ def question_of(
         `separate` names no effect of the library, or `precise` none of the model's.
     """
     if separate is not None:
-        return _asked(diagnosis, separate)
+        return _requested(diagnosis, separate)
     return _sizes_of(diagnosis, precise) if precise else _left_open(diagnosis)
 
 
@@ -222,9 +222,9 @@ def _leads(diagnosis: Diagnosis) -> bool:
 
 def _between(diagnosis: Diagnosis, aim: Aim, names: Collection[str]) -> Question:
     """Each of `names` in its best set, and the model without: all pairs that are not yet distinguished."""
-    found = [_rival_of(diagnosis, name, _trial_of(diagnosis, name)) for name in sorted(names)]
-    found.append(_rival_of(diagnosis, NONE, _without(diagnosis, names)))
-    rivals = _weighed(found)
+    candidates = [_rival_of(diagnosis, name, _trial_of(diagnosis, name)) for name in sorted(names)]
+    candidates.append(_rival_of(diagnosis, NONE, _without(diagnosis, names)))
+    rivals = _weighed(candidates)
     if len(rivals) < 2 or not names:
         raise nothing_left(diagnosis)
     open_names = {*names} | ({NONE} if diagnosis.verdict is not Verdict.AMBIGUOUS else set())
@@ -245,14 +245,14 @@ def _alike(diagnosis: Diagnosis) -> frozenset[frozenset[str]]:
     )
 
 
-def _asked(diagnosis: Diagnosis, separate: tuple[str, str]) -> Question:
+def _requested(diagnosis: Diagnosis, separate: tuple[str, str]) -> Question:
     """Two names requested to be distinguished, regardless of the diagnosis."""
-    found = []
+    candidates = []
     for name in separate:
         (other,) = {*separate} - {name}
         trial = plain(diagnosis.before.fit) if name == NONE else _trial_of(diagnosis, name, without=other)
-        found.append(_rival_of(diagnosis, name, trial))
-    rivals = _weighed(found, least=_LEAST_WEIGHT)
+        candidates.append(_rival_of(diagnosis, name, trial))
+    rivals = _weighed(candidates, least=_LEAST_WEIGHT)
     pairs = ((0, 1), (1, 0))
     return Question("discrimination", rivals, pairs, _library(diagnosis), alike=_alike(diagnosis))
 
@@ -263,15 +263,15 @@ def _unseen(diagnosis: Diagnosis) -> Question:
     silent = set(diagnosis.before.screening.untestable)
     scores = sorted(diagnosis.before.screening.scores, key=lambda one: one.p_value)
     names = [one.effect for one in scores if one.effect in hidden and one.effect not in silent]
-    found = [_rival_of(diagnosis, NONE, plain(diagnosis.before.fit))]
+    candidates = [_rival_of(diagnosis, NONE, plain(diagnosis.before.fit))]
     for name in names[: MOST_RIVALS - 1]:
         trial = at_usual_size(diagnosis.before, name)
         if trial is not None:
-            found.append(replace(_rival_of(diagnosis, name, trial), noise=found[0].overdispersion))
-    if len(found) < 2:
+            candidates.append(replace(_rival_of(diagnosis, name, trial), noise=candidates[0].overdispersion))
+    if len(candidates) < 2:
         raise nothing_left(diagnosis)
-    share = 1.0 / (len(found) - 1)
-    rivals = tuple(replace(one, weight=0.0 if one.name == NONE else share) for one in found)
+    share = 1.0 / (len(candidates) - 1)
+    rivals = tuple(replace(one, weight=0.0 if one.name == NONE else share) for one in candidates)
     return Question("detection", rivals, tuple((k, 0) for k in range(1, len(rivals))), _library(diagnosis))
 
 
@@ -307,8 +307,8 @@ def _without(diagnosis: Diagnosis, names: Collection[str]) -> RefittedSet:
     """The best set without any of `names`."""
     samples, library = _price(diagnosis)
     rest = {*diagnosis.best.effects} - {*names}
-    kept = [one for one in diagnosis.trials if {*one.effects} == rest] if rest else []
-    return min([plain(diagnosis.before.fit), *kept], key=lambda one: one.mbic(samples, library))
+    refits = [one for one in diagnosis.trials if {*one.effects} == rest] if rest else []
+    return min([plain(diagnosis.before.fit), *refits], key=lambda one: one.mbic(samples, library))
 
 
 def at_usual_size(before: ModelComparison, name: str) -> RefittedSet | None:
@@ -341,15 +341,15 @@ def _rival_of(diagnosis: Diagnosis, name: str, trial: RefittedSet) -> Rival:
     return Rival(name, trial, trial.mbic(*_price(diagnosis)), 1.0)
 
 
-def _weighed(found: Sequence[Rival], least: float = 0.0) -> tuple[Rival, ...]:
+def _weighed(candidates: Sequence[Rival], least: float = 0.0) -> tuple[Rival, ...]:
     """With ``exp(−ΔmBIC/2)`` as weights, the most probable first, and no more than `MOST_RIVALS`."""
-    best = min(one.mbic for one in found)
-    factor = min(found, key=lambda one: one.mbic).overdispersion
-    weights = [max(math.exp(-0.5 * min((one.mbic - best) / factor, 1400.0)), least) for one in found]
-    made = [replace(one, weight=weight) for one, weight in zip(found, weights, strict=True)]
-    kept = sorted(made, key=lambda one: (-one.weight, one.name))[:MOST_RIVALS]
-    total = sum(one.weight for one in kept)
-    return tuple(replace(one, weight=one.weight / total) for one in kept)
+    best = min(one.mbic for one in candidates)
+    factor = min(candidates, key=lambda one: one.mbic).overdispersion
+    weights = [max(math.exp(-0.5 * min((one.mbic - best) / factor, 1400.0)), least) for one in candidates]
+    weighted = [replace(one, weight=weight) for one, weight in zip(candidates, weights, strict=True)]
+    likeliest = sorted(weighted, key=lambda one: (-one.weight, one.name))[:MOST_RIVALS]
+    total = sum(one.weight for one in likeliest)
+    return tuple(replace(one, weight=one.weight / total) for one in likeliest)
 
 
 def _candidates(before: ModelComparison) -> tuple[Candidate, ...]:
@@ -375,8 +375,8 @@ def _spread(unknown: Unknown) -> float:
 
 
 def _parameters(trial: RefittedSet) -> dict[str, FoundParameter]:
-    found = {}
+    parameters = {}
     for candidate in trial.candidates:
         for column in candidate.columns:
-            found[column] = FoundParameter.of(candidate.parameter(column), *trial.value(column))
-    return found
+            parameters[column] = FoundParameter.of(candidate.parameter(column), *trial.value(column))
+    return parameters

@@ -89,8 +89,8 @@ def stage_of(fit: FitResult, rig: Rig) -> Stage:
     """The conditions for new records, as in the data so far."""
     problem = fit.problem
     model, measurements = problem.model, problem.measurements
-    given = {name: value for name, value in model.values.items() if name in measurements.inputs}
-    sources = input_sources(model.family, rig, given)
+    fixed_inputs = {name: value for name, value in model.values.items() if name in measurements.inputs}
+    sources = input_sources(model.family, rig, fixed_inputs)
     standing = {
         name: float(np.median([np.median(record.input_course(k)) for record in measurements.records]))
         for k, name in enumerate(measurements.inputs)
@@ -113,13 +113,13 @@ def schemes_of(stage: Stage, records: Sequence[MeasuredRecord]) -> tuple[Scheme,
         no actuator that the model knows sets the conditions of a record.
     """
     moving = any(source.actuators for source in _moves(stage))
-    found = tuple(_move_schemes(stage, records) if moving else _level_schemes(stage, records))
-    if not found:
+    schemes = tuple(_move_schemes(stage, records) if moving else _level_schemes(stage, records))
+    if not schemes:
         raise NothingToSet(
             f"no condition of the rig '{stage.rig.name}' can be set: it has no actuator that the model knows",
             hint="Name sensors that it could have in its rig file, under 'could_have:'",
         )
-    return found
+    return schemes
 
 
 def _moves(stage: Stage) -> list[InputSource]:
@@ -132,16 +132,16 @@ def _moves(stage: Stage) -> list[InputSource]:
 
 
 def _move_schemes(stage: Stage, records: Sequence[MeasuredRecord]) -> Iterator[Scheme]:
-    taken = {
+    steps_by_order = {
         tuple(step.verb for step in steps): steps for steps in map(_moves_taken(stage), records) if steps
     }
-    if not taken:
+    if not steps_by_order:
         return
-    lengths = _lengths([step for steps in taken.values() for step in steps])
+    lengths = _lengths([step for steps in steps_by_order.values() for step in steps])
     rate = max(_rate(record) for record in records)
-    verbs = {verb for order in taken for verb in order}
-    others = [order for order in _MOVES if set(order) <= verbs and order not in taken]
-    for order in (*taken, *others):
+    verbs = {verb for order in steps_by_order for verb in order}
+    others = [order for order in _MOVES if set(order) <= verbs and order not in steps_by_order]
+    for order in (*steps_by_order, *others):
         yield _move_scheme(stage, order, lengths, rate)
 
 
@@ -161,31 +161,31 @@ def _moves_taken(stage: Stage) -> Callable[[MeasuredRecord], list[Step]]:
     """The commands of a record, as steps."""
     names = [source.input for source in stage.sources]
     (move,) = _moves(stage)[:1]
-    place = names.index(move.input)
+    index = names.index(move.input)
 
     def steps_of(record: MeasuredRecord) -> list[Step]:
         ends = [*record.switch_times[1:].tolist(), float(record.times[-1])]
-        found: list[Step] = []
+        moves: list[Step] = []
         for begin, end, row in zip(record.switch_times.tolist(), ends, record.inputs, strict=True):
-            value = float(row[place])
+            value = float(row[index])
             verb: Verb = "extend" if value > 0.0 else "retract" if value < 0.0 else "wait"
             length = end - max(begin, 0.0)
-            if found and found[-1].verb == verb:
-                found[-1] = replace(found[-1], seconds=found[-1].seconds + length)
+            if moves and moves[-1].verb == verb:
+                moves[-1] = replace(moves[-1], seconds=moves[-1].seconds + length)
             elif length > 0.0:
-                found.append(Step(verb, length))
-        return found
+                moves.append(Step(verb, length))
+        return moves
 
     return steps_of
 
 
 def _lengths(steps: Sequence[Step]) -> dict[Verb, tuple[float, float]]:
     """The shortest and the longest duration of each verb."""
-    found: dict[Verb, tuple[float, float]] = {}
+    lengths: dict[Verb, tuple[float, float]] = {}
     for step in steps:
-        low, high = found.get(step.verb, (math.inf, 0.0))
-        found[step.verb] = (min(low, _SHORTER * step.seconds), max(high, _LONGER * step.seconds))
-    return found
+        low, high = lengths.get(step.verb, (math.inf, 0.0))
+        lengths[step.verb] = (min(low, _SHORTER * step.seconds), max(high, _LONGER * step.seconds))
+    return lengths
 
 
 def _time(name: str, low: float, high: float) -> Free:
@@ -208,8 +208,8 @@ def _level_schemes(stage: Stage, records: Sequence[MeasuredRecord]) -> Iterator[
     yield _staircase(stage, levels, point, time, rate, rest=dwell if levels else 0.0)
     continuous = [one for one in levels if stage.rig.actuators[one.name].kind != "switch"]
     if continuous:
-        whole = _LEVELS * dwell / (2.0 * _RAMP)
-        time = _time("dwell", _SHORTER * whole / _LEVELS, whole)
+        dwell_of_ramp = _LEVELS * dwell / (2.0 * _RAMP)
+        time = _time("dwell", _SHORTER * dwell_of_ramp / _LEVELS, dwell_of_ramp)
         yield _ramp(stage, continuous, point, time, rate, rest=dwell)
 
 
@@ -259,7 +259,7 @@ def _levels(stage: Stage) -> list[Free]:
     """The levels that a procedure can set during a record; levels with a role are set before it."""
     roles = stage.rig.roles
     before = {role.actuator for role in (roles.heat, roles.set_pressure) if role is not None}
-    found = []
+    levels = []
     for name in dict.fromkeys(name for source in stage.sources for name, _ in source.actuators):
         actuator = stage.rig.actuators[name]
         if name in before or actuator.kind == "directional_valve":
@@ -267,11 +267,11 @@ def _levels(stage: Stage) -> list[Free]:
         low, high = (0.0, 1.0) if actuator.kind == "switch" else (actuator.low, actuator.high)
         if low is None or high is None or not high > low:
             continue
-        whole = actuator.kind == "switch"
+        discrete = actuator.kind == "switch"
         unit = actuator.display_unit
         width = (float(high) - float(low)) / parse_unit(unit).factor
-        found.append(Free(name, float(low), float(high), unit, 1.0 if whole else tenth(width / _PARTS)))
-    return found
+        levels.append(Free(name, float(low), float(high), unit, 1.0 if discrete else tenth(width / _PARTS)))
+    return levels
 
 
 def _dwells(records: Sequence[MeasuredRecord]) -> list[float]:
@@ -287,19 +287,19 @@ def _dwells(records: Sequence[MeasuredRecord]) -> list[float]:
 def _operating_point(stage: Stage) -> list[Free]:
     """What is established before a record: a temperature, a pressure."""
     rig, inputs = stage.rig, {name for source in stage.sources for name, _ in source.actuators}
-    found = []
+    variables = []
     heat, pressure = rig.roles.heat, rig.roles.set_pressure
     if heat is not None and heat.channel in stage.readings:
         low, high = allowed(rig, heat.channel, _coldest(rig), math.inf)
         if math.isfinite(high) and high > low:
-            found.append(Free("temperature", low, high, rig.channels[heat.channel].unit, 1.0))
+            variables.append(Free("temperature", low, high, rig.channels[heat.channel].unit, 1.0))
     if pressure is not None and pressure.actuator in inputs:
         actuator = rig.actuators[pressure.actuator]
         if actuator.low is not None and actuator.high is not None:
             low, high = allowed(rig, pressure.channel, float(actuator.low), float(actuator.high))
             width = (high - low) / parse_unit(actuator.display_unit).factor
-            found.append(Free("pressure", low, high, actuator.display_unit, tenth(width / _PARTS)))
-    return found
+            variables.append(Free("pressure", low, high, actuator.display_unit, tenth(width / _PARTS)))
+    return variables
 
 
 def _coldest(rig: Rig) -> float:

@@ -86,32 +86,32 @@ class Workshop:
     stage: Stage
     workers: Workers | None = None
     tried: int = 0
-    _made: dict[object, Proposal | None] = field(default_factory=dict)
+    _proposals: dict[object, Proposal | None] = field(default_factory=dict)
     _shown: dict[int, tuple[Proposal, Scene]] = field(default_factory=dict)
 
     def propose(self, points: Sequence[tuple[Scheme, Sequence[float]]]) -> list[Proposal | None]:
         """A proposal for each point of a scheme; None if the point is not acceptable."""
         recipes = [scheme.recipe(point) for scheme, point in points]
-        fresh = {_key(one): k for k, one in enumerate(recipes) if _key(one) not in self._made}
-        places = list(fresh.values())
-        self.tried += len(places)
-        parts = [places[begin : begin + _AT_ONCE] for begin in range(0, len(places), _AT_ONCE)]
+        fresh = {_key(one): k for k, one in enumerate(recipes) if _key(one) not in self._proposals}
+        indices = list(fresh.values())
+        self.tried += len(indices)
+        parts = [indices[begin : begin + _AT_ONCE] for begin in range(0, len(indices), _AT_ONCE)]
         judged = self._judged([[recipes[k] for k in part] for part in parts])
         for part, every in zip(parts, judged, strict=True):
             for k, shown in zip(part, every, strict=True):
                 scheme, point = points[k]
-                self._made[_key(recipes[k])] = (
+                self._proposals[_key(recipes[k])] = (
                     None if shown is None else Proposal(scheme, tuple(point), recipes[k], *shown)
                 )
-        return [self._made[_key(one)] for one in recipes]
+        return [self._proposals[_key(one)] for one in recipes]
 
     def _judged(self, parts: Sequence[Sequence[Recipe]]) -> list[list[Shown | None]]:
         """The results of each part, in order; the parts do not depend on where they are simulated."""
         if self.workers is None or len(parts) < 2:
             return [self.judge(part) for part in parts]
         work = Workshop(tuple(map(sent, self.rivals)), self.known, self.stage).judge
-        found = dict(map_tasks(work, parts, self.workers))
-        return [found[index] for index in range(len(parts))]
+        results = dict(map_tasks(work, parts, self.workers))
+        return [results[index] for index in range(len(parts))]
 
     @one_thread()
     def judge(self, recipes: Sequence[Recipe]) -> list[Shown | None]:
@@ -122,24 +122,24 @@ class Workshop:
     def scene(self, proposal: Proposal) -> Scene:
         """Every rival's prediction of a record; recomputed, as those of all candidates take gigabytes."""
         if id(proposal) not in self._shown:
-            (found,) = predict(self.rivals, [proposal.record])
-            if found is None:
+            (scene,) = predict(self.rivals, [proposal.record])
+            if scene is None:
                 raise RigctlError("a record that was simulated cannot be simulated again")
-            self._shown[id(proposal)] = (proposal, found)
+            self._shown[id(proposal)] = (proposal, scene)
         return self._shown[id(proposal)][1]
 
     def forget(self) -> None:
         """Forget the proposals made so far, so that they may be proposed again."""
-        self._made.clear()
+        self._proposals.clear()
         self._shown.clear()
 
     def refuse(self, proposal: Proposal) -> None:
         """Never propose it again."""
-        self._made[_key(proposal.recipe)] = None
+        self._proposals[_key(proposal.recipe)] = None
 
     def _scenes(self, recipes: Sequence[Recipe]) -> list[Scene | None]:
         measurements = self.rivals[0].fit.problem.measurements
-        courses = self._begun(recipes)
+        courses = self._courses(recipes)
         group = 1 + max(record.group for record in measurements.records)
         good = [k for k, course in enumerate(courses) if course is not None]
         records = [
@@ -148,14 +148,14 @@ class Workshop:
         scenes = dict(zip(good, predict(self.rivals, records), strict=True))
         clear = {k: scene for k, scene in scenes.items() if scene is not None and self._clear(scene)}
         inside = inside_validity(self.rivals, [scene.record for scene in clear.values()])
-        kept = {k: scene for (k, scene), known in zip(clear.items(), inside, strict=True) if known}
-        return [kept.get(k) for k in range(len(recipes))]
+        valid = {k: scene for (k, scene), known in zip(clear.items(), inside, strict=True) if known}
+        return [valid.get(k) for k in range(len(recipes))]
 
     def _clear(self, scene: Scene) -> bool:
         channels = self.rivals[0].fit.problem.measurements.outputs
         return keeps_clear(self.stage.rig, channels, scene, self.known.covariances)
 
-    def _begun(
+    def _courses(
         self, recipes: Sequence[Recipe], readings: Mapping[str, float] | None = None
     ) -> list[Course | None]:
         """The inputs of the records, each starting where the preceding levels leave the bench; None if that
@@ -177,13 +177,13 @@ class Workshop:
     def one_after_the_other(self, chosen: Sequence[Proposal]) -> list[Proposal]:
         """Proposals that respect every limit if each starts in the state in which its predecessor ended."""
         outputs = self.rivals[0].fit.problem.measurements.outputs
-        kept: list[Proposal] = []
+        accepted: list[Proposal] = []
         for one in chosen:
-            readings = _ends(kept[-1].record, outputs) if kept else None
-            (course,) = self._begun([one.recipe], readings)
+            readings = _ends(accepted[-1].record, outputs) if accepted else None
+            (course,) = self._courses([one.recipe], readings)
             if course is not None:
-                kept.append(one)
-        return kept
+                accepted.append(one)
+        return accepted
 
 
 def _ends(record: MeasuredRecord, outputs: Sequence[str]) -> dict[str, float]:
@@ -291,8 +291,8 @@ class Search:
 
     def _rate(self, before: _Taken, one: Proposal) -> float:
         """Gain of a proposal, per minute if time counts; 0 without a gain or beyond the budget."""
-        whole = one.evidence if before.evidence is None else before.evidence + one.evidence
-        added = self.criterion.worth(whole) - before.worth
+        evidence = one.evidence if before.evidence is None else before.evidence + one.evidence
+        added = self.criterion.worth(evidence) - before.worth
         if added < _LEAST:
             return 0.0
         spent = self.clock.rising([*before.recipes, one.recipe]).seconds
@@ -302,18 +302,18 @@ class Search:
 
     def _exchanged(self, chosen: Sequence[Proposal], best: Proposal) -> Proposal:
         """`best` with its free numbers changed one after the other as long as that improves it."""
-        taken = _Taken.of(chosen, self.criterion, self.clock)
+        so_far = _Taken.of(chosen, self.criterion, self.clock)
         for _ in range(SWEEPS):
-            before = self._rate(taken, best)
+            before = self._rate(so_far, best)
             for k in range(len(best.point)):
                 values = np.linspace(0.0, 1.0, VALUES)
                 points = [(*best.point[:k], float(value), *best.point[k + 1 :]) for value in values]
-                made = self.workshop.propose([(best.scheme, point) for point in points])
-                good = [one for one in made if one is not None]
-                seen = set(map(id, self.pool))
-                self.pool += [one for one in good if id(one) not in seen]
+                proposals = self.workshop.propose([(best.scheme, point) for point in points])
+                good = [one for one in proposals if one is not None]
+                pooled = set(map(id, self.pool))
+                self.pool += [one for one in good if id(one) not in pooled]
                 best = self._leader(chosen, [best, *good]) or best
-            if self._rate(taken, best) < (1.0 + _GAIN) * before:
+            if self._rate(so_far, best) < (1.0 + _GAIN) * before:
                 break
         return best
 

@@ -36,7 +36,7 @@ Floats = NDArray[np.float64]
 #: largest number of sensors in one set
 _TOGETHER = 2
 #: a pair counts as distinguished from this probability on
-_TOLD = 0.5
+_DISTINGUISHED = 0.5
 
 
 def sensor_sets(
@@ -60,11 +60,11 @@ def sensor_sets(
     scenes = predict(rivals, [_wider(record, len(names)) for record in records])
     criterion = _with_every_sensor(criterion, rivals, [scene for scene in scenes if scene is not None])
     present = len(criterion.question.rivals[0].fit.problem.measurements.outputs)
-    plain = _told(criterion, _evidence(scenes, rivals[0], range(present)))
+    plain = _probabilities(criterion, _evidence(scenes, rivals[0], range(present)))
     sets = [
-        _of_set(criterion, rig, chosen, plain, _evidence(scenes, rivals[0], [*range(present), *places]))
+        _of_set(criterion, rig, chosen, plain, _evidence(scenes, rivals[0], [*range(present), *indices]))
         for count in range(1, _TOGETHER + 1)
-        for chosen, places in _choices(names, present, count)
+        for chosen, indices in _choices(names, present, count)
     ]
     return tuple(sorted(sets, key=lambda one: (one.price is None, one.price or 0.0, one.channels)))
 
@@ -94,8 +94,12 @@ def best_sensor(sets: Sequence[SensorSet]) -> SensorSet | None:
     if not sets:
         return None
     most = max(one.probability for one in sets)
-    told = max(one.told for one in sets)
-    good = [one for one in sets if one.probability >= 0.95 * most and (most >= _TOLD or one.told == told)]
+    distinguished = max(one.distinguished for one in sets)
+    good = [
+        one
+        for one in sets
+        if one.probability >= 0.95 * most and (most >= _DISTINGUISHED or one.distinguished == distinguished)
+    ]
     return good[0] if good else max(sets, key=lambda one: one.probability)
 
 
@@ -114,19 +118,19 @@ def _of_set(
     plain: dict[tuple[int, int], float],
     evidence: Evidence,
 ) -> SensorSet:
-    told = _told(criterion, evidence)
+    probabilities = _probabilities(criterion, evidence)
     prices = [rig.could_have[name].price for name in chosen]
     known = [price for price in prices if price is not None]
     rivals = criterion.question.rivals
-    pairs = _pairs(told)
+    pairs = _pairs(probabilities)
     return SensorSet(
         channels=chosen,
         price=sum(price.amount for price in known) if len(known) == len(prices) else None,
         currency=known[0].currency if known else "",
-        told=sum(pairs.values()),
+        distinguished=sum(pairs.values()),
         of=len(pairs),
         separation=criterion.separation(evidence),
-        probability=criterion.together(told),
+        probability=criterion.together(probabilities),
         splits=tuple(
             (rivals[one].name, rivals[other].name)
             for (one, other), apart in pairs.items()
@@ -135,39 +139,39 @@ def _of_set(
     )
 
 
-def _told(criterion: Discrimination, evidence: Evidence) -> dict[tuple[int, int], float]:
+def _probabilities(criterion: Discrimination, evidence: Evidence) -> dict[tuple[int, int], float]:
     """P of each ordered pair, at the rivals' fits."""
-    found = criterion.distances(evidence)
+    distances = criterion.distances(evidence)
     return {
-        pair: criterion.of_pair(pair, Gain(found[pair][None], found[pair][None]), found)
+        pair: criterion.of_pair(pair, Gain(distances[pair][None], distances[pair][None]), distances)
         for pair in criterion.pairs
     }
 
 
-def _pairs(told: dict[tuple[int, int], float]) -> dict[tuple[int, int], bool]:
+def _pairs(probabilities: dict[tuple[int, int], float]) -> dict[tuple[int, int], bool]:
     """Each pair once: whether it is distinguished, whichever of the two is right."""
     return {
-        (one, other): min(told[one, other], told[other, one]) >= _TOLD
-        for one, other in told
-        if one < other and (other, one) in told
+        (one, other): min(probabilities[one, other], probabilities[other, one]) >= _DISTINGUISHED
+        for one, other in probabilities
+        if one < other and (other, one) in probabilities
     }
 
 
 def _evidence(scenes: Sequence[Scene | None], first: Rival, channels: Sequence[int]) -> Evidence:
     """The evidence of all records in some of their channels."""
-    places = list(channels)
+    indices = list(channels)
     noise = first.fit.problem.noise
-    some = replace(noise, channels=tuple(noise.channels[k] for k in places))
-    found = []
+    some = replace(noise, channels=tuple(noise.channels[k] for k in indices))
+    evidence = []
     for scene in scenes:
         if scene is None:
             continue
-        ok = np.ones((scene.record.times.size, len(places)), dtype=bool)
-        sigma = scene.sigma[:, places]
-        whitener = whiten(some, scene.record.times, ok, scene.record.values[:, places], sigma=sigma)
-        responses = [one.of_channels(places).response(whitener) for one in scene.predicted]
-        found.append(Evidence.of(responses))
-    return Evidence.total(found)
+        ok = np.ones((scene.record.times.size, len(indices)), dtype=bool)
+        sigma = scene.sigma[:, indices]
+        whitener = whiten(some, scene.record.times, ok, scene.record.values[:, indices], sigma=sigma)
+        responses = [one.of_channels(indices).response(whitener) for one in scene.predicted]
+        evidence.append(Evidence.of(responses))
+    return Evidence.total(evidence)
 
 
 # --- a bench with more channels
@@ -188,16 +192,16 @@ def _equipped(rival: Rival, rig: Rig, names: Sequence[str]) -> Rival:
     )
     ok = [np.hstack([good, np.zeros((len(good), len(names)), dtype=bool)]) for good in known.ok]
     wider = replace(known, measurements=equipped, signal=None, scatter=None, extra=None, grown=None)
-    made = wider.for_model(replace(model, rig=equipped.rig), noise, ok)
-    made = made.with_shared(known.shared, _values_of(made, known))
-    return replace(rival, trial=replace(rival.trial, fit=replace(rival.fit, problem=made)))
+    extended = wider.for_model(replace(model, rig=equipped.rig), noise, ok)
+    extended = extended.with_shared(known.shared, _values_of(extended, known))
+    return replace(rival, trial=replace(rival.trial, fit=replace(rival.fit, problem=extended)))
 
 
-def _values_of(made: Problem, known: Problem) -> Floats:
+def _values_of(extended: Problem, known: Problem) -> Floats:
     """The parameters for a system with more outputs, which has the same ones."""
     at = dict(zip(known.compiled.system.parameter_names, known.base.tolist(), strict=True))
-    names = made.compiled.system.parameter_names
-    return np.array([at.get(name, value) for name, value in zip(names, made.base.tolist(), strict=True)])
+    names = extended.compiled.system.parameter_names
+    return np.array([at.get(name, value) for name, value in zip(names, extended.base.tolist(), strict=True)])
 
 
 def _with_outputs(model: Model, sensors: dict[str, PossibleChannel]) -> Model:
@@ -208,9 +212,9 @@ def _with_outputs(model: Model, sensors: dict[str, PossibleChannel]) -> Model:
         for name, sensor in sensors.items()
         if name not in known or sensor.reads not in ("", name)
     ]
-    taken = {one.name for one in more}
-    kept = [output for output in model.family.outputs if output.name not in taken]
-    return replace(model, family=replace(model.family, outputs=(*kept, *more)))
+    replaced = {one.name for one in more}
+    unchanged = [output for output in model.family.outputs if output.name not in replaced]
+    return replace(model, family=replace(model.family, outputs=(*unchanged, *more)))
 
 
 def _read(family: ModelFamily, name: str, sensor: PossibleChannel) -> tuple[str, Formula, str]:

@@ -75,7 +75,7 @@ def design_rows(diagnosis: Diagnosis, question: Question, most: int) -> DesignRe
         )
         for k, row in enumerate(chosen)
     )
-    made = DesignResult(
+    result = DesignResult(
         runs=diagnosis.runs,
         model=diagnosis.model,
         aim="discrimination",
@@ -91,7 +91,7 @@ def design_rows(diagnosis: Diagnosis, question: Question, most: int) -> DesignRe
         notes=("a row's probability is that at the fits, without draws",),
         diagnosis=diagnosis,
     )
-    return replace(made, statement=statement(made))
+    return replace(result, statement=statement(result))
 
 
 def _candidates(question: Question, measurements: Measurements) -> list[_Row]:
@@ -111,9 +111,9 @@ def _candidates(question: Question, measurements: Measurements) -> list[_Row]:
 
 def _values(name: str, rows: Sequence[MeasuredRecord], measurements: Measurements) -> list[float]:
     """The values of one variable, over the table's range and a little beyond, within the rig's limits."""
-    here = [row.condition[name] for row in rows if name in row.condition]
-    width = max(here) - min(here)
-    low, high = _allowed(name, min(here) - _BEYOND * width, max(here) + _BEYOND * width, measurements.rig)
+    values = [row.condition[name] for row in rows if name in row.condition]
+    width = max(values) - min(values)
+    low, high = _allowed(name, min(values) - _BEYOND * width, max(values) + _BEYOND * width, measurements.rig)
     unit = variable_units(measurements)[name]
     step = tenth((high - low) / parse_unit(unit).factor / _VALUES)
     free = Free(name, low, high, unit, step)
@@ -146,8 +146,8 @@ def _row(point: Mapping[str, float], like: MeasuredRecord, question: Question) -
     model, measurements = problem.model, problem.measurements
     inputs = like.inputs.copy()
     if measurements.rig is not None:
-        given = {name: value for name, value in model.values.items() if name in measurements.inputs}
-        for k, source in enumerate(input_sources(model.family, measurements.rig, given)):
+        fixed_inputs = {name: value for name, value in model.values.items() if name in measurements.inputs}
+        for k, source in enumerate(input_sources(model.family, measurements.rig, fixed_inputs)):
             for name, factor in source.actuators:
                 if name in point:
                     inputs[:, k] += factor * (point[name] - like.condition[name])
@@ -163,12 +163,12 @@ def _chosen(criterion: Discrimination, candidates: Sequence[_Row], most: int) ->
     chosen: list[_Row] = []
     while len(chosen) < most and candidates:
         so_far = _evidence(chosen)
-        whole = [one.evidence if so_far is None else so_far + one.evidence for one in candidates]
-        k = max(range(len(whole)), key=lambda k: criterion.worth(whole[k]))
-        if criterion.worth(whole[k]) <= (0.0 if so_far is None else criterion.worth(so_far)):
+        evidence = [one.evidence if so_far is None else so_far + one.evidence for one in candidates]
+        k = max(range(len(evidence)), key=lambda k: criterion.worth(evidence[k]))
+        if criterion.worth(evidence[k]) <= (0.0 if so_far is None else criterion.worth(so_far)):
             break
         chosen.append(candidates[k])
-        if criterion.predicted_probability(whole[k]) >= _ENOUGH:
+        if criterion.predicted_probability(evidence[k]) >= _ENOUGH:
             break
     return chosen
 
@@ -179,18 +179,18 @@ def _evidence(chosen: Sequence[_Row]) -> Evidence | None:
 
 def _of_repeat(criterion: Discrimination, so_far: Evidence | None, repeats: Sequence[Evidence]) -> float:
     base = 0.0 if so_far is None else criterion.separation(so_far)
-    whole = [one if so_far is None else so_far + one for one in repeats]
-    return max((criterion.separation(one) - base for one in whole), default=0.0)
+    candidates = [one if so_far is None else so_far + one for one in repeats]
+    return max((criterion.separation(one) - base for one in candidates), default=0.0)
 
 
 def _outlooks(criterion: Discrimination, evidence: Evidence | None) -> tuple[PredictedPower, ...]:
     rivals = criterion.question.rivals
     count = len(rivals)
     distances = np.zeros((count, count)) if evidence is None else criterion.distances(evidence)
-    found = []
+    outlooks = []
     for pair in criterion.pairs:
         gained = Gain(distances[pair][None], distances[pair][None])
-        found.append(
+        outlooks.append(
             PredictedPower(
                 truth=rivals[pair[0]].name,
                 rival=rivals[pair[1]].name,
@@ -202,4 +202,4 @@ def _outlooks(criterion: Discrimination, evidence: Evidence | None) -> tuple[Pre
                 after=criterion.of_pair(pair, gained, distances),
             )
         )
-    return tuple(found)
+    return tuple(outlooks)

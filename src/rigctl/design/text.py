@@ -19,36 +19,36 @@ def share(probability: float) -> str:
     return f"{100.0 * probability:.0f} %" if probability >= 0.01 else "under 1 %"
 
 
-def title(found: DesignResult) -> str:
+def title(design: DesignResult) -> str:
     """The answer as a short title."""
-    if found.aim == "precision":
+    if design.aim == "precision":
         return "To know its size"
-    return "Next" if found.separable else "Not distinguishable on this bench"
+    return "Next" if design.separable else "Not distinguishable on this bench"
 
 
-def statement(found: DesignResult) -> str:
+def statement(design: DesignResult) -> str:
     """The answer in a sentence or two."""
-    if found.aim == "precision":
-        return _precision(found)
-    if found.aim == "detection":
-        return _detection(found)
-    called = found.explanations
-    names = _listed(list(dict.fromkeys(called[name][0] for pair in found.separates for name in pair)))
-    if not found.records:
-        return f"no record that this bench can make distinguishes {names}{_sensor(found)}"
-    together = [pair for pair in found.separates if _least(found, pair) < HALF]
-    chance = f"with a probability of {share(found.after)}, now {share(found.before)}"
-    if found.separable:
-        tells = "tells" if len(found.records) == 1 else "tell"
-        return f"{_amount(found)} {tells} {names} apart {chance}"
-    what = f"the right one of {names} would be identified {chance}, by {_amount(found)}"
-    left = f"; {_left(found, together)}" if together else ""
-    return f"{what}{left}{_sensor(found)}"
+    if design.aim == "precision":
+        return _precision(design)
+    if design.aim == "detection":
+        return _detection(design)
+    called = design.explanations
+    names = _listed(list(dict.fromkeys(called[name][0] for pair in design.separates for name in pair)))
+    if not design.records:
+        return f"no record that this bench can make distinguishes {names}{_sensor(design)}"
+    together = [pair for pair in design.separates if _least(design, pair) < HALF]
+    chance = f"with a probability of {share(design.after)}, now {share(design.before)}"
+    if design.separable:
+        tells = "tells" if len(design.records) == 1 else "tell"
+        return f"{_amount(design)} {tells} {names} apart {chance}"
+    what = f"the right one of {names} would be identified {chance}, by {_amount(design)}"
+    remainder = f"; {_not_distinguished(design, together)}" if together else ""
+    return f"{what}{remainder}{_sensor(design)}"
 
 
-def _sensor(found: DesignResult) -> str:
+def _sensor(design: DesignResult) -> str:
     """What a sensor would add, of those that the rig file names."""
-    one = found.sensor
+    one = design.sensor
     if one is None:
         return ""
     tells = f"with {_named(one)} the same records, and those so far taken again, would"
@@ -57,15 +57,15 @@ def _sensor(found: DesignResult) -> str:
     return f"; {tells} identify it with a probability of {share(one.probability)}"
 
 
-def _least(found: DesignResult, pair: tuple[str, str]) -> float:
+def _least(design: DesignResult, pair: tuple[str, str]) -> float:
     """The smaller of the probabilities that the two are distinguished, whichever of them is right."""
-    return min(one.after for one in found.outlooks if {one.truth, one.rival} == set(pair))
+    return min(one.after for one in design.outlooks if {one.truth, one.rival} == set(pair))
 
 
-def _left(found: DesignResult, together: Sequence[tuple[str, str]]) -> str:
+def _not_distinguished(design: DesignResult, together: Sequence[tuple[str, str]]) -> str:
     pairs = ", ".join(f"{one} and {other}" for one, other in together)
-    told = len(found.separates) - len(together)
-    others = f"; the other {told} pairs would be distinguished" if told > 1 else ""
+    distinguished = len(design.separates) - len(together)
+    others = f"; the other {distinguished} pairs would be distinguished" if distinguished > 1 else ""
     return f"not reliably distinguished: {pairs}{others}"
 
 
@@ -83,44 +83,44 @@ def repeats_with(one: SensorSet) -> str:
     return f"{tells[0].upper()}{tells[1:]}{share(one.probability)}"
 
 
-def _detection(found: DesignResult) -> str:
-    names = " or ".join(one.truth for one in found.outlooks)
-    if not found.records:
+def _detection(design: DesignResult) -> str:
+    names = " or ".join(one.truth for one in design.outlooks)
+    if not design.records:
         return f"no record that this bench can make shows {names} at its usual size"
-    shows = "shows" if len(found.records) == 1 else "show"
+    shows = "shows" if len(design.records) == 1 else "show"
     return (
-        f"{_amount(found)} {shows} {names}, at its usual size, with a probability of {share(found.after)}, "
-        f"now {share(found.before)}"
+        f"{_amount(design)} {shows} {names}, at its usual size, with a probability of {share(design.after)}, "
+        f"now {share(design.before)}"
     )
 
 
-def _precision(found: DesignResult) -> str:
-    names = found.rivals[0].effects
-    name = " and ".join(names or found.rivals[0].name.split(" + "))
-    begun = f"{name} {'is' if len(names) < 2 else 'are'} what is missing; " if names else ""
-    if not found.records:
-        return f"{begun}no record that this bench can make improves the estimate of the size of {name}"
+def _precision(design: DesignResult) -> str:
+    names = design.rivals[0].effects
+    name = " and ".join(names or design.rivals[0].name.split(" + "))
+    missing = f"{name} {'is' if len(names) < 2 else 'are'} what is missing; " if names else ""
+    if not design.records:
+        return f"{missing}no record that this bench can make improves the estimate of the size of {name}"
     gains = ", ".join(
         f"{one.name.partition('.')[2]} ± {significant(one.before, 3)} {one.unit} becomes "
         f"± {significant(one.after, 3)} {one.unit}"
-        for one in found.sharpened
+        for one in design.sharpened
     )
-    improves = "improves" if len(found.records) == 1 else "improve"
-    return f"{begun}{_amount(found)} {improves} the estimate of the size of {name}: {gains} (95 %)"
+    improves = "improves" if len(design.records) == 1 else "improve"
+    return f"{missing}{_amount(design)} {improves} the estimate of the size of {name}: {gains} (95 %)"
 
 
-def _amount(found: DesignResult) -> str:
-    count, rows = len(found.records), not found.duration
+def _amount(design: DesignResult) -> str:
+    count, rows = len(design.records), not design.duration
     what = f"{count} {'row' if rows else 'record'}{'' if count == 1 else 's'}"
-    return what if rows else f"{what} of {clock_time(found.duration)} of bench time"
+    return what if rows else f"{what} of {clock_time(design.duration)} of bench time"
 
 
-def header(found: DesignResult) -> list[str]:
+def header(design: DesignResult) -> list[str]:
     """The comment at the head of the procedure."""
-    runs = ", ".join(found.runs)
-    answer = f"{title(found)}: {found.statement}."
-    lines = ["Written by 'rigctl design'.", answer, f"Designed for the model '{found.model}' on {runs}."]
-    return lines + [outlook_text(one) for one in found.outlooks]
+    runs = ", ".join(design.runs)
+    answer = f"{title(design)}: {design.statement}."
+    lines = ["Written by 'rigctl design'.", answer, f"Designed for the model '{design.model}' on {runs}."]
+    return lines + [outlook_text(one) for one in design.outlooks]
 
 
 def outlook_text(one: PredictedPower) -> str:
@@ -131,11 +131,11 @@ def outlook_text(one: PredictedPower) -> str:
     )
 
 
-def reason(found: DesignResult, number: int) -> list[str]:
+def reason(design: DesignResult, number: int) -> list[str]:
     """The comment above a record of the procedure: what it adds, compared with a repeat."""
-    one = found.records[number]
+    one = design.records[number]
     first = f"Record {number + 1}: {one.why}."
-    if found.aim == "precision":
+    if design.aim == "precision":
         return [first]
     chance = f"The probability changes from {share(one.before)} to {share(one.after)}"
     return [first, f"{chance}; {clock_time(one.duration)} of bench time."]

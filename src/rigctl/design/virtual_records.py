@@ -94,9 +94,9 @@ class Predicted:
         """The whitened prediction."""
         return Response(whitener(self.outputs), whitener(self.slopes), whitener(self.own))
 
-    def of_channels(self, places: Sequence[int]) -> Predicted:
+    def of_channels(self, indices: Sequence[int]) -> Predicted:
         """The prediction of some of its channels."""
-        chosen = list(places)
+        chosen = list(indices)
         return replace(
             self, outputs=self.outputs[:, chosen], slopes=self.slopes[:, chosen], own=self.own[:, chosen]
         )
@@ -135,24 +135,24 @@ def predict(rivals: Sequence[Rival], records: Sequence[MeasuredRecord]) -> list[
     first = Outlines(rivals[0], records)
     courses = first.simulate()
     good = [k for k, failure in enumerate(courses.failures) if failure is None]
-    expected = [replace(records[k], values=first.seen(courses.outputs[k])) for k in good]
+    expected = [replace(records[k], values=first.measured(courses.outputs[k])) for k in good]
     if not expected:
         return [None] * len(records)
     noise = rivals[0].fit.problem.noise
-    whole = [np.ones(one.values.shape, dtype=bool) for one in expected]
+    masks = [np.ones(one.values.shape, dtype=bool) for one in expected]
     sigma = [noise.sigma_at(one.values, one.times) for one in expected]
     whiteners = [
-        whiten(noise, one.times, ok, one.values, sigma=own)
-        for one, ok, own in zip(expected, whole, sigma, strict=True)
+        whiten(noise, one.times, ok, one.values, sigma=sigmas)
+        for one, ok, sigmas in zip(expected, masks, sigma, strict=True)
     ]
     by_rival = [Outlines(rival, expected).predicted() for rival in rivals]
-    found: list[Scene | None] = [None] * len(records)
-    for place, k in enumerate(good):
-        every = [one[place] for one in by_rival]
+    scenes: list[Scene | None] = [None] * len(records)
+    for index, k in enumerate(good):
+        every = [one[index] for one in by_rival]
         if all(one is not None for one in every):
             predicted = tuple(one for one in every if one is not None)
-            found[k] = Scene(expected[place], predicted, whiteners[place], sigma[place])
-    return found
+            scenes[k] = Scene(expected[index], predicted, whiteners[index], sigma[index])
+    return scenes
 
 
 @dataclass(frozen=True)
@@ -175,12 +175,12 @@ class Outlines:
         used = [effect for effect in map(model.effect, model.effects) if effect.terms]
         usual = initial_state(model.family, used)
         starts = [
-            start_values(known.level, one, own, usual, model.values)
-            for one, own in zip(self.records, alone, strict=True)
+            start_values(known.level, one, single, usual, model.values)
+            for one, single in zip(self.records, alone, strict=True)
         ]
         local = [
-            local_unknowns(known.level, one, own, found)
-            for one, own, found in zip(self.records, alone, starts, strict=True)
+            local_unknowns(known.level, one, single, state)
+            for one, single, state in zip(self.records, alone, starts, strict=True)
         ]
         names = known.compiled.system.state_names
         return replace(
@@ -188,7 +188,7 @@ class Outlines:
             measurements=measurements,
             ok=tuple(np.ones(one.values.shape, dtype=bool) for one in self.records),
             local=tuple(local),
-            starts=tuple(np.array([found[name] for name in names]) for found in starts),
+            starts=tuple(np.array([state[name] for name in names]) for state in starts),
             whiteners=(),
             signal=None,
             scatter=None,
@@ -196,14 +196,14 @@ class Outlines:
             grown=None,
         )
 
-    def seen(self, outputs: Floats) -> Floats:
+    def measured(self, outputs: Floats) -> Floats:
         """(n, channels) of (n, outputs): those that are measured."""
         return np.take(outputs, self.rival.fit.problem.channels, axis=1)
 
     def simulate(self) -> Trajectories:
         """Outputs of every record at the fit, without derivatives."""
         problem = self.problem
-        return problem.simulate(self.rival.fit.values, [_expected(own) for own in problem.local])
+        return problem.simulate(self.rival.fit.values, [_expected(unknowns) for unknowns in problem.local])
 
     def at_draws(self, values: Floats) -> Trajectories:
         """Outputs of the first record at each draw of the common unknowns (draws, p), all at once."""
@@ -215,33 +215,37 @@ class Outlines:
         """The predictions with derivatives, in parts that fit into memory."""
         problem = self.problem
         columns = tuple(dict.fromkeys([*(u.name for u in problem.shared), *problem.local_names]))
-        found: list[Predicted | None] = []
+        predictions: list[Predicted | None] = []
         for part in problem.parts(len(columns) + len(problem.initial_names)):
-            found += Outlines(self.rival, [self.records[k] for k in part]).with_derivatives(columns)
-        return found
+            predictions += Outlines(self.rival, [self.records[k] for k in part]).with_derivatives(columns)
+        return predictions
 
     def with_derivatives(self, columns: tuple[str, ...]) -> list[Predicted | None]:
         """Outputs, and derivatives by the unknowns `columns` and the initial states, all at once."""
         problem = self.problem
-        expected = [_expected(own) for own in problem.local]
+        expected = [_expected(unknowns) for unknowns in problem.local]
         courses = problem.simulate(self.rival.fit.values, expected, columns, initial=True)
         return [
-            None if courses.failures[place] is not None else predicted_of(self.rival, courses, place, own)
-            for place, own in enumerate(problem.local)
+            None
+            if courses.failures[index] is not None
+            else predicted_of(self.rival, courses, index, unknowns)
+            for index, unknowns in enumerate(problem.local)
         ]
 
 
-def predicted_of(rival: Rival, courses: Trajectories, place: int, own: Sequence[LocalUnknown]) -> Predicted:
-    """One of the records that were simulated with derivatives; `own` are its record-level unknowns."""
+def predicted_of(
+    rival: Rival, courses: Trajectories, index: int, unknowns: Sequence[LocalUnknown]
+) -> Predicted:
+    """One of the records that were simulated with derivatives; `unknowns` are its record-level ones."""
     at = {name: k for k, name in enumerate(courses.columns)}
     problem = rival.fit.problem
-    slopes = np.take(courses.sensitivities[place], problem.channels, axis=1)
-    ordered = sorted(own, key=lambda one: not scatters(one))
+    slopes = np.take(courses.sensitivities[index], problem.channels, axis=1)
+    ordered = sorted(unknowns, key=lambda one: not scatters(one))
     return Predicted(
-        np.take(courses.outputs[place], problem.channels, axis=1),
+        np.take(courses.outputs[index], problem.channels, axis=1),
         slopes[:, :, [at[unknown.name] for unknown in problem.shared]] * rival.sizes,
         slopes[:, :, [at[one.name] for one in ordered]] * np.array([known_to(one) for one in ordered]),
-        sum(map(scatters, own)),
+        sum(map(scatters, unknowns)),
     )
 
 
@@ -250,8 +254,8 @@ def scatters(one: LocalUnknown) -> bool:
     return one.kind == "parameter" and one.unknown.prior is not None
 
 
-def _expected(own: Sequence[LocalUnknown]) -> Floats:
-    return np.array([one.unknown.start for one in own])
+def _expected(unknowns: Sequence[LocalUnknown]) -> Floats:
+    return np.array([one.unknown.start for one in unknowns])
 
 
 def known_to(one: LocalUnknown) -> float:

@@ -9,7 +9,7 @@ from rigctl.planning.outline import clock_time
 _WIDTH = 96
 
 
-def work_sheet(found: DesignResult) -> str:
+def work_sheet(design: DesignResult) -> str:
     """What is to be set, done and written down, record by record, as plain text for any printer.
 
     The steps are those of the designed procedure, in its order; boxes are ticked by hand.
@@ -17,19 +17,19 @@ def work_sheet(found: DesignResult) -> str:
     rule = "=" * _WIDTH
     head = [
         rule,
-        f"WORK SHEET   model {found.model}",
+        f"WORK SHEET   model {design.model}",
         rule,
-        *_wrapped(found.statement + ".", ""),
+        *_wrapped(design.statement + ".", ""),
         "",
-        f"Records: {len(found.records)}    on the rig, heating in it: about {clock_time(found.duration)}",
-        f"Probability to name what is right, alone: {share(found.before)} now, {share(found.after)} after",
+        f"Records: {len(design.records)}    on the rig, heating in it: about {clock_time(design.duration)}",
+        f"Probability to name what is right, alone: {share(design.before)} now, {share(design.after)} after",
         "",
         "Operator: ______________________    Date: ______________    Bench: ______________________",
         "",
         "Stop at any sign of trouble: outputs off first, then write down what was seen.",
     ]
-    parts = [line for number, one in enumerate(found.records, 1) for line in _record(number, one)]
-    return "\n".join([*head, *parts, *_foot(found)]) + "\n"
+    parts = [line for number, one in enumerate(design.records, 1) for line in _record(number, one)]
+    return "\n".join([*head, *parts, *_foot(design)]) + "\n"
 
 
 def _record(number: int, one: ProposedRecord) -> list[str]:
@@ -53,13 +53,13 @@ def _record(number: int, one: ProposedRecord) -> list[str]:
     ]
 
 
-def _foot(found: DesignResult) -> list[str]:
+def _foot(design: DesignResult) -> list[str]:
     return [
         "",
         "-" * _WIDTH,
         "Afterwards, where rigctl is:",
         "  rigctl import FILE... --rig RIG           the log, one record each",
-        f"  rigctl diagnose {' '.join(found.runs)} NEW_RUN --model MODEL",
+        f"  rigctl diagnose {' '.join(design.runs)} NEW_RUN --model MODEL",
     ]
 
 

@@ -94,9 +94,9 @@ class Kept:
             folder.mkdir(parents=True)
         except OSError as problem:
             raise RigctlError("the folder cannot be made", value=str(folder), hint=str(problem)) from problem
-        kept = cls(folder, task)
-        kept.write()
-        return kept
+        record = cls(folder, task)
+        record.write()
+        return record
 
     @classmethod
     def find(cls, project: Path, wanted: str = "") -> Kept:

@@ -74,47 +74,47 @@ class Learner:
         if not self.kept.rounds:
             self.kept.begin(Round(1, task.procedure, answer="yes"))
         while True:
-            here = self.kept.rounds[-1]
-            if here.answer != "yes":  # a proposal made before learning was interrupted
+            current = self.kept.rounds[-1]
+            if current.answer != "yes":  # a proposal made before learning was interrupted
                 self.kept.rounds.pop()
-                here = self.kept.rounds[-1]
-            if not here.run and not (here.number == 1 and task.runs):
-                ended = self._measure(here)
+                current = self.kept.rounds[-1]
+            if not current.run and not (current.number == 1 and task.runs):
+                ended = self._measure(current)
                 if ended is not None:
                     return self.kept.close(ended)
-                here = self.kept.rounds[-1]
-            judged, improved = self._judge(here)
+                current = self.kept.rounds[-1]
+            judged, improved = self._judge(current)
             ended = self._next(judged, improved)
             if ended is not None:
                 return self.kept.close(ended)
 
     # --- one round ------------------------------------------------------------------------------------------
 
-    def _measure(self, here: Round) -> Learned | None:
+    def _measure(self, current: Round) -> Learned | None:
         """Carry out a round's procedure; return how learning ended if the run did not finish."""
         task = self.kept.task
-        arguments = task.arguments if here.number == 1 else {}
-        plan = self.bench.plan(Path(here.procedure), arguments)
-        if here.number == 1 and not here.lost:
+        arguments = task.arguments if current.number == 1 else {}
+        plan = self.bench.plan(Path(current.procedure), arguments)
+        if current.number == 1 and not current.lost:
             require_time(plan, task.budget)
-        elif here.lost and self._time_left is not None and seconds_of(plan) > self._time_left:
-            said = f"round {here.number} failed, and the budget does not allow it again"
-            return self._ended(LearningEnd.BUDGET, said)
-        result = self.bench.measure(plan, here.number, self.kept.folder.name)
+        elif current.lost and self._time_left is not None and seconds_of(plan) > self._time_left:
+            reason = f"round {current.number} failed, and the budget does not allow it again"
+            return self._ended(LearningEnd.BUDGET, reason)
+        result = self.bench.measure(plan, current.number, self.kept.folder.name)
         if result.folder is None or result.status != "finished":
-            self.kept.update(replace(here, lost=here.lost + result.duration))
+            self.kept.update(replace(current, lost=current.lost + result.duration))
             where = f"{result.folder.name} " if result.folder is not None else ""
             stopped = self._ended(LearningEnd.STOPPED, f"the run {where}{result.status}: {result.reason}")
             return replace(stopped, exit_code=result.exit_code or ExitCode.FAILED)
-        self.kept.update(replace(here, run=result.folder.name, duration=result.duration))
+        self.kept.update(replace(current, run=result.folder.name, duration=result.duration))
         return None
 
-    def _judge(self, here: Round) -> tuple[Round, Improvement]:
+    def _judge(self, current: Round) -> tuple[Round, Improvement]:
         """Compare and diagnose on all runs so far, add what is certain, and compare with the prediction."""
         task = self.kept.task
         path = Path(task.model)
         with self.working() as on_progress:
-            on_progress(f"Round {here.number}: comparing")
+            on_progress(f"Round {current.number}: comparing")
             compared = compare(
                 self._open_runs(),
                 [load_model(path)],
@@ -125,14 +125,14 @@ class Learner:
                 compared,
                 path,
                 sure=True,
-                unless=lambda found: not here.judged and self._contradicted(here, found),
+                unless=lambda diagnosis: not current.judged and self._contradicted(current, diagnosis),
                 on_progress=on_progress,
             )
-        if here.judged:  # judged before the interruption: that result stays
-            return here, improved
+        if current.judged:  # judged before the interruption: that result stays
+            return current, improved
         first, now = improved.first, improved.last.before.fit
         judged = replace(
-            here,
+            current,
             verdict=first.verdict.value,
             effects=first.effects,
             classes=first.classes,
@@ -141,24 +141,24 @@ class Learner:
             error={name: error.nrmse for name, error in now.errors.items()},
             chi2=now.chi2_reduced,
             statement=first.statement,
-            achieved=self._outcome(here, first),
+            achieved=self._outcome(current, first),
         )
         self.kept.update(judged)
         self.on_round(judged)
         return judged, improved
 
-    def _outcome(self, here: Round, found: Diagnosis) -> RoundOutcome | None:
+    def _outcome(self, current: Round, diagnosis: Diagnosis) -> RoundOutcome | None:
         """The outcome of a round compared with its prediction; None if there was none."""
-        if here.predicted is None:
+        if current.predicted is None:
             return None
-        before = self.kept.rounds[-2] if len(self.kept.rounds) > 1 else here
-        left = {name for names in before.classes for name in names}
-        return round_outcome(here.predicted, found, left)
+        before = self.kept.rounds[-2] if len(self.kept.rounds) > 1 else current
+        classes = {name for names in before.classes for name in names}
+        return round_outcome(current.predicted, diagnosis, classes)
 
-    def _contradicted(self, here: Round, found: Diagnosis) -> bool:
+    def _contradicted(self, current: Round, diagnosis: Diagnosis) -> bool:
         """Whether the bench contradicted all predictions: then it is not the bench of the question, or
         its behaviour is unknown, and nothing is added to the model for it."""
-        achieved = self._outcome(here, found)
+        achieved = self._outcome(current, diagnosis)
         return achieved is not None and not achieved.kept
 
     def _added(self, path: Path) -> tuple[tuple[str, int], ...]:
@@ -185,8 +185,8 @@ class Learner:
             return self._ended(LearningEnd.BUDGET, problem.what)
         except (NothingToSet, NothingLeft) as problem:
             sensors = problem.sensors if isinstance(problem, NothingToSet) else ()
-            said = f"{problem.what}. {problem.hint}" if sensors else problem.what
-            return self._ended(_without_records(last), said, sensors)
+            reason = f"{problem.what}. {problem.hint}" if sensors else problem.what
+            return self._ended(_without_records(last), reason, sensors)
         promising = bool(design.records) and design.after >= self.worth
         if promising and (design.aim != "precision" or _sharpens(design)):
             return self._proposed(design)
@@ -249,14 +249,14 @@ class Learner:
     def _may_yet_predict(self, last: Diagnosis) -> bool:
         """Whether more records may settle what is missing: one more round is made for a named effect that
         failed cross-validation, as that may be for lack of records in which it is visible."""
-        asked = {
+        targets = {
             name
             for one in self.kept.rounds
             if one.judged and one.predicted is not None and one.predicted.aim == "precision"
             for rival in one.predicted.rivals
             for name in rival.split(" + ")
         }
-        return bool(last.unconfirmed) and not set(last.unconfirmed) <= asked
+        return bool(last.unconfirmed) and not set(last.unconfirmed) <= targets
 
     def _to_be_sized(self, last: Diagnosis) -> tuple[str, ...]:
         """The effects whose size is not yet known with the requested precision: those that were added or, if

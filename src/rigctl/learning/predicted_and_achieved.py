@@ -26,7 +26,9 @@ def prediction_of(design: DesignResult) -> PredictedRound:
     )
 
 
-def round_outcome(predicted: PredictedRound, found: Diagnosis, left: Collection[str] = ()) -> RoundOutcome:
+def round_outcome(
+    predicted: PredictedRound, diagnosis: Diagnosis, candidates: Collection[str] = ()
+) -> RoundOutcome:
     """The margins between the rivals after a round, compared with the predictions.
 
     The gain of a pair is the change of its margin in mBIC, ``m_rival − m_winner``, by the round; its
@@ -35,33 +37,33 @@ def round_outcome(predicted: PredictedRound, found: Diagnosis, left: Collection[
 
     Parameters
     ----------
-    found: the diagnosis of the same model on the data including the round's.
-    left: all effects that could not be distinguished before the round. Not all of them need be among the
-        rivals; if one that was not is named now, that is no contradiction.
+    diagnosis: the diagnosis of the same model on the data including the round's.
+    candidates: all effects that could not be distinguished before the round. Not all of them need be among
+        the rivals; if one that was not is named now, that is no contradiction.
     """
     if predicted.aim == "precision":
-        return _sized(predicted, found)
-    scores = _scores(found)
-    here = {name: scores[name] for name in predicted.rivals if name in scores}
-    winner = _winner(predicted, found, here)
-    beside = [name for names in found.classes for name in names if name in left]
-    if not winner and beside and found.verdict is not Verdict.OUTSIDE_LIBRARY:
+        return _sized(predicted, diagnosis)
+    scores = _scores(diagnosis)
+    rival_scores = {name: scores[name] for name in predicted.rivals if name in scores}
+    winner = _winner(predicted, diagnosis, rival_scores)
+    beside = [name for names in diagnosis.classes for name in names if name in candidates]
+    if not winner and beside and diagnosis.verdict is not Verdict.OUTSIDE_LIBRARY:
         name = min(beside, key=lambda one: scores.get(one, 0.0))
-        alone = all(len(names) == 1 for names in found.classes if name in names)
-        said = f"{name} is named now, which was possible too but not designed for"
-        return RoundOutcome(name, {}, {}, distinguished=alone, kept=True, statement=said)
+        alone = all(len(names) == 1 for names in diagnosis.classes if name in names)
+        text = f"{name} is named now, which was possible too but not designed for"
+        return RoundOutcome(name, {}, {}, distinguished=alone, kept=True, statement=text)
     if not winner:
-        named = " + ".join(found.effects) or "nothing that was among them"
-        said = f"the bench behaved differently from every rival's prediction: the data point to {named}"
-        return RoundOutcome("", {}, {}, distinguished=False, kept=False, statement=said)
+        named = " + ".join(diagnosis.effects) or "nothing that was among them"
+        text = f"the bench behaved differently from every rival's prediction: the data point to {named}"
+        return RoundOutcome("", {}, {}, distinguished=False, kept=False, statement=text)
     pairs = {one["rival"]: one for one in predicted.outlooks if one["truth"] == winner}
     gains = {
-        rival: here[rival] - here[winner] - float(pair["margin"])
+        rival: rival_scores[rival] - rival_scores[winner] - float(pair["margin"])
         for rival, pair in pairs.items()
-        if rival in here and winner in here
+        if rival in rival_scores and winner in rival_scores
     }
     expected = {rival: float(pair["separation"]) for rival, pair in pairs.items()}
-    distinguished = _distinguished(winner, predicted, found)
+    distinguished = _distinguished(winner, predicted, diagnosis)
     return RoundOutcome(
         winner,
         gains,
@@ -72,59 +74,59 @@ def round_outcome(predicted: PredictedRound, found: Diagnosis, left: Collection[
     )
 
 
-def _sized(predicted: PredictedRound, found: Diagnosis) -> RoundOutcome:
+def _sized(predicted: PredictedRound, diagnosis: Diagnosis) -> RoundOutcome:
     """The precision of the sizes now, compared with the prediction.
 
     They are those of effects that the model has, or of the one that these data name. If the diagnosis names
     another one without these, or nothing at all, the bench contradicted the prediction.
     """
     names = [name for one in predicted.rivals for name in one.split(" + ")]
-    model = found.before.fit.problem.model
-    there = found.before.fit if all(name in model.effects for name in names) else found.best.fit
-    sizes = known_to(there, [one["parameter"] for one in predicted.sharpened])
-    kept = bool(sizes) and (there is found.before.fit or set(names) <= set(found.effects))
-    if not kept:
-        named = " + ".join(found.effects) or "nothing that was among them"
-        said = f"the bench behaved differently from {' and '.join(names)}: the data point to {named}"
-        return RoundOutcome("", {}, {}, distinguished=False, kept=False, statement=said)
-    said = ", ".join(
+    model = diagnosis.before.fit.problem.model
+    fit = diagnosis.before.fit if all(name in model.effects for name in names) else diagnosis.best.fit
+    sizes = known_to(fit, [one["parameter"] for one in predicted.sharpened])
+    consistent = bool(sizes) and (fit is diagnosis.before.fit or set(names) <= set(diagnosis.effects))
+    if not consistent:
+        named = " + ".join(diagnosis.effects) or "nothing that was among them"
+        text = f"the bench behaved differently from {' and '.join(names)}: the data point to {named}"
+        return RoundOutcome("", {}, {}, distinguished=False, kept=False, statement=text)
+    text = ", ".join(
         f"{one['parameter']} is known to within ± {sizes[one['parameter']]:.3g} {one['unit']} (95 %), "
         f"expected ± {one['after']:.3g}, before ± {one['before']:.3g}"
         for one in predicted.sharpened
         if one["parameter"] in sizes
     )
-    return RoundOutcome(" + ".join(names), {}, {}, distinguished=True, kept=True, statement=said, sizes=sizes)
+    return RoundOutcome(" + ".join(names), {}, {}, distinguished=True, kept=True, statement=text, sizes=sizes)
 
 
-def _scores(found: Diagnosis) -> Mapping[str, float]:
+def _scores(diagnosis: Diagnosis) -> Mapping[str, float]:
     """mBIC of each effect less that of none."""
-    scores = {one.effect: one.delta_bic for one in found.ranking}
+    scores = {one.effect: one.delta_bic for one in diagnosis.ranking}
     return scores | {NONE: 0.0}
 
 
-def _winner(predicted: PredictedRound, found: Diagnosis, scores: Mapping[str, float]) -> str:
+def _winner(predicted: PredictedRound, diagnosis: Diagnosis, scores: Mapping[str, float]) -> str:
     """The rival that the diagnosis names now; "" if it names none of them."""
-    if found.verdict is Verdict.ADEQUATE and NONE in predicted.rivals:
+    if diagnosis.verdict is Verdict.ADEQUATE and NONE in predicted.rivals:
         return NONE
-    if found.verdict is Verdict.OUTSIDE_LIBRARY:
+    if diagnosis.verdict is Verdict.OUTSIDE_LIBRARY:
         return ""
-    named = [name for names in found.classes for name in names if name in predicted.rivals]
+    named = [name for names in diagnosis.classes for name in names if name in predicted.rivals]
     return min(named, key=lambda name: scores.get(name, 0.0), default="")
 
 
-def _distinguished(winner: str, predicted: PredictedRound, found: Diagnosis) -> bool:
+def _distinguished(winner: str, predicted: PredictedRound, diagnosis: Diagnosis) -> bool:
     """Whether no other rival shares a class with the winner."""
     others = set(predicted.rivals) - {winner}
-    return not any(winner in names and others & set(names) for names in found.classes)
+    return not any(winner in names and others & set(names) for names in diagnosis.classes)
 
 
 def _statement(
     winner: str, gains: Mapping[str, float], expected: Mapping[str, float], distinguished: bool
 ) -> str:
     how = "is distinguished" if distinguished else "is not distinguished"
-    said = f"{winner} {how}"
+    text = f"{winner} {how}"
     if not gains:
-        return said
+        return text
     rival = min(gains, key=lambda name: gains[name])
     margin = f"its margin over {rival} increased by {gains[rival]:.3g} (expected: {expected[rival]:.3g})"
-    return f"{said}: {margin}"
+    return f"{text}: {margin}"

@@ -276,11 +276,11 @@ class Learned:
 
 def round_text(one: Round) -> str:
     """A round in one line."""
-    begun = f"round {one.number}: "
+    heading = f"round {one.number}: "
     if not one.judged:
-        return begun + ("proposed, and declined" if one.answer == "no" else "not carried out")
+        return heading + ("proposed, and declined" if one.answer == "no" else "not carried out")
     named = f" ({' + '.join(one.effects)})" if one.effects else ""
-    text = f"{begun}{one.verdict.replace('_', ' ')}{named}"
+    text = f"{heading}{one.verdict.replace('_', ' ')}{named}"
     if one.added:
         text += f", added {', '.join(name for name, _ in one.added)}"
     return text if one.achieved is None else f"{text}; {one.achieved.statement}"

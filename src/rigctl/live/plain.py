@@ -25,7 +25,7 @@ class PlainDisplay:
         self._stream = stream
         self._record = -1
         self._tenths = 0
-        self._told: tuple[ShownEvent, ...] = ()
+        self._written: tuple[ShownEvent, ...] = ()
 
     def __enter__(self) -> Self:
         return self
@@ -39,15 +39,15 @@ class PlainDisplay:
         """Write what is new in this view."""
         self._write_events(view)
         if view.record not in (-1, self._record):
-            self._tell_record(view)
+            self._write_record(view)
         self._record = view.record
         tenths = int(view.progress / _STEP + 1e-9)
         if tenths > self._tenths and view.state == "running":
             self._tenths = tenths
-            left = f", about {clock_time(view.time_left)} left" if view.time_left is not None else ""
-            self._write(view.time, f"{view.progress:.0%} done{left}")
+            remaining = f", about {clock_time(view.time_left)} left" if view.time_left is not None else ""
+            self._write(view.time, f"{view.progress:.0%} done{remaining}")
 
-    def _tell_record(self, view: View) -> None:
+    def _write_record(self, view: View) -> None:
         node = self._places.record(view.path)
         name = f" {node.name}" if node is not None else ""
         sweep = ", ".join(f"{key}={value}" for key, value in bindings(self._places, view.path).items())
@@ -59,13 +59,13 @@ class PlainDisplay:
     def _write_events(self, view: View) -> None:
         """Write changes of state, alarms, faults and notes, each once."""
         for happening in view.happenings:
-            if any(happening is told for told in self._told):
+            if any(happening is earlier for earlier in self._written):
                 continue
             if happening.kind == "state":
                 self._write(happening.time, happening.message + _reason(view, happening.message))
             else:
                 self._write(happening.time, f"{happening.kind}: {happening.message}")
-        self._told = view.happenings
+        self._written = view.happenings
 
     def _write(self, time: float, text: str) -> None:
         with suppress(OSError, ValueError):  # a closed pipe ends the lines, not the run
@@ -80,13 +80,13 @@ def _reason(view: View, state: str) -> str:
 
 def stamp(seconds: float) -> str:
     """A time as ``1:02:03``."""
-    whole = int(seconds)
-    return f"{whole // 3600}:{whole % 3600 // 60:02d}:{whole % 60:02d}"
+    total = int(seconds)
+    return f"{total // 3600}:{total % 3600 // 60:02d}:{total % 60:02d}"
 
 
-def bindings(places: PlanPlaces, path: str) -> dict[str, str]:
+def bindings(steps: PlanPlaces, path: str) -> dict[str, str]:
     """The sweep values and arguments at a step, as text."""
-    found: dict[str, str] = {}
-    for node in places.chain(path):
-        found.update(getattr(node, "bindings", {}))
-    return found
+    values: dict[str, str] = {}
+    for node in steps.chain(path):
+        values.update(getattr(node, "bindings", {}))
+    return values

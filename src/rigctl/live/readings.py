@@ -75,9 +75,9 @@ def readings_table(readings: Readings, *, unicode: bool = True) -> Table:
             Text(limits_of(name, channel, readings.rig)),
         )
     for name, actuator in readings.rig.actuators.items():
-        told = readings.commands.get(name, math.nan)
-        text = actuator.show(told) if math.isfinite(told) else "–"
-        moving = math.isfinite(told) and told != 0.0 and actuator.kind != "level"
+        command = readings.commands.get(name, math.nan)
+        text = actuator.show(command) if math.isfinite(command) else "–"
+        moving = math.isfinite(command) and command != 0.0 and actuator.kind != "level"
         table.add_row(Text(name), Text(text, style="bold green" if moving else ""), Text(""), Text(""))
     return table
 
@@ -88,12 +88,12 @@ def shown(value: float, channel: Channel) -> str:
         return "no value"
     unit = parse_unit(channel.unit)
     number = unit.from_si(value, difference=channel.difference)
-    text = f"{number:.{places(channel)}f}"
+    text = f"{number:.{decimals(channel)}f}"
     text = text if float(text) else text.removeprefix("-")  # -0 is shown as 0
     return f"{text} {channel.unit}".removesuffix(" 1")
 
 
-def places(channel: Channel) -> int:
+def decimals(channel: Channel) -> int:
     """Decimals of a channel's value: those of its converter's step, or of its noise without a converter."""
     step = (channel.resolution or float(channel.noise or 0.0)) / parse_unit(channel.unit).factor
     if not math.isfinite(step) or step <= 0.0:

@@ -63,25 +63,25 @@ class PlanPlaces:
 
     def chain(self, path: str) -> list[Node]:
         """From the root down to the step with this path, rounds of loops left out; empty when unknown."""
-        found: list[Node] = []
+        nodes: list[Node] = []
         node, above = self._above.get(_ROUND.sub("", path), (None, None))
         while node is not None:
-            found.append(node)
+            nodes.append(node)
             node, above = self._above[above.path] if above is not None else (None, None)
-        return found[::-1]
+        return nodes[::-1]
 
     def record(self, path: str) -> RecordNode | None:
         """The record that the step belongs to."""
         return next((node for node in self.chain(path) if isinstance(node, RecordNode)), None)
 
 
-def outline(places: PlanPlaces, path: str, most: int) -> list[StepLine]:
+def outline(steps: PlanPlaces, path: str, most: int) -> list[StepLine]:
     """The tree around the step in progress, in about `most` lines.
 
     Sweeps show the point in progress and its number; as many steps beside the current one as fit are shown,
     nearest first.
     """
-    chain = places.chain(path)
+    chain = steps.chain(path)
     if not chain:
         return []
     rounds = _rounds(path)
@@ -91,11 +91,11 @@ def outline(places: PlanPlaces, path: str, most: int) -> list[StepLine]:
     before: list[StepLine] = []
     after: list[StepLine] = []
     for depth, ((siblings, current), count) in enumerate(zip(levels, beside, strict=True)):
-        place = siblings.index(current)
-        first, last = _window(place, len(siblings), count)
-        before += [StepLine(depth, node.label, Stage.DONE) for node in siblings[first:place]]
+        index = siblings.index(current)
+        first, last = _window(index, len(siblings), count)
+        before += [StepLine(depth, node.label, Stage.DONE) for node in siblings[first:index]]
         before.append(StepLine(depth, current.label, Stage.CURRENT, _note(current, chain, rounds)))
-        after = [StepLine(depth, node.label, Stage.AHEAD) for node in siblings[place + 1 : last]] + after
+        after = [StepLine(depth, node.label, Stage.AHEAD) for node in siblings[index + 1 : last]] + after
     return before + after
 
 
@@ -121,8 +121,8 @@ def _note(node: Node, chain: Sequence[Node], rounds: dict[str, int]) -> str:
         of = f" of {node.count}" if node.count is not None else ""
         return f"round {number}{of}" if number else ""
     if isinstance(node, Group) and node.kind is GroupKind.ITERATION:
-        place = next((index for index, other in enumerate(chain) if other is node), 0)
-        points = children(chain[place - 1]) if place else (node,)
+        index = next((index for index, other in enumerate(chain) if other is node), 0)
+        points = children(chain[index - 1]) if index else (node,)
         return f"{points.index(node) + 1} of {len(points)}"
     return ""
 
@@ -134,14 +134,14 @@ def _rounds(path: str) -> dict[str, int]:
 
 def _share(wanted: Sequence[int], room: int) -> list[int]:
     """Distribute the available lines to the levels, the innermost first."""
-    given = []
+    shares = []
     for count in reversed(wanted):
-        given.append(min(count, room))
-        room -= given[-1]
-    return given[::-1]
+        shares.append(min(count, room))
+        room -= shares[-1]
+    return shares[::-1]
 
 
-def _window(place: int, count: int, beside: int) -> tuple[int, int]:
-    """First and last (exclusive) of the `beside` neighbours of `place`, a third of them before it."""
-    before = min(place, max(beside // 3, beside - (count - 1 - place)))
-    return place - before, min(place + 1 + beside - before, count)
+def _window(index: int, count: int, beside: int) -> tuple[int, int]:
+    """First and last (exclusive) of the `beside` neighbours of `index`, a third of them before it."""
+    before = min(index, max(beside // 3, beside - (count - 1 - index)))
+    return index - before, min(index + 1 + beside - before, count)

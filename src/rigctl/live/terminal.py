@@ -47,7 +47,7 @@ class TerminalDisplay:
         self._readings = Readings(plan.rig)
         self._hint = hint
         self._view: View | None = None
-        self._taken = 0.0
+        self._last_update = 0.0
         self._console = Console(file=stream, highlight=False)
         self._unicode = self._console.encoding.lower().startswith("utf")
         self._live = Live(
@@ -70,8 +70,8 @@ class TerminalDisplay:
         """Keep the view for the next drawing."""
         self._view = view
         now = monotonic()
-        if now - self._taken >= 1.0 / _RATE:
-            self._taken = now
+        if now - self._last_update >= 1.0 / _RATE:
+            self._last_update = now
             alarms = {alarm.channel: alarm.action for alarm in view.alarms}
             self._readings.update(view.values, view.commands, dict(alarms))
 
@@ -89,8 +89,10 @@ class TerminalDisplay:
         parts.append(Text(""))
         below = self._below(view)
         table = readings_table(self._readings, unicode=self._unicode)
-        taken = len(parts) + table.row_count + len(below) + 3
-        parts += [self._step(line) for line in outline(self._places, view.path, self._console.height - taken)]
+        occupied = len(parts) + table.row_count + len(below) + 3
+        parts += [
+            self._step(line) for line in outline(self._places, view.path, self._console.height - occupied)
+        ]
         parts += [Text(""), table, *below]
         return Group(*parts)
 

@@ -49,21 +49,21 @@ def sizes(scores: Floats, apart: PossibleChanges) -> tuple[tuple[int, ...], Floa
     count = scores.shape[1]
     sums, squares = np.cumsum(scores, axis=1), np.cumsum(np.square(scores), axis=1)
     moments = np.cumsum(scores * np.arange(1, count + 1, dtype=float), axis=1)
-    ends, found = [], []
+    ends, largest = [], []
     for n in _ends(count):
         cuts = cuts_of(n, apart)
         if not cuts.size:
             continue
-        whole = sums[:, n - 1]
-        spread = np.maximum(squares[:, n - 1] - whole * whole / n, 1e-12)
+        total = sums[:, n - 1]
+        spread = np.maximum(squares[:, n - 1] - total * total / n, 1e-12)
         before = sums[:, cuts - 1]
-        difference = (whole[:, None] - before) / (n - cuts) - before / cuts
+        difference = (total[:, None] - before) / (n - cuts) - before / cuts
         explained = np.max(np.square(difference) / (1.0 / cuts + 1.0 / (n - cuts)), axis=1)
-        line = np.square(moments[:, n - 1] - 0.5 * (n + 1) * whole) / (n * (n * n - 1.0) / 12.0)
+        line = np.square(moments[:, n - 1] - 0.5 * (n + 1) * total) / (n * (n * n - 1.0) / 12.0)
         share = np.minimum(np.maximum(explained, line) / spread, 1.0 - 1e-9)
         ends.append(n)
-        found.append(np.sqrt(-(n - 1.5) * np.log1p(-share)))
-    return tuple(ends), np.stack(found, axis=1) if found else np.empty((scores.shape[0], 0))
+        largest.append(np.sqrt(-(n - 1.5) * np.log1p(-share)))
+    return tuple(ends), np.stack(largest, axis=1) if largest else np.empty((scores.shape[0], 0))
 
 
 def _ends(count: int) -> list[int]:

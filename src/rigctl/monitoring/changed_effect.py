@@ -58,7 +58,7 @@ def name_changes(
     readings: Sequence[Reading],
     judged: Judged,
     read: Callable[[Plan, str], Sequence[Reading | None]],
-    said: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> Named:
     """Name what has changed.
 
@@ -71,17 +71,17 @@ def name_changes(
     if not changed:
         return Named(())
     chosen = _plain(changed[0], entries, readings)
-    said(f"Diagnosing {chosen.label}, where the change is clear")
+    report(f"Diagnosing {chosen.label}, where the change is clear")
     try:
-        found = _diagnosed(plan, chosen)
+        diagnosis = _diagnosed(plan, chosen)
     except RigctlError as problem:
         return _unnamed(judged, "", f"{chosen.label} could not be diagnosed: {str(problem).splitlines()[0]}")
-    if found.verdict is Verdict.ADEQUATE:
-        return _of_parameters(plan, judged, found)
-    if not found.effects or found.verdict is Verdict.OUTSIDE_LIBRARY:
+    if diagnosis.verdict is Verdict.ADEQUATE:
+        return _of_parameters(plan, judged, diagnosis)
+    if not diagnosis.effects or diagnosis.verdict is Verdict.OUTSIDE_LIBRARY:
         text = "no effect of the library explains what the model lacks there: 'rigctl discover' searches on"
-        return _unnamed(judged, found.verdict.value, text)
-    return _of_effects(plan, entries, judged, found, read)
+        return _unnamed(judged, diagnosis.verdict.value, text)
+    return _of_effects(plan, entries, judged, diagnosis, read)
 
 
 def _plain(surest: Tested, entries: Sequence[Entry], readings: Sequence[Reading]) -> Entry:
@@ -143,34 +143,34 @@ def _unnamed(judged: Judged, verdict: str, why: str) -> Named:
     return Named((change_of(first, judged, alike),), verdict, (why,))
 
 
-def _of_parameters(plan: Plan, judged: Judged, found: Diagnosis) -> Named:
+def _of_parameters(plan: Plan, judged: Judged, diagnosis: Diagnosis) -> Named:
     """The changed parameters, which are the cause if the model is adequate after the change."""
-    own = [one for one in judged.changed if one.course.quantity.kind != "effect"]
-    freed = [one for one in own if one.course.quantity.kind == "parameter"]
+    parameters = [one for one in judged.changed if one.course.quantity.kind != "effect"]
+    freed = [one for one in parameters if one.course.quantity.kind == "parameter"]
     if freed:
-        return Named(tuple(change_of(one, judged) for one in freed), found.verdict.value)
+        return Named(tuple(change_of(one, judged) for one in freed), diagnosis.verdict.value)
     why = "one run does not show enough of it to name it"
-    if own:
+    if parameters:
         why = f"the model agrees after the change with {' and '.join(plan.held)} free in that run"
-    return _unnamed(judged, found.verdict.value, why)
+    return _unnamed(judged, diagnosis.verdict.value, why)
 
 
 def _of_effects(
     plan: Plan,
     entries: Sequence[Entry],
     judged: Judged,
-    found: Diagnosis,
+    diagnosis: Diagnosis,
     read: Callable[[Plan, str], Sequence[Reading | None]],
 ) -> Named:
     """Every run read again with the named effects in the model, of which those that change are reported."""
-    effects = [plan.model.effect(name) for name in found.effects]
+    effects = [plan.model.effect(name) for name in diagnosis.effects]
     again, quantities = _with_effects(plan, effects)
-    outcomes = read(again, " and ".join(found.effects))
-    kept = [k for k, one in enumerate(outcomes) if one is not None]
+    outcomes = read(again, " and ".join(diagnosis.effects))
+    indices = [k for k, one in enumerate(outcomes) if one is not None]
     readings = [one for one in outcomes if one is not None]
-    where = np.array([entries[k].place for k in kept])
-    second = _spread(judge(again, readings, where, quantities), kept, np.array([e.place for e in entries]))
-    classes = {name: [n for n in group if n != name] for group in found.classes for name in group}
+    where = np.array([entries[k].place for k in indices])
+    second = _spread(judge(again, readings, where, quantities), indices, np.array([e.place for e in entries]))
+    classes = {name: [n for n in group if n != name] for group in diagnosis.classes for name in group}
     changes = [
         replace(
             change_of(one, second, tuple(classes.get(one.course.quantity.name, ()))),
@@ -180,11 +180,11 @@ def _of_effects(
         for one in _not_slight(second.changed)
     ]
     if not changes:
-        text = f"with {' and '.join(found.effects)} in the model no single quantity changes significantly"
-        return _unnamed(judged, found.verdict.value, text)
-    remark = f"named by a diagnosis of one run: {found.verdict.value.replace('_', ' ')}"
+        text = f"with {' and '.join(diagnosis.effects)} in the model no single quantity changes significantly"
+        return _unnamed(judged, diagnosis.verdict.value, text)
+    remark = f"named by a diagnosis of one run: {diagnosis.verdict.value.replace('_', ' ')}"
     courses = tuple(one.course for one in second.tested)
-    return Named(tuple(changes), found.verdict.value, (remark,), courses)
+    return Named(tuple(changes), diagnosis.verdict.value, (remark,), courses)
 
 
 def _not_slight(changed: Sequence[Tested]) -> list[Tested]:
@@ -192,14 +192,14 @@ def _not_slight(changed: Sequence[Tested]) -> list[Tested]:
     return [one for one in changed if one.gain >= SLIGHT * changed[0].gain]
 
 
-def _spread(judged: Judged, kept: Sequence[int], over: np.ndarray) -> Judged:
+def _spread(judged: Judged, indices: Sequence[int], over: np.ndarray) -> Judged:
     """Expand the results to every run; runs that could not be read again have no values."""
-    if len(kept) == over.size:
+    if len(indices) == over.size:
         return judged
     tested = []
     for one in judged.tested:
         values, std = np.full(over.size, np.nan), np.full(over.size, np.nan)
-        values[list(kept)], std[list(kept)] = one.course.values, one.course.std
+        values[list(indices)], std[list(indices)] = one.course.values, one.course.std
         tested.append(replace(one, course=replace(one.course, values=values, std=std, over=over)))
     return replace(judged, tested=tuple(tested))
 
@@ -216,22 +216,22 @@ def _with_effects(plan: Plan, effects: Sequence[Effect]) -> tuple[Plan, list[Qua
     again = replace(plan, model=model, freed=freed, held=(), candidates=())
     for effect in effects:
         first, *_ = (one for one in effect.parameters if not one.shape)
-        place = freed.index(qualified(effect.name, first.name))
+        index = freed.index(qualified(effect.name, first.name))
         meaning, unit = effect.summary, first.unit
-        quantities.append(Quantity(effect.name, "parameter", place, (), 0.0, unit, meaning, first.difference))
+        quantities.append(Quantity(effect.name, "parameter", index, (), 0.0, unit, meaning, first.difference))
     quantities += parameters_of(again, plan.freed)
     return again, quantities
 
 
 def parameters_of(plan: Plan, names: Sequence[str]) -> list[Quantity]:
     """Parameters of the model as quantities of a survey."""
-    places = {name: k for k, name in enumerate(plan.columns)}
+    indices = {name: k for k, name in enumerate(plan.columns)}
     stated = {one.name: one for one in stated_values(plan.model)}
     return [
         Quantity(
             name,
             "parameter" if name in plan.freed else "held",
-            places[name],
+            indices[name],
             (),
             0.0 if name in plan.freed else plan.model.values[name],
             stated[name].unit,

@@ -63,10 +63,10 @@ def scatter_between(values: Floats, std: Floats) -> float | None:
     if values.size < FEWEST:
         return None
     size = np.abs(np.diff(values)) / math.sqrt(2.0)
-    own = 0.5 * (np.square(std[1:]) + np.square(std[:-1]))
+    variance = 0.5 * (np.square(std[1:]) + np.square(std[:-1]))
 
     def share(square: float) -> float:
-        return float(np.median(size / np.sqrt(square + own + 1e-300)))
+        return float(np.median(size / np.sqrt(square + variance + 1e-300)))
 
     if share(0.0) <= _HALF:
         return 0.0
@@ -77,25 +77,25 @@ def scatter_between(values: Floats, std: Floats) -> float | None:
     return high
 
 
-def whole_scatter(values: Floats, std: Floats) -> Floats:
+def total_scatter(values: Floats, std: Floats) -> Floats:
     """(runs) total standard deviation of each value: τ combined with the run's own.
 
     If neighbours differ by less than the runs' standard errors, these are reduced by the common factor.
     """
     between = scatter_between(values, std)
     if between is None or between > 0.0:
-        whole = np.sqrt((between or 0.0) ** 2 + np.square(std))
+        total = np.sqrt((between or 0.0) ** 2 + np.square(std))
     else:
-        own = np.sqrt(0.5 * (np.square(std[1:]) + np.square(std[:-1])) + 1e-300)
-        whole = std * float(np.median(np.abs(np.diff(values)) / own)) / (math.sqrt(2.0) * _HALF)
-    if np.all(whole > 0.0):
-        return np.asarray(whole)
+        expected = np.sqrt(0.5 * (np.square(std[1:]) + np.square(std[:-1])) + 1e-300)
+        total = std * float(np.median(np.abs(np.diff(values)) / expected)) / (math.sqrt(2.0) * _HALF)
+    if np.all(total > 0.0):
+        return np.asarray(total)
     return np.full(values.size, float(np.std(values)) or 1.0)
 
 
 def standardised(values: Floats, std: Floats) -> Floats:
     """The values about their median, divided by their total scatter, so that imprecise runs count less."""
-    return np.asarray((values - float(np.median(values))) / whole_scatter(values, std))
+    return np.asarray((values - float(np.median(values))) / total_scatter(values, std))
 
 
 def shape_of(values: Floats, std: Floats, over: Floats, correlation: float, *, steps: bool = False) -> Shape:
@@ -107,9 +107,9 @@ def shape_of(values: Floats, std: Floats, over: Floats, correlation: float, *, s
     correlation: of neighbours, which increases the standard deviations of the levels.
     steps: fit only a step.
     """
-    whole = whole_scatter(values, std)
-    clipped_values = clipped(values, whole)
-    weights = 1.0 / np.square(whole)
+    total = total_scatter(values, std)
+    clipped_values = clipped(values, total)
+    weights = 1.0 / np.square(total)
     # if the residuals exceed the runs' scatter, they determine the standard deviations of the levels
     best: tuple[float, str, int] | None = None
     costs: dict[tuple[str, int], float] = {}
@@ -142,18 +142,18 @@ def shape_of(values: Floats, std: Floats, over: Floats, correlation: float, *, s
 
 def chi2_about(levels: Floats, values: Floats, std: Floats) -> float:
     """χ² of a series about given levels, outliers clipped."""
-    whole = whole_scatter(values, std)
-    return float(np.sum(np.square((clipped(values, whole) - levels) / whole)))
+    total = total_scatter(values, std)
+    return float(np.sum(np.square((clipped(values, total) - levels) / total)))
 
 
-def clipped(values: Floats, whole: Floats) -> Floats:
+def clipped(values: Floats, sigma: Floats) -> Floats:
     """The values, outliers clipped to `_OFF` standard deviations from their neighbours' median."""
-    found = values.copy()
+    result = values.copy()
     for k in range(values.size):
         low = max(0, min(k - _NEIGHBOURS, values.size - 2 * _NEIGHBOURS - 1))
         middle = float(np.median(values[low : low + 2 * _NEIGHBOURS + 1]))
-        found[k] = middle + min(max(values[k] - middle, -_OFF * whole[k]), _OFF * whole[k])
-    return found
+        result[k] = middle + min(max(values[k] - middle, -_OFF * sigma[k]), _OFF * sigma[k])
+    return result
 
 
 def _cuts(count: int, kind: str) -> list[int]:
@@ -181,5 +181,5 @@ def _fitted(
     scaled = columns * weights[:, None]
     covariance = np.linalg.pinv(columns.T @ scaled, hermitian=True)
     coefficients = covariance @ (scaled.T @ values)
-    left = values - columns @ coefficients
-    return coefficients, float(np.sum(weights * np.square(left))), np.asarray(covariance, dtype=float)
+    residuals = values - columns @ coefficients
+    return coefficients, float(np.sum(weights * np.square(residuals))), np.asarray(covariance, dtype=float)

@@ -114,18 +114,18 @@ def entries_of(runs: Sequence[Run], by: str = "run", over: str | None = None) ->
             value="--over date",
             expected=f"'order', or one of {', '.join(_columns(runs)) or 'no column'}",
         )
-    axis, place = _axis(wanted, runs)
+    axis, location = _axis(wanted, runs)
     placed = [
-        replace(entry, place=place(members) if place is not None else float(k))
+        replace(entry, place=location(members) if location is not None else float(k))
         for k, (entry, members) in enumerate(zip(entries, grouped.values(), strict=True), start=1)
     ]
     lost = [entry.label for entry in placed if not math.isfinite(entry.place)]
     if lost:
         notes.append(f"no {axis.name} of {_listed(lost)}: left out")
-    kept = sorted((entry for entry in placed if math.isfinite(entry.place)), key=lambda entry: entry.place)
-    if not kept:
+    located = sorted((entry for entry in placed if math.isfinite(entry.place)), key=lambda entry: entry.place)
+    if not located:
         raise RigctlError(f"no run has a value of {axis.name}", value=axis.name)
-    return Entries(tuple(kept), axis, tuple(notes))
+    return Entries(tuple(located), axis, tuple(notes))
 
 
 def _grouped(runs: Sequence[Run], by: str, undated: Sequence[Run]) -> dict[str, list[_Member]]:
@@ -134,13 +134,13 @@ def _grouped(runs: Sequence[Run], by: str, undated: Sequence[Run]) -> dict[str, 
     if by == "run":
         return {run.id: [_Member(run, None)] for run in ordered}
     label = _labeller(runs, by, undated)
-    found: dict[str, list[_Member]] = {}
+    members_by_label: dict[str, list[_Member]] = {}
     for run in ordered:
         for record in run.usable:
             name = label(run, record)
             if name is not None:
-                found.setdefault(name, []).append(_Member(run, record))
-    return _required(found, runs)
+                members_by_label.setdefault(name, []).append(_Member(run, record))
+    return _required(members_by_label, runs)
 
 
 def _labeller(runs: Sequence[Run], by: str, undated: Sequence[Run]) -> Callable[[Run, int], str | None]:
@@ -167,20 +167,20 @@ def _labeller(runs: Sequence[Run], by: str, undated: Sequence[Run]) -> Callable[
     return of_column
 
 
-def _required(found: dict[str, list[_Member]], runs: Sequence[Run]) -> dict[str, list[_Member]]:
-    if not found:
+def _required(members_by_label: dict[str, list[_Member]], runs: Sequence[Run]) -> dict[str, list[_Member]]:
+    if not members_by_label:
         count = sum(int(run.info["records"]) for run in runs)
         raise RigctlError(
             f"no record can be used: all {count} are incomplete or excluded",
             hint="'rigctl runs show' lists them",
         )
-    return found
+    return members_by_label
 
 
 def _entry(label: str, members: Sequence[_Member]) -> Entry:
     runs = tuple(dict.fromkeys(str(member.run.folder) for member in members))
-    whole = members[0].record is None
-    records = None if whole else tuple((one.run.id, one.record or 0) for one in members)
+    complete = members[0].record is None
+    records = None if complete else tuple((one.run.id, one.record or 0) for one in members)
     dated = all(_dated(one.run) for one in members)
     started = min(map(_moment, members)).isoformat(timespec="seconds") if dated else ""
     return Entry(label, runs, records, math.nan, started)
@@ -228,26 +228,26 @@ def _column(run: Run, name: str) -> np.ndarray:
 
 def _record_columns(runs: Sequence[Run]) -> dict[str, str]:
     """The numeric columns of the records, from sweeps and measures, with their units."""
-    found: dict[str, str] = {}
+    units: dict[str, str] = {}
     for run in runs:
         for name, unit in run.record_units.items():
             if name not in ("rate", "start", "end") and run.records[name].dtype.kind == "f":
-                found.setdefault(name, unit)
-    return found
+                units.setdefault(name, unit)
+    return units
 
 
 def _columns(runs: Sequence[Run]) -> dict[str, str]:
     """All possible axes of these runs, with their units."""
-    found = _record_columns(runs)
+    units = _record_columns(runs)
     for run in runs:
         for name, text in run.header.arguments.items():
             unit = _unit_of(text)
             if unit is not None:
-                found.setdefault(name, unit)
+                units.setdefault(name, unit)
         if run.info["rows"]:
             for name in run.layout.channels:
-                found.setdefault(name, run.layout.unit(name))
-    return found
+                units.setdefault(name, run.layout.unit(name))
+    return units
 
 
 def _unit_of(text: str) -> str | None:

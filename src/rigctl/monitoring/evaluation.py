@@ -122,11 +122,11 @@ def read_entry(plan: Plan, entry: Entry) -> Reading | Failure:
 
 def _read(plan: Plan, entry: Entry) -> Reading:
     problem, data = problem_of(plan, entry)
-    whole = problem.rebuilt(problem.model, library=bool(plan.candidates))
+    rebuilt = problem.rebuilt(problem.model, library=bool(plan.candidates))
     tried = [(one.columns, one.shapes, one.secants) for one in plan.candidates]
     base = [plan.model.values[name] for name in plan.held]
-    content = (whole.content, plan.freed, plan.held, base, tried)
-    return kept("survey", content, Reading, lambda: _made(plan, problem, data))
+    content = (rebuilt.content, plan.freed, plan.held, base, tried)
+    return kept("survey", content, Reading, lambda: _reading_of(plan, problem, data))
 
 
 def problem_of(plan: Plan, entry: Entry) -> tuple[Problem, Data]:
@@ -141,10 +141,10 @@ def problem_of(plan: Plan, entry: Entry) -> tuple[Problem, Data]:
     if entry.records is not None:
         wanted = set(entry.records)
         measured = data.measurements.records
-        places = [k for k, record in enumerate(measured) if (record.run, record.index) in wanted]
-        if not places:
+        indices = [k for k, record in enumerate(measured) if (record.run, record.index) in wanted]
+        if not indices:
             raise RigctlError("none of its records can be used")
-        data = Data(data.measurements.only(places), data.noise.only(places), ())
+        data = Data(data.measurements.only(indices), data.noise.only(indices), ())
     model = freeing(plan.model, plan.freed)
     return make_problem(
         model, data.measurements, data.noise.model, data.noise.ok, grown=data.noise.grown
@@ -184,7 +184,7 @@ def freeing(model: Model, names: Sequence[str]) -> Model:
     )
 
 
-def _made(plan: Plan, problem: Problem, data: Data) -> Reading:
+def _reading_of(plan: Plan, problem: Problem, data: Data) -> Reading:
     with switched_off():  # only the reading is needed again
         local = [np.array([one.start for one in unknowns]) for unknowns in problem.local_unknowns()]
         fitted = fit_problem(problem, data.noise, local=local, cost=_COST)
@@ -195,9 +195,9 @@ def _made(plan: Plan, problem: Problem, data: Data) -> Reading:
         judged = adequacy(tested, screen(tested))
     gram, score, lengths = _normal_equations(plan, linear)
     measured = fitted.problem.measurements
-    found = dict(zip((one.name for one in fitted.problem.shared), fitted.values, strict=True))
+    parameters = dict(zip((one.name for one in fitted.problem.shared), fitted.values, strict=True))
     return Reading(
-        values=np.array([found.get(name, plan.model.values[name]) for name in plan.freed]),
+        values=np.array([parameters.get(name, plan.model.values[name]) for name in plan.freed]),
         at_bound=tuple(sorted(fitted.at_bound & set(plan.freed))),
         gram=gram,
         score=score,
@@ -217,13 +217,13 @@ def _linearised(plan: Plan, fitted: FitResult) -> Linearisation:
     values = np.concatenate([fitted.values, [one.start for one in held]])
     problem = fitted.problem.with_shared((*fitted.problem.shared, *held))
     free = [one for one in problem.shared if one.name not in fitted.at_bound]
-    whole = problem.rebuilt(problem.model, library=bool(plan.candidates))
-    return linearise(replace(fitted, problem=problem, values=values), whole, plan.candidates, free=free)
+    rebuilt = problem.rebuilt(problem.model, library=bool(plan.candidates))
+    return linearise(replace(fitted, problem=problem, values=values), rebuilt, plan.candidates, free=free)
 
 
-def _with_nuisances(linear: Linearisation, places: Sequence[int]) -> Linearisation:
+def _with_nuisances(linear: Linearisation, indices: Sequence[int]) -> Linearisation:
     """The linear problem with a selection of the nuisances."""
-    chosen = list(places)
+    chosen = list(indices)
     weight, residual = linear.prior
     return replace(
         linear,
@@ -256,12 +256,12 @@ def _normal_equations(plan: Plan, linear: Linearisation) -> tuple[Floats, Floats
         residual = residual - basis @ (basis.T @ residual)
     count = len(plan.columns)
     gram, score, full = np.zeros((count, count)), np.zeros(count), np.zeros(count)
-    there = [k for k, name in enumerate(plan.columns) if name in known]
-    places = [known[plan.columns[k]] for k in there]
-    chosen = columns[:, places]
-    gram[np.ix_(there, there)] = chosen.T @ chosen
-    score[there] = chosen.T @ residual
-    full[there] = lengths[places]
+    present = [k for k, name in enumerate(plan.columns) if name in known]
+    indices = [known[plan.columns[k]] for k in present]
+    chosen = columns[:, indices]
+    gram[np.ix_(present, present)] = chosen.T @ chosen
+    score[present] = chosen.T @ residual
+    full[present] = lengths[indices]
     return gram, score, full
 
 
@@ -273,16 +273,16 @@ def solved(reading: Reading, wanted: int, freed: Sequence[int]) -> tuple[float, 
     wanted, freed: indices of columns; `wanted` is freed too.
     """
     others = [k for k in freed if k != wanted and reading.gram[k, k] > 0.0]
-    own, pull = float(reading.gram[wanted, wanted]), float(reading.score[wanted])
-    if own <= 0.0:
+    curvature, pull = float(reading.gram[wanted, wanted]), float(reading.score[wanted])
+    if curvature <= 0.0:
         return math.nan, math.nan
     if others:
         block = reading.gram[np.ix_(others, others)]
         scale = 1.0 / np.sqrt(np.diag(block))
         inverse = np.linalg.pinv(block * np.outer(scale, scale), rcond=1e-10, hermitian=True)
         cross = reading.gram[others, wanted] * scale
-        own -= float(cross @ inverse @ cross)
+        curvature -= float(cross @ inverse @ cross)
         pull -= float(cross @ inverse @ (reading.score[others] * scale))
-    if own <= (HIDDEN * float(reading.lengths[wanted])) ** 2:
+    if curvature <= (HIDDEN * float(reading.lengths[wanted])) ** 2:
         return math.nan, math.nan
-    return pull / own, 1.0 / math.sqrt(own)
+    return pull / curvature, 1.0 / math.sqrt(curvature)

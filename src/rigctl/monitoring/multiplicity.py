@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.decision_levels import SURVEY_ALPHA
 from rigctl.monitoring.change_point import FEWEST_BESIDE
-from rigctl.monitoring.course import Shape, chi2_about, scatter_between, shape_of, standardised, whole_scatter
+from rigctl.monitoring.course import Shape, chi2_about, scatter_between, shape_of, standardised, total_scatter
 from rigctl.monitoring.evaluation import Plan, Reading, solved
 from rigctl.monitoring.significance import COARSE, FINE, STRONGEST, Scan, best_possible, critical, scan
 
@@ -93,7 +93,7 @@ class Tested:
         values = self.course.values[known]
         if values.size < 2:
             return 0.0
-        weights = 1.0 / np.square(whole_scatter(values, self.course.std[known]))
+        weights = 1.0 / np.square(total_scatter(values, self.course.std[known]))
         return float(np.sum(weights * np.square(values - np.sum(weights * values) / np.sum(weights))))
 
 
@@ -139,8 +139,8 @@ class Judged:
     @property
     def changed(self) -> tuple[Tested, ...]:
         """The quantities that change, those with the largest gain in χ² first."""
-        found = [one for one in self.tested if _or_one(one.p_value) <= SURVEY_ALPHA]
-        return tuple(sorted(found, key=lambda one: -one.gain))
+        changed = [one for one in self.tested if _or_one(one.p_value) <= SURVEY_ALPHA]
+        return tuple(sorted(changed, key=lambda one: -one.gain))
 
     @property
     def p_value(self) -> float:
@@ -179,13 +179,13 @@ def course_of(
 def judge(plan: Plan, readings: Sequence[Reading], over: Floats, quantities: Sequence[Quantity]) -> Judged:
     """Test every quantity, and determine what has changed."""
     courses = [course_of(plan, readings, over, one) for one in quantities]
-    found = {one.quantity.name: _scanned(one) for one in courses}
-    testable = [name for name, one in found.items() if one is not None]
-    adjusted = _holm({name: one.p_value for name, one in found.items() if one is not None})
+    scans = {one.quantity.name: _scanned(one) for one in courses}
+    testable = [name for name, one in scans.items() if one is not None]
+    adjusted = _holm({name: one.p_value for name, one in scans.items() if one is not None})
     tested = [
         Tested(
             one,
-            found[one.quantity.name],
+            scans[one.quantity.name],
             adjusted.get(one.quantity.name),
             scatter_between(one.values[one.known], one.std[one.known]),
             _apart(one),
@@ -213,23 +213,25 @@ def change_of(tested: Tested, judged: Judged, alike: tuple[str, ...] = ()) -> Ch
     dear = 2.0 * len(steps) * math.log(max(known.size, 2))
     if not steps or chi2_about(levels, values, std) + dear > shape.cost + 2.0 * math.log(max(known.size, 2)):
         steps = ()
-    told = tuple(float(levels[first]) for first, _ in parts) if steps else ()
+    stated_levels = tuple(float(levels[first]) for first, _ in parts) if steps else ()
     if steps:
         one = _shape(course, alike_by, steps=True)
         first = steps[0]
-        several = replace(one, before=told[0], after=told[-1], begins=first, earliest=first, latest=first)
+        several = replace(
+            one, before=stated_levels[0], after=stated_levels[-1], begins=first, earliest=first, latest=first
+        )
         shape = several if len(steps) > 1 else one
     sure, p_value = sure_from(tested, judged.level), _or_one(tested.p_value)
-    return Change(course.quantity, alike, p_value, shape, steps, told, sure, course)
+    return Change(course.quantity, alike, p_value, shape, steps, stated_levels, sure, course)
 
 
 def sure_from(tested: Tested, level: float) -> int:
     """Number of runs after which a quantity's change was first significant."""
-    course, found = tested.course, tested.found
+    course, scanned = tested.course, tested.found
     known = course.known
-    if found is None:
+    if scanned is None:
         return course.values.size
-    count = found.first_end(critical(course.over[known], found.correlation, level))
+    count = scanned.first_end(critical(course.over[known], scanned.correlation, level))
     return int(known[(count or known.size) - 1]) + 1
 
 
@@ -245,12 +247,12 @@ def _scanned(course: Course, draws: int = FINE) -> Scan | None:
 
 def _holm(p_values: dict[str, float]) -> dict[str, float]:
     """Adjusted p-values: each the smallest level at which it would be called a change."""
-    found: dict[str, float] = {}
+    adjusted: dict[str, float] = {}
     largest = 0.0
     for rank, (name, p) in enumerate(sorted(p_values.items(), key=lambda item: item[1])):
         largest = max(largest, min(1.0, (len(p_values) - rank) * p))
-        found[name] = largest
-    return found
+        adjusted[name] = largest
+    return adjusted
 
 
 def _or_one(p_value: float | None) -> float:
@@ -266,9 +268,9 @@ def _shape(course: Course, correlation: float, *, steps: bool = False) -> Shape:
     """The shape, its numbers of runs counted among all runs of the survey."""
     known = course.known
     values, std, over = course.values[known], course.std[known], course.over[known]
-    found = shape_of(values, std, over, correlation, steps=steps)
-    at = [int(known[min(k, known.size - 1)]) for k in (found.begins, found.earliest, found.latest)]
-    return replace(found, begins=at[0], earliest=at[1], latest=at[2])
+    shape = shape_of(values, std, over, correlation, steps=steps)
+    at = [int(known[min(k, known.size - 1)]) for k in (shape.begins, shape.earliest, shape.latest)]
+    return replace(shape, begins=at[0], earliest=at[1], latest=at[2])
 
 
 def _steps(course: Course) -> tuple[int, ...]:
@@ -281,12 +283,12 @@ def _steps(course: Course) -> tuple[int, ...]:
     cuts: list[int] = []
     while parts and len(cuts) < _STEPS:
         first, last = parts.pop()
-        places = known[first:last]
-        part = Course(course.quantity, course.values[places], course.std[places], course.over[places])
+        indices = known[first:last]
+        part = Course(course.quantity, course.values[indices], course.std[indices], course.over[indices])
         scanned = _scanned(part, COARSE)
         if scanned is None or scanned.p_value > SURVEY_ALPHA:
             continue
-        cut = shape_of(part.values, part.std, np.arange(places.size, dtype=float), 0.0, steps=True).begins
+        cut = shape_of(part.values, part.std, np.arange(indices.size, dtype=float), 0.0, steps=True).begins
         cuts.append(first + cut)
         parts += [(first, first + cut), (first + cut, last)]
     return tuple(int(known[cut]) for cut in sorted(cuts))
@@ -298,11 +300,11 @@ def _apart(course: Course) -> tuple[int, ...]:
     if known.size < 2 * _AROUND + 1:
         return ()
     values, std = course.values[known], course.std[known]
-    whole = whole_scatter(values, std)
-    found = []
+    total = total_scatter(values, std)
+    outliers = []
     for k in range(known.size):
         low = max(0, min(k - _AROUND, known.size - 2 * _AROUND - 1))
         around = np.delete(values[low : low + 2 * _AROUND + 1], k - low)
-        if whole[k] > 0.0 and abs(values[k] - float(np.median(around))) > APART * whole[k]:
-            found.append(int(known[k]))
-    return tuple(found)
+        if total[k] > 0.0 and abs(values[k] - float(np.median(around))) > APART * total[k]:
+            outliers.append(int(known[k]))
+    return tuple(outliers)

@@ -64,8 +64,8 @@ def neighbours(values: Floats, scores: Floats) -> Floats:
     usual = np.median(np.abs(np.diff(values, axis=1)), axis=1, keepdims=True)
     scaled = values / np.where(usual > 0.0, usual, 1.0)
     figures = (
-        _correlation(_left(scores)),
-        _correlation(_left(_clipped(scaled))),
+        _correlation(_residuals(scores)),
+        _correlation(_residuals(_clipped(scaled))),
         _between_jumps(scaled),
         far / np.maximum(near, 1e-12) - 1.0,
     )
@@ -79,9 +79,9 @@ def _between_jumps(values: Floats) -> Floats:
     stretch = np.cumsum(np.concatenate([first, jumps], axis=1)).reshape(values.shape) - 1
     flat = stretch.ravel()
     means = np.bincount(flat, weights=values.ravel()) / np.bincount(flat)
-    left = values - means[stretch]
-    products = np.where(jumps, 0.0, left[:, 1:] * left[:, :-1])
-    return np.asarray(np.sum(products, axis=1) / np.maximum(np.sum(np.square(left), axis=1), 1e-9))
+    deviations = values - means[stretch]
+    products = np.where(jumps, 0.0, deviations[:, 1:] * deviations[:, :-1])
+    return np.asarray(np.sum(products, axis=1) / np.maximum(np.sum(np.square(deviations), axis=1), 1e-9))
 
 
 def _clipped(values: Floats) -> Floats:
@@ -93,9 +93,9 @@ def _clipped(values: Floats) -> Floats:
     return np.asarray(middle + np.clip(values - middle, -_OFF, _OFF))
 
 
-def _correlation(left: Floats) -> Floats:
-    square = np.sum(np.square(left), axis=1)
-    return np.asarray(np.sum(left[:, 1:] * left[:, :-1], axis=1) / np.maximum(square, 1e-9))
+def _correlation(deviations: Floats) -> Floats:
+    square = np.sum(np.square(deviations), axis=1)
+    return np.asarray(np.sum(deviations[:, 1:] * deviations[:, :-1], axis=1) / np.maximum(square, 1e-9))
 
 
 def _usual(differences: Floats) -> Floats:
@@ -104,7 +104,7 @@ def _usual(differences: Floats) -> Floats:
     return np.asarray(np.mean(squares[:, : max(1, round(_KEPT * squares.shape[1]))], axis=1))
 
 
-def _left(scores: Floats) -> Floats:
+def _residuals(scores: Floats) -> Floats:
     """The residuals of each series from the nearest step, or ramp from or to some run."""
     shapes = _shapes(scores.shape[1])
     centred = scores - scores.mean(axis=1, keepdims=True)
@@ -116,9 +116,9 @@ def _left(scores: Floats) -> Floats:
 @lru_cache(maxsize=16)
 def _shapes(count: int) -> Floats:
     """(shapes, runs) with zero mean and unit length."""
-    places, found = np.arange(count, dtype=float), []
+    positions, shapes = np.arange(count, dtype=float), []
     for cut in cuts_of(count, None).tolist():
-        for moved in (places >= cut, np.maximum(places - cut, 0.0), np.minimum(places, cut)):
+        for moved in (positions >= cut, np.maximum(positions - cut, 0.0), np.minimum(positions, cut)):
             centred = moved - np.mean(moved)
-            found.append(centred / np.linalg.norm(centred))
-    return np.array(found)
+            shapes.append(centred / np.linalg.norm(centred))
+    return np.array(shapes)

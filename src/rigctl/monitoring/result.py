@@ -80,11 +80,11 @@ class Survey:
     @cached_property
     def data_notes(self) -> dict[str, tuple[str, ...]]:
         """The remarks on the data, each with the labels of the entries to which it applies."""
-        found: dict[str, list[str]] = {}
+        labels_by_note: dict[str, list[str]] = {}
         for line in self.lines:
             for note in line.reading.notes if line.reading is not None else ():
-                found.setdefault(note, []).append(line.entry.label)
-        return {note: tuple(labels) for note, labels in found.items()}
+                labels_by_note.setdefault(note, []).append(line.entry.label)
+        return {note: tuple(labels) for note, labels in labels_by_note.items()}
 
     def note_text(self, note: str) -> str:
         """A note on the data, with the entries to which it applies unless these are all."""
@@ -132,9 +132,9 @@ class Survey:
         verb = "grew" if shape.after > shape.before else "fell"
         verb = f"{verb} from {before} to {after}"
         if len(change.steps) > 1:
-            told = [self.amount(change.quantity, level) for level in change.levels[:_LEVELS]]
+            levels = [self.amount(change.quantity, level) for level in change.levels[:_LEVELS]]
             more = f" and {len(change.levels) - _LEVELS} more" if len(change.levels) > _LEVELS else ""
-            verb = f"changed in steps, {', '.join(told)}{more}"
+            verb = f"changed in steps, {', '.join(levels)}{more}"
         since = lines[min(change.steps[0] if change.steps else shape.begins, len(lines) - 1)]
         first = lines[min(change.first_sure, len(lines)) - 1]
         text = (
@@ -177,8 +177,8 @@ class Survey:
         changed = {change.quantity.name: change.course for change in self.changes}
         rest = {one.course.quantity.name: one.course for one in self.judged.tested}
         rest |= {course.quantity.name: course for course in self.named.courses}
-        own = {name: rest[name] for name in (*self.freed, *self.held)}
-        return tuple({**changed, **own, **rest, **changed}.values())
+        parameters = {name: rest[name] for name in (*self.freed, *self.held)}
+        return tuple({**changed, **parameters, **rest, **changed}.values())
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
@@ -236,10 +236,10 @@ class Survey:
         }
 
     def _line(self, line: Line) -> dict[str, Any]:
-        told = {"run": line.entry.label, "started": line.entry.started, "over": line.entry.place}
+        fields = {"run": line.entry.label, "started": line.entry.started, "over": line.entry.place}
         if line.reading is None:
-            return told | {"failed": line.failed}
-        return told | {
+            return fields | {"failed": line.failed}
+        return fields | {
             "adequate": line.reading.adequate,
             "p_value": line.reading.p_value,
             "chi2_reduced": line.reading.chi2_reduced,

@@ -75,8 +75,10 @@ class Chance:
         """(draws + 1) the p-value of a size that so many draws reach, counting the observed one as well."""
         nearest = min(max(alike, float(np.min(self.alike))), float(np.max(self.alike)))
         weights = self.prior * np.exp(-0.5 * np.square((self.alike - nearest) / _WIDTH))
-        own = float(np.max(weights))
-        return np.asarray(np.append(own, own + np.cumsum(weights)) / (own + float(np.sum(weights))))
+        observed = float(np.max(weights))
+        return np.asarray(
+            np.append(observed, observed + np.cumsum(weights)) / (observed + float(np.sum(weights)))
+        )
 
 
 @lru_cache(maxsize=48)
@@ -145,14 +147,16 @@ def scan(values: Floats, over: Floats, *, draws: int = FINE) -> Scan:
     scores = normal_scores(values)[None, :]
     apart = possible_changes(over)
     correlation = float(neighbours(values[None, :], scores)[0])
-    ends, found = sizes(scores, apart)
-    largest = float(found.max()) if found.size else 0.0
+    ends, sizes_at_ends = sizes(scores, apart)
+    largest = float(sizes_at_ends.max()) if sizes_at_ends.size else 0.0
     return Scan(
         statistic=largest,
         p_value=chance(values.size, apart, draws).p_value(largest, correlation),
         correlation=correlation,
         ends=ends,
-        at_ends=tuple(float(size) for size in np.maximum.accumulate(found[0])) if found.size else (),
+        at_ends=tuple(float(size) for size in np.maximum.accumulate(sizes_at_ends[0]))
+        if sizes_at_ends.size
+        else (),
     )
 
 
@@ -174,9 +178,9 @@ def best_possible(over: Floats) -> float:
         ]
     ).astype(float)
     scores, apart = normal_scores(courses), possible_changes(over)
-    _, found = sizes(scores, apart)
-    if not found.size:
+    _, sizes_at_ends = sizes(scores, apart)
+    if not sizes_at_ends.size:
         return 1.0
     drawn = chance(over.size, apart)
-    clear = zip(found.max(axis=1), neighbours(courses, scores), strict=True)
+    clear = zip(sizes_at_ends.max(axis=1), neighbours(courses, scores), strict=True)
     return float(np.median([drawn.p_value(float(size), float(alike)) for size, alike in clear]))

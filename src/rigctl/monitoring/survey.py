@@ -64,12 +64,12 @@ def survey(
     RigctlError
         nothing is tested, a name or a column is unknown, or no run can be read.
     """
-    said = on_progress or no_progress
+    report = on_progress or no_progress
     shared = _shared(model, share)
     freed = tuple(name for name in model.fitted if name not in shared)
     runs, copies = without_copies(runs)
-    found = entries_of(runs, by, over)
-    started, picked = _begun(model, freed, found.entries, only, tuple(assume), effects, said)
+    ordered = entries_of(runs, by, over)
+    started, picked = _starting_model(model, freed, ordered.entries, only, tuple(assume), effects, report)
     plan = Plan(started, freed, shared, picked, only, tuple(assume))
     quantities = _quantities(plan)
     if not quantities:
@@ -77,23 +77,23 @@ def survey(
             "nothing is looked at: the model has nothing to fit, and no effect is asked for",
             hint="Mark parameters with 'fit: true', or name effects with '--effects'",
         )
-    outcomes = _read(plan, found.entries, workers, said, "Reading")
-    places = [k for k, one in enumerate(outcomes) if isinstance(one, Reading)]
-    if not places:
+    outcomes = _read(plan, ordered.entries, workers, report, "Reading")
+    indices = [k for k, one in enumerate(outcomes) if isinstance(one, Reading)]
+    if not indices:
         why, *_ = (one.reason for one in outcomes if isinstance(one, Failure))
         raise RigctlError(f"no run could be read; the first: {why}", exit_code=ExitCode.FAILED)
     readings = [one for one in outcomes if isinstance(one, Reading)]
-    where = np.array([found.entries[k].place for k in places])
-    said("Looking for changes")
+    where = np.array([ordered.entries[k].place for k in indices])
+    report("Looking for changes")
     judged = judge(plan, readings, where, quantities)
-    entries = [found.entries[k] for k in places]
+    entries = [ordered.entries[k] for k in indices]
 
     def again(other: Plan, what: str) -> list[Reading | None]:
-        read = _read(other, entries, workers, said, f"Fitting with {what}")
+        read = _read(other, entries, workers, report, f"Fitting with {what}")
         return [one if isinstance(one, Reading) else None for one in read]
 
     named = (
-        name_changes(plan, entries, readings, judged, again, said)
+        name_changes(plan, entries, readings, judged, again, report)
         if name and plan.candidates
         else not_diagnosed(judged)
     )
@@ -101,24 +101,24 @@ def survey(
         model=model.name,
         freed=plan.freed,
         held=plan.held,
-        axis=found.axis,
-        lines=tuple(_lines(found, outcomes)),
+        axis=ordered.axis,
+        lines=tuple(_lines(ordered, outcomes)),
         judged=judged,
         named=named,
-        notes=(*notes, *_said_of(copies), *found.notes),
+        notes=(*notes, *_copy_notes(copies), *ordered.notes),
     )
 
 
-def _said_of(copies: Sequence[tuple[Run, Run]]) -> Iterator[str]:
+def _copy_notes(copies: Sequence[tuple[Run, Run]]) -> Iterator[str]:
     if copies:
-        (copy, kept), *more = copies
+        (copy, original), *more = copies
         others = f", and {len(more)} more likewise" if more else ""
-        yield f"left out: {copy.id} holds the same measurements as {kept.id}{others}"
+        yield f"left out: {copy.id} holds the same measurements as {original.id}{others}"
 
 
-def _lines(found: Entries, outcomes: Sequence[Reading | Failure]) -> Iterator[Line]:
+def _lines(ordered: Entries, outcomes: Sequence[Reading | Failure]) -> Iterator[Line]:
     read = 0
-    for entry, outcome in zip(found.entries, outcomes, strict=True):
+    for entry, outcome in zip(ordered.entries, outcomes, strict=True):
         if isinstance(outcome, Reading):
             yield Line(entry, outcome, "", read)
             read += 1
@@ -136,21 +136,21 @@ def _shared(model: Model, share: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in model.fitted if name in share)
 
 
-def _begun(
+def _starting_model(
     model: Model,
     freed: tuple[str, ...],
     entries: Sequence[Entry],
     only: str | None,
     assume: tuple[str, ...],
     effects: Sequence[str] | None,
-    said: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> tuple[Model, tuple[Candidate, ...]]:
     """The model with the starting values of the fits, from the first run that can be fitted; and the effects
     to test."""
     picked = _picked(model, None, effects)
     trial = Plan(model, freed, (), (), only, assume)
     for entry in entries[:_TRIED]:
-        said(f"Fitting {model.name} to {entry.label}, where the others begin")
+        report(f"Fitting {model.name} to {entry.label}, where the others begin")
         try:
             problem, data = problem_of(trial, entry)
             picked = _picked(model, data.measurements, effects)
@@ -159,8 +159,10 @@ def _begun(
             fitted = fit_problem(problem, data.noise)
         except RigctlError:  # it is reported with the others
             continue
-        found = dict(zip((one.name for one in fitted.problem.shared), fitted.values, strict=True))
-        inside = {n: float(found[n]) for n in freed if n in found and n not in fitted.at_bound}
+        fitted_values = dict(zip((one.name for one in fitted.problem.shared), fitted.values, strict=True))
+        inside = {
+            n: float(fitted_values[n]) for n in freed if n in fitted_values and n not in fitted.at_bound
+        }
         return model.with_values(inside), picked
     return model, picked
 
@@ -174,14 +176,18 @@ def _picked(
     """
     ranges = {} if measurements is None else data_ranges(model.family, measurements)
     tried = candidates(model, ranges=ranges)
-    found = by_effect(tried)
+    indices_by_effect = by_effect(tried)
     if wanted is not None and list(wanted) == ["none"]:
         wanted = ()
     for name in wanted or ():
-        if name not in found:
-            raise unknown_name("effect that the model may lack", name, ["none", *found])
-    chosen = found if wanted is None else {name: found[name] for name in found if name in wanted}
-    return tuple(_typical([tried[place] for place in places]) for places in chosen.values())
+        if name not in indices_by_effect:
+            raise unknown_name("effect that the model may lack", name, ["none", *indices_by_effect])
+    chosen = (
+        indices_by_effect
+        if wanted is None
+        else {name: indices_by_effect[name] for name in indices_by_effect if name in wanted}
+    )
+    return tuple(_typical([tried[index] for index in indices]) for indices in chosen.values())
 
 
 def _typical(shapes: Sequence[Candidate]) -> Candidate:
@@ -192,38 +198,38 @@ def _typical(shapes: Sequence[Candidate]) -> Candidate:
 
 def _quantities(plan: Plan) -> list[Quantity]:
     """Everything that is tested: the parameters, and each effect by its first parameter."""
-    places = {name: k for k, name in enumerate(plan.columns)}
-    found = parameters_of(plan, (*plan.freed, *plan.held))
+    indices = {name: k for k, name in enumerate(plan.columns)}
+    quantities = parameters_of(plan, (*plan.freed, *plan.held))
     for one in plan.candidates:
         first = one.parameter(one.columns[0])
-        found.append(
+        quantities.append(
             Quantity(
                 one.name,
                 "effect",
-                places[one.columns[0]],
-                tuple(places[name] for name in one.columns[1:]),
+                indices[one.columns[0]],
+                tuple(indices[name] for name in one.columns[1:]),
                 first.at_null,
                 first.unit,
                 one.effect.summary,
                 first.difference,
             )
         )
-    return found
+    return quantities
 
 
 def _read(
     plan: Plan,
     entries: Sequence[Entry],
     workers: Workers | None,
-    said: Callable[[str], None],
+    report: Callable[[str], None],
     doing: str,
 ) -> list[Reading | Failure]:
     """Every entry evaluated with the plan, in order, here or in worker processes."""
     every = max(1, len(entries) // _OFTEN)
 
-    def told(done: int, total: int) -> None:
+    def on_done(done: int, total: int) -> None:
         if done % every == 0 or done == total:
-            said(f"{doing}: {done} of {total}")
+            report(f"{doing}: {done} of {total}")
 
-    found = dict(map_tasks(partial(read_entry, plan), entries, workers, on_progress=told))
-    return [found[k] for k in range(len(entries))]
+    outcomes = dict(map_tasks(partial(read_entry, plan), entries, workers, on_progress=on_done))
+    return [outcomes[k] for k in range(len(entries))]

@@ -70,11 +70,11 @@ def clock_time(seconds: float) -> str:
     """A duration in everyday form: ``3.75 s``, ``8 min 41 s``, ``25 min``, ``1 h 25 min``."""
     if seconds < 59.95:
         return f"{seconds:.3g} s"
-    whole = round(seconds)
-    if whole < 600:
-        minutes, rest = divmod(whole, 60)
+    total = round(seconds)
+    if total < 600:
+        minutes, rest = divmod(total, 60)
         return f"{minutes} min {rest} s" if rest else f"{minutes} min"
-    if whole < 3570:
+    if total < 3570:
         return f"{round(seconds / 60.0)} min"
     hours, minutes = divmod(round(seconds / 60.0), 60)
     return f"{hours} h {minutes} min" if minutes else f"{hours} h"

@@ -113,8 +113,8 @@ class Preview:
     @property
     def warnings(self) -> tuple[tuple[Location, str], ...]:
         """Warnings with their locations, each once."""
-        found = [(node.where, f"{node.label}: {node.warning}") for node in self.walk() if node.warning]
-        return tuple(dict.fromkeys(found))
+        warnings = [(node.where, f"{node.label}: {node.warning}") for node in self.walk() if node.warning]
+        return tuple(dict.fromkeys(warnings))
 
     @property
     def sweeps(self) -> tuple[SweepSize, ...]:
@@ -164,9 +164,9 @@ class _Walker(Visitor[PreviewNode]):
     def visit_uncounted(self, block: Group) -> PreviewNode:
         """A block that runs only if something goes wrong: the state is unchanged."""
         state, reached = self.state, dict(self.reached)
-        seen = self.group(block, counted=False)
+        node = self.group(block, counted=False)
         self.state, self.reached = state, reached
-        return seen
+        return node
 
     def leaf(self, node: Leaf) -> PreviewNode:
         """A step with its forecast; updates the state."""

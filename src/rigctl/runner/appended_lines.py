@@ -40,9 +40,9 @@ class AppendedLines:
             self._offset += len(content)
         else:
             self._offset += len(content) - len(rest)
-        found = lines[1:] if self._skipping and lines else lines
+        complete = lines[1:] if self._skipping and lines else lines
         self._skipping = len(rest) >= LONGEST_LINE or (self._skipping and not lines)
-        return [line for line in found if len(line) < LONGEST_LINE]
+        return [line for line in complete if len(line) < LONGEST_LINE]
 
 
 def _size(path: Path) -> int:

@@ -320,7 +320,7 @@ class Bench:
         yield from self.settled(loop.actuator)
         self.doubtful[loop.actuator] = loop.high  # until it is answered, however the call ends
         self._loops.add(loop.actuator)
-        yield from self._asked(loop.actuator, lambda bench: bench.regulate(loop))
+        yield from self._request(loop.actuator, lambda bench: bench.regulate(loop))
 
     def loop_state(self, ahead: float | None = None) -> LoopState:
         """The state of the loop that the bench carries out; `ahead` is its feed-forward from now on."""
@@ -333,11 +333,11 @@ class Bench:
         timing."""
         yield from self.settled(actuator)
         self.doubtful[actuator] = self.commanded.get(actuator, self.safe_value(actuator))  # until answered
-        yield from self._asked(actuator, lambda bench: bench.stop_regulating(actuator))
+        yield from self._request(actuator, lambda bench: bench.stop_regulating(actuator))
         if self.reachable and actuator not in self.doubtful:
             self._loops.discard(actuator)
 
-    def _asked(self, actuator: str, ask: Callable[[Regulator], PendingCommand]) -> Waiting:
+    def _request(self, actuator: str, ask: Callable[[Regulator], PendingCommand]) -> Waiting:
         """Send a request to the bench's controller and wait for the answer; a loss of contact is logged."""
         if not isinstance(self.backend, Regulator):
             raise RuntimeError("a bench without a controller was asked for a loop")

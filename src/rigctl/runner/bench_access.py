@@ -83,13 +83,13 @@ def bench_options(
     RigctlError
         an option does not apply to this backend.
     """
-    given: dict[str, object] = {
+    arguments: dict[str, object] = {
         "port": port,
         "seed": seed,
         "run": recording,
         "clear_trips": clear_trips or None,
     }
-    taken = {
+    accepted = {
         "simulated": ("seed",),
         "replay": ("run",),
         "serial": ("port", "clear_trips"),
@@ -98,12 +98,12 @@ def bench_options(
         "opcua": ("port",),
         "emulated": ("seed", "clear_trips"),
     }
-    known = taken.get(backend, tuple(given))
-    for name, value in given.items():
+    known = accepted.get(backend, tuple(arguments))
+    for name, value in arguments.items():
         if value is not None and name not in known:
             what = "a run to play" if name == "run" else f"--{name.replace('_', '-')}"
             raise RigctlError(f"the {backend} backend takes no {what.removeprefix('a ')}", value=str(value))
-    options = {name: given[name] for name in known if given.get(name) is not None}
+    options = {name: arguments[name] for name in known if arguments.get(name) is not None}
     if backend in ("serial", "modbus", "visa"):
         options = {"port": rig.backend.port, "baud": rig.backend.baud} | options
     if backend == "replay" and runs is not None:

@@ -29,7 +29,7 @@ class _Series:
     name: str
     channel: Channel
     readings: int
-    tell: Callable[[str], None]
+    report: Callable[[str], None]
     points: list[Point] = field(default_factory=list)
     reference: float | None = None
     raw: list[float] = field(default_factory=list)
@@ -51,13 +51,13 @@ class _Series:
             self.ended = True
         elif written.casefold() == UNDO and self.points:
             gone = self.points.pop()
-            self.tell(f"point at {gone.reference:g} {self.channel.unit} taken back")
+            self.report(f"point at {gone.reference:g} {self.channel.unit} taken back")
         else:
             channel = self.channel
             try:
                 answer = read_answer(Question("", name="reference", unit=channel.unit), written)
             except RigctlError as error:
-                self.tell(str(error))
+                self.report(str(error))
                 return
             self.reference = channel.display.from_si(answer.value or 0.0, difference=channel.difference)
 
@@ -72,9 +72,9 @@ class _Series:
         point = Point(self.reference, tuple(self.raw))
         self.points.append(point)
         self.raw, self.reference = [], None
-        self.tell(self._told(point))
+        self.report(self._point_text(point))
 
-    def _told(self, point: Point) -> str:
+    def _point_text(self, point: Point) -> str:
         raw, unit = self.channel.raw, self.channel.raw_unit
         text = f"point {len(self.points)}: {point.reference:g} {self.channel.unit} at {point.mean:.6g} {unit}"
         if point.scatter is not None:
@@ -92,7 +92,7 @@ def take_points(
     *,
     readings: int,
     rate: float,
-    tell: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> list[Point]:
     """Ask for reference values until the operator ends the series, and take `readings` samples at each.
 
@@ -102,19 +102,19 @@ def take_points(
     ----------
     readings: how many samples make a point.
     rate: of the samples, Hz.
-    tell: shows what was read.
+    report: shows what was read.
 
     Raises
     ------
     RigctlError
         the bench cannot be reached, or has gone silent.
     """
-    series = _Series(name, rig.channels[name], readings, tell)
+    series = _Series(name, rig.channels[name], readings, report)
     column = rig.layout.channels.index(name)
     question = series.question
     with closing(watch(rig, how, rate)) as samples:
         for reading in samples:
-            _sound(reading, tell)
+            _sound(reading, report)
             if series.reference is not None:
                 series.take(reading.sample.values[column])
                 question = series.question
@@ -166,7 +166,7 @@ def points_of_run(run: Run, rig: Rig, name: str, against: str) -> list[Point]:
     return points
 
 
-def _sound(reading: Reading, tell: Callable[[str], None]) -> None:
+def _sound(reading: Reading, report: Callable[[str], None]) -> None:
     for alarm in reading.alarms:
         if alarm.active:
-            tell(alarm.message)
+            report(alarm.message)

@@ -34,10 +34,10 @@ class Aside:
 
     def poll(self) -> Sequence[Order]:
         """Requests that have come since the last call."""
-        found = []
+        orders = []
         while self._orders:
-            found.append(self._orders.popleft())
-        return found
+            orders.append(self._orders.popleft())
+        return orders
 
     def acknowledge(self, order: Order, message: str) -> None:
         """Acknowledge an order, soon."""

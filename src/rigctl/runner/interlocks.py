@@ -166,8 +166,8 @@ class Return:
         self._before, self._count = mean, 0
         if mean < before:
             return None
-        told = f"{watch.raised.message}; it does not return while an output is on again"
-        return replace(watch.raised, time=time, message=told, value=value)
+        message = f"{watch.raised.message}; it does not return while an output is on again"
+        return replace(watch.raised, time=time, message=message, value=value)
 
 
 @dataclass(slots=True)
@@ -275,8 +275,8 @@ class Interlocks:
         if self._driving is not None:
             # an output that was off may be switched on: a cooling pump may take longer than `_RETURN` to act
             driven = not self._driving.items().isdisjoint(self._driven(row).items())
-            found = (one.update(row[0], row[one.watch.column], driven=driven) for one in self._returns)
-            return [*alarms, *(alarm for alarm in found if alarm is not None)]
+            returns = (one.update(row[0], row[one.watch.column], driven=driven) for one in self._returns)
+            return [*alarms, *(alarm for alarm in returns if alarm is not None)]
         if any(alarm.active and alarm.action == "stop" for alarm in alarms):
             self._driving = self._driven(row)
         return alarms
@@ -376,21 +376,21 @@ def _of_ranges(rig: Rig, columns: Mapping[str, int]) -> list[Watch]:
 
 def _disturbances(rig: Rig, columns: Mapping[str, int]) -> list[Disturbance]:
     """One for each channel whose noise the rig file states."""
-    found = []
+    disturbances = []
     for name, channel in rig.channels.items():
         if channel.noise is not None and float(channel.noise) > 0.0:
             expected = math.hypot(float(channel.noise), channel.resolution)
-            found.append(Disturbance(name, columns[name], _NOISE_FACTOR * expected))
-    return found
+            disturbances.append(Disturbance(name, columns[name], _NOISE_FACTOR * expected))
+    return disturbances
 
 
 def _standstills(rig: Rig, columns: Mapping[str, int]) -> list[Standstill]:
     """One for each limit on a standstill."""
-    found = []
+    standstills = []
     for name, limit in rig.limits.items():
         if limit.bound == "unchanged":
             actuator = limit.while_on
-            found.append(
+            standstills.append(
                 Standstill(
                     name=name,
                     channel=limit.channel,
@@ -402,7 +402,7 @@ def _standstills(rig: Rig, columns: Mapping[str, int]) -> list[Standstill]:
                     safe=0.0 if actuator is None else float(rig.safe_state.get(actuator, 0.0)),
                 )
             )
-    return found
+    return standstills
 
 
 def _of_limits(rig: Rig, columns: Mapping[str, int]) -> list[Watch]:
@@ -431,14 +431,14 @@ def _of_limits(rig: Rig, columns: Mapping[str, int]) -> list[Watch]:
 def _impossible(name: str, channel: Channel, value: float) -> str:
     if math.isnan(value):
         return f"{name} gives no value: sensor or line broken"
-    found = show(value, channel.unit, difference=channel.difference)
-    return f"{name} reads {found}, which is impossible: sensor or line broken"
+    reading = show(value, channel.unit, difference=channel.difference)
+    return f"{name} reads {reading}, which is impossible: sensor or line broken"
 
 
 def _stands_still(limit: Limit, channel: Channel, value: float) -> str:
-    found = show(value, channel.unit, difference=channel.difference)
+    reading = show(value, channel.unit, difference=channel.difference)
     driven = f" while {limit.while_on} was on" if limit.while_on else ""
-    text = f"{limit.channel} has read exactly {found} for {limit.threshold:g} s{driven}: sensor stuck"
+    text = f"{limit.channel} has read exactly {reading} for {limit.threshold:g} s{driven}: sensor stuck"
     return f"{limit.message}: {text}" if limit.message else text
 
 
@@ -446,7 +446,7 @@ def _exceeded(limit: Limit, channel: Channel, value: float) -> str:
     interval = limit.of_rate or channel.difference
     subject, per = (f"rate of {limit.channel}", "/s") if limit.of_rate else (limit.channel, "")
     relation = "above" if limit.bound.endswith("above") else "below"
-    found = show(value, channel.unit, difference=interval)
+    reading = show(value, channel.unit, difference=interval)
     bound = show(limit.threshold, channel.unit, difference=interval)
-    text = f"{subject} is {found}{per}, {relation} the limit of {bound}{per}"
+    text = f"{subject} is {reading}{per}, {relation} the limit of {bound}{per}"
     return f"{limit.message}: {text}" if limit.message else text

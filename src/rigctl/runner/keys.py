@@ -56,10 +56,10 @@ def input_is_empty(stream: TextIO | None = None) -> bool:
         return True
     try:
         descriptor = source.fileno()
-        found = os.fstat(descriptor)
-        if stat.S_ISREG(found.st_mode):
-            return os.lseek(descriptor, 0, os.SEEK_CUR) >= found.st_size
-        return stat.S_ISCHR(found.st_mode) and os.path.samestat(found, os.stat(os.devnull))  # noqa: PTH116
+        status = os.fstat(descriptor)
+        if stat.S_ISREG(status.st_mode):
+            return os.lseek(descriptor, 0, os.SEEK_CUR) >= status.st_size
+        return stat.S_ISCHR(status.st_mode) and os.path.samestat(status, os.stat(os.devnull))  # noqa: PTH116
     except (OSError, ValueError):  # not a file of the operating system
         return False
 

@@ -66,8 +66,8 @@ class Launch(Access):
 
 def operated(access: Access, operator: Operator, control: Control) -> Launch:
     """The settings for moving a bench by hand; the person may end it."""
-    given = {each.name: getattr(access, each.name) for each in fields(access)}
-    return Launch(**given, operator=operator, controls=(control,))
+    settings = {each.name: getattr(access, each.name) for each in fields(access)}
+    return Launch(**settings, operator=operator, controls=(control,))
 
 
 def launch(plan: Plan, how: Launch) -> RunResult:
@@ -124,13 +124,13 @@ def carry_out(
 
 def _require_identity(plan: Plan, how: Launch) -> None:
     """Refuse to start on a bench without the facts that the procedure requires about device and person."""
-    _, missing = settled(plan.procedure.identity, _said(how))
+    _, missing = settled(plan.procedure.identity, _identity(how))
     if missing and (how.backend or plan.rig.backend.kind) not in ("simulated", "replay"):
         named = " and the ".join(name.replace("_", " ") for name in missing)
         raise RigctlError(f"the procedure demands the {named}", where=plan.root.where)
 
 
-def _said(how: Launch) -> dict[str, str | None]:
+def _identity(how: Launch) -> dict[str, str | None]:
     """The given identity of device, part and operator."""
     for name in how.device:
         if name not in NAMES:
@@ -142,7 +142,7 @@ def header_of(plan: Plan, backend: Backend, how: Launch) -> RunHeader:
     """Header of the run."""
     procedure = plan.procedure
     started = datetime.now(UTC)
-    known, _ = settled(procedure.identity, _said(how))
+    known, _ = settled(procedure.identity, _identity(how))
     return RunHeader(
         id=new_run_id(plan.name, started, how.runs),
         procedure=Source(plan.name, procedure.text, procedure.sha256, _absolute(procedure.path)),

@@ -128,7 +128,7 @@ def scripted(plan: Plan, answers: Mapping[str, str]) -> ScriptedOperator:
         a prompt has no answer, an answer does not fit a prompt with its name, or no prompt has its name.
     """
     operator = ScriptedOperator(answers)
-    asked: set[str] = set()
+    answered: set[str] = set()
     for question, where in _questions(plan):
         if question.name is not None:
             try:
@@ -137,10 +137,10 @@ def scripted(plan: Plan, answers: Mapping[str, str]) -> ScriptedOperator:
                 if question.name in answers:
                     error.what = f"the answer to '{question.name}' does not fit: {error.what}"
                 raise error.at(where) from None
-            asked.add(question.name)
+            answered.add(question.name)
     for name in answers:
-        if name not in asked:
-            raise unknown_name("question of the procedure", name, sorted(asked))
+        if name not in answered:
+            raise unknown_name("question of the procedure", name, sorted(answered))
     return operator
 
 

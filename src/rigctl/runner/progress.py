@@ -21,7 +21,7 @@ class Progress:
 
     def __init__(self, expected: Mapping[str, float], times: Mapping[str, int], records_total: int) -> None:
         self._expected = expected
-        self._left = dict(times)
+        self._remaining = dict(times)
         self._total = sum(seconds * times.get(path, 1) for path, seconds in expected.items())
         self._done = 0.0
         self._current = ""
@@ -36,20 +36,20 @@ class Progress:
 
     def end(self, time: float) -> None:
         """Note the end of the step."""
-        left = self._left.get(self._current, 0)
-        if left > 0:
-            self._left[self._current] = left - 1
+        remaining = self._remaining.get(self._current, 0)
+        if remaining > 0:
+            self._remaining[self._current] = remaining - 1
             self._done += self._expected.get(self._current, 0.0)
         self._current, self._since = "", time
 
     def skip(self, node: Node) -> None:
         """Note that the steps below a node were done in an earlier session."""
         for below in walk(node):
-            if isinstance(below, Leaf) and self._left.get(below.path, 0) > 0:
-                self._left[below.path] -= 1
+            if isinstance(below, Leaf) and self._remaining.get(below.path, 0) > 0:
+                self._remaining[below.path] -= 1
                 self._total -= self._expected.get(below.path, 0.0)
 
-    def left(self, time: float) -> float | None:
+    def remaining(self, time: float) -> float | None:
         """Expected time until the end, s; None if unknown."""
         if self._total <= 0.0:
             return None
@@ -62,7 +62,7 @@ class Progress:
         return min((self._done + self._of_current(time)) / self._total, 1.0)
 
     def _of_current(self, time: float) -> float:
-        if self._left.get(self._current, 0) <= 0:
+        if self._remaining.get(self._current, 0) <= 0:
             return 0.0
         return min(time - self._since, self._expected.get(self._current, 0.0))
 

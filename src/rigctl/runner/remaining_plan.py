@@ -72,13 +72,13 @@ def _lasting(nodes: Sequence[Node], later: Sequence[Node] = ()) -> list[Node]:
     settled: set[str] = set()
     for node in later:
         settled |= _sets(node)
-    kept: list[Node] = []
+    steps: list[Node] = []
     for node in reversed(nodes):
         wanted = _sets(node) - settled
         if wanted:
-            kept.insert(0, node)
+            steps.insert(0, node)
             settled |= wanted
-    return kept
+    return steps
 
 
 def _sets(node: Node) -> frozenset[str]:

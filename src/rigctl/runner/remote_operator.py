@@ -38,9 +38,9 @@ class RemoteOperator:
     def __init__(self, name: str, runs: Path) -> None:
         self.name = name
         self.typed = ""  #: why the last answer was refused
-        self._given: deque[tuple[str, str]] = deque(maxlen=20)
+        self._queue: deque[tuple[str, str]] = deque(maxlen=20)
         self._question: Question | None = None
-        self.answers = _Answers(runs, self._given)
+        self.answers = _Answers(runs, self._queue)
 
     def ask(self, question: Question) -> Answer | None:
         """The first answer to this question that fits it; None before there is one."""
@@ -48,8 +48,8 @@ class RemoteOperator:
             self._question, self.typed = question, ""
         if question.notice:
             return None
-        while self._given:
-            about, text = self._given.popleft()
+        while self._queue:
+            about, text = self._queue.popleft()
             if about != str(question):
                 continue  # it was meant for an earlier question
             try:
@@ -70,9 +70,9 @@ class RemoteOperator:
 class _Answers:
     """Reads answers from the run's file of requests; makes no requests itself."""
 
-    def __init__(self, runs: Path, given: deque[tuple[str, str]]) -> None:
+    def __init__(self, runs: Path, answers: deque[tuple[str, str]]) -> None:
         self._runs = runs
-        self._given = given
+        self._queue = answers
         self._lines: AppendedLines | None = None
 
     def poll(self) -> Sequence[Order]:
@@ -80,7 +80,7 @@ class _Answers:
         for line in self._lines.read() if self._lines is not None else ():
             answer = _read_answer(line)
             if answer is not None:
-                self._given.append(answer)
+                self._queue.append(answer)
         return ()
 
     def acknowledge(self, order: Order, message: str) -> None:
@@ -118,15 +118,15 @@ def send_answer(folder: Path, question: str, text: str) -> None:
             else "nothing is asked"
         )
         raise RigctlError(what, value=folder.name, exit_code=ExitCode.FAILED)
-    asked = str(fields["asked"])
-    if question != asked:
+    current = str(fields["asked"])
+    if question != current:
         raise RigctlError(
-            "something else is asked by now", value=question, expected=asked, exit_code=ExitCode.FAILED
+            "something else is asked by now", value=question, expected=current, exit_code=ExitCode.FAILED
         )
     line = {
         "id": uuid4().hex,
         "request": _ANSWER,
-        "question": asked,
+        "question": current,
         "text": text[:1000],
         "source": sender("a browser"),
     }

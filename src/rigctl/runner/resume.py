@@ -98,19 +98,19 @@ def _require_same_bench(before: Mapping[str, str], now: Mapping[str, str]) -> No
 
 
 def _same_rig(header: RunHeader) -> Rig:
-    kept = header.rig
-    path = Path(kept.path)
+    recorded = header.rig
+    path = Path(recorded.path)
     rig = load_rig(path)
-    if rig.sha256 != kept.sha256:
+    if rig.sha256 != recorded.sha256:
         raise _changed("rig", path)
     return rig
 
 
 def _same_plan(header: RunHeader, rig: Rig) -> Plan:
-    kept = header.procedure
-    path = Path(kept.path)
+    recorded = header.procedure
+    path = Path(recorded.path)
     procedure = load_procedure(path)
-    if procedure.sha256 != kept.sha256:
+    if procedure.sha256 != recorded.sha256:
         raise _changed("procedure", path)
     plan = expand(procedure, rig, dict(header.arguments))
     if plan.digest != header.plan_digest:
@@ -131,7 +131,9 @@ def _done(history: History) -> Resume:
     measures = dict(history.measures)
     for record in history.records:
         measures |= record.measures
-    values = {name: (found.value, found.unit, found.difference) for name, found in measures.items()}
+    values = {
+        name: (measured.value, measured.unit, measured.difference) for name, measured in measures.items()
+    }
     done = [
         measure
         for measure in judge(history).missed

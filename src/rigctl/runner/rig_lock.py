@@ -208,9 +208,9 @@ def read_owner(path: Path) -> Owner | None:
         numbers = (owner.pid, owner.beat, owner.date)
     except (OSError, ValueError, TypeError):
         return None
-    whole = all(isinstance(text, str) for text in texts) and isinstance(owner.pid, int)
+    typed = all(isinstance(text, str) for text in texts) and isinstance(owner.pid, int)
     plain = all(isinstance(number, int | float) and math.isfinite(number) for number in numbers)
-    return owner if whole and plain else None
+    return owner if typed and plain else None
 
 
 def _state_folder() -> Path:

@@ -53,7 +53,7 @@ class Sampling:
         self._secure = secure
         self.newest = bench.now  #: s, time of the newest sample
         self._awaited: _Awaited | None = None  # a lost bench whose record will be measured again
-        self._told = False  # whether it was reported that data cannot be stored
+        self._reported = False  # whether it was reported that data cannot be stored
         self._fault = ""  # fault reported by the bench since the newest sample
         self.repeatable = False  #: the open record will be measured again if samples are lost
         self.alarms: dict[str, Alarm] = {}  #: latched, by name
@@ -150,8 +150,8 @@ class Sampling:
             bench.writer.append(row)
         except RigctlError as error:
             bench.trouble = bench.trouble or error
-        if bench.trouble is not None and not self._told:
-            self._told = True
+        if bench.trouble is not None and not self._reported:
+            self._reported = True
             self._end(Lost(str(bench.trouble)))
 
     def _collect(self) -> None:

@@ -212,12 +212,12 @@ class _Session:
         unconfirmed, by_hand = self._bench.unconfirmed, None
         if unconfirmed is not None:
             by_hand = f"switch it off by hand, at its supply; {self._backend.without_host}"
-            told = f"OUTPUTS NOT CONFIRMED SAFE: {unconfirmed} may still be on: {by_hand}"
-            reason = f"{reason}. {told}" if reason else told
+            message = f"OUTPUTS NOT CONFIRMED SAFE: {unconfirmed} may still be on: {by_hand}"
+            reason = f"{reason}. {message}" if reason else message
             code = ExitCode.FAILED
             if status == "finished":
                 status, event = "failed", "fail"
-            self._bench.event("fault", told)
+            self._bench.event("fault", message)
         try:
             self._backend.close()
         except Exception as error:  # noqa: BLE001 - the data have to be closed whatever happens to the bench
@@ -228,8 +228,8 @@ class _Session:
             self._writer.close(status, reason, unconfirmed)
         except Exception as error:  # noqa: BLE001 - how the run ended is reported whatever happens to its data
             why = str(error) if isinstance(error, RigctlError) else f"the data could not be closed: {error!r}"
-            told = reason or ""  # a full disk is reported once
-            reason = told if why in told else "; ".join(filter(None, (told, why)))
+            message = reason or ""  # a full disk is reported once
+            reason = message if why in message else "; ".join(filter(None, (message, why)))
             status, code = "failed" if status == "finished" else status, code or ExitCode.FAILED
         self._tick()
         for control in self._controls:
@@ -294,8 +294,8 @@ class _Session:
         if ending.aborted:
             code = ending.exit_code if ending.exit_code is not ExitCode.FAILED else ExitCode.INTERRUPTED
             return "aborted", "abort", ending.reason, code
-        place = f"{ending.where}: " if ending.where is not None and ending.where.line else ""
-        return "failed", "fail", f"{place}{ending.reason}", ending.exit_code
+        location = f"{ending.where}: " if ending.where is not None and ending.where.line else ""
+        return "failed", "fail", f"{location}{ending.reason}", ending.exit_code
 
     def _state_changed(self, before: RunState, event: str, after: RunState) -> None:
         bench = self._bench
@@ -334,7 +334,7 @@ class _Session:
             records_done=progress.records_done,
             records_total=progress.records_total,
             progress=progress.share(now),
-            time_left=progress.left(now),
+            time_left=progress.remaining(now),
             values=dict(zip(bench.rig.layout.channels, newest[2:], strict=False)),
             commands=dict(bench.commanded),
             alarms=tuple(self._sampling.alarms.values()),
@@ -359,9 +359,9 @@ def _judged(folder: Path | None) -> Judgement | None:
     if folder is None:
         return None
     try:
-        told = read_info(folder)["test"]
-        if not told["passed"] and not told["missed"]:
-            return Judgement(told["result"], ())
+        result = read_info(folder)["test"]
+        if not result["passed"] and not result["missed"]:
+            return Judgement(result["result"], ())
         return judge(read_history(folder))
     except (RigctlError, KeyError):  # not closed: the disk is full or gone
         return None

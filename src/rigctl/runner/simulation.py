@@ -74,19 +74,19 @@ def simulate(
         a file, an argument, an effect or a fault is wrong; nothing was created.
     """
     project = find_project()
-    read = load_procedure(_found(procedure))
-    given = dict(arguments or {})
-    plan = expand(read, load_rig(_found(rig) if rig is not None else read.rig_path), given)
+    read = load_procedure(_path_of(procedure))
+    values = dict(arguments or {})
+    plan = expand(read, load_rig(_path_of(rig) if rig is not None else read.rig_path), values)
     how = simulation_launch(
         plan,
         Path(runs) if runs is not None else project.runs,
-        plant=_found(plant) if plant is not None else None,
+        plant=_path_of(plant) if plant is not None else None,
         effects=effects,
         noise=noise,
         seed=seed,
         speed=speed,
         faults=faults,
-        arguments=given,
+        arguments=values,
         observer=observer,
     )
     result = launch(plan, how)
@@ -133,6 +133,6 @@ def simulation_launch(
     )
 
 
-def _found(written: str | Path) -> Path:
+def _path_of(written: str | Path) -> Path:
     path = Path(written)
     return path if path_exists(path) else find_project().resolve(path)

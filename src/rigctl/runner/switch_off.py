@@ -99,16 +99,16 @@ def _safe_state(rig: Rig) -> str:
 
 def _in_progress(rig: Rig, runs: Path) -> list[Path]:
     """Runs in progress on a bench of this name, from this project."""
-    found = []
+    folders = []
     for folder in reversed(run_folders(runs)):
         state = read_state(folder)
         if state is None or not state.fresh or state.fields.get("state") in _ENDED:
             continue
         with suppress(RigctlError):
-            kept = read_info(folder).get("rig")
-            if isinstance(kept, dict) and kept.get("name") == rig.name:
-                found.append(folder)
-    return found
+            rig_entry = read_info(folder).get("rig")
+            if isinstance(rig_entry, dict) and rig_entry.get("name") == rig.name:
+                folders.append(folder)
+    return folders
 
 
 def _made_safe(folder: Path) -> bool:
@@ -125,7 +125,7 @@ def _made_safe(folder: Path) -> bool:
 
 def _switch_off_here(rig: Rig, how: Access) -> tuple[str, bool, str]:
     """Switch off; return a description, whether it is confirmed, and the source of the confirmation."""
-    told = ""
+    notices = ""
     confirmed, known_by = True, "the bench has answered each command"
     with RigLock(rig.name, "'rigctl off'", how.lock_folder, at_any_cost=True):
         try:
@@ -133,9 +133,9 @@ def _switch_off_here(rig: Rig, how: Access) -> tuple[str, bool, str]:
                 backend.safe()
                 read = _read_back(rig, backend)
                 confirmed, known_by = _known_by(rig, read, backend.outputs_answered)
-                told = "".join(f"; {notice.message}" for notice in backend.take_notices())
+                notices = "".join(f"; {notice.message}" for notice in backend.take_notices())
         except BenchTripped as tripped:
-            told = f"; {tripped.what}; '--clear-trips' clears it once its cause is gone"
+            notices = f"; {tripped.what}; '--clear-trips' clears it once its cause is gone"
         except BackendLost as lost:
             raise BackendLost(
                 lost.what,
@@ -143,7 +143,7 @@ def _switch_off_here(rig: Rig, how: Access) -> tuple[str, bool, str]:
                 hint="Switch the bench off by hand, at its supply; then look at the cable",
             ) from None
     outputs = "outputs are safe" if confirmed else "OUTPUTS NOT CONFIRMED SAFE, commanded"
-    return f"{outputs}: {_safe_state(rig)}{told} ({known_by})", confirmed, known_by
+    return f"{outputs}: {_safe_state(rig)}{notices} ({known_by})", confirmed, known_by
 
 
 def _known_by(rig: Rig, read: frozenset[str], answered: frozenset[str]) -> tuple[bool, str]:

@@ -213,8 +213,8 @@ class Walker(Visitor[Waiting]):
     def _repeated(self, nodes: Sequence[Node], index: int) -> Waiting:
         """Carry out a record that is repeated, with the set-up before it, if samples are lost inside."""
         node = nodes[index]
-        for left in range(_retries(node), -1, -1):
-            self._again = left > 0
+        for retries in range(_retries(node), -1, -1):
+            self._again = retries > 0
             try:
                 yield from self.visit(node)
                 return

@@ -70,15 +70,15 @@ class Amplitudes:
         def size(amplitude: float) -> float:
             with_it = hide(steady, [(hidden, sign * amplitude)], shape)
             try:
-                found = float(self.size_of(clean_outputs(with_it), clean_outputs(steady)))
+                actual = float(self.size_of(clean_outputs(with_it), clean_outputs(steady)))
             except BenchFailure:
-                found = math.inf
-            tried.append((amplitude, found))
-            return found
+                actual = math.inf
+            tried.append((amplitude, actual))
+            return actual
 
-        amplitude, found = search_amplitude(size, wanted, abs(hidden.typical), hidden.largest, tried)
-        reached = abs(found / wanted - 1.0) <= CLOSE
-        return Amplitude(sign * amplitude, found, reached)
+        amplitude, actual = search_amplitude(size, wanted, abs(hidden.typical), hidden.largest, tried)
+        reached = abs(actual / wanted - 1.0) <= CLOSE
+        return Amplitude(sign * amplitude, actual, reached)
 
 
 def search_amplitude(
@@ -100,8 +100,8 @@ def search_amplitude(
     if not tried:
         size(min(typical, largest))
     for _ in range(_MOST_TRIALS):
-        _, found = _nearest(tried, wanted)
-        if abs(found / wanted - 1.0) <= CLOSE:
+        _, nearest = _nearest(tried, wanted)
+        if abs(nearest / wanted - 1.0) <= CLOSE:
             break
         low = max((a for a, s in tried if s < wanted), default=0.0)
         high = min((a for a, s in tried if s > wanted and a > low), default=math.inf)
@@ -116,8 +116,8 @@ def _nearest(tried: list[tuple[float, float]], wanted: float) -> tuple[float, fl
     return min(tried, key=lambda trial: (_distance(trial[1], wanted), -trial[0]))
 
 
-def _distance(found: float, wanted: float) -> float:
-    return abs(math.log(found / wanted)) if _NOTHING < found < math.inf else math.inf
+def _distance(size: float, wanted: float) -> float:
+    return abs(math.log(size / wanted)) if _NOTHING < size < math.inf else math.inf
 
 
 def _next(
@@ -128,12 +128,12 @@ def _next(
         if not bounded:
             return min(high, low * _LEAP)
         return math.sqrt(low * high) if low else high / _LEAP
-    amplitude, found = known[0]
+    amplitude, size = known[0]
     power = 1.0
     if len(known) > 1 and known[1][0] != amplitude:
-        slope = math.log(found / known[1][1]) / math.log(amplitude / known[1][0])
+        slope = math.log(size / known[1][1]) / math.log(amplitude / known[1][0])
         power = min(max(slope, 0.3), 3.0)
-    guess = amplitude * min(max(math.pow(wanted / found, 1.0 / power), 1.0 / _LEAP), _LEAP)
+    guess = amplitude * min(max(math.pow(wanted / size, 1.0 / power), 1.0 / _LEAP), _LEAP)
     if low < guess < high or (guess == high and not bounded):
         return guess
     if not bounded:

@@ -85,10 +85,10 @@ def _carried_out(campaign: Campaign, rig: Rig, runs: Path, started: datetime | N
     )
     writer = RunWriter.create(runs, header)
     try:
-        for place, (point, record) in enumerate(
+        for number, (point, record) in enumerate(
             zip(operating_points(campaign), simulate_records(campaign), strict=True)
         ):
-            _write(writer, layout, record, point[0] + ZERO_CELSIUS, place * _PERIOD)
+            _write(writer, layout, record, point[0] + ZERO_CELSIUS, number * _PERIOD)
         return writer.close("finished")
     except BaseException:
         writer.discard()
@@ -118,9 +118,9 @@ def _write(writer: RunWriter, layout: Layout, record: Measured, oil: float, star
     time = record.time + start
     index = writer.open_record(start, "stroke", sweep, f"record {start / _PERIOD + 1:g}", _rate(record))
     writer.event(start, "command", actuator=relief, value=record.setting, uncertainty=0.0)
-    for place in (np.flatnonzero(np.diff(record.command)) + 1).tolist():
-        value = float(record.command[place])
-        writer.event(float(time[place]), "command", actuator=valve, value=value, uncertainty=0.0)
+    for sample in (np.flatnonzero(np.diff(record.command)) + 1).tolist():
+        value = float(record.command[sample])
+        writer.event(float(time[sample]), "command", actuator=valve, value=value, uncertainty=0.0)
     setting = np.full(time.size, record.setting)
     channels = [record.channels[name] for name in layout.channels]
     rows = [time, np.full(time.size, float(index)), *channels, record.command, setting]

@@ -37,8 +37,8 @@ def measure(campaign: Campaign, model: Model, rig: Rig) -> Measurements:
     sources = input_sources(model.family, rig)
     pairs = zip(operating_points(campaign), simulate_records(campaign), strict=True)
     records = [
-        _record(place, oil + ZERO_CELSIUS, record, outputs, sources, model, rig)
-        for place, ((oil, _), record) in enumerate(pairs)
+        _record(index, oil + ZERO_CELSIUS, record, outputs, sources, model, rig)
+        for index, ((oil, _), record) in enumerate(pairs)
     ]
     groups = group_numbers(records)
     return Measurements(
@@ -52,7 +52,7 @@ def measure(campaign: Campaign, model: Model, rig: Rig) -> Measurements:
 
 
 def _record(
-    place: int,
+    index: int,
     oil: float,
     record: Measured,
     outputs: Sequence[str],
@@ -71,8 +71,8 @@ def _record(
     phase, names = phases_of(record.time, times, inputs, model.family, units)
     return MeasuredRecord(
         run=_NAME,
-        index=place,
-        label=f"{_NAME}/{place + 1}",
+        index=index,
+        label=f"{_NAME}/{index + 1}",
         times=record.time - record.time[0],
         switch_times=times,
         switch_half=np.zeros(times.size),

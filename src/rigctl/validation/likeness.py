@@ -48,62 +48,62 @@ class Likeness:
     separation: float | None
 
 
-def likeness(seen: Unexplained, left: FitResult, effect: str, size: float) -> Likeness:
+def likeness(unexplained: Unexplained, fitted: FitResult, effect: str, size: float) -> Likeness:
     """Similarity of other effects to a hidden one.
 
     Parameters
     ----------
-    seen: the linearisation by which the others worth fitting are selected.
-    left: the model without any effect, fitted to the readings with the hidden one.
+    unexplained: the linearisation by which the others worth fitting are selected.
+    fitted: the model without any effect, fitted to the readings with the hidden one.
     size: λ of the hidden one.
     """
-    changed = _changed(seen, left)
-    alike = seen.cosines(changed)
+    changed = _changed(unexplained, fitted)
+    alike = unexplained.cosines(changed)
     near = dict(alike)
-    own = seen.share_of(effect, changed)
-    if own is not None:
-        for name, cosine in seen.cosines(own[1]).items():
+    library_effect = unexplained.share_of(effect, changed)
+    if library_effect is not None:
+        for name, cosine in unexplained.cosines(library_effect[1]).items():
             near[name] = max(near[name], cosine)
     others = sorted((name for name in near if name != effect), key=lambda name: -near[name])[:_NEAREST]
-    shapes = [seen.share_of(name, changed) for name in others if near[name] > _FAR]
+    shapes = [unexplained.share_of(name, changed) for name in others if near[name] > _FAR]
     slopes = max((cosine for name, cosine in alike.items() if name != effect), default=0.0)
-    falls = [_fall(left, shape[0]) for shape in shapes if shape is not None]
+    falls = [_fall(fitted, shape[0]) for shape in shapes if shape is not None]
     most = max([slopes * size, *(math.sqrt(fall) for fall in falls if fall is not None)])
-    fall = None if own is None else _fall(left, own[0])
+    fall = None if library_effect is None else _fall(fitted, library_effect[0])
     return Likeness(
-        own=None if own is None else own[0],
+        own=None if library_effect is None else library_effect[0],
         cosine=min(1.0, most / size),
         separation=separation(math.sqrt(fall), min(1.0, most / math.sqrt(fall))) if fall else None,
     )
 
 
-def sizes_beside_each_other(left: FitResult, chosen: Sequence[Candidate]) -> tuple[float, ...]:
+def sizes_beside_each_other(fitted: FitResult, chosen: Sequence[Candidate]) -> tuple[float, ...]:
     """λ of each of several hidden effects beside the others: the cost of leaving its library effect out.
 
     An effect that another one nearly absorbs has far less than its own size. Empty if unknown.
 
     Parameters
     ----------
-    left: the model without any effect, fitted to the readings with all of them.
+    fitted: the model without any effect, fitted to the readings with all of them.
     """
-    every = refit(left, chosen, cost=_COST)
+    every = refit(fitted, chosen, cost=_COST)
     if every is None:
         return ()
     rest = [tuple(one for one in chosen if one is not member) for member in chosen]
-    without = [refit(left, others, every.fit, cost=_COST) if others else plain(left) for others in rest]
+    without = [refit(fitted, others, every.fit, cost=_COST) if others else plain(fitted) for others in rest]
     return tuple(math.sqrt(_below(one, every)) for one in without if one is not None)
 
 
-def _changed(seen: Unexplained, left: FitResult) -> Floats:
+def _changed(unexplained: Unexplained, fit: FitResult) -> Floats:
     """(rows) residuals of a fit."""
-    readings = [record.values for record in left.problem.records]
-    return seen.of([read - fitted for read, fitted in zip(readings, left.outputs, strict=True)])
+    readings = [record.values for record in fit.problem.records]
+    return unexplained.of([read - fitted for read, fitted in zip(readings, fit.outputs, strict=True)])
 
 
-def _fall(left: FitResult, candidate: Candidate) -> float | None:
+def _fall(fitted: FitResult, candidate: Candidate) -> float | None:
     """The reduction of χ² by a refit with one more effect; None if the model cannot be simulated with it."""
-    found = refit(left, [candidate], cost=_COST)
-    return None if found is None else _below(plain(left), found)
+    refitted = refit(fitted, [candidate], cost=_COST)
+    return None if refitted is None else _below(plain(fitted), refitted)
 
 
 def _below(without: RefittedSet, with_it: RefittedSet) -> float:

@@ -130,9 +130,9 @@ class LearningOutcome:
     @classmethod
     def read(cls, document: Mapping[str, Any]) -> LearningOutcome:
         """The object that `document` describes, also after JSON; older ones have fewer fields."""
-        left = tuple(tuple(names) for names in document["left"])
+        classes = tuple(tuple(names) for names in document["left"])
         several = {name: tuple(document.get(name, ())) for name in ("added", "apart", "sensor")}
-        return cls(**{**document, **several, "left": left})
+        return cls(**{**document, **several, "left": classes})
 
 
 @dataclass(frozen=True)
@@ -203,8 +203,8 @@ class TrialOutcome(Generic[AnyTrial]):
     def exact(self) -> bool:
         """True if it names as many effects as are hidden, and each hidden one or one of its class."""
         truth = self.scenario.truth
-        found = all(any(effect in self.named_class(named) for named in self.effects) for effect in truth)
-        return self.right and found and len(self.effects) == len(truth)
+        complete = all(any(effect in self.named_class(named) for named in self.effects) for effect in truth)
+        return self.right and complete and len(self.effects) == len(truth)
 
     def document(self) -> dict[str, Any]:
         """The outcome as plain data."""
@@ -225,8 +225,8 @@ class TrialOutcome(Generic[AnyTrial]):
             fields[name] = tuple(Interval(**interval) for interval in fields.get(name, ()))
         searched = fields.get("searched")
         fields["searched"] = None if searched is None else Searched.read(searched)
-        learnt = fields.get("learnt")
-        fields["learnt"] = None if learnt is None else LearningOutcome.read(learnt)
+        learning = fields.get("learnt")
+        fields["learnt"] = None if learning is None else LearningOutcome.read(learning)
         return cls(**fields)
 
 

@@ -30,9 +30,9 @@ class BenchmarkProgress:
     last: TrialOutcome[Any] | None = None
 
     def __str__(self) -> str:
-        left = f", about {_duration(self.left)} left" if math.isfinite(self.left) else ""
+        remaining = f", about {_duration(self.left)} left" if math.isfinite(self.left) else ""
         failed = f", {self.failed} failed" if self.failed else ""
-        return f"{self.done} of {self.total}{failed}, {_duration(self.elapsed)} so far{left}"
+        return f"{self.done} of {self.total}{failed}, {_duration(self.elapsed)} so far{remaining}"
 
 
 def run_scenarios(
@@ -66,8 +66,8 @@ def run_scenarios(
         store.keep(outcome)
         failed += bool(outcome.failure)
         elapsed = time.monotonic() - began
-        left = elapsed / finished * (len(missing) - finished)
-        progress(BenchmarkProgress(done + finished, len(scenarios), failed, elapsed, left, outcome))
+        remaining = elapsed / finished * (len(missing) - finished)
+        progress(BenchmarkProgress(done + finished, len(scenarios), failed, elapsed, remaining, outcome))
     return store.outcomes(scenarios)
 
 
@@ -77,8 +77,8 @@ def attempt(work: Work[AnyTrial], scenario: AnyTrial) -> TrialOutcome[AnyTrial]:
     try:
         return work(scenario)
     except (RigctlError, ArithmeticError, ValueError) as problem:
-        said = f"{type(problem).__name__}: {problem}"
-        return TrialOutcome(scenario, failure=said, seconds=time.process_time() - began)
+        message = f"{type(problem).__name__}: {problem}"
+        return TrialOutcome(scenario, failure=message, seconds=time.process_time() - began)
 
 
 def _duration(seconds: float) -> str:

@@ -22,20 +22,20 @@ NOTHING_NAMED = "none"
 
 def rates(outcomes: Iterable[Outcome]) -> tuple[Rate, ...]:
     """All rates that have a target, then false alarms by noise and the cost of wrong shapes."""
-    made = [outcome for outcome in outcomes if outcome.counts]
-    nothing = _of(made, lambda o: o.scenario.kind == "nothing")
-    one = _of(made, lambda o: o.scenario.kind == "one")
-    found = [
+    counted = [outcome for outcome in outcomes if outcome.counts]
+    nothing = _of(counted, lambda o: o.scenario.kind == "nothing")
+    one = _of(counted, lambda o: o.scenario.kind == "one")
+    results = [
         *_false_alarms(nothing),
         *_first(_of(one, lambda o: o.scenario.shape != "wrong"), "hidden effect found as first"),
-        *_accepted(made),
-        *_together(made),
-        *_removed(made),
-        *_coverage(made),
+        *_accepted(counted),
+        *_together(counted),
+        *_removed(counted),
+        *_coverage(counted),
         *_classes(one),
         *_first(_of(one, lambda o: o.scenario.shape == "wrong"), "the same, wrong shape", targets=False),
     ]
-    return tuple(rate for rate in found if rate.trials)
+    return tuple(rate for rate in results if rate.trials)
 
 
 def confusion(outcomes: Iterable[Outcome]) -> dict[str, dict[str, int]]:
@@ -64,14 +64,14 @@ def _false_alarms(nothing: Sequence[Outcome]) -> list[Rate]:
         return outcome.verdict != "adequate"
 
     estimated = _of(nothing, lambda o: not o.scenario.noise_known)
-    found = [
+    results = [
         rate_of(name, "noise known", _of(nothing, lambda o: o.scenario.noise_known), alarm, at_most=0.02),
         rate_of(name, "noise estimated", estimated, alarm, at_most=0.05),
     ]
     for noise in dict.fromkeys(sorted(outcome.scenario.noise for outcome in estimated)):
         among = [outcome for outcome in estimated if outcome.scenario.noise == noise]
-        found.append(rate_of(name, f"noise estimated: {noise.replace('_', ' ')}", among, alarm))
-    return found
+        results.append(rate_of(name, f"noise estimated: {noise.replace('_', ' ')}", among, alarm))
+    return results
 
 
 def _distinct(outcome: Outcome) -> bool:
@@ -79,26 +79,26 @@ def _distinct(outcome: Outcome) -> bool:
 
 
 def _first(one: Sequence[Outcome], name: str, *, targets: bool = True) -> list[Rate]:
-    found = []
+    results = []
     for low, high, target in ((0.0, 8.0, 0.85), (8.0, 20.0, 0.97), (20.0, math.inf, 0.99)):
         sized = [outcome for outcome in one if low <= outcome.scenario.hidden[0].size < high]
         sizes = sorted({outcome.scenario.hidden[0].size for outcome in sized})
         of = "λ = " + ", ".join(f"{size:g}" for size in sizes)
         distinct = _of(sized, _distinct)
         wanted = target if targets else None
-        found += [
+        results += [
             rate_of(name, f"{of}, all cos < {NEAR_TWIN:g}", distinct, _found_first, at_least=wanted),
             rate_of(name, of, sized, _found_first),
         ]
-    return found
+    return results
 
 
 def _found_first(outcome: Outcome) -> bool:
     return outcome.verdict not in (None, "adequate") and outcome.first in outcome.scenario.truth
 
 
-def _accepted(made: Sequence[Outcome]) -> list[Rate]:
-    among = _of(made, lambda o: o.scenario.kind in ("one", "two"))
+def _accepted(outcomes: Sequence[Outcome]) -> list[Rate]:
+    among = _of(outcomes, lambda o: o.scenario.kind in ("one", "two"))
 
     def wrong(outcome: Outcome) -> bool:
         return outcome.accepted and not outcome.right
@@ -111,8 +111,10 @@ def _accepted(made: Sequence[Outcome]) -> list[Rate]:
     ]
 
 
-def _together(made: Sequence[Outcome]) -> list[Rate]:
-    two = _of(made, lambda o: o.scenario.kind == "two" and min(w.size for w in o.scenario.hidden) >= TOGETHER)
+def _together(outcomes: Sequence[Outcome]) -> list[Rate]:
+    two = _of(
+        outcomes, lambda o: o.scenario.kind == "two" and min(w.size for w in o.scenario.hidden) >= TOGETHER
+    )
     beside = _of(two, lambda o: min(o.beside, default=math.inf) >= (1.0 - CLOSE) * TOGETHER)
     name = "two hidden effects exactly"
     return [
@@ -122,8 +124,8 @@ def _together(made: Sequence[Outcome]) -> list[Rate]:
     ]
 
 
-def _removed(made: Sequence[Outcome]) -> list[Rate]:
-    removed = _of(made, lambda o: o.scenario.kind == "removed")
+def _removed(outcomes: Sequence[Outcome]) -> list[Rate]:
+    removed = _of(outcomes, lambda o: o.scenario.kind == "removed")
     name = "outside_library, truth removed from it"
 
     def outside(outcome: Outcome) -> bool:
@@ -135,14 +137,14 @@ def _removed(made: Sequence[Outcome]) -> list[Rate]:
     ]
 
 
-def _coverage(made: Sequence[Outcome]) -> list[Rate]:
-    found = []
+def _coverage(outcomes: Sequence[Outcome]) -> list[Rate]:
+    results = []
     for shape, low, high in (("same", 0.90, 0.98), ("other", None, None)):
-        intervals = [i for o in made if o.scenario.shape == shape for i in o.intervals]
+        intervals = [i for o in outcomes if o.scenario.shape == shape for i in o.intervals]
         count = sum(interval.covers for interval in intervals)
         of = f"{'the library’s own' if shape == 'same' else 'other'} shape"
-        found.append(Rate("95 % interval covers the truth", of, count, len(intervals), low, high))
-    return found
+        results.append(Rate("95 % interval covers the truth", of, count, len(intervals), low, high))
+    return results
 
 
 def _classes(one: Sequence[Outcome]) -> list[Rate]:

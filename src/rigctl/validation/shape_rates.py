@@ -26,15 +26,17 @@ def shape_figures(outcomes: Sequence[Outcome]) -> Figures:
 
 def shape_rates(outcomes: Sequence[Outcome]) -> tuple[Rate, ...]:
     """All rates of the tier, with their targets."""
-    made = [outcome for outcome in outcomes if outcome.counts]
-    one = [o for o in made if o.scenario.kind == "one" and not _beyond_usual(o)]
-    beyond = [o for o in made if o.scenario.kind == "one" and _beyond_usual(o)]
-    two = [o for o in made if o.scenario.kind == "two"]
+    counted = [outcome for outcome in outcomes if outcome.counts]
+    one = [o for o in counted if o.scenario.kind == "one" and not _beyond_usual(o)]
+    beyond = [o for o in counted if o.scenario.kind == "one" and _beyond_usual(o)]
+    two = [o for o in counted if o.scenario.kind == "two"]
     beside = [o for o in two if min(o.beside, default=math.inf) >= (1.0 - CLOSE) * TOGETHER]
     each = "λ >= 10 each, also beside the other"
-    removed = [o for o in made if o.scenario.kind == "removed"]
-    found = [
-        rate_of("false alarm, nothing hidden", "noise estimated", _of(made, "nothing"), _alarm, at_most=0.05),
+    removed = [o for o in counted if o.scenario.kind == "removed"]
+    rates = [
+        rate_of(
+            "false alarm, nothing hidden", "noise estimated", _of(counted, "nothing"), _alarm, at_most=0.05
+        ),
         *_by_size("place and driver named", one, _cause_named, at_least=0.95),
         *_by_size("place and driver, or the class where none can tell", one, _as_far_as_told, at_least=0.95),
         *_by_size("law or its class named", one, lambda o: o.right, at_least=0.90),
@@ -42,7 +44,7 @@ def shape_rates(outcomes: Sequence[Outcome]) -> tuple[Rate, ...]:
         rate_of(
             "law corrected",
             "the true exponent in its interval",
-            [o for o in made if o.exponents],
+            [o for o in counted if o.exponents],
             lambda o: all(interval.covers for interval in o.exponents),
         ),
         rate_of("beyond its usual range", "named or in the class", beyond, lambda o: o.right, at_least=1.0),
@@ -60,7 +62,7 @@ def shape_rates(outcomes: Sequence[Outcome]) -> tuple[Rate, ...]:
             _wrong_cause,
         ),
     ]
-    return tuple(rate for rate in found if rate.trials)
+    return tuple(rate for rate in rates if rate.trials)
 
 
 def wrongly_claimed(outcome: Outcome) -> bool:
@@ -145,8 +147,8 @@ def _effect(name: str) -> Effect:
     return find_effect(name, _FAMILY)
 
 
-def _of(made: Sequence[Outcome], kind: str) -> list[Outcome]:
-    return [outcome for outcome in made if outcome.scenario.kind == kind]
+def _of(outcomes: Sequence[Outcome], kind: str) -> list[Outcome]:
+    return [outcome for outcome in outcomes if outcome.scenario.kind == kind]
 
 
 def _by_size(
@@ -158,8 +160,8 @@ def _by_size(
     at_most: float | None = None,
 ) -> list[Rate]:
     sizes = sorted({outcome.scenario.hidden[0].size for outcome in among})
-    found = [rate_of(name, "all sizes", among, happened, at_least=at_least, at_most=at_most)]
+    rates = [rate_of(name, "all sizes", among, happened, at_least=at_least, at_most=at_most)]
     for size in sizes:
         sized = [outcome for outcome in among if outcome.scenario.hidden[0].size == size]
-        found.append(rate_of(name, f"λ = {size:g}", sized, happened))
-    return found
+        rates.append(rate_of(name, f"λ = {size:g}", sized, happened))
+    return rates

@@ -41,11 +41,11 @@ class ResultStore(Generic[AnyTrial]):
             the file cannot be read.
         """
         wanted = None if scenarios is None else {scenario.name for scenario in scenarios}
-        found = {}
+        outcomes = {}
         for line in self.lines():
             if line.get("version") == self.version and (wanted is None or line["scenario"] in wanted):
-                found[line["scenario"]] = TrialOutcome.read(line["outcome"], self.read)
-        return tuple(found.values())
+                outcomes[line["scenario"]] = TrialOutcome.read(line["outcome"], self.read)
+        return tuple(outcomes.values())
 
     def missing(self, scenarios: Iterable[AnyTrial]) -> tuple[AnyTrial, ...]:
         """The scenarios without a result."""
@@ -101,11 +101,11 @@ class ResultStore(Generic[AnyTrial]):
             ) from problem
         for line in text.split("\n"):
             try:
-                found = json.loads(line)
+                entry = json.loads(line)
             except ValueError:
                 continue
-            if isinstance(found, dict) and {"scenario", "outcome"} <= found.keys():
-                yield found
+            if isinstance(entry, dict) and {"scenario", "outcome"} <= entry.keys():
+                yield entry
 
 
 def every_outcome(

@@ -67,14 +67,14 @@ def left_out_text(figures: Figures) -> list[str]:
     """One sentence each for trials that could not be made, and for those that failed."""
     untested = [outcome for outcome in figures.outcomes if outcome.untested]
     failed = [outcome for outcome in figures.outcomes if outcome.failure]
-    found = []
+    sentences = []
     if untested:
         names = ", ".join(dict.fromkeys(effect for one in untested for effect in one.scenario.truth))
-        made = _trials(len(untested), "could not be made")
-        found.append(f"{made}, because no amplitude has the size wanted: {names}.")
+        count = _trials(len(untested), "could not be made")
+        sentences.append(f"{count}, because no amplitude has the size wanted: {names}.")
     if failed:
-        found.append(f"{_trials(len(failed), 'failed')}, counted as wrong: {failed[0].failure}")
-    return found
+        sentences.append(f"{_trials(len(failed), 'failed')}, counted as wrong: {failed[0].failure}")
+    return sentences
 
 
 def _row(rate: Rate) -> tuple[str, ...]:

@@ -67,18 +67,18 @@ def acting() -> tuple[HiddenEffect, ...]:
 def scenarios(tier: Tier) -> tuple[Scenario, ...]:
     """The trials of a tier, in an order in which any part of them is a fair sample of all."""
     if tier == "quick":
-        found = [
+        trials = [
             replace(scenario, temperatures=_FEW_TEMPERATURES, pressures=_FEW_PRESSURES)
             for scenario in _quick()
         ]
     elif tier == "shape":
-        found = [
+        trials = [
             replace(scenario, temperatures=_FEW_TEMPERATURES, pressures=_FEW_PRESSURES)
             for scenario in _shape()
         ]
     else:
         effects = acting()
-        found = [
+        trials = [
             *_nothing(_NOTHING_SEEDS),
             *_known(_KNOWN_SEEDS),
             *_one(effects, SIZES, "other", range(_ONE_SEEDS)),
@@ -87,8 +87,8 @@ def scenarios(tier: Tier) -> tuple[Scenario, ...]:
             *_two(effects, _PAIRS),
             *_removed(effects, range(3)),
         ]
-    order = np.random.default_rng(0).permutation(len(found))
-    return tuple(found[int(i)] for i in order)
+    order = np.random.default_rng(0).permutation(len(trials))
+    return tuple(trials[int(i)] for i in order)
 
 
 def _quick() -> Iterator[Scenario]:
@@ -125,9 +125,9 @@ def _strong_and_weak(effects: Sequence[HiddenEffect]) -> Iterator[Scenario]:
     strong = [effect for effect in effects if effect.shaped]
     pairs = [(one, other) for one in strong for other in effects if other is not one]
     drawn = np.random.default_rng(2).choice(len(pairs), size=_STRONG_PAIRS, replace=False)
-    for row, place in enumerate(sorted(int(i) for i in drawn)):
+    for row, index in enumerate(sorted(int(i) for i in drawn)):
         large, small = _STRONG[row % len(_STRONG)]
-        first, second = pairs[place]
+        first, second = pairs[index]
         wanted = (Wanted(first.effect, large, first.signs[0]), Wanted(second.effect, small, second.signs[0]))
         yield _scenario(
             "two", wanted, "other", NOISES[row % len(NOISES)], 40_000 + row, chambers=bool(row % 2)
@@ -156,10 +156,10 @@ def _scenario(
 
 
 def _nothing(seeds: int) -> Iterator[Scenario]:
-    for place, noise in enumerate(NOISES):
+    for index, noise in enumerate(NOISES):
         for chambers in (False, True):
             for seed in range(seeds):
-                yield _scenario("nothing", (), "other", noise, 1000 * place + seed, chambers=chambers)
+                yield _scenario("nothing", (), "other", noise, 1000 * index + seed, chambers=chambers)
 
 
 def _known(seeds: int) -> Iterator[Scenario]:
@@ -174,10 +174,10 @@ def _one(
     effects: Sequence[HiddenEffect], sizes: Sequence[float], shape: Shape, seeds: range
 ) -> Iterator[Scenario]:
     """Noise, sensors and direction vary from trial to trial, so that every effect meets several."""
-    for place, effect in enumerate(effects):
+    for index, effect in enumerate(effects):
         for row, size in enumerate(sizes):
             for seed in seeds:
-                turn = place + row + seed
+                turn = index + row + seed
                 wanted = Wanted(effect.effect, size, effect.signs[seed // 2 % len(effect.signs)])
                 noise = NOISES[turn % len(NOISES)]
                 yield _scenario(
@@ -188,16 +188,16 @@ def _one(
 def _two(effects: Sequence[HiddenEffect], count: int) -> Iterator[Scenario]:
     pairs = list(combinations(effects, 2))
     drawn = np.random.default_rng(1).choice(len(pairs), size=count, replace=False)
-    for row, place in enumerate(sorted(int(i) for i in drawn)):
+    for row, index in enumerate(sorted(int(i) for i in drawn)):
         for turn, size in enumerate(_TOGETHER):
-            wanted = [Wanted(effect.effect, size, effect.signs[0]) for effect in pairs[place]]
+            wanted = [Wanted(effect.effect, size, effect.signs[0]) for effect in pairs[index]]
             noise = NOISES[(row + turn) % len(NOISES)]
             yield _scenario("two", wanted, "other", noise, 20_000 + row, chambers=bool((row + turn) % 2))
 
 
 def _removed(effects: Sequence[HiddenEffect], seeds: range) -> Iterator[Scenario]:
-    for place, effect in enumerate(effects):
+    for index, effect in enumerate(effects):
         for seed in seeds:
             wanted = Wanted(effect.effect, _REMOVED, effect.signs[seed % len(effect.signs)])
-            noise = NOISES[(place + seed) % len(NOISES)]
+            noise = NOISES[(index + seed) % len(NOISES)]
             yield _scenario("removed", (wanted,), "other", noise, 30_000 + seed, chambers=bool(seed % 2))

@@ -67,18 +67,18 @@ def carry_out(scenario: Scenario) -> Outcome:
     """
     began = time.process_time()
     amplitudes = hidden_amplitudes(scenario)
-    made = Outcome(
+    outcome = Outcome(
         scenario,
         sizes=tuple(each.size for each in amplitudes),
         amplitudes=tuple(each.value for each in amplitudes),
     )
     short = [w.effect for w, each in zip(scenario.hidden, amplitudes, strict=True) if not each.reached]
     if short:
-        return replace(made, untested=f"no amplitude of {', '.join(short)} has the size wanted")
-    diagnosis = diagnose_scenario(scenario, made.amplitudes)
+        return replace(outcome, untested=f"no amplitude of {', '.join(short)} has the size wanted")
+    diagnosis = diagnose_scenario(scenario, outcome.amplitudes)
     alike = _alike(scenario, amplitudes)
     return replace(
-        made,
+        outcome,
         verdict=diagnosis.verdict.value,
         effects=diagnosis.effects,
         classes=diagnosis.classes,
@@ -88,7 +88,7 @@ def carry_out(scenario: Scenario) -> Outcome:
         rival_cosine=max((each.cosine for each in alike), default=None),
         separation=min((one.separation for one in alike if one.separation is not None), default=None),
         beside=_beside(scenario, amplitudes, alike),
-        intervals=tuple(_intervals(scenario, made.amplitudes, diagnosis)),
+        intervals=tuple(_intervals(scenario, outcome.amplitudes, diagnosis)),
         exponents=tuple(_exponents(scenario, amplitudes, diagnosis)),
         seconds=time.process_time() - began,
     )
@@ -116,11 +116,11 @@ class Reference:
     Attributes
     ----------
     fitted: there, with whiteners for the noise in question.
-    seen: its linearisation, in which sizes are nearly right if the fitted parameters move little.
+    unexplained: its linearisation, in which sizes are nearly right if the fitted parameters move little.
     """
 
     fitted: FitResult = field(repr=False)
-    seen: Unexplained = field(repr=False)
+    unexplained: Unexplained = field(repr=False)
     by_slopes: Amplitudes = field(repr=False)
     by_fit: Amplitudes = field(repr=False)
 
@@ -134,8 +134,8 @@ class Reference:
         near = self.by_slopes.find(hidden, size, scenario.plain, shape=scenario.shape, sign=sign)
         if not near.reached:
             return near
-        begun = replace(hidden, typical=abs(near.value))
-        return self.by_fit.find(begun, size, scenario.plain, shape=scenario.shape, sign=sign)
+        nearby = replace(hidden, typical=abs(near.value))
+        return self.by_fit.find(nearby, size, scenario.plain, shape=scenario.shape, sign=sign)
 
 
 def plain_of(scenario: Scenario) -> Scenario:
@@ -151,16 +151,16 @@ def reference_of(plain: Scenario) -> Reference:
     noisy = fit_model(model, measurements, _noise(plain, measurements))
     clean = clean_outputs(replace(plain.plain, seed=0))
     fitted = refitted(noisy, clean)
-    whole = fitted.problem.rebuilt(fitted.model, library=True)
-    seen = unexplained(linearise(fitted, whole), whole)
+    rebuilt = fitted.problem.rebuilt(fitted.model, library=True)
+    projected = unexplained(linearise(fitted, rebuilt), rebuilt)
 
     def by_slopes(with_it: Clean, without: Clean) -> float:
-        return seen.size(_changes(with_it, without, measurements.outputs))
+        return projected.size(_changes(with_it, without, measurements.outputs))
 
     def by_fit(with_it: Clean, _: Clean) -> float:
         return math.sqrt(max(0.0, _squares(refitted(fitted, with_it)) - _squares(fitted)))
 
-    return Reference(fitted, seen, Amplitudes(by_slopes), Amplitudes(by_fit))
+    return Reference(fitted, projected, Amplitudes(by_slopes), Amplitudes(by_fit))
 
 
 def refitted(fitted: FitResult, clean: Clean) -> FitResult:
@@ -208,8 +208,8 @@ def _noise(scenario: Scenario, measurements: Measurements) -> DataNoise:
         ChannelNoise(name, sigma[name], source="rig", guessed=False, statement="known")
         for name in measurements.outputs
     )
-    here = tuple(record.here for record in measurements.records)
-    return without_edges(DataNoise(NoiseModel(channels, 1.0 / RATE, "known"), here), measurements)
+    valid = tuple(record.here for record in measurements.records)
+    return without_edges(DataNoise(NoiseModel(channels, 1.0 / RATE, "known"), valid), measurements)
 
 
 def diagnose_scenario(scenario: Scenario, amplitudes: Sequence[float]) -> Diagnosis:
@@ -228,9 +228,9 @@ def diagnose_campaign(scenario: Scenario, campaign: Campaign) -> Diagnosis:
 
 def _alike(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> list[Likeness]:
     """The similarity of other effects to each hidden effect by itself."""
-    seen = reference_of(plain_of(scenario)).seen
+    unexplained = reference_of(plain_of(scenario)).unexplained
     return [
-        likeness(seen, _left(scenario, [each]), each[0].effect, each[1].size)
+        likeness(unexplained, _fit_without_effects(scenario, [each]), each[0].effect, each[1].size)
         for each in zip(scenario.hidden, amplitudes, strict=True)
     ]
 
@@ -243,11 +243,11 @@ def _beside(
     if len(chosen) < 2 or len(chosen) < len(amplitudes):
         return ()
     return sizes_beside_each_other(
-        _left(scenario, list(zip(scenario.hidden, amplitudes, strict=True))), chosen
+        _fit_without_effects(scenario, list(zip(scenario.hidden, amplitudes, strict=True))), chosen
     )
 
 
-def _left(scenario: Scenario, hidden: Sequence[tuple[Wanted, Amplitude]]) -> FitResult:
+def _fit_without_effects(scenario: Scenario, hidden: Sequence[tuple[Wanted, Amplitude]]) -> FitResult:
     """The textbook model fitted to noise-free readings of a bench that hides something."""
     return refitted(reference_of(plain_of(scenario)).fitted, _without_noise(scenario, hidden))
 
@@ -287,7 +287,7 @@ def _exponents(
 
 def _intervals(scenario: Scenario, amplitudes: Sequence[float], diagnosis: Diagnosis) -> list[Interval]:
     """For the parameters of hidden effects that were found and whose fitted value has a true value."""
-    found: list[Interval] = []
+    intervals: list[Interval] = []
     values = _estimates(diagnosis)
     for wanted, truth in zip(scenario.hidden, amplitudes, strict=True):
         hidden = find_hidden(wanted.effect)
@@ -295,12 +295,12 @@ def _intervals(scenario: Scenario, amplitudes: Sequence[float], diagnosis: Diagn
         if hidden.comparable and wanted.effect in diagnosis.effects and name in values:
             value, std = values[name]
             if math.isfinite(std) and std > 0.0:
-                found.append(
+                intervals.append(
                     Interval(
                         hidden.effect, hidden.parameter, truth, value - _WIDTH * std, value + _WIDTH * std
                     )
                 )
-    return found
+    return intervals
 
 
 def _estimates(diagnosis: Diagnosis) -> Mapping[str, tuple[float, float]]:

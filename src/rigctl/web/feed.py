@@ -416,9 +416,9 @@ def _safe(rig: Rig | None, name: str) -> float | None:
 
 
 def _places_of(rig: Rig | None, name: str) -> int:
-    from rigctl.live.readings import places
+    from rigctl.live.readings import decimals
 
-    return 3 if rig is None else places(rig.channels[name])
+    return 3 if rig is None else decimals(rig.channels[name])
 
 
 def _limits(rig: Rig, name: str) -> list[dict[str, Any]]:

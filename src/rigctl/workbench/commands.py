@@ -83,8 +83,8 @@ def set_command(subject: Subject, model: Model, state: State, changes: Changes) 
 def _effect_words(model: Model, state: State, effect: str) -> str:
     """``valve_leakage:conductance=7e-15 m^3``."""
     names = {one.name: qualified(effect, one.name) for one in model.effect(effect).parameters}
-    given = [f"{short}={setting_text(model, name, state.values[name])}" for short, name in names.items()]
-    return f"{effect}:{','.join(given)}" if given else effect
+    settings = [f"{short}={setting_text(model, name, state.values[name])}" for short, name in names.items()]
+    return f"{effect}:{','.join(settings)}" if settings else effect
 
 
 def also(*commands: str) -> str:

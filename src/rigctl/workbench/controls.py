@@ -118,10 +118,10 @@ def sliders(model: Model) -> tuple[Slider, ...]:
 def switches(model: Model) -> tuple[Switch, ...]:
     """A switch for each effect that the model has or could have: the library's, and the user's own."""
     known = {effect.name: effect for effect in (*library(model.family).values(), *model.own_effects)}
-    found = []
+    switches = []
     for effect in known.values():
         present = _present(model, effect)
-        found.append(
+        switches.append(
             Switch(
                 effect.name,
                 effect.summary,
@@ -133,7 +133,7 @@ def switches(model: Model) -> tuple[Switch, ...]:
                 effect.instead_of,
             )
         )
-    return tuple(found)
+    return tuple(switches)
 
 
 def _present(model: Model, effect: Effect) -> bool:
@@ -144,38 +144,38 @@ def _present(model: Model, effect: Effect) -> bool:
 
 def _of_family(model: Model, name: str) -> Slider:
     declared, value = model.family.parameter(name), model.values[name]
-    given = model.parameters.get(name)
+    setting = model.parameters.get(name)
     unknown = parameter_unknown(model, name)
     low, high = unknown.lower, unknown.upper
     if not math.isfinite(high):
         high = max(_WIDE * abs(declared.value), value) or 1.0
     if not math.isfinite(low):
         low = min(-_WIDE * abs(declared.value), value)
-    if given is not None and given.prior is not None:
-        spread = _AROUND * given.prior.std
-        low = max(low, min(given.prior.mean - spread, value))
-        high = min(high, max(given.prior.mean + spread, value))
-    unit = (given.unit if given is not None else "") or declared.unit
+    if setting is not None and setting.prior is not None:
+        spread = _AROUND * setting.prior.std
+        low = max(low, min(setting.prior.mean - spread, value))
+        high = min(high, max(setting.prior.mean + spread, value))
+    unit = (setting.unit if setting is not None else "") or declared.unit
     return _slider(
         Slider(name, name, value, unit, 1.0, 0.0, low, high, "linear", declared.meaning),
-        fit=given is not None and given.fit,
+        fit=setting is not None and setting.fit,
     )
 
 
 def _of_effect(model: Model, effect: Effect, declared: EffectParameter) -> Slider:
     name = qualified(effect.name, declared.name)
-    given = model.effects.get(effect.name, {}).get(declared.name)
-    value = declared.start if given is None else given.si
+    setting = model.effects.get(effect.name, {}).get(declared.name)
+    value = declared.start if setting is None else setting.si
     low, high = declared.bounds_around(value)
     if (
         declared.null == low == 0.0
     ):  # a size of one sign: as many decades below the typical one as are visible
         low = min(_LEAST * declared.start, value or math.inf)
-    made = Slider(
+    slider = Slider(
         name,
         declared.name,
         value,
-        (given.unit if given is not None else "") or declared.unit,
+        (setting.unit if setting is not None else "") or declared.unit,
         1.0,
         0.0,
         low,
@@ -185,15 +185,15 @@ def _of_effect(model: Model, effect: Effect, declared: EffectParameter) -> Slide
         declared.null,
         declared.shape,
     )
-    return _slider(made, fit=bool(given and given.fit), difference=declared.difference)
+    return _slider(slider, fit=bool(setting and setting.fit), difference=declared.difference)
 
 
-def _slider(made: Slider, *, fit: bool, difference: bool = False) -> Slider:
-    shown = interval_unit(made.unit) if difference else made.unit
+def _slider(slider: Slider, *, fit: bool, difference: bool = False) -> Slider:
+    shown = interval_unit(slider.unit) if difference else slider.unit
     unit = parse_unit(shown)
-    spans = made.low > 0.0 and made.high / made.low > _DECADES
+    spans = slider.low > 0.0 and slider.high / slider.low > _DECADES
     return replace(
-        made,
+        slider,
         unit=shown,
         factor=unit.factor,
         offset=unit.offset,

@@ -56,7 +56,7 @@ class Picture:
             "channels": {name: _channel(one, units[name]) for name, one in self.channels.items()},
             "heldout": {name: _channel(one, units[name]) for name, one in self.heldout.items()},
             "chi2_reduced": self.chi2_reduced if math.isfinite(self.chi2_reduced) else None,
-            "failures": {str(place): why for place, why in self.failures.items()},
+            "failures": {str(record): why for record, why in self.failures.items()},
             "seconds": self.seconds,
         }
 
@@ -67,12 +67,12 @@ def _channel(error: ChannelError, unit: str) -> dict[str, Any]:
 
 def exact_picture(fitted: FitResult, seconds: float = 0.0) -> Picture:
     """The picture of a model without a fit, on all its records."""
-    places = range(len(fitted.problem.records))
-    errors = {k: fitted.normalised_error(k) for k in places}
+    indices = range(len(fitted.problem.records))
+    errors = {k: fitted.normalised_error(k) for k in indices}
     size, bias = _maps(errors, len(fitted.problem.records), len(fitted.problem.measurements.outputs))
     return Picture(
         True,
-        tuple(places),
+        tuple(indices),
         dict(enumerate(fitted.outputs)),
         errors,
         size,
@@ -97,8 +97,8 @@ def coarse_picture(
         error = (outputs - problem.records[k].values) / problem.sigma[k]
         errors[k] = np.where(problem.ok[k], error, np.nan)
     size, bias = _maps(errors, len(problem.records), len(problem.measurements.outputs))
-    whole = [k for k in simulated if k not in failures]
-    seen, kept = [k for k in whole if k in fitted], [k for k in whole if k not in fitted]
+    complete = [k for k in simulated if k not in failures]
+    used, heldout = [k for k in complete if k in fitted], [k for k in complete if k not in fitted]
     everything = [simulated.get(k, np.empty((0, 0))) for k in range(len(problem.records))]
     return Picture(
         False,
@@ -107,8 +107,8 @@ def coarse_picture(
         errors,
         size,
         bias,
-        channel_errors(problem, everything, seen) if seen else {},
-        channel_errors(problem, everything, kept) if kept else {},
+        channel_errors(problem, everything, used) if used else {},
+        channel_errors(problem, everything, heldout) if heldout else {},
         failures=failures,
         seconds=seconds,
     )
@@ -118,10 +118,10 @@ def _maps(errors: Mapping[int, Floats], records: int, channels: int) -> tuple[Fl
     """(records, channels) root mean square and mean; NaN where there is nothing."""
     size, bias = np.full((2, records, channels), np.nan)
     for k, error in errors.items():
-        here = np.isfinite(error)
-        count = here.sum(axis=0)
+        finite = np.isfinite(error)
+        count = finite.sum(axis=0)
         some = count > 0
-        clean = np.where(here, error, 0.0)
+        clean = np.where(finite, error, 0.0)
         size[k, some] = np.sqrt(np.square(clean).sum(axis=0)[some] / count[some])
         bias[k, some] = clean.sum(axis=0)[some] / count[some]
     return size, bias

@@ -164,10 +164,10 @@ class Workbench:
             model = model.without_effect(name)
         for name in changes.added:
             effect = model.effect(name)
-            given = {one.name: state.values[qualified(name, one.name)] for one in effect.parameters}
-            for key, value in given.items():
+            parameters = {one.name: state.values[qualified(name, one.name)] for one in effect.parameters}
+            for key, value in parameters.items():
                 require_possible(model, qualified(name, key), value)
-            model = model.with_effect(name, given)
+            model = model.with_effect(name, parameters)
         for name in changes.values:
             require_possible(model, name, state.values[name])
         return set_by_hand(model, {name: state.values[name] for name in changes.values})
@@ -188,9 +188,9 @@ class Workbench:
         RigctlError
             effects that contradict one another are on, or the model cannot be simulated.
         """
-        begun = time.monotonic()
+        start = time.monotonic()
         self._settled = self._fitted(state, wanted=wanted)
-        self.exact = exact_picture(self._settled, time.monotonic() - begun)
+        self.exact = exact_picture(self._settled, time.monotonic() - start)
         return self.exact
 
     def step(self, state: State) -> None:
@@ -247,7 +247,7 @@ class Workbench:
         shown: indices of records that are always simulated.
         budget: s for it; infinite for all records.
         """
-        begun = time.monotonic()
+        start = time.monotonic()
         settled = self._settled
         problem = self._equations_for(state, settled)
         chosen = self._coarse(problem, shown, budget)
@@ -256,12 +256,12 @@ class Workbench:
         failures, outputs = {}, {}
         for at, k in enumerate(chosen):
             outputs[k] = np.full((inner.records[at].times.size, inner.channels.size), np.nan)
-            found = np.take(simulated.outputs[at], inner.channels, axis=1)
-            outputs[k][: len(found)] = found
+            measured = np.take(simulated.outputs[at], inner.channels, axis=1)
+            outputs[k][: len(measured)] = measured
             failure = simulated.failures[at]
             if failure is not None:
                 failures[k] = str(failure)
-        took = time.monotonic() - begun
+        took = time.monotonic() - start
         self._learn_cost(problem, took / max(1, len(chosen)))
         return coarse_picture(settled.problem, outputs, failures, settled.fitted, took)
 
@@ -283,18 +283,18 @@ class Workbench:
         changes = self.changes(state)
         if not changes:
             raise RigctlError("nothing differs from the model in its file")
-        made, choice = self.model_of(state), self.opened.subject.choice
+        model, choice = self.model_of(state), self.opened.subject.choice
         path = self.model.path
         if path is None:
             raise RigctlError("this model was not read from a file, so there is no file to change")
         wanted = Wanted(
             "set",
-            lambda _: made,
+            lambda _: model,
             False,
             choice.hold_out,
             choice.only,
             choice.assume,
-            note=words_of(made, changes.values, changes.added, changes.removed),
+            note=words_of(model, changes.values, changes.added, changes.removed),
         )
         return change_model(path, wanted, self.opened.runs, on_progress=on_progress)
 
@@ -340,8 +340,8 @@ class Workbench:
             start_values(problem.level, record, problem.measurements, usual, values)
             for record in problem.records
         ]
-        made = tuple(np.array([one[name] for name in system.state_names]) for one in starts)
-        return replace(problem, base=base, starts=made)
+        state_values = tuple(np.array([one[name] for name in system.state_names]) for one in starts)
+        return replace(problem, base=base, starts=state_values)
 
     def _values(self, state: State) -> Mapping[str, float]:
         """The value of every parameter of the equations; effects that are off are at their null."""

@@ -158,7 +158,7 @@ def _from_bench(
             console,
             readings=readings,
             rate=rate or rig.monitor_rate,
-            tell=lambda text: echo(f"  {text}", err=True),
+            report=lambda text: echo(f"  {text}", err=True),
         )
 
 

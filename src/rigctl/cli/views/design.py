@@ -158,7 +158,7 @@ def _sensors(found: DesignResult) -> Table:
         made.add_row(
             escape(" and ".join(one.channels)),
             price_text(one),
-            f"{one.told} of {one.of}",
+            f"{one.distinguished} of {one.of}",
             significant(one.separation, 3),
             share(one.probability),
         )

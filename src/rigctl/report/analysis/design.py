@@ -134,7 +134,7 @@ def _sensor(one: SensorSet) -> dict[str, object]:
     return {
         "channels": " and ".join(map(plain_name, one.channels)),
         "price": "" if one.price is None else f"{one.price:g} {one.currency}".strip(),
-        "told": f"{one.told} of {one.of}",
+        "told": f"{one.distinguished} of {one.of}",
         "separation": one.separation,
         "probability": share(one.probability),
     }
@@ -148,7 +148,10 @@ def sensor_plot(sensors: tuple[SensorSet, ...]) -> Plot | None:
     currency = priced[0].currency
     front: list[SensorSet] = []
     for one in priced:
-        if not front or (one.told, one.probability) > (front[-1].told, front[-1].probability):
+        if not front or (one.distinguished, one.probability) > (
+            front[-1].distinguished,
+            front[-1].probability,
+        ):
             front.append(one)
     traces = [
         Trace("most for the money", *_points(front), Look.MARKED, 0),
@@ -163,4 +166,4 @@ def sensor_plot(sensors: tuple[SensorSet, ...]) -> Plot | None:
 
 
 def _points(sets: list[SensorSet]) -> tuple[np.ndarray, np.ndarray]:
-    return np.array([one.price or 0.0 for one in sets]), np.array([float(one.told) for one in sets])
+    return np.array([one.price or 0.0 for one in sets]), np.array([float(one.distinguished) for one in sets])

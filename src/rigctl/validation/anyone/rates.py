@@ -14,20 +14,20 @@ _PLAIN = 30.0
 
 def bench_rates(outcomes: Iterable[BenchOutcome]) -> tuple[Rate, ...]:
     """The rates that have a target, then these rates by bench and by how the data were taken."""
-    made = [outcome for outcome in outcomes if outcome.counts]
-    nothing = [outcome for outcome in made if not outcome.scenario.size]
-    hidden = [outcome for outcome in made if outcome.scenario.size >= _PLAIN]
-    found = [
+    counted = [outcome for outcome in outcomes if outcome.counts]
+    nothing = [outcome for outcome in counted if not outcome.scenario.size]
+    hidden = [outcome for outcome in counted if outcome.scenario.size >= _PLAIN]
+    rates = [
         rate_of("false alarm", "nothing hidden", nothing, alarm, at_most=0.05),
         rate_of("right, or its class", f"λ >= {_PLAIN:g}", hidden, found_right, at_least=0.95),
-        rate_of("wrong", "all trials", made, wrong, at_most=0.01),
+        rate_of("wrong", "all trials", counted, wrong, at_most=0.01),
         rate_of("something is missing, not what", f"λ >= {_PLAIN:g}", hidden, outside),
         rate_of("called adequate", f"λ >= {_PLAIN:g}", hidden, lambda o: o.verdict == "adequate"),
-        rate_of("failed", "all trials", made, lambda o: bool(o.failure)),
+        rate_of("failed", "all trials", counted, lambda o: bool(o.failure)),
         *_parted("false alarm", nothing, alarm),
         *_parted("right, or its class", hidden, found_right),
     ]
-    return tuple(rate for rate in found if rate.trials)
+    return tuple(rate for rate in rates if rate.trials)
 
 
 def bench_figures(outcomes: Sequence[BenchOutcome]) -> Figures:

@@ -27,11 +27,11 @@ def bench_trials() -> tuple[BenchTrial, ...]:
     for name in BENCHES:
         nothing = [BenchTrial(name, 0.0, s, r, n, seed) for s, r, n, seed in settings]
         hidden = [
-            BenchTrial(name, SIZES[(place // _SEEDS + seed) % len(SIZES)], s, r, n, 100 + seed)
-            for place, (s, r, n, seed) in enumerate(settings)
+            BenchTrial(name, SIZES[(index // _SEEDS + seed) % len(SIZES)], s, r, n, 100 + seed)
+            for index, (s, r, n, seed) in enumerate(settings)
         ]
         queues += [[row[int(i)] for i in rng.permutation(len(row))] for row in (nothing, hidden)]
-    found: list[BenchTrial] = []
+    trials: list[BenchTrial] = []
     for turn in range(len(settings)):
-        found += [queues[int(i)][turn] for i in rng.permutation(len(queues))]
-    return tuple(found)
+        trials += [queues[int(i)][turn] for i in rng.permutation(len(queues))]
+    return tuple(trials)

@@ -40,17 +40,19 @@ def carry_out_trial(trial: BenchTrial) -> BenchOutcome:
     """
     began = time.process_time()
     amplitude, size = amplitude_of(trial) if trial.size else (0.0, 0.0)
-    made = TrialOutcome(trial, amplitudes=(amplitude,), sizes=(size,)) if trial.size else TrialOutcome(trial)
+    outcome = (
+        TrialOutcome(trial, amplitudes=(amplitude,), sizes=(size,)) if trial.size else TrialOutcome(trial)
+    )
     if trial.size and abs(size / trial.size - 1.0) > CLOSE:
-        return replace(made, untested="no amplitude has the size wanted")
+        return replace(outcome, untested="no amplitude has the size wanted")
     with TemporaryDirectory() as folder:
-        found = diagnose_campaign(trial.campaign(amplitude), Path(folder))
+        diagnosis = diagnose_campaign(trial.campaign(amplitude), Path(folder))
     return replace(
-        made,
-        verdict=found.verdict.value,
-        effects=found.effects,
-        classes=found.classes,
-        first=found.ranking[0].effect if found.ranking else None,
+        outcome,
+        verdict=diagnosis.verdict.value,
+        effects=diagnosis.effects,
+        classes=diagnosis.classes,
+        first=diagnosis.ranking[0].effect if diagnosis.ranking else None,
         seconds=time.process_time() - began,
     )
 
@@ -74,8 +76,8 @@ def _amplitude(name: str, wanted: float, sampling: str, recorded: bool) -> tuple
     tried: list[tuple[float, float]] = []
 
     def size(amplitude: float) -> float:
-        found = size_of(plain.campaign(amplitude))
-        tried.append((amplitude, found))
-        return found if math.isfinite(found) else math.inf
+        result = size_of(plain.campaign(amplitude))
+        tried.append((amplitude, result))
+        return result if math.isfinite(result) else math.inf
 
     return search_amplitude(size, wanted, hidden.typical, hidden.largest, tried)

@@ -26,16 +26,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--seed", type=int, help="of noise, scatter and repetitions")
     parser.add_argument("--chamber-pressures", action="store_true", help="with sensors in both chambers")
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     try:
-        campaign = with_hidden(RECIPES[given.recipe], read_hidden(given.hide))
+        campaign = with_hidden(RECIPES[options.recipe], read_hidden(options.hide))
     except RigctlError as problem:
         parser.error(str(problem))
-    if given.seed is not None:
-        campaign = replace(campaign, seed=given.seed)
-    if given.chamber_pressures:
+    if options.seed is not None:
+        campaign = replace(campaign, seed=options.seed)
+    if options.chamber_pressures:
         campaign = replace(campaign, chamber_pressures=True)
-    path = given.output or Path(f"{given.recipe}.csv")
+    path = options.output or Path(f"{options.recipe}.csv")
     write_csv(campaign, path, digits=_DIGITS)
     sys.stdout.write(f"{path}\n")
     return 0

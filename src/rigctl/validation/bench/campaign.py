@@ -125,8 +125,8 @@ def _measured(campaign: Campaign, oil: float, pressure: float, rng: np.random.Ge
         trace = _trace(campaign.bench, condition, switching)
     zero = campaign.sensors.position_offset + scatter.position_zero * float(draw[3])
     channels = measure(trace, campaign.sensors._replace(position_offset=zero), campaign.noise, rng)
-    kept = {name: channels[name] for name in recorded_channels(campaign)}
-    return Measured(trace.time, trace.command, pressure * 1e5, kept)
+    recorded = {name: channels[name] for name in recorded_channels(campaign)}
+    return Measured(trace.time, trace.command, pressure * 1e5, recorded)
 
 
 def simulate_campaign(campaign: Campaign) -> pd.DataFrame:

@@ -56,8 +56,8 @@ def folder_of(package: Path) -> Path | None:
 
 def _prune(root: Path) -> None:
     """Delete the folders of earlier versions; a process that has loaded one does not need it again."""
-    made = sorted(root.iterdir(), key=lambda path: path.stat().st_mtime, reverse=True)
-    for path in made[_KEPT:]:
+    folders = sorted(root.iterdir(), key=lambda path: path.stat().st_mtime, reverse=True)
+    for path in folders[_KEPT:]:
         shutil.rmtree(path, ignore_errors=True)
 
 

@@ -49,15 +49,15 @@ def read_hidden(texts: list[str]) -> dict[str, float]:
     RigctlError
         a text has another form.
     """
-    found = {}
+    values = {}
     for text in texts:
         name, equals, value = text.partition("=")
         try:
-            found[name.strip()] = float(value)
+            values[name.strip()] = float(value)
         except ValueError:
             equals = ""
         if not equals:
             raise RigctlError(
                 "--hide: not a pair", value=text, expected="name=value in SI, e.g. rod_leak=1e-15"
             )
-    return found
+    return values

@@ -83,11 +83,11 @@ def delayed(
     rng: np.random.Generator | None,
 ) -> list[tuple[float, float]]:
     """Actual switches of the valve: (time, command), each opening and closing with its own delay."""
-    told, when, switches = 0.0, 0.0, []
+    commanded, when, switches = 0.0, 0.0, []
     for value, duration in schedule:
-        delay = switching_delay(switching, condition.oil, value, rng) if value != told else 0.0
+        delay = switching_delay(switching, condition.oil, value, rng) if value != commanded else 0.0
         switches.append((max(0.0, when + max(0.0, delay)), value))
-        told, when = value, when + duration
+        commanded, when = value, when + duration
     return sorted(switches, key=lambda switch: switch[0])
 
 

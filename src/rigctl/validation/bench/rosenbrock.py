@@ -82,12 +82,12 @@ def jacobian(y, inputs, bench, scale, f, shifted, matrix):
     n = y.size
     for j in range(n):
         step = 1e-7 * (abs(y[j]) + scale[j])
-        kept = y[j]
+        original = y[j]
         for side in (1.0, -1.0):
-            y[j] = kept + side * step
+            y[j] = original + side * step
             shifted[:] = f
             rhs(y, inputs, bench, f)
-        y[j] = kept
+        y[j] = original
         for i in range(n):
             matrix[i, j] = (shifted[i] - f[i]) / (2.0 * step)
 
@@ -159,19 +159,19 @@ def follow(states, time, switch_times, commands, inputs, bench, scale, first_ste
     Commands change at `switch_times`, whose first is at or before ``time[0]``; after each the step is small
     again.
     """
-    state, given = states[0].copy(), inputs.copy()
-    given[0] = commands[0]
+    state, excitation = states[0].copy(), inputs.copy()
+    excitation[0] = commands[0]
     now, step, switch, sample = time[0], first_step, 1, 1
     while sample < time.size:
         switching = switch < switch_times.size and switch_times[switch] < time[sample] - 1e-12
         until = switch_times[switch] if switching else time[sample]
         if until - now > 1e-12:
-            step = integrate(state, until - now, step, given, bench, scale, tolerance)
+            step = integrate(state, until - now, step, excitation, bench, scale, tolerance)
             if step < 0.0:
                 return False
             now = until
         if switching:
-            step, given[0] = first_step, commands[switch]
+            step, excitation[0] = first_step, commands[switch]
             switch += 1
         else:
             states[sample] = state

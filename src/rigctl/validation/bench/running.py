@@ -51,7 +51,7 @@ class RunningBench:
         self._inputs = np.array([0.0, at.setting, at.heater, at.ambient])
         self._scale = np.array(equations.SCALE)
         self._step = FIRST_STEP
-        self._told = 0.0
+        self._command = 0.0
         self._play = float(self._state[equations.X]) + self.campaign.sensors.position_backlash / 2.0
         switches, noise, settings = np.random.SeedSequence(self.campaign.seed, spawn_key=(0,)).spawn(3)
         self._switches = np.random.Generator(np.random.PCG64(switches))
@@ -74,9 +74,9 @@ class RunningBench:
 
     def valve(self, command: float) -> None:
         """Command the directional valve: extend (1), close (0), retract (−1); it switches after its delay."""
-        if command == self._told:
+        if command == self._command:
             return
-        self._told = command
+        self._command = command
         late = switching_delay(
             self.campaign.switching, float(self._state[equations.T_OIL]), command, self._switches
         )
@@ -104,7 +104,7 @@ class RunningBench:
         self._play = min(max(self._play, x - half), x + half)
         state = self._state.copy()
         state[equations.X] = self._play
-        trace = Trace(np.array([self.time]), np.array([self._told]), state[None, :])
+        trace = Trace(np.array([self.time]), np.array([self._command]), state[None, :])
         one = true_channels(trace, sensors._replace(position_backlash=0.0))
         return {name: float(values[0]) for name, values in one.items()}
 

@@ -23,11 +23,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--noise", choices=list(NOISES), default="white")
     parser.add_argument("--unrecorded", action="store_true", help="without the optional input")
     parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     campaign = BenchCampaign(
-        BENCHES[given.bench], given.hide, given.sampling, not given.unrecorded, given.noise, given.seed
+        BENCHES[options.bench],
+        options.hide,
+        options.sampling,
+        not options.unrecorded,
+        options.noise,
+        options.seed,
     )
-    log = write_bench(campaign, given.output or Path(given.bench))
+    log = write_bench(campaign, options.output or Path(options.bench))
     sys.stdout.write(f"{log}: lambda = {size_of(campaign):.3g}\n")
     return 0
 

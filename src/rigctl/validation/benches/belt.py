@@ -49,9 +49,9 @@ def _slack(moved: Floats, width: float) -> Floats:
     """The motion behind a gear with slack, which is initially taken up on the rear side."""
     followed = np.empty_like(moved)
     at = moved[0]
-    for place, here in enumerate(moved):
-        at = min(max(at, here - width), here)
-        followed[place] = at
+    for index, position in enumerate(moved):
+        at = min(max(at, position - width), position)
+        followed[index] = at
     return followed
 
 

@@ -83,11 +83,11 @@ class Draw:
 
     def about(self, value: float, share: float) -> float:
         """A random value within this share of `value`: no real bench has exactly its nominal values."""
-        found = value * (1.0 + share * float(self.rng.uniform(-1.0, 1.0)))
+        result = value * (1.0 + share * float(self.rng.uniform(-1.0, 1.0)))
         if self.drawn == self.nudge.part:
-            found *= 1.0 + self.nudge.share
+            result *= 1.0 + self.nudge.share
         self.drawn += 1
-        return found
+        return result
 
     def switches(self, times: Sequence[float]) -> list[float]:
         """Times at which a command changes: somewhere between two samples, as on a bench."""

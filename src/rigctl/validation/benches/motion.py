@@ -53,13 +53,13 @@ def with_dry_friction(
     rates: of all states, without the friction.
     friction: the deceleration by friction, in the unit of `velocity` per second.
     """
-    found = np.empty((time.size, len(start)))
-    found[0] = start
+    states = np.empty((time.size, len(start)))
+    states[0] = start
     state, now = np.asarray(start, dtype=float), float(time[0])
     for end in [*sorted(b for b in breaks if time[0] < b < time[-1]), float(time[-1])]:
         while now < end:
-            now, state = _stretch(rates, now, state, end, time, found, velocity, friction)
-    return found
+            now, state = _stretch(rates, now, state, end, time, states, velocity, friction)
+    return states
 
 
 def _stretch(
@@ -68,7 +68,7 @@ def _stretch(
     state: Floats,
     end: float,
     time: Floats,
-    found: Floats,
+    states: Floats,
     velocity: int,
     friction: float,
 ) -> tuple[float, Floats]:
@@ -79,12 +79,12 @@ def _stretch(
     sticks = bool(friction) and sense == 0.0
 
     def moved(t: float, y: Floats) -> Floats:
-        found_rates = np.array(rates(min(max(t, after), end - 1e-9 * (end - now)), y), dtype=float)
+        derivatives = np.array(rates(min(max(t, after), end - 1e-9 * (end - now)), y), dtype=float)
         if sticks:
-            found_rates[velocity] = 0.0
+            derivatives[velocity] = 0.0
         elif friction:
-            found_rates[velocity] -= sense * friction
-        return found_rates
+            derivatives[velocity] -= sense * friction
+        return derivatives
 
     def edge(t: float, y: Floats) -> float:
         return abs(float(rates(max(t, after), y)[velocity])) - friction if sticks else float(y[velocity])
@@ -107,7 +107,7 @@ def _stretch(
     last = float(done.t[-1])
     inside = (time > now) & (time <= last)
     if inside.any():
-        found[inside] = done.sol(time[inside]).T
+        states[inside] = done.sol(time[inside]).T
     ended = np.array(done.y[:, -1])
     if friction and last < end:
         ended[velocity] = 0.0

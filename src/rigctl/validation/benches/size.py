@@ -46,12 +46,12 @@ def _stacked(bench: SmallBench, traces: Sequence[Trace]) -> Floats:
 def _by_record(moved: Floats, sizes: Sequence[int]) -> list[Floats]:
     """The derivative with respect to each record's own level: one column per record."""
     ends = np.cumsum(sizes)
-    found = []
+    columns = []
     for end, count in zip(ends, sizes, strict=True):
         column = np.zeros_like(moved)
         column[end - count : end] = moved[end - count : end]
-        found.append(column)
-    return found
+        columns.append(column)
+    return columns
 
 
 def _rest(difference: Floats, columns: Sequence[Floats]) -> Floats:

@@ -21,7 +21,7 @@ _LOW = 0.1
 _WIDTH, _HEIGHT = _LEFT + _SIDE + 24.0, _TOP + _SIDE + 56.0
 
 
-def calibration_svg(found: Sequence[CalibrationBin]) -> str:
+def calibration_svg(bins: Sequence[CalibrationBin]) -> str:
     """A square with the diagonal; each bin a point with its 95 % bounds and its number of pairs."""
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH:g} {_HEIGHT:g}" role="img" '
@@ -31,7 +31,7 @@ def calibration_svg(found: Sequence[CalibrationBin]) -> str:
         *_axes(),
         f'<path d="M{_x(0):g},{_y(0):g} L{_x(1):g},{_y(1):g}" stroke="#999999" stroke-dasharray="4 4"/>',
     ]
-    for one in found:
+    for one in bins:
         parts += _point(one)
     return "\n".join([*parts, "</svg>", ""])
 
@@ -84,9 +84,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Draw achieved over predicted power.")
     parser.add_argument("files", nargs="+", type=Path, help="of trials, as --tier design keeps them")
     parser.add_argument("-o", "--output", type=Path, required=True)
-    given = parser.parse_args()
-    found = [one for path in given.files for one in every_outcome(path, DesignTrial.read)]
-    write_text(given.output, calibration_svg(tuple(calibration_bins(found))))
+    options = parser.parse_args()
+    outcomes = [one for path in options.files for one in every_outcome(path, DesignTrial.read)]
+    write_text(options.output, calibration_svg(tuple(calibration_bins(outcomes))))
 
 
 if __name__ == "__main__":

@@ -26,14 +26,14 @@ def design_figures(outcomes: Sequence[DesignOutcome]) -> Figures:
 def design_rates(outcomes: Sequence[DesignOutcome]) -> tuple[Rate, ...]:
     """All rates of the tier, with their targets."""
     every = [outcome for outcome in outcomes if outcome.counts]
-    made = [one for one in every if not one.scenario.taken]
-    open_before = [one for one in made if _of(one).left]
+    designed_trials = [one for one in every if not one.scenario.taken]
+    open_before = [one for one in designed_trials if _of(one).left]
     designed = [one for one in open_before if _of(one).probability is not None]
     inseparable = [one for one in open_before if _of(one).probability is None]
-    whole = [one for one in made if one.scenario.rounds > 2]
+    complete = [one for one in designed_trials if one.scenario.rounds > 2]
     at_random = [one for one in every if one.scenario.taken and _of(one).probability is not None]
     compared = [one for one in designed if _of(one).of_random]
-    found = [
+    rates = [
         rate_of("the campaign leaves a class", "records are proposed", open_before, _proposed),
         rate_of("one designed set", "the truth alone is named", designed, _alone, at_least=0.80),
         rate_of("one designed set", "another one is named", designed, _wrong, at_most=0.01),
@@ -42,10 +42,12 @@ def design_rates(outcomes: Sequence[DesignOutcome]) -> tuple[Rate, ...]:
         rate_of("one to four records at random", "another one is named", at_random, _wrong, at_most=0.01),
         rate_of("D of the first designed record", "4 times a random one's", compared, _telling, at_least=0.5),
         *(one.rate for one in calibration_bins(every)),
-        rate_of("learning to its end", "adequate, the truth or its class", whole, _learnt, at_least=0.90),
-        rate_of("learning to its end", "something wrong is added", whole, _wrong, at_most=0.01),
+        rate_of(
+            "learning to its end", "adequate, the truth or its class", complete, _ends_right, at_least=0.90
+        ),
+        rate_of("learning to its end", "something wrong is added", complete, _wrong, at_most=0.01),
     ]
-    return tuple(rate for rate in found if rate.trials)
+    return tuple(rate for rate in rates if rate.trials)
 
 
 @dataclass(frozen=True)
@@ -86,10 +88,10 @@ def calibration_bins(outcomes: Sequence[DesignOutcome]) -> Iterator[CalibrationB
     """
     pairs = [pair for one in outcomes if one.counts for pair in _pairs(one)]
     for low, high in BINS:
-        among = [(chance, told) for chance, told in pairs if low <= chance < high + (high == 1.0)]
+        among = [(chance, correct) for chance, correct in pairs if low <= chance < high + (high == 1.0)]
         if among:
             mean = sum(chance for chance, _ in among) / len(among)
-            yield CalibrationBin(low, high, mean, sum(told for _, told in among), len(among))
+            yield CalibrationBin(low, high, mean, sum(correct for _, correct in among), len(among))
 
 
 def _of(outcome: DesignOutcome) -> LearningOutcome:
@@ -107,10 +109,10 @@ def _reported(outcome: DesignOutcome) -> bool:
 
 def _pairs(outcome: DesignOutcome) -> list[tuple[float, bool]]:
     """(predicted, actual) for each pair; for older results, for all rivals together."""
-    found = _of(outcome)
-    if found.chances or found.probability is None:
-        return [(chance, rival in found.apart) for rival, chance in found.chances.items()]
-    return [(found.probability, found.told and found.winner in outcome.scenario.truth)]
+    learning = _of(outcome)
+    if learning.chances or learning.probability is None:
+        return [(chance, rival in learning.apart) for rival, chance in learning.chances.items()]
+    return [(learning.probability, learning.told and learning.winner in outcome.scenario.truth)]
 
 
 def _telling(outcome: DesignOutcome) -> bool:
@@ -126,14 +128,14 @@ def _wrong(outcome: DesignOutcome) -> bool:
     return bool(set(_of(outcome).added) - set(outcome.scenario.truth))
 
 
-def _learnt(outcome: DesignOutcome) -> bool:
+def _ends_right(outcome: DesignOutcome) -> bool:
     """Whether it ends with exactly the hidden effects, or states that the rest cannot be distinguished."""
-    found = _of(outcome)
+    learning = _of(outcome)
     if _wrong(outcome):
         return False
-    if found.ended == "adequate":
+    if learning.ended == "adequate":
         return _alone(outcome)
-    return found.ended == "not_separable" and outcome.right
+    return learning.ended == "not_separable" and outcome.right
 
 
 def _confusion(outcomes: Sequence[DesignOutcome]) -> dict[str, dict[str, int]]:
@@ -142,8 +144,8 @@ def _confusion(outcomes: Sequence[DesignOutcome]) -> dict[str, dict[str, int]]:
     for outcome in outcomes:
         if outcome.counts and not outcome.scenario.taken:
             row = table.setdefault(" + ".join(sorted(outcome.scenario.truth)), {})
-            said = (
+            answer = (
                 "failed" if outcome.failure else " + ".join(sorted(_of(outcome).added)) or _of(outcome).ended
             )
-            row[said] = row.get(said, 0) + 1
+            row[answer] = row.get(answer, 0) + 1
     return table

@@ -82,8 +82,8 @@ class Proposer:
         Effects that cannot be simulated here are left out.
         """
         fitted = compared.fit
-        found = [(NONE, plain(fitted)), *((name, at_usual_size(compared, name)) for name in effects)]
-        trials = [(name, trial) for name, trial in found if trial is not None]
+        candidates = [(NONE, plain(fitted)), *((name, at_usual_size(compared, name)) for name in effects)]
+        trials = [(name, trial) for name, trial in candidates if trial is not None]
         noise = max(1.0, fitted.chi2_reduced)
         rivals = tuple(Rival(name, trial, 0.0, 1.0 / len(trials), noise) for name, trial in trials)
         stage = stage_of(fitted, rig)
@@ -126,15 +126,15 @@ class Proposer:
 
     def _alarms(self, recipe: Recipe, rng: np.random.Generator) -> list[Alarm]:
         """The interlocks' alarms while the levels hold before the record, and in it."""
-        place = int(rng.integers(len(self.workshop.rivals)))
-        rival = self.workshop.rivals[place]
-        values = drawn(rival, self.workshop.known.covariances[place], int(rng.integers(2**31)), 1)[0]
-        watches, clock, found = Interlocks(self.rig), 0.0, list[Alarm]()
+        index = int(rng.integers(len(self.workshop.rivals)))
+        rival = self.workshop.rivals[index]
+        values = drawn(rival, self.workshop.known.covariances[index], int(rng.integers(2**31)), 1)[0]
+        watches, clock, alarms = Interlocks(self.rig), 0.0, list[Alarm]()
         for times, readings in self._courses(rival, values, recipe, rng):
             for time, row in zip(times, self._rows(times + clock, readings), strict=True):
-                found += [one for one in watches.check([time + clock, -1.0, *row]) if one.active]
+                alarms += [one for one in watches.check([time + clock, -1.0, *row]) if one.active]
             clock += float(times[-1]) + 1.0 / recipe.rate
-        return [one for one in found if not one.name.endswith(" noise")]
+        return [one for one in alarms if not one.name.endswith(" noise")]
 
     def _courses(
         self, rival: Rival, values: Floats, recipe: Recipe, rng: np.random.Generator
@@ -159,16 +159,16 @@ class Proposer:
         priors, and the record starts in the state to which the bench was brought."""
         outlines = Outlines(rival, [record])
         problem = outlines.problem
-        own = np.array(
+        unknowns = np.array(
             [
                 one.unknown.start + (known_to(one) * rng.standard_normal() if scatters(one) else 0.0)
                 for one in problem.local[0]
             ]
         )
-        courses = simulate(problem.compiled, [problem.excitation(0, values, own)])
+        courses = simulate(problem.compiled, [problem.excitation(0, values, unknowns)])
         if not courses.ok:
             raise RigctlError(f"the bench cannot be simulated: {courses.summary()}")
-        outputs = outlines.seen(courses.outputs[0])
+        outputs = outlines.measured(courses.outputs[0])
         sigma = problem.noise.sigma_at(outputs, record.times)
         return np.asarray(outputs + sigma * rng.standard_normal(outputs.shape))
 

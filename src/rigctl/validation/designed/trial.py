@@ -63,8 +63,8 @@ class DesignTrial:
     @property
     def name(self) -> str:
         """All of it in one line, unique."""
-        told = f"{' '.join(self.hidden)} {self.size:g} {self.rounds} rounds seed {self.seed}"
-        return f"{told} random {self.taken} draw {self.draw}" if self.taken else told
+        text = f"{' '.join(self.hidden)} {self.size:g} {self.rounds} rounds seed {self.seed}"
+        return f"{text} random {self.taken} draw {self.draw}" if self.taken else text
 
     @property
     def truth(self) -> tuple[str, ...]:
@@ -97,13 +97,13 @@ class DesignTrial:
 def design_trials() -> tuple[DesignTrial, ...]:
     """Every twin at every size, and as many with records at random instead of a designed set; in an order in
     which any part is a fair sample of all."""
-    designed, at_random = _mixed([*_twins(), *_learnt()], 0), _mixed([*_at_random()], 1)
+    designed, at_random = _mixed([*_twins(), *_learning_trials()], 0), _mixed([*_at_random()], 1)
     both = zip_longest(designed, at_random)
     return tuple(one for pair in both for one in pair if one is not None)
 
 
-def _mixed(found: Sequence[DesignTrial], seed: int) -> list[DesignTrial]:
-    return [found[int(k)] for k in np.random.default_rng(seed).permutation(len(found))]
+def _mixed(trials: Sequence[DesignTrial], seed: int) -> list[DesignTrial]:
+    return [trials[int(k)] for k in np.random.default_rng(seed).permutation(len(trials))]
 
 
 def _at_random() -> Iterator[DesignTrial]:
@@ -123,7 +123,7 @@ def _twins() -> Iterator[DesignTrial]:
                 yield DesignTrial((name,), size, seed=_FIRST_SEED + seed)
 
 
-def _learnt() -> Iterator[DesignTrial]:
+def _learning_trials() -> Iterator[DesignTrial]:
     """Learning to its end."""
     for k, pair in enumerate(_PAIRS):
         for size in SIZES[1:]:

@@ -46,23 +46,23 @@ def carry_out_design(trial: DesignTrial) -> DesignOutcome:
     began = time.process_time()
     scenario = trial.scenario
     amplitudes = hidden_amplitudes(scenario)
-    made = TrialOutcome(
+    outcome = TrialOutcome(
         trial,
         sizes=tuple(each.size for each in amplitudes),
         amplitudes=tuple(each.value for each in amplitudes),
     )
     if not all(each.reached for each in amplitudes):
-        return replace(made, untested="no amplitude has the size wanted")
+        return replace(outcome, untested="no amplitude has the size wanted")
     with TemporaryDirectory() as folder, nullcontext() if trial.taken else switched_off():
-        learned, designs = _learned(trial, made.amplitudes, Path(folder))
+        learned, designs = _learned(trial, outcome.amplitudes, Path(folder))
     first, last = learned.rounds[0], [one for one in learned.rounds if one.judged][-1]
     return replace(
-        made,
+        outcome,
         verdict=cast("Verdict", last.verdict),
         effects=(*learned.added, *(name for name in last.effects if name not in learned.added)),
         classes=tuple(names for one in learned.rounds for names in one.classes),
         first=first.effects[0] if first.effects else None,
-        learnt=_learnt(trial, learned, designs),
+        learnt=_learning_outcome(trial, learned, designs),
         seconds=time.process_time() - began,
     )
 
@@ -108,7 +108,9 @@ def _at_random(trial: DesignTrial) -> Callable[..., DesignResult]:
     return records
 
 
-def _learnt(trial: DesignTrial, learned: Learned, designs: Sequence[DesignResult]) -> LearningOutcome:
+def _learning_outcome(
+    trial: DesignTrial, learned: Learned, designs: Sequence[DesignResult]
+) -> LearningOutcome:
     first = learned.rounds[0]
     predicted, achieved = learned.predictions[0] if learned.predictions else (None, None)
     chances: dict[str, float] = {}

@@ -24,12 +24,12 @@ def planted_figures(outcomes: Sequence[PlantedOutcome]) -> Figures:
 
 def planted_rates(outcomes: Sequence[PlantedOutcome]) -> tuple[Rate, ...]:
     """All rates of the tier."""
-    made = [outcome for outcome in outcomes if outcome.counts]
-    nothing = [o for o in made if not o.scenario.term]
-    planted = [o for o in made if o.scenario.term]
-    looked = [o for o in planted if _of(o).gate == "outside_library"]
+    counted = [outcome for outcome in outcomes if outcome.counts]
+    nothing = [o for o in counted if not o.scenario.term]
+    planted = [o for o in counted if o.scenario.term]
+    open_gate = [o for o in planted if _of(o).gate == "outside_library"]
     every = "planted, the gate open"
-    found = [
+    rates = [
         rate_of("nothing planted", "a formula is given", nothing, _gives, at_most=0.05),
         rate_of("planted", "the gate opens", planted, lambda o: _of(o).gate == "outside_library"),
         rate_of(
@@ -37,20 +37,20 @@ def planted_rates(outcomes: Sequence[PlantedOutcome]) -> tuple[Rate, ...]:
         ),
         rate_of("planted", "outside the library, undecided or a true level", planted, _honest, at_least=0.95),
         rate_of("planted", "a wrong location or variable is certain", planted, _wrong_cause, at_most=0.01),
-        rate_of(every, "the place is among the first two", looked, _placed, at_least=0.95),
-        rate_of(every, "the truth is in the set", looked, lambda o: _of(o).in_set, at_least=0.90),
-        rate_of(every, "held out within 10 % of the noise", looked, _within, at_least=0.90),
+        rate_of(every, "the place is among the first two", open_gate, _placed, at_least=0.95),
+        rate_of(every, "the truth is in the set", open_gate, lambda o: _of(o).in_set, at_least=0.90),
+        rate_of(every, "held out within 10 % of the noise", open_gate, _within, at_least=0.90),
         *(
             rate_of(
                 f"planted, λ = {size:g}",
                 "the truth is in the set",
-                [o for o in looked if o.scenario.size == size],
+                [o for o in open_gate if o.scenario.size == size],
                 lambda o: _of(o).in_set,
             )
             for size in SIZES
         ),
     ]
-    return tuple(rate for rate in found if rate.trials)
+    return tuple(rate for rate in rates if rate.trials)
 
 
 def _of(outcome: PlantedOutcome) -> Searched:
@@ -62,9 +62,9 @@ def _wrong_cause(outcome: PlantedOutcome) -> bool:
     term = find_planted(outcome.scenario.term)
     for claim in outcome.claims:
         effect = find_effect(claim.effect, _FAMILY)
-        there = set(effect.slots) <= set(term.slots)
-        if (claim.place and not there) or (
-            claim.driver and not (there and driver_variables(effect) == term.variables)
+        located = set(effect.slots) <= set(term.slots)
+        if (claim.place and not located) or (
+            claim.driver and not (located and driver_variables(effect) == term.variables)
         ):
             return True
     return False
@@ -92,19 +92,19 @@ def _confusion(outcomes: Sequence[PlantedOutcome]) -> dict[str, dict[str, int]]:
     for outcome in outcomes:
         if outcome.counts:
             row = table.setdefault(outcome.scenario.term or "nothing", {})
-            said = _said(outcome)
-            row[said] = row.get(said, 0) + 1
+            answer = _answer(outcome)
+            row[answer] = row.get(answer, 0) + 1
     return table
 
 
-def _said(outcome: PlantedOutcome) -> str:
+def _answer(outcome: PlantedOutcome) -> str:
     """The answer, or the planted term if the answer contains it."""
-    found = _of(outcome)
+    searched = _of(outcome)
     truth = outcome.scenario.term
     if outcome.failure:
         return "failed"
-    if found.in_set or (not truth and found.gate == "adequate"):
+    if searched.in_set or (not truth and searched.gate == "adequate"):
         return truth or "nothing"
-    if found.gate != "outside_library":
-        return f"{found.gate}: {' + '.join(outcome.effects)}" if outcome.effects else found.gate
-    return found.formulas[0] if found.formulas else "no formula"
+    if searched.gate != "outside_library":
+        return f"{searched.gate}: {' + '.join(outcome.effects)}" if outcome.effects else searched.gate
+    return searched.formulas[0] if searched.formulas else "no formula"

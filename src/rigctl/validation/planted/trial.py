@@ -76,20 +76,20 @@ class PlantedTrial:
 
 def planted_trials() -> tuple[PlantedTrial, ...]:
     """Every term at every size, and no term; in an order in which any first part is a fair sample."""
-    found = [*_planted(), *_nothing()]
-    order = np.random.default_rng(0).permutation(len(found))
-    return tuple(found[int(i)] for i in order)
+    trials = [*_planted(), *_nothing()]
+    order = np.random.default_rng(0).permutation(len(trials))
+    return tuple(trials[int(i)] for i in order)
 
 
 def _planted() -> Iterator[PlantedTrial]:
-    for place, term in enumerate(PLANTED):
+    for index, term in enumerate(PLANTED):
         for row, size in enumerate(SIZES):
             yield PlantedTrial(
                 term=term.name,
                 size=size,
                 sign=term.signs[row % len(term.signs)],
-                noise=_NOISES[(place + row) % len(_NOISES)],
-                chamber_pressures=bool((place + row) % 2),
+                noise=_NOISES[(index + row) % len(_NOISES)],
+                chamber_pressures=bool((index + row) % 2),
                 seed=60_000 + row,
             )
 

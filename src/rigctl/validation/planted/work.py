@@ -46,52 +46,52 @@ def carry_out_planted(trial: PlantedTrial) -> PlantedOutcome:
     """
     began = time.process_time()
     scenario = trial.scenario
-    campaign, made = scenario.campaign(()), TrialOutcome(trial)
+    campaign, outcome = scenario.campaign(()), TrialOutcome(trial)
     amplitude = None
     if trial.term:
         term = find_planted(trial.term)
         amplitude = reference_of(plain_of(scenario)).amplitude(term.hidden, trial.size, scenario, trial.sign)
-        made = TrialOutcome(trial, sizes=(amplitude.size,), amplitudes=(amplitude.value,))
+        outcome = TrialOutcome(trial, sizes=(amplitude.size,), amplitudes=(amplitude.value,))
         if not amplitude.reached:
-            return replace(made, untested="no amplitude has the size wanted")
+            return replace(outcome, untested="no amplitude has the size wanted")
         campaign = hide(campaign, [(term.hidden, amplitude.value)], "other")
     diagnosis = diagnose_campaign(scenario, campaign)
-    found = discover_beside(diagnosis)
+    discovery = discover_beside(diagnosis)
     return replace(
-        made,
+        outcome,
         verdict=diagnosis.verdict.value,
         effects=diagnosis.effects,
         classes=diagnosis.classes,
         claims=tuple(claim_of(one) for one in diagnosis.levels),
         all_of_it=diagnosis.remainder is None,
-        first=found.located[0].slot.name if found.located else None,
-        searched=_searched(trial, amplitude, found),
+        first=discovery.located[0].slot.name if discovery.located else None,
+        searched=_searched(trial, amplitude, discovery),
         seconds=time.process_time() - began,
     )
 
 
-def _searched(trial: PlantedTrial, amplitude: Amplitude | None, found: Discovery) -> Searched:
-    best = found.formulas[0] if found.formulas else None
+def _searched(trial: PlantedTrial, amplitude: Amplitude | None, discovery: Discovery) -> Searched:
+    best = discovery.formulas[0] if discovery.formulas else None
     check = None if best is None else best.check
     return Searched(
-        gate=found.gate.reason,
-        places=tuple(_places(found)),
-        over=tuple(driver.name for driver in found.located[0].over) if found.located else (),
-        formulas=tuple(one.fitted.formula.key for one in found.formulas),
-        in_set=amplitude is not None and _in_set(trial, amplitude, found.formulas),
+        gate=discovery.gate.reason,
+        places=tuple(_locations(discovery)),
+        over=tuple(driver.name for driver in discovery.located[0].over) if discovery.located else (),
+        formulas=tuple(one.fitted.formula.key for one in discovery.formulas),
+        in_set=amplitude is not None and _in_set(trial, amplitude, discovery.formulas),
         heldout_before=math.nan if check is None else check.before,
         heldout_after=math.nan if check is None else check.after,
         accepted=best is not None and best.accepted,
-        sure=found.searched is not None and found.searched.sure,
+        sure=discovery.searched is not None and discovery.searched.sure,
     )
 
 
-def _places(found: Discovery) -> list[str]:
+def _locations(discovery: Discovery) -> list[str]:
     """The first locations of the answer, each with those at which a term has the same effect."""
-    alike = {one.slot.name: one.alike for one in found.located}
+    alike = {one.slot.name: one.alike for one in discovery.located}
     names: list[str] = []
     slots: list[str] = []
-    for slot in dict.fromkeys(one.slot for one in found.where):
+    for slot in dict.fromkeys(one.slot for one in discovery.where):
         if slot not in slots and slot not in names:
             slots.append(slot)
             if len(slots) <= _FIRST:
@@ -108,14 +108,14 @@ def _in_set(trial: PlantedTrial, amplitude: Amplitude, formulas: Sequence[FoundF
         return True
     scenario = trial.scenario
     steady = replace(scenario.plain, seed=0)
-    seen = reference_of(plain_of(scenario)).seen
+    unexplained = reference_of(plain_of(scenario)).unexplained
     with_it = clean_outputs(hide(steady, [(term.hidden, amplitude.value)], "other"))
-    outputs = seen.problem.measurements.outputs
+    outputs = unexplained.problem.measurements.outputs
     truth = [
         np.column_stack([changed[name] - plain[name] for name in outputs])
         for (_, changed), (_, plain) in zip(with_it, clean_outputs(steady), strict=True)
     ]
-    return any(abs(_cosine(seen.of(truth), seen.of(_does(one)))) > SAME for one in formulas)
+    return any(abs(_cosine(unexplained.of(truth), unexplained.of(_does(one)))) > SAME for one in formulas)
 
 
 def _does(one: FoundFormula) -> list[Floats]:
@@ -124,12 +124,12 @@ def _does(one: FoundFormula) -> list[Floats]:
     names = [unknown.name for unknown in fit.problem.shared]
     without = np.array(fit.values)
     without[names.index(qualified(one.name, "size"))] = 0.0
-    found = [
+    simulated = [
         fit.problem.simulate(values, list(fit.local)).require().outputs for values in (fit.values, without)
     ]
     return [
         np.take(a, fit.problem.channels, axis=1) - np.take(b, fit.problem.channels, axis=1)
-        for a, b in zip(*found, strict=True)
+        for a, b in zip(*simulated, strict=True)
     ]
 
 
