@@ -96,8 +96,8 @@ def draw_chance(projected: Projected, groups: Sequence[slice], seed: int = 0) ->
     ends = np.cumsum([basis.shape[1] for basis in bases])
     known = projected.noise_degrees
     values, vectors = np.linalg.eigh(every.T @ every)
-    kept = values > _ROUNDING * values[-1]
-    root = vectors[:, kept] * np.sqrt(values[kept])
+    nonzero = values > _ROUNDING * values[-1]
+    root = vectors[:, nonzero] * np.sqrt(values[nonzero])
     white = _least(lambda n: rng.standard_normal((n, root.shape[1])) @ root.T, ends, known, rng)
     return Chance(len(bases), white, _sign_flipped_minima(projected, bases, ends, rng))
 
@@ -111,10 +111,10 @@ def _sign_flipped_minima(
         return None
     residual = projected.residual
     best = min(bases, key=lambda basis: _p_values(np.square(basis.T @ residual).sum(), basis.shape[1], 0))
-    left = residual - best @ (best.T @ residual)
+    remaining = residual - best @ (best.T @ residual)
     every = np.hstack(list(bases))
     rows = np.cumsum([0, *counts])
-    parts = np.array([left[a:b] @ every[a:b] for a, b in pairwise(rows.tolist())])
+    parts = np.array([remaining[a:b] @ every[a:b] for a, b in pairwise(rows.tolist())])
     return _least(lambda n: rng.choice([-1.0, 1.0], (n, len(counts))) @ parts, ends, 0, rng)
 
 

@@ -81,13 +81,13 @@ def refit_formulas(
     def refitted(pieces: Sequence[tuple[Formula, Formula]], what: str) -> list[Fitted | None]:
         began = monotonic()
 
-        def told(done: int, total: int) -> None:
-            left = _left_text((monotonic() - began) / done * (total - done))
-            on_progress(f"{what}: {done} of {total}{left}")
+        def report(done: int, total: int) -> None:
+            remaining = _remaining_text((monotonic() - began) / done * (total - done))
+            on_progress(f"{what}: {done} of {total}{remaining}")
 
         on_progress(what)
-        found = dict(map_tasks(work, pieces, workers or Workers(1), on_progress=told))
-        return [found[index] for index in range(len(pieces))]
+        results = dict(map_tasks(work, pieces, workers or Workers(1), on_progress=report))
+        return [results[index] for index in range(len(pieces))]
 
     first = refitted([(one, one) for one in _chosen(formulas)], "Refitting with formulas")
     fitted = sorted((one for one in first if one is not None), key=lambda one: one.cost)
@@ -96,7 +96,7 @@ def refit_formulas(
     ]
     pieces = [(one.formula, start) for one in near for start in _other_scales(one.formula)]
     others = refitted(pieces, "Refitting from other scales") if pieces else []
-    again = [
+    refined = [
         min(
             [
                 one,
@@ -110,22 +110,22 @@ def refit_formulas(
         )
         for one in fitted[:SEVERAL]
     ]
-    return tuple(sorted([*again, *fitted[SEVERAL:]], key=lambda one: one.cost))
+    return tuple(sorted([*refined, *fitted[SEVERAL:]], key=lambda one: one.cost))
 
 
 def _chosen(formulas: Sequence[Formula]) -> list[Formula]:
     """The formulas of least cost, and the best at each other location, so that refits compare locations."""
     promising = [one for one in formulas if one.gain > _PROMISING * formulas[0].gain]
     first = promising[:FIRST]
-    places = {one.slot.name for one in first}
+    slots = {one.slot.name for one in first}
     for one in promising[FIRST:]:
-        if one.slot.name not in places and len(first) < FIRST + _PLACES:
-            places.add(one.slot.name)
+        if one.slot.name not in slots and len(first) < FIRST + _PLACES:
+            slots.add(one.slot.name)
             first.append(one)
     return first
 
 
-def _left_text(seconds: float) -> str:
+def _remaining_text(seconds: float) -> str:
     return f", about {seconds:.0f} s left" if seconds >= 1.0 else ""
 
 

@@ -133,22 +133,23 @@ class Map:
 
         Where the data hardly distinguish locations or variables, there are more: any may be the true one.
         """
-        seen = [one for one in self.located if one.p_value < ALPHA]
-        single = [one for one in seen if len(one.over) == 1]
+        significant = [one for one in self.located if one.p_value < ALPHA]
+        single = [one for one in significant if len(one.over) == 1]
         chosen = [
             one
             for k, one in enumerate(single[:_MORE_SINGLES])
             if k < _SINGLES or one.explains_as_much_as(single[0])
         ]
         double: dict[str, list[Located]] = {}
-        for one in seen:
+        for one in significant:
             if len(one.over) == 2:
                 double.setdefault(one.slot.name, []).append(one)
         for k, pairs in enumerate(list(double.values())[:_MORE_PLACES]):
             few = _PAIRS[k] if k < len(_PAIRS) else 0
             # by what they explain: a formula does not pay for the splines' degrees of freedom
             as_much = sorted(
-                (one for one in pairs if one.explains_as_much_as(seen[0])), key=lambda one: -one.statistic
+                (one for one in pairs if one.explains_as_much_as(significant[0])),
+                key=lambda one: -one.statistic,
             )
             chosen += dict.fromkeys([*pairs[:few], *as_much[:_MORE_PAIRS]])
         return tuple(chosen)
@@ -167,23 +168,23 @@ def locate(
     """
     slots = [slot for slot in opened.slots if only is None or slot.name == only]
     tried: list[Located] = []
-    seen_at = _Thinned(opened)
+    thinned = _Thinned(opened)
     for first in range(0, len(slots), _AT_ONCE):
         chosen = slots[first : first + _AT_ONCE]
         names = ", ".join(slot.name for slot in chosen)
         on_progress(f"Testing {names}: places {first + 1} to {first + len(chosen)} of {len(slots)}")
-        tried += _at_slots(opened, chosen, seen_at)
+        tried += _at_slots(opened, chosen, thinned)
     singles = sorted(_one_place_each(tried), key=lambda one: one.cost(samples))
-    seen = [one for one in singles if one.dof]
-    if not seen:
+    visible = [one for one in singles if one.dof]
+    if not visible:
         return Map((), tuple(singles), tests=len(singles), independent=0.0, needed=math.inf)
     on_progress("Testing two variables together")
-    pairs = _pairs(opened, seen, samples)
+    pairs = _pairs(opened, visible, samples)
     on_progress("Simulating the null distribution")
-    chance = replace(seen_at.chance(seen), more=len(pairs))
+    chance = replace(thinned.chance(visible), more=len(pairs))
     located = [
         replace(one, p_value=chance.family_wise(one.chance_alone))
-        for one in sorted([*seen, *pairs], key=lambda one: one.cost(samples))
+        for one in sorted([*visible, *pairs], key=lambda one: one.cost(samples))
     ]
     return Map(
         located=tuple(located),
@@ -204,8 +205,8 @@ class _Thinned:
     def keep(self, slot: Slot, over: tuple[Driver, ...], readings: Sequence[Floats]) -> None:
         """Remember a hypothesis by its columns of readings."""
         at = self.opened.chosen(_SAMPLES)
-        kept = [one[rows].astype(np.float32) for one, rows in zip(readings, at, strict=True)]
-        self.readings[slot.name, over] = kept
+        thinned = [one[rows].astype(np.float32) for one, rows in zip(readings, at, strict=True)]
+        self.readings[slot.name, over] = thinned
 
     def chance(self, searched: Sequence[Located]) -> Chance:
         """The null distribution of the whole search."""
@@ -222,21 +223,21 @@ class _Thinned:
         return draw_chance(self.opened.thinned(_SAMPLES).project(every), groups)
 
 
-def _at_slots(opened: OpenSlots, slots: Sequence[Slot], seen_at: _Thinned) -> Iterator[Located]:
+def _at_slots(opened: OpenSlots, slots: Sequence[Slot], thinned: _Thinned) -> Iterator[Located]:
     """Every variable at some slots, in one simulation."""
-    asked = [
+    arguments = [
         (driver, SplineArgument(dict(driver.weights), knots))
         for driver in opened.drivers
         if (knots := opened.knots(driver, FUNCTIONS)) is not None
     ]
-    every = opened.readings(splines_at([(slot, argument) for slot in slots for _, argument in asked]))
-    width = len(asked) * FUNCTIONS
+    every = opened.readings(splines_at([(slot, argument) for slot in slots for _, argument in arguments]))
+    width = len(arguments) * FUNCTIONS
     for k, slot in enumerate(slots):
         readings = [one[:, :, k * width : (k + 1) * width] for one in every]
         projected = opened.project(readings)
-        for index, (driver, _) in enumerate(asked):
+        for index, (driver, _) in enumerate(arguments):
             chosen = slice(index * FUNCTIONS, (index + 1) * FUNCTIONS)
-            seen_at.keep(slot, (driver,), [one[:, :, chosen] for one in readings])
+            thinned.keep(slot, (driver,), [one[:, :, chosen] for one in readings])
             yield _located(projected, chosen, slot, (driver,))
 
 
@@ -286,49 +287,51 @@ def _pairs(opened: OpenSlots, singles: Sequence[Located], samples: float) -> lis
     pairs: dict[tuple[str, frozenset[Driver]], Located] = {}
     looked: set[tuple[str, Driver]] = set()
 
-    def look(place: Located, driver: Driver, others: Sequence[Driver] = opened.drivers) -> None:
+    def look(single: Located, driver: Driver, others: Sequence[Driver] = opened.drivers) -> None:
         if len(others) > 1:
-            if (place.slot.name, driver) in looked:
+            if (single.slot.name, driver) in looked:
                 return
-            looked.add((place.slot.name, driver))
-        for one in _with_others(opened, place, driver, others):
+            looked.add((single.slot.name, driver))
+        for one in _with_others(opened, single, driver, others):
             pairs.setdefault((one.slot.name, frozenset(one.over)), one)
 
     for one in list(best.values())[:PLACES]:
         look(one, one.over[0])
-    for name, place in list(best.items())[PLACES:]:
+    for name, single in list(best.items())[PLACES:]:
         (most,) = singles[0].over
-        own = [one.over[0] for one in singles if one.slot.name == name]
-        look(place, most, [other for other in own if not other.variables & most.variables][:1])
+        local_drivers = [one.over[0] for one in singles if one.slot.name == name]
+        look(single, most, [other for other in local_drivers if not other.variables & most.variables][:1])
     first = sorted(pairs.values(), key=lambda one: one.cost(samples))
-    wanted: dict[str, Located] = {}
+    best_pairs: dict[str, Located] = {}
     for one in first:
-        wanted.setdefault(one.slot.name, one)
-    for one in list(wanted.values())[:AGAIN]:
+        best_pairs.setdefault(one.slot.name, one)
+    for one in list(best_pairs.values())[:AGAIN]:
         for driver in one.over:
             look(one, driver)
     return list(pairs.values())
 
 
 def _with_others(
-    opened: OpenSlots, place: Located, driver: Driver, others: Sequence[Driver]
+    opened: OpenSlots, single: Located, driver: Driver, others: Sequence[Driver]
 ) -> Iterator[Located]:
     """Terms of one variable and each of others at a location, in one simulation."""
-    asked = {
+    arguments = {
         other: SplineArgument(dict(other.weights), knots)
         for other in (driver, *others)
         if (knots := opened.knots(other, FEW)) is not None
     }
-    paired = [other for other in asked if not other.variables & driver.variables]
-    if driver not in asked or not paired:
+    paired = [other for other in arguments if not other.variables & driver.variables]
+    if driver not in arguments or not paired:
         return
-    every = opened.readings(products_at(place.slot, asked[driver], *(asked[other] for other in paired)))
+    every = opened.readings(
+        products_at(single.slot, arguments[driver], *(arguments[other] for other in paired))
+    )
     projected = opened.project(every)
     for k, other in enumerate(paired):
         chosen = slice(k * FEW * FEW, (k + 1) * FEW * FEW)
-        located = _located(projected, chosen, place.slot, (driver, other))
+        located = _located(projected, chosen, single.slot, (driver, other))
         if located.dof:
-            yield replace(located, alike=place.alike)
+            yield replace(located, alike=single.alike)
 
 
 def _needed(chance: Chance) -> float:

@@ -27,17 +27,17 @@ def passivity(formula: Formula, opened: OpenSlots) -> str:
     """``takes energy out``, ``puts energy in``, ``takes and puts energy``, or "" if undetermined."""
     family = opened.problem.model.family
     try:
-        place = next((one for one in slot_roles(family) if one.slot.name == formula.slot.name), None)
+        role = next((one for one in slot_roles(family) if one.slot.name == formula.slot.name), None)
     except RigctlError:
         return ""
-    if not isinstance(place, Balance):
+    if not isinstance(role, Balance):
         return ""
-    if all(place.state.name not in one.argument.driver.variables for one in formula.factors):
+    if all(role.state.name not in one.argument.driver.variables for one in formula.factors):
         return ""
-    value = np.full(opened.values(Driver(((place.state.name, 1.0),), place.state.unit)).shape, formula.size)
+    value = np.full(opened.values(Driver(((role.state.name, 1.0),), role.state.unit)).shape, formula.size)
     for one in formula.factors:
         value = value * one.of(opened.values(one.argument.driver))
-    power = place.direction * value * _above(place, opened)
+    power = role.direction * value * _above(role, opened)
     lost, gained = float(-power[power < 0.0].sum()), float(power[power > 0.0].sum())
     if not lost + gained > 0.0:
         return ""
@@ -46,8 +46,8 @@ def passivity(formula: Formula, opened: OpenSlots) -> str:
     return "puts energy in" if lost <= _SMALL * gained else "takes and puts energy"
 
 
-def _above(place: Balance, opened: OpenSlots) -> Floats:
-    name = place.surroundings
-    weights = [(place.state.name, 1.0)] if name is None else [(place.state.name, 1.0), (name, -1.0)]
-    along = courses(opened.problem, opened.trajectories, Driver(tuple(weights), place.state.unit))
-    return np.asarray(np.concatenate(along) - (place.reference if name is None else 0.0))
+def _above(balance: Balance, opened: OpenSlots) -> Floats:
+    name = balance.surroundings
+    weights = [(balance.state.name, 1.0)] if name is None else [(balance.state.name, 1.0), (name, -1.0)]
+    along = courses(opened.problem, opened.trajectories, Driver(tuple(weights), balance.state.unit))
+    return np.asarray(np.concatenate(along) - (balance.reference if name is None else 0.0))
