@@ -80,12 +80,16 @@ def test_remainders_unusual_sizes_and_constants_withdraw_levels_of_an_answer() -
         (one,) = levels_of([[name]], effects, sure=True, bent={}, **known)
         return one.place_sure, one.driver_sure, one.law_sure
 
-    assert levels("spring_load", whole=False) == (True, True, False)
+    assert levels("spring_load", complete=False) == (True, True, False)
     assert levels("spring_load", usual=False) == (True, True, False)  # another law may do it at a usual size
     assert levels("spring_load", constant={"spring_load": ["position"]}) == (True, False, True)
     assert levels("spring_load", constant={"spring_load": []}) == (True, True, True)
-    assert levels("constant_load", whole=False) == (True, False, False)  # the remainder may not be constant
-    steady = levels("constant_load", whole=False, steady=["constant_load"])
+    assert levels("constant_load", complete=False) == (
+        True,
+        False,
+        False,
+    )  # the remainder may not be constant
+    steady = levels("constant_load", complete=False, steady=["constant_load"])
     assert steady == (True, True, False)  # it is how its size scatters
     assert levels("constant_load", varying=["constant_load"]) == (True, False, True)
     drifts = [effects["spring_load"], effects["constant_load"]]

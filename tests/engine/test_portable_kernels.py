@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rigctl.engine.compile import _made
+from rigctl.engine.compile import _kernel_code
 from rigctl.engine.kernels import portable
 from rigctl.engine.machine_code import loaded
 
@@ -45,5 +45,5 @@ def test_damaged_and_outdated_kernels_are_not_used(tmp_path: Path, monkeypatch: 
 def test_a_missing_or_unreadable_kernel_is_built(kept: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(portable, "kept_text", lambda module: kept)
     monkeypatch.setattr(portable, "made_text", lambda module: RETURNS)
-    (address,) = loaded(_made("record", False)).values()
+    (address,) = loaded(_kernel_code("record", False)).values()
     assert ctypes.CFUNCTYPE(ctypes.c_int32)(address)() == 42

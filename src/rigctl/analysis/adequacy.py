@@ -93,12 +93,12 @@ def adequacy(projected: Projected, screening: Screening) -> Adequacy:
     tests = {"plane": plane_test(projected), "chi2": chi2_test(projected)}
     if screening.scores:
         tests = {"score": Test(screening.statistic, screening.p_value), **tests}
-    judged = Adequacy(
+    result = Adequacy(
         {name: test for name, test in tests.items() if name == "chi2" or test.dof or name == "score"}
     )
-    if judged.agrees or projected.linearisation.fit.problem.measurements.table:
-        return judged
-    return replace(judged, below_noise=error_below(projected.linearisation.fit, BELOW_NOISE))
+    if result.agrees or projected.linearisation.fit.problem.measurements.table:
+        return result
+    return replace(result, below_noise=error_below(projected.linearisation.fit, BELOW_NOISE))
 
 
 def error_below(fit: FitResult, share: float) -> bool:
@@ -117,14 +117,14 @@ def plane_test(projected: Projected) -> Test:
     """
     lin = projected.linearisation
     columns = np.vstack([_outer(lin.records[k].regions, lin.regions.plane(k)) for k in projected.records])
-    left = projected.project(columns)
-    lengths = np.linalg.norm(left, axis=0)
-    whole = np.linalg.norm(columns, axis=0)
-    good = lengths > 1e-3 * np.where(whole > 0.0, whole, 1.0)
-    good &= whole > 0.0
+    independent = projected.project(columns)
+    lengths = np.linalg.norm(independent, axis=0)
+    full_lengths = np.linalg.norm(columns, axis=0)
+    good = lengths > 1e-3 * np.where(full_lengths > 0.0, full_lengths, 1.0)
+    good &= full_lengths > 0.0
     if not good.any():
         return Test(0.0, 1.0, 0)
-    span, values, _ = np.linalg.svd(left[:, good] / lengths[good], full_matrices=False)
+    span, values, _ = np.linalg.svd(independent[:, good] / lengths[good], full_matrices=False)
     span = span[:, values > 1e-3 * values[0]]
     statistic = float(np.square(span.T @ projected.residual).sum())
     dof, known = span.shape[1], projected.noise_degrees

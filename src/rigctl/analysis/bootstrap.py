@@ -141,12 +141,14 @@ def bootstrap(
         raise RigctlError("one record cannot be resampled", expected="at least two records, better ten")
     work = partial(_repeated, without_derived(fitted), tuple(clusters), seed)
 
-    def told(done: int, total: int) -> None:
+    def report(done: int, total: int) -> None:
         if on_progress is not None:
             on_progress(f"Repetition {done} of {total}")
 
-    found: dict[int, Floats | None] = dict(map_tasks(work, range(repetitions), workers, on_progress=told))
-    ended = [values for number in sorted(found) if (values := found[number]) is not None]
+    estimates: dict[int, Floats | None] = dict(
+        map_tasks(work, range(repetitions), workers, on_progress=report)
+    )
+    ended = [values for number in sorted(estimates) if (values := estimates[number]) is not None]
     if len(ended) < min(_ENOUGH, repetitions):
         raise RigctlError(
             f"only {len(ended)} of {repetitions} repetitions could be fitted",
@@ -171,10 +173,10 @@ def _repeated(fitted: FitResult, clusters: Sequence[int], seed: int, number: int
             replace(one, unknown=_drawn(one.unknown, float(value), weight))
             for one, value in zip(local[index], fitted.local[index], strict=True)
         )
-    own = _weights(range(len(problem.shared)), chance)
+    unknown_weights = _weights(range(len(problem.shared)), chance)
     shared = [
-        _drawn(unknown, float(value), own[place], start=float(value))
-        for place, (unknown, value) in enumerate(zip(problem.shared, fitted.values, strict=True))
+        _drawn(unknown, float(value), unknown_weights[index], start=float(value))
+        for index, (unknown, value) in enumerate(zip(problem.shared, fitted.values, strict=True))
     ]
     drawn = replace(
         problem,
@@ -183,11 +185,13 @@ def _repeated(fitted: FitResult, clusters: Sequence[int], seed: int, number: int
         shared=tuple(shared),
     )
     try:
-        again = fit(drawn, fitted.held_out, local=fitted.local, cost=_COST)
+        refitted = fit(drawn, fitted.held_out, local=fitted.local, cost=_COST)
     except RigctlError:  # the model cannot be simulated there
         return None
-    found = {one.name: float(value) for one, value in zip(again.problem.shared, again.values, strict=True)}
-    return np.array([found.get(one.name, one.start) for one in shared])
+    estimates = {
+        one.name: float(value) for one, value in zip(refitted.problem.shared, refitted.values, strict=True)
+    }
+    return np.array([estimates.get(one.name, one.start) for one in shared])
 
 
 def _drawn(unknown: Unknown, value: float, weight: float, start: float | None = None) -> Unknown:
@@ -217,24 +221,24 @@ def _factor(fitted: FitResult, clusters: int) -> float:
     return math.sqrt(clusters / (clusters - 1) * share)
 
 
-def _intervals(fitted: FitResult, found: Floats) -> tuple[Interval, ...]:
-    low, high = np.quantile(found, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0)
-    places = {unknown.name: place for place, unknown in enumerate(fitted.problem.shared)}
-    made = []
+def _intervals(fitted: FitResult, estimates: Floats) -> tuple[Interval, ...]:
+    low, high = np.quantile(estimates, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0)
+    indices = {unknown.name: index for index, unknown in enumerate(fitted.problem.shared)}
+    intervals = []
     for stated in stated_values(fitted.model):
-        if stated.name not in places:
+        if stated.name not in indices:
             continue
-        place, unit = places[stated.name], parse_unit(stated.unit)
+        index, unit = indices[stated.name], parse_unit(stated.unit)
         shown = partial(unit.from_si, difference=stated.difference)
-        made.append(
+        intervals.append(
             Interval(
                 stated.name,
                 stated.unit,
-                shown(float(fitted.values[place])),
-                float(found[:, place].std(ddof=1)) / unit.factor,
-                shown(float(low[place])),
-                shown(float(high[place])),
+                shown(float(fitted.values[index])),
+                float(estimates[:, index].std(ddof=1)) / unit.factor,
+                shown(float(low[index])),
+                shown(float(high[index])),
                 fitted.std.get(stated.name, math.nan) / unit.factor,
             )
         )
-    return tuple(made)
+    return tuple(intervals)

@@ -53,7 +53,7 @@ def compare(
     """
     if not runs or not models:
         raise RigctlError("a comparison needs a run and a model")
-    said = on_progress or no_progress
+    report = on_progress or no_progress
     compared: list[ModelComparison] = []
     notes: list[str] = []
     labels: tuple[str, ...] = ()
@@ -62,13 +62,13 @@ def compare(
     for model in models:
         data = next((known for other, known in read if other.same_bench(model)), None)
         if data is None:
-            data = read_runs(model, runs, hold_out=hold_out, only=only, on_progress=said)
+            data = read_runs(model, runs, hold_out=hold_out, only=only, on_progress=report)
             read.append((model, data))
         labels = tuple(data.measurements.records[k].label for k in data.held_out)
         choice = data.choice
-        fitted = fit_to_data(model, data, refit=refit, on_progress=said)
-        said(f"Locating the errors of {model.name}")
-        compared.append(judge(fitted, model.name, excluded=excluded, on_progress=said))
+        fitted = fit_to_data(model, data, refit=refit, on_progress=report)
+        report(f"Locating the errors of {model.name}")
+        compared.append(judge(fitted, model.name, excluded=excluded, on_progress=report))
         notes += data_notes(fitted)
     return Comparison(
         runs=tuple(run.id for run in runs),
@@ -93,10 +93,12 @@ def judge(
     ----------
     excluded: effects of the library that are not to be considered.
     """
-    whole = fitted.problem.rebuilt(fitted.model, library=True, progress=on_progress)
+    library_problem = fitted.problem.rebuilt(fitted.model, library=True, progress=on_progress)
     ranges = data_ranges(fitted.model.family, fitted.problem.measurements)
     slopes = KnownSlopes() if fitted.problem.model.with_laws else None
-    linearisation = linearise(fitted, whole, candidates(fitted.model, excluded, ranges), known=slopes)
+    linearisation = linearise(
+        fitted, library_problem, candidates(fitted.model, excluded, ranges), known=slopes
+    )
     projected = project(linearisation)
     screening = screen(projected)
     tests = adequacy(projected, screening)
@@ -107,7 +109,7 @@ def judge(
         linearisation=linearisation,
         projected=projected,
         screening=screening,
-        whole=whole,
+        whole=library_problem,
         located=LocatedError(name, fitted, projected, screening, tests),
         excluded=frozenset(excluded),
         slopes=slopes,

@@ -79,7 +79,7 @@ def held_out_gain(
     )
     every = list(range(len(lin.nuisances)))
     rest = [k for k in every if k not in indices]
-    here = [record.residual for record in lin.records]
+    residuals = [record.residual for record in lin.records]
     off = [record.residual + record.nuisance[:, indices] @ amplitudes for record in lin.records]
     if held is not None:
         off = [one + more for one, more in zip(off, held, strict=True)]
@@ -88,8 +88,8 @@ def held_out_gain(
         inside = [k for k in range(len(lin.records)) if k not in outside]
         if not _determined(lin, inside, indices, amplitudes):
             continue
-        with_it = _left(lin, here, inside, outside, every)
-        without = _left(lin, off, inside, outside, rest)
+        with_it = _outside_residuals(lin, residuals, inside, outside, every)
+        without = _outside_residuals(lin, off, inside, outside, rest)
         squares = float(without @ without), float(with_it @ with_it)
         spread = 2.0 * float(np.linalg.norm(without - with_it))
         if refitted is not None and squares[0] - squares[1] < FOLD_LOSS * spread:
@@ -126,14 +126,16 @@ def _determined(
     rest = [k for k in range(matrix.shape[1]) if k not in indices]
     lengths = np.linalg.norm(matrix, axis=0)
     scaled = matrix / np.where(lengths > 0.0, lengths, 1.0)
-    left = scaled[:, indices]
+    independent = scaled[:, indices]
     if rest:
-        left = left - scaled[:, rest] @ np.linalg.lstsq(scaled[:, rest], left, rcond=1e-8)[0]
+        independent = (
+            independent - scaled[:, rest] @ np.linalg.lstsq(scaled[:, rest], independent, rcond=1e-8)[0]
+        )
     if not lin.fit.problem.measurements.table:
-        return float(np.linalg.norm(left @ (lengths[indices] * amplitudes))) > FOLD_SEEN
-    whole = np.vstack([one.nuisance for one in lin.records])[:, indices]
-    shares = np.linalg.norm(left, axis=0) * lengths[indices]
-    return bool(np.all(shares > HIDDEN * np.linalg.norm(whole, axis=0)))
+        return float(np.linalg.norm(independent @ (lengths[indices] * amplitudes))) > FOLD_SEEN
+    full_columns = np.vstack([one.nuisance for one in lin.records])[:, indices]
+    shares = np.linalg.norm(independent, axis=0) * lengths[indices]
+    return bool(np.all(shares > HIDDEN * np.linalg.norm(full_columns, axis=0)))
 
 
 def _folds(lin: Linearisation) -> Iterator[tuple[int, ...]]:
@@ -155,7 +157,7 @@ def _folds(lin: Linearisation) -> Iterator[tuple[int, ...]]:
                 yield fold
 
 
-def _left(
+def _outside_residuals(
     lin: Linearisation,
     residuals: Sequence[Floats],
     inside: Sequence[int],
@@ -167,8 +169,8 @@ def _left(
     weight, prior = lin.prior
     matrix = np.vstack([*(lin.records[k].nuisance for k in inside), weight])
     right = np.concatenate([*(residuals[k] for k in inside), prior])
-    moved = matrix[:, free]
-    lengths = np.linalg.norm(moved, axis=0)
+    free_columns = matrix[:, free]
+    lengths = np.linalg.norm(free_columns, axis=0)
     scale = np.where(lengths > 0.0, lengths, 1.0)
-    step = np.linalg.lstsq(moved / scale, right, rcond=1e-8)[0] / scale
+    step = np.linalg.lstsq(free_columns / scale, right, rcond=1e-8)[0] / scale
     return np.concatenate([residuals[k] - lin.records[k].nuisance[:, free] @ step for k in outside])

@@ -110,12 +110,12 @@ def diagnose_comparison(
     best, rivals = _sure_members(search, best)
     close = [rival for rival in rivals if not rival.separable]
     checks = {candidate.name: _check(search, best, candidate) for candidate in best.candidates}
-    left = remainder(search, best)
+    remaining = remainder(search, best)
     ranking = [_with_check(one, checks.get(one.effect)) for one in _ranking(search, best)]
-    verdict = _verdict(search, best, close, checks, left)
+    verdict = _verdict(search, best, close, checks, remaining)
     outside, every_law = verdict is Verdict.OUTSIDE_LIBRARY, Laws(search, best)
     laws = () if outside else every_law.of(best.effects)
-    against = _against(search, best, checks, left)
+    against = _against(search, best, checks, remaining)
     scatters = _scatters(search, best)
     undriven = [law.statement for law in laws if law.constant and law.effect in best.effects]
     undriven += [one.statement for one in scatters if one.follows]
@@ -131,15 +131,15 @@ def diagnose_comparison(
     remarks = table_remarks(before, best, rivals, verdict, ranking, search.alone)
     undecided = verdict is Verdict.OUTSIDE_LIBRARY or before.adequacy.below_noise
     doubt = whether_at_all(before) if undecided else ""
-    seen = _seen(search, ranking) if not best.candidates else None
+    visible = _most_visible(search, ranking) if not best.candidates else None
     after = search.at(best) if best.candidates else None
     named = verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)
     only_unpredicted = named and not close and not undriven and len(against) == 1
     classes = classes_of(best, rivals) if named else ()
-    levels = _levels(search, best, classes, checks, left, laws, scatters) if named else ()
+    levels = _levels(search, best, classes, checks, remaining, laws, scatters) if named else ()
     evidence += [one.statement for one in levels if one.statement]
     evidence += [one.statement for one in scatters if named and one.statement and not one.follows]
-    found = Diagnosis(
+    diagnosis = Diagnosis(
         runs=tuple(runs),
         model=before.name,
         verdict=verdict,
@@ -153,7 +153,16 @@ def diagnose_comparison(
         or _shape_alone(search)
         or _shape_mostly(search, best)
         or verdict_text(
-            verdict, before, chosen, rivals, left, checks, seen, [*against, *undriven], doubt, search.allowed
+            verdict,
+            before,
+            chosen,
+            rivals,
+            remaining,
+            checks,
+            visible,
+            [*against, *undriven],
+            doubt,
+            search.allowed,
         ),
         evidence=(*evidence, *drift_text(drift)),
         held_out=tuple(held_out),
@@ -165,16 +174,16 @@ def diagnose_comparison(
         excluded_because=remarks.why,
         next_steps=remarks.next_steps,
         p_value_after=before.adequacy.p_value if after is None else after.adequacy.p_value,
-        remainder=left,
+        remainder=remaining,
         doubt=doubt,
         levels=levels,
         laws=laws,
         outside=departures(best.fit),
         unconfirmed=failed_checks(checks) if only_unpredicted else (),
     )
-    if not further_laws(found):
-        return found
-    return replace(found, laws=_laws_instead(search) if outside else every_law.of())
+    if not further_laws(diagnosis):
+        return diagnosis
+    return replace(diagnosis, laws=_laws_instead(search) if outside else every_law.of())
 
 
 def _laws_instead(search: Search) -> tuple[LawAnswer, ...]:
@@ -232,17 +241,17 @@ def _verdict(
     best: RefittedSet,
     close: Sequence[Rival],
     checks: dict[str, CrossValidation | None],
-    left: Remainder | None,
+    remaining: Remainder | None,
 ) -> Verdict:
     if _agrees_within_tolerance(search):
         return Verdict.ADEQUATE
     if not best.candidates or not search.sure(best):
         return Verdict.OUTSIDE_LIBRARY
-    if failed_checks(checks) and left is not None and len(best.candidates) > 1:
+    if failed_checks(checks) and remaining is not None and len(best.candidates) > 1:
         # several effects that neither explain all of the misfit nor predict records left out of their fit
         # together imitate one that is not in the library
         return Verdict.OUTSIDE_LIBRARY
-    if close or _against(search, best, checks, left):
+    if close or _against(search, best, checks, remaining):
         return Verdict.AMBIGUOUS
     return Verdict.MISSING_EFFECT
 
@@ -251,12 +260,12 @@ def _against(
     search: Search,
     best: RefittedSet,
     checks: Mapping[str, CrossValidation | None],
-    left: Remainder | None,
+    remaining: Remainder | None,
     *,
     sizes: bool = True,
 ) -> list[str]:
     """Why the best set may not be what is missing; see `rigctl.analysis.text.against_identity`."""
-    return against_identity(best, checks, left, search.none.chi2 - best.chi2, sizes=sizes)
+    return against_identity(best, checks, remaining, search.none.chi2 - best.chi2, sizes=sizes)
 
 
 def _levels(
@@ -264,7 +273,7 @@ def _levels(
     best: RefittedSet,
     classes: Sequence[Sequence[str]],
     checks: Mapping[str, CrossValidation | None],
-    left: Remainder | None,
+    remaining: Remainder | None,
     laws: Sequence[LawAnswer],
     scatters: Sequence[SizeScatter],
 ) -> tuple[Levels, ...]:
@@ -275,14 +284,16 @@ def _levels(
         name: [law.law.driver.name for law in laws if law.effect == name and law.constant] for name in effects
     }
     varying = [one.effect for one in scatters if one.follows]
-    usual = not _against(search, best, checks, left)
+    usual = not _against(search, best, checks, remaining)
     single = len(best.candidates) == 1
     # one effect that leaves nothing: a size beyond its usual range makes its law doubtful, not its location;
     # with a handful of values nearly every effect leaves nothing at some size
-    alone_and_all = single and left is None and search.tolerance > 0.0
-    sure = usual or (alone_and_all and not _against(search, best, checks, left, sizes=False))
-    steady = best.effects if single and left is not None and search.scatter_is_all(best) else ()
-    alone = {names[0] for names in classes if len(names) == 1} if usual and not bent and left is None else ()
+    alone_and_all = single and remaining is None and search.tolerance > 0.0
+    sure = usual or (alone_and_all and not _against(search, best, checks, remaining, sizes=False))
+    steady = best.effects if single and remaining is not None and search.scatter_is_all(best) else ()
+    alone = (
+        {names[0] for names in classes if len(names) == 1} if usual and not bent and remaining is None else ()
+    )
     return levels_of(
         classes,
         effects,
@@ -290,7 +301,7 @@ def _levels(
         usual=usual,
         bent=dict.fromkeys(effects, bent),
         spare=[one.name for one in best.candidates if one.name in alone and simpler_does(search, best, one)],
-        whole=left is None,
+        complete=remaining is None,
         constant=constant,
         steady=steady,
         varying=varying,
@@ -299,8 +310,8 @@ def _levels(
 
 def _scatters(search: Search, best: RefittedSet) -> list[SizeScatter]:
     """The scatter between records of the sizes of those members that depend on no state or input."""
-    found = [search.at(best).scatter(one.name) for one in best.candidates] if search.tolerance else []
-    return [one for one in found if one is not None]
+    scatters = [search.at(best).scatter(one.name) for one in best.candidates] if search.tolerance else []
+    return [one for one in scatters if one is not None]
 
 
 def _shape_alone(search: Search) -> str:
@@ -338,7 +349,7 @@ def _laws_of(search: Search) -> str:
     return " and ".join(search.before.fit.problem.model.with_laws)
 
 
-def _seen(search: Search, ranking: Sequence[Ranked]) -> Ranked | None:
+def _most_visible(search: Search, ranking: Sequence[Ranked]) -> Ranked | None:
     """The refitted effect with the lowest mBIC, where only the score test rejects and no set lowers mBIC.
 
     None if another test rejects as well: no effect has explained what that test sees.
@@ -392,8 +403,8 @@ def _ranking(search: Search, best: RefittedSet) -> list[Ranked]:
 
 def _factor(search: Search, best: RefittedSet) -> float:
     """Factor by which differences of mBIC are reduced: 1 if the best set leaves only noise."""
-    here = search.bent(best) if best.candidates else search.start
-    return 1.0 if here.adequacy.agrees else variance_factor(best.fit)
+    view = search.bent(best) if best.candidates else search.start
+    return 1.0 if view.adequacy.agrees else variance_factor(best.fit)
 
 
 def _score_beside(search: Search, best: RefittedSet, name: str) -> Score:
@@ -497,8 +508,8 @@ def _nrmse(trial: RefittedSet) -> float:
 
 def _check(search: Search, best: RefittedSet, candidate: Candidate) -> CrossValidation | None:
     """Cross-validation of one member of the best set, at its fit."""
-    here = search.at(best)
-    lin = here.linearisation
+    point = search.at(best)
+    lin = point.linearisation
     if len(lin.records) < 2:
         return None
     without = search.known([one for one in best.candidates if one is not candidate])
@@ -513,7 +524,7 @@ def _check(search: Search, best: RefittedSet, candidate: Candidate) -> CrossVali
         return None if squares[0] is None or squares[1] is None else (squares[0], squares[1])
 
     again = refitted if search.sure(best) and not lin.fit.problem.measurements.table else None
-    return held_out_gain(lin, candidate.columns, best.amplitudes(candidate), here.held(candidate), again)
+    return held_out_gain(lin, candidate.columns, best.amplitudes(candidate), point.held(candidate), again)
 
 
 def _with_check(ranked: Ranked, check: CrossValidation | None) -> Ranked:
@@ -550,7 +561,7 @@ def _hidden_by_unrecorded(before: ModelComparison) -> list[tuple[str, str]]:
     chosen = [lin.candidates[one.candidate] for one in suspects]
     count = sum(len(one.columns) for one in chosen) + len(inner.local_names) + len(inner.initial_names)
     ends = np.cumsum([len(one.columns) for one in chosen])[:-1]
-    whole, taken = np.zeros(len(chosen)), np.zeros(len(chosen))
+    total, absorbed = np.zeros(len(chosen)), np.zeros(len(chosen))
     for part in inner.parts(count):
         some = inner.only(part)
         slopes = slopes_at(some, fit, (), chosen, [fit.local[fit.fitted[k]] for k in part])
@@ -562,13 +573,13 @@ def _hidden_by_unrecorded(before: ModelComparison) -> list[tuple[str, str]]:
                 of_inputs = np.stack([slopes.record_local[k][name] for name in names], axis=2)
                 basis = np.linalg.qr(whitener(of_inputs))[0]
             for index, columns in enumerate(np.split(white, ends, axis=1)):
-                whole[index] += float(np.square(columns).sum())
-                taken[index] += float(np.square(basis.T @ columns).sum())
+                total[index] += float(np.square(columns).sum())
+                absorbed[index] += float(np.square(basis.T @ columns).sum())
     needed = " and ".join(inputs)
     needs = f"a record of {needed}: unrecorded, {'it' if len(inputs) == 1 else 'they'} can do nearly the same"
     return [
         (one.effect, needs)
-        for one, share, all_of_it in zip(suspects, taken, whole, strict=True)
+        for one, share, all_of_it in zip(suspects, absorbed, total, strict=True)
         if all_of_it > 0.0 and share > _MOSTLY * all_of_it
     ]
 

@@ -246,12 +246,12 @@ class Diagnosis:
     @property
     def further_evidence(self) -> tuple[str, ...]:
         """The evidence that the statement does not include already."""
-        said = self.statement.casefold()
+        statement = self.statement.casefold()
         sentences = [one.partition(": ")[2] or one for one in self.evidence]
         return tuple(
             one
             for one, sentence in zip(self.evidence, sentences, strict=True)
-            if sentence.casefold() not in said
+            if sentence.casefold() not in statement
         )
 
     def document(self) -> dict[str, Any]:

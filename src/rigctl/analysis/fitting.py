@@ -88,9 +88,9 @@ def read_runs(
 def _require_no_copies(runs: Sequence[Run]) -> None:
     """Refuse runs with the same measurements: counted twice, every misfit would seem surer than it is."""
     _, copies = without_copies(runs)
-    for copy, kept in copies:
+    for copy, original in copies:
         raise RigctlError(
-            f"it holds the same measurements as {kept.id}",
+            f"it holds the same measurements as {original.id}",
             value=copy.id,
             expected="each measurement once",
             hint="Give one of the two",
@@ -197,11 +197,11 @@ def fit_in_noise(
 ) -> FitResult:
     """The fit repeated with another noise of the same data, starting where it ended."""
     problem = before.problem
-    begun = dict(zip((unknown.name for unknown in problem.shared), before.values, strict=True))
+    initial = dict(zip((unknown.name for unknown in problem.shared), before.values, strict=True))
     again = problem.for_model(problem.model, noise.model, noise.ok, grown=noise.grown, progress=on_progress)
     shared = [one for one in again.shared if refit or one.name not in problem.model.fitted]
     again = again.with_shared(
-        started(shared, np.array([begun.get(unknown.name, unknown.start) for unknown in shared]))
+        started(shared, np.array([initial.get(unknown.name, unknown.start) for unknown in shared]))
     )
     return fit(again, before.held_out, refit=bool(again.shared), local=before.local, progress=iterated)
 

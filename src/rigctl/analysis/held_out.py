@@ -92,14 +92,14 @@ def course_text(fit: FitResult, stretches: Sequence[Stretch]) -> str:
     end = max(float(fit.problem.records[k].times[-1]) for k in fit.fitted)
     largest = max(stretches, key=lambda one: one.weight)
     parts: list[str] = []
-    before = 0.0
+    previous_peak = 0.0
     for one in stretches:
         side = "high" if one.peak > 0.0 else "low"
-        whole = one.start <= 0.0 and one.end >= 0.999 * end
-        when = "all the time" if whole else f"from {_seconds(one.start)} to {_seconds(one.end)} s"
-        again = parts and one.peak * before > 0.0
+        throughout = one.start <= 0.0 and one.end >= 0.999 * end
+        when = "all the time" if throughout else f"from {_seconds(one.start)} to {_seconds(one.end)} s"
+        same_side = parts and one.peak * previous_peak > 0.0
         deviation = f"by up to {significant(abs(one.peak) / unit.factor, 2)} {shown} {when}"
-        text, before = deviation if again else f"too {side} {deviation}", one.peak
+        text, previous_peak = deviation if same_side else f"too {side} {deviation}", one.peak
         parts.append(text + (_dependence(fit, one, unit.factor, shown) if one is largest else ""))
     return f"in {channel} the model is {', then '.join(parts)}"
 
@@ -163,7 +163,7 @@ def _dependence(fit: FitResult, stretch: Stretch, factor: float, shown: str) -> 
     """The variable that the records' errors follow, with the error at its ends; empty if there is none."""
     measurements = fit.problem.measurements
     units = variable_units(measurements)
-    best, said = _FOLLOWS, ""
+    best, text = _FOLLOWS, ""
     variables = sorted(measurements.variables, key=lambda name: stretch.channel not in name)
     for name in variables:
         values = np.array([fit.problem.records[k].condition.get(name, math.nan) for k in fit.fitted])
@@ -171,7 +171,7 @@ def _dependence(fit: FitResult, stretch: Stretch, factor: float, shown: str) -> 
         if good.sum() < 3 or np.ptp(values[good]) == 0.0 or np.ptp(stretch.by_record[good]) == 0.0:
             continue
         follows = abs(float(np.corrcoef(values[good], stretch.by_record[good])[0, 1]))
-        if follows > best + _BETTER * bool(said):
+        if follows > best + _BETTER * bool(text):
             best = follows
             indices = np.flatnonzero(good)
             low, high = (indices[int(pick(values[good]))] for pick in (np.argmin, np.argmax))
@@ -182,8 +182,8 @@ def _dependence(fit: FitResult, stretch: Stretch, factor: float, shown: str) -> 
                 f"{show(float(values[at]), units[name], digits=3)}"
                 for at in (low, high)
             )
-            said = f" ({', '.join(ends)})"
-    return said
+            text = f" ({', '.join(ends)})"
+    return text
 
 
 #: an error larger than where the model was fitted, by no more than this factor, counts as equally good
@@ -263,14 +263,14 @@ class HeldOutGroup:
         shown = dict(zip(measurements.outputs, measurements.units, strict=True))
         errors = {}
         for name, error in self.fit.errors.items():
-            there = self.fitted.get(name)
-            here = in_unit(error, shown[name])
+            fitted = self.fitted.get(name)
+            evaluated = in_unit(error, shown[name])
             errors[name] = {
-                "rmse": here["rmse"],
-                "fitted_rmse": None if there is None else in_unit(there, shown[name])["rmse"],
-                "noise": here["noise"],
-                "bias": here["bias"],
-                "unit": here["unit"],
+                "rmse": evaluated["rmse"],
+                "fitted_rmse": None if fitted is None else in_unit(fitted, shown[name])["rmse"],
+                "noise": evaluated["noise"],
+                "bias": evaluated["bias"],
+                "unit": evaluated["unit"],
             }
         return errors
 
@@ -291,10 +291,10 @@ class HeldOutGroup:
         }
 
 
-def _worse(here: Mapping[str, ChannelError], fitted: Mapping[str, ChannelError]) -> tuple[str, ...]:
+def _worse(evaluated: Mapping[str, ChannelError], fitted: Mapping[str, ChannelError]) -> tuple[str, ...]:
     return tuple(
         name
-        for name, error in here.items()
+        for name, error in evaluated.items()
         if name in fitted and error.rmse > _AS_GOOD * max(fitted[name].rmse, error.noise)
     )
 
@@ -377,11 +377,11 @@ def _less(one: Remedy) -> str:
 def _errors(evaluated: HeldOutGroup, one: Remedy) -> str:
     measurements = evaluated.fit.problem.measurements
     units = dict(zip(measurements.outputs, measurements.units, strict=True))
-    said = []
+    errors = []
     for name in evaluated.worse:
         unit = parse_unit(units[name])
-        said.append(f"{name} to {one.rmse[name] / unit.factor:.3g} {'K' if unit.offset else units[name]}")
-    return ", ".join(said)
+        errors.append(f"{name} to {one.rmse[name] / unit.factor:.3g} {'K' if unit.offset else units[name]}")
+    return ", ".join(errors)
 
 
 _FEW = 4
@@ -397,44 +397,44 @@ def unseen(
     RigctlError
         the model cannot be simulated there.
     """
-    said = on_progress or no_progress
+    report = on_progress or no_progress
     problem, choice = model.fit.problem, compared.choice
     inside = [problem.records[k] for k in model.fit.fitted]
     evaluated = []
     if model.fit.held_out:
-        said("Evaluating the records that were held out")
-        there = replace(model.fit, fitted=model.fit.held_out, solution=None)
-        evaluated.append(_group(model, inside, there, "hold_out", choice.hold_out))
+        report("Evaluating the records that were held out")
+        result = replace(model.fit, fitted=model.fit.held_out, solution=None)
+        evaluated.append(_group(model, inside, result, "hold_out", choice.hold_out))
     if choice.rest is not None:
-        said("Evaluating the records that were not selected")
+        report("Evaluating the records that were not selected")
         measurements, noise = choice.rest
-        there = fit_model(model.fit.model, measurements, noise, refit=False)
-        evaluated.append(_group(model, inside, there, "only", choice.only))
+        result = fit_model(model.fit.model, measurements, noise, refit=False)
+        evaluated.append(_group(model, inside, result, "only", choice.only))
     return tuple(evaluated)
 
 
 def _group(
     model: ModelComparison,
     inside: Sequence[MeasuredRecord],
-    there: FitResult,
+    result: FitResult,
     why: Literal["hold_out", "only"],
     condition: str,
 ) -> HeldOutGroup:
-    units = variable_units(model.fit.problem.measurements) | variable_units(there.problem.measurements)
-    records = [there.problem.records[k] for k in there.fitted]
-    plain = HeldOutGroup(why, condition, _what(records, inside, units), there, model.fit.errors)
+    units = variable_units(model.fit.problem.measurements) | variable_units(result.problem.measurements)
+    records = [result.problem.records[k] for k in result.fitted]
+    plain = HeldOutGroup(why, condition, _what(records, inside, units), result, model.fit.errors)
     if plain.as_good:
         return _stated(plain)
-    judged = judge(there, model.name, excluded=model.excluded)
+    judged = judge(result, model.name, excluded=model.excluded)
     wanted = [slot for slot in judged.slots[:1] if slot.log_evidence > 0.0]
-    whole = replace(
+    detailed = replace(
         plain,
-        course={name: error_course(there, name) for name in plain.worse},
-        remedies=remedies(there, judged),
+        course={name: error_course(result, name) for name in plain.worse},
+        remedies=remedies(result, judged),
         slot=wanted[0].slot if wanted else "",
         slot_meaning=wanted[0].meaning if wanted else "",
     )
-    return _stated(whole)
+    return _stated(detailed)
 
 
 def _stated(evaluated: HeldOutGroup) -> HeldOutGroup:
@@ -445,19 +445,19 @@ def _stated(evaluated: HeldOutGroup) -> HeldOutGroup:
 
 def _what(group: Sequence[MeasuredRecord], inside: Sequence[MeasuredRecord], units: Mapping[str, str]) -> str:
     """The variables whose values do not occur in the fitted records, with these values."""
-    said = []
+    parts = []
     for name in dict.fromkeys(name for record in group for name in record.condition):
-        here = {_rounded(record.condition[name]) for record in group if name in record.condition}
+        group_values = {_rounded(record.condition[name]) for record in group if name in record.condition}
         others = {_rounded(record.condition[name]) for record in inside if name in record.condition}
-        if here & others or not others:
+        if group_values & others or not others:
             continue
-        values = sorted(here)
+        values = sorted(group_values)
         if len(values) <= _FEW:
-            said.append(f"{name} {', '.join(show(value, units[name], digits=3) for value in values)}")
+            parts.append(f"{name} {', '.join(show(value, units[name], digits=3) for value in values)}")
         else:
             ends = (show(value, units[name], digits=3) for value in (values[0], values[-1]))
-            said.append(f"{name} {' to '.join(ends)}")
-    return ", ".join(said[:_MOST_VARIABLES])
+            parts.append(f"{name} {' to '.join(ends)}")
+    return ", ".join(parts[:_MOST_VARIABLES])
 
 
 def _rounded(value: float) -> float:

@@ -86,7 +86,7 @@ def levels_of(
     bent: Mapping[str, bool],
     usual: bool = True,
     spare: Collection[str] = (),
-    whole: bool = True,
+    complete: bool = True,
     constant: Mapping[str, Collection[str]] = MappingProxyType({}),
     steady: Collection[str] = (),
     varying: Collection[str] = (),
@@ -101,7 +101,7 @@ def levels_of(
     bent: for each member, whether the data require another shape of its law.
     usual: no parameter is outside its usual range, which speaks against a law.
     spare: members that a simpler law, a limiting case of theirs, could replace.
-    whole: the data show nothing more.
+    complete: the data show nothing more.
     constant: for members, the variables on which, by the data, their terms do not depend.
     steady: members without explanatory variables that leave no more than their scatter between records.
     varying: members without explanatory variables whose sizes follow the operating point.
@@ -109,23 +109,23 @@ def levels_of(
     levels = []
     for names in classes:
         first, *others = (effects[name] for name in names)
-        place = all(set(first.slots) == set(other.slots) for other in others)
+        same_slots = all(set(first.slots) == set(other.slots) for other in others)
         variables = driver_variables(first)
-        driver = place and all(variables == driver_variables(other) for other in others)
+        driver = same_slots and all(variables == driver_variables(other) for other in others)
         levels.append(
             Levels(
                 effect=first.name,
                 place=first.slots,
                 driver=tuple(sorted(variables)),
-                place_sure=sure and place,
+                place_sure=sure and same_slots,
                 driver_sure=sure
                 and driver
                 and not constant.get(first.name)
-                and (whole or bool(variables) or first.name in steady)
+                and (complete or bool(variables) or first.name in steady)
                 and first.name not in varying,
                 law_sure=sure
                 and usual
-                and whole
+                and complete
                 and not others
                 and not bent.get(first.name, False)
                 and first.name not in spare,

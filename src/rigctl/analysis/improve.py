@@ -196,13 +196,13 @@ def improve(
     RigctlError
         a version cannot be saved, or as `rigctl.analysis.comparison.judge`.
     """
-    said = on_progress or no_progress
-    here, steps, source = compared.models[0], list[Step](), path
+    report = on_progress or no_progress
+    current, steps, source = compared.models[0], list[Step](), path
     while True:
         room = most - sum(len(step.effects) for step in steps)
         this = _Round(not steps, room, sure, unless)
         diagnosis = diagnose_comparison(
-            here,
+            current,
             compared.runs,
             compared.held_out,
             compared.notes,
@@ -210,17 +210,17 @@ def improve(
             further_laws=this.shown,
             on_progress=on_progress,
         )
-        here = diagnosis.before
+        current = diagnosis.before
         if not this.plan:
-            elsewhere = unseen(compared, here, on_progress=on_progress)
+            elsewhere = unseen(compared, current, on_progress=on_progress)
             ended = ImprovementEnd.NOT_SURE if this.unsure and not diagnosis.doubt else _why(diagnosis, room)
             return Improvement(path, tuple(steps), diagnosis, ended, elsewhere)
         for chosen in this.plan:
-            said(f"Adding {' and '.join(chosen.effects)}")
-            after = _compared(here, chosen.trial, excluded, said)
-            step = _saved(diagnosis, chosen, here, after, source, compared.choice)
+            report(f"Adding {' and '.join(chosen.effects)}")
+            after = _compared(current, chosen.trial, excluded, report)
+            step = _saved(diagnosis, chosen, current, after, source, compared.choice)
             steps.append(step)
-            here, source = after, step.version.head
+            current, source = after, step.version.head
 
 
 @dataclass(frozen=True)
@@ -244,12 +244,12 @@ class _Round:
     unsure: bool = False
     plan: list[_Choice] = field(default_factory=list)
 
-    def shown(self, found: Diagnosis) -> bool:
+    def shown(self, diagnosis: Diagnosis) -> bool:
         """Plan the additions; whether this is the first or the last diagnosis, whose laws are shown."""
-        unsure = self.sure and found.verdict in (Verdict.AMBIGUOUS, Verdict.OUTSIDE_LIBRARY)
-        stopped = self.first and found.verdict is not Verdict.ADEQUATE and self.unless(found)
+        unsure = self.sure and diagnosis.verdict in (Verdict.AMBIGUOUS, Verdict.OUTSIDE_LIBRARY)
+        stopped = self.first and diagnosis.verdict is not Verdict.ADEQUATE and self.unless(diagnosis)
         self.unsure = unsure or stopped
-        self.plan = [] if self.unsure else _plan(found, self.room)
+        self.plan = [] if self.unsure else _plan(diagnosis, self.room)
         return self.first or not self.plan
 
 
@@ -321,11 +321,11 @@ def _why(diagnosis: Diagnosis, room: int) -> ImprovementEnd:
 
 
 def _compared(
-    here: ModelComparison, trial: RefittedSet, excluded: Collection[str], on_progress: OnProgress
+    current: ModelComparison, trial: RefittedSet, excluded: Collection[str], on_progress: OnProgress
 ) -> ModelComparison:
     """The model with a trial's effects on the same data."""
-    fitted = fit_again(here.fit, trial.fit.model, on_progress=on_progress)
-    return judge(fitted, here.name, excluded=excluded, on_progress=on_progress)
+    fitted = fit_again(current.fit, trial.fit.model, on_progress=on_progress)
+    return judge(fitted, current.name, excluded=excluded, on_progress=on_progress)
 
 
 def _saved(
@@ -338,7 +338,7 @@ def _saved(
 ) -> Step:
     """Save the model with the effects as the next version, and report the change of the error."""
     before_error, after_error = model_error(before.fit), model_error(after.fit)
-    done = Change(
+    change = Change(
         "add",
         effect=", ".join(chosen.effects),
         runs=tuple(diagnosis.runs),
@@ -349,8 +349,8 @@ def _saved(
         after=after_error,
         note=chosen.reason,
     )
-    made = replace(after.fit.model, text=load_model(source).text)
-    version = save_version(made, source, done)
+    model = replace(after.fit.model, text=load_model(source).text)
+    version = save_version(model, source, change)
     return Step(
         chosen.effects,
         diagnosis,

@@ -182,10 +182,10 @@ class Linearisation:
         return slice(self.starts[index], self.starts[index] + len(self.candidates[index].columns))
 
     def rearranged(
-        self, fitted: Sequence[int], kept: Sequence[int], tolerance: float = 0.0, *, shaped: bool = False
+        self, fitted: Sequence[int], remaining: Sequence[int], tolerance: float = 0.0, *, shaped: bool = False
     ) -> Linearisation:
         """The same point with the candidates at `fitted` among the nuisances, and of the rest those at
-        `kept`.
+        `remaining`.
 
         A parameter that the fit left at its bound is no nuisance. Shapes become nuisances with a normal prior
         of standard deviation `tolerance`; at 0 they are left out, or kept in S with `shaped`.
@@ -202,12 +202,12 @@ class Linearisation:
         scale = np.array([*np.ones(len(moved)), *np.full(len(bent), tolerance)])
         columns = [
             column
-            for index in kept
+            for index in remaining
             for column in range(*self.columns_of(index).indices(self.full_lengths.size))
         ]
         if shaped:
             columns += range(self.full_lengths.size - len(self.shapes), self.full_lengths.size)
-        chosen = tuple(self.candidates[index] for index in kept)
+        chosen = tuple(self.candidates[index] for index in remaining)
         starts = np.cumsum([0, *(len(one.columns) for one in chosen)])[:-1]
         weight, residual = self.prior
         priors = np.diag([*np.zeros(len(moved)), *np.ones(len(shapes))])
@@ -304,20 +304,20 @@ def _triangles(
     parts = inner.parts(len(names) + len(inner.local_names) + len(inner.initial_names) + squares.size)
     tried_at = [(one.columns, one.shapes, one.secants) for one in chosen]
     point = point_of(base_at(inner, fit), local), tuple(names), tried_at
-    there = None if known is None else known.take(point)
+    stored = None if known is None else known.take(point)
     for part in parts:
         some = inner.only(part)
-        if there is None:
+        if stored is None:
             slopes = slopes_at(some, fit, names, chosen, [local[k] for k in part])
         else:
-            slopes = there.of(part)
-        if known is not None and there is None and len(parts) == 1:
+            slopes = stored.of(part)
+        if known is not None and stored is None and len(parts) == 1:
             known.keep(point, slopes.of(part))
         if bends:
             for index, k in enumerate(part):
                 slopes.signatures[index] = np.concatenate([slopes.signatures[index], shapes[k]], axis=2)
-        here = [(index, local[k], fit.outputs[fit.fitted[k]]) for index, k in enumerate(part)]
-        for triangle, more in in_threads(partial(_record, some, regions, part[0], slopes), here):
+        record_points = [(index, local[k], fit.outputs[fit.fitted[k]]) for index, k in enumerate(part)]
+        for triangle, more in in_threads(partial(_record, some, regions, part[0], slopes), record_points):
             squares += more
             triangles.append(triangle)
     return _Triangles(tuple(triangles), squares)
@@ -388,9 +388,9 @@ def slopes_at(
     further = {k: one for k, one in enumerate(chosen) if one.shapes and k not in first}
     elsewhere = _shaped(at, base, further, local) | _sized(at, base, chosen, local, simulated.outputs)
     starts = np.cumsum([0, *(len(one.columns) for one in chosen)])
-    here = [k for k in range(len(chosen)) if k not in elsewhere]
-    into = [place for k in here for place in range(starts[k], starts[k + 1])]
-    out_of = [index[name] for k in here for name in chosen[k].columns]
+    direct = [k for k in range(len(chosen)) if k not in elsewhere]
+    into = [column for k in direct for column in range(starts[k], starts[k + 1])]
+    out_of = [index[name] for k in direct for name in chosen[k].columns]
     signatures = [np.empty((*array.shape[:2], starts[-1])) for array in every]
     for k, (signature, array) in enumerate(zip(signatures, every, strict=True)):
         signature[:, :, into] = array[:, :, out_of]
@@ -416,18 +416,18 @@ def base_at(problem: Problem, fit: FitResult) -> Floats:
 
 
 def _shaped_first(fit: FitResult, chosen: Sequence[Candidate]) -> frozenset[int]:
-    """The places of candidates whose shapes the simulation with every column can have.
+    """The indices of candidates whose shapes the simulation with every column can have.
 
     At its null an effect acts on nothing, whatever its shape: of each that the fit does not have, and that is
     not looked at in its usual shape, the first.
     """
-    taken = set(fit.problem.model.effects) | {one.name for one in chosen if not one.shapes or one.secants}
-    places = []
+    present = set(fit.problem.model.effects) | {one.name for one in chosen if not one.shapes or one.secants}
+    indices = []
     for index, one in enumerate(chosen):
-        if one.name not in taken:
-            taken.add(one.name)
-            places.append(index)
-    return frozenset(places)
+        if one.name not in present:
+            present.add(one.name)
+            indices.append(index)
+    return frozenset(indices)
 
 
 def _with_shapes(problem: Problem, base: Floats, together: Collection[Candidate]) -> Floats:
@@ -467,11 +467,11 @@ def _sized(
     base: Floats,
     chosen: Sequence[Candidate],
     local: Sequence[Floats],
-    here: Sequence[Floats],
+    outputs: Sequence[Floats],
 ) -> dict[int, list[Floats]]:
     """For the candidates evaluated at a size a: the secant ``(f(a) − f(φ))/(a − φ)`` instead of the slope.
 
-    `here` are the outputs f(φ) at the point itself, where the effect is off or has its fitted size.
+    `outputs` are the outputs f(φ) at the point itself, where the effect is off or has its fitted size.
     """
     names = problem.compiled.system.parameter_names
     result: dict[int, list[Floats]] = {}
@@ -485,24 +485,24 @@ def _sized(
         simulated = problem.with_shared((), moved).simulate(np.empty(0), local, rest).require()
         steps = {name: value - base[names.index(name)] for name, value in one.secants.items()}
         result[index] = []
-        for k, before in enumerate(here):
+        for k, output in enumerate(outputs):
             columns = {name: simulated.sensitivities[k][:, :, i] for i, name in enumerate(rest)}
             for name, step in steps.items():
-                columns[name] = (simulated.outputs[k] - before) / step if step else np.zeros_like(before)
-            seen = [np.take(columns[name], problem.channels, axis=1) for name in one.columns]
-            result[index].append(np.stack(seen, axis=2))
+                columns[name] = (simulated.outputs[k] - output) / step if step else np.zeros_like(output)
+            readings = [np.take(columns[name], problem.channels, axis=1) for name in one.columns]
+            result[index].append(np.stack(readings, axis=2))
     return result
 
 
 def _record(
-    problem: Problem, regions: Regions, first: int, slopes: Slopes, here: tuple[int, Floats, Floats]
+    problem: Problem, regions: Regions, first: int, slopes: Slopes, record_point: tuple[int, Floats, Floats]
 ) -> tuple[RecordTriangle, Floats]:
     """Whiten a record, project its own unknowns off, and reduce the rest to a triangle.
 
-    `problem` starts with the record that has index `first` in `regions`; `here` are the record's index in
-    `problem`, its own unknowns and its outputs.
+    `problem` starts with the record that has index `first` in `regions`; `record_point` holds the record's
+    index in `problem`, its own unknowns and its outputs.
     """
-    k, local, outputs = here
+    k, local, outputs = record_point
     whitener, record, ok = problem.whiteners[k], problem.records[k], problem.ok[k]
     measured = np.where(ok, record.values, 0.0)
     residual = whitener(np.where(ok, measured - outputs, 0.0))
@@ -511,16 +511,16 @@ def _record(
         raise RigctlError(f"record {record.label}: a sensitivity is not a finite number")
     p = slopes.nuisance[k].shape[2]
     squares = np.square(white[:, p:]).sum(axis=0)
-    left = np.column_stack([white, regions.of_record(first + k, whitener.rows), residual])
+    rows = np.column_stack([white, regions.of_record(first + k, whitener.rows), residual])
     local_basis, weight, prior_residual = record_local_rows(problem, k, slopes, local, outputs)
     count = whitener.size + int((weight > 0.0).sum())
     if weight.size:
-        below = np.zeros((weight.size, left.shape[1]))
-        below[:, -1] = -prior_residual
-        left = np.vstack([left, below])
-        left = left - local_basis @ (local_basis.T @ left)
+        prior_part = np.zeros((weight.size, rows.shape[1]))
+        prior_part[:, -1] = -prior_residual
+        rows = np.vstack([rows, prior_part])
+        rows = rows - local_basis @ (local_basis.T @ rows)
         count -= local_basis.shape[1]
-    triangle: Floats = np.asarray(np.linalg.qr(left, mode="r")) if left.shape[0] > left.shape[1] else left
+    triangle: Floats = np.asarray(np.linalg.qr(rows, mode="r")) if rows.shape[0] > rows.shape[1] else rows
     e = p + slopes.signatures[k].shape[2]
     return (
         RecordTriangle(triangle[:, :p], triangle[:, p:e], triangle[:, e:-1], triangle[:, -1], count),

@@ -73,8 +73,8 @@ class LinearisedSet:
         discrepancy of standard deviation `tolerance`; at 0 they are exactly those of the library."""
         if tolerance not in self._views:
             contradicted = {name for one in self.trial.candidates for name in one.effect.instead_of}
-            kept = [index for index in self._others if self._name(index) not in contradicted]
-            self._views[tolerance] = View(self._everything.rearranged(self._members, kept, tolerance))
+            compatible = [index for index in self._others if self._name(index) not in contradicted]
+            self._views[tolerance] = View(self._everything.rearranged(self._members, compatible, tolerance))
         return self._views[tolerance]
 
     @property
@@ -116,9 +116,9 @@ class LinearisedSet:
     def without(self, member: Candidate) -> Projected:
         """The linearisation with one of the trial's effects back among the candidates, as the first of
         them."""
-        asked = self._index(member)
-        rest = [index for index in self._members if index != asked]
-        return project(self._everything.rearranged(rest, [asked, *self._others]))
+        removed = self._index(member)
+        rest = [index for index in self._members if index != removed]
+        return project(self._everything.rearranged(rest, [removed, *self._others]))
 
     def held(self, member: Candidate) -> list[Floats]:
         """(rows of each record) the contribution of those parameters of a member that the fit left at
@@ -206,17 +206,17 @@ class LinearisedSet:
         known = {one.name: float(v) for one, v in zip(self.trial.fit.problem.shared, values, strict=True)}
         columns = [*lin.nuisances, *(name for one in lin.candidates for name in one.columns)]
         bent = {bend.effect for bend in self.shapes.bends}
-        found = []
+        result = []
         for effect in (model.effect(name) for name in model.effects):
             if effect.name in bent or not effect.terms:
                 continue
             null = {
                 qualified(effect.name, one.name): one.at_null for one in effect.parameters if not one.shape
             }
-            moved = [known.get(name, null[name]) - null[name] if name in null else 0.0 for name in columns]
-            amplitudes = np.array([*moved, *np.zeros(len(lin.shapes))])
-            found += [(effect.name, amplitudes)] if amplitudes.any() else []
-        return found
+            sizes = [known.get(name, null[name]) - null[name] if name in null else 0.0 for name in columns]
+            amplitudes = np.array([*sizes, *np.zeros(len(lin.shapes))])
+            result += [(effect.name, amplitudes)] if amplitudes.any() else []
+        return result
 
     @cached_property
     def shapes(self) -> ShapeColumns:

@@ -51,7 +51,7 @@ class CellMap:
     noise_degrees: int = 0
 
     @property
-    def here(self) -> NDArray[np.bool_]:
+    def present(self) -> NDArray[np.bool_]:
         """(records, regions) True where there is a value."""
         return np.isfinite(self.z)
 
@@ -66,10 +66,10 @@ class CellMap:
         Any cell, not only the chosen ones, because these are considered for being the largest of many.
         Parametric bootstrap.
         """
-        used = chosen & self.here
+        used = chosen & self.present
         if not used.any():
             return 1.0
-        count = int(self.here.sum())
+        count = int(self.present.sum())
         largest = float(np.abs(self.z[used]).max())
         single = _two_sided(largest)
         bound = 1.0 - (1.0 - single) ** count if single > 1e-12 else count * single
@@ -83,7 +83,7 @@ class CellMap:
 
     def share(self, chosen: NDArray[np.bool_]) -> float:
         """The chosen cells' share of the systematic error: their ``Σ max(z² − 1, 0)`` over that of all."""
-        excess = np.where(self.here, np.maximum(np.nan_to_num(self.z) ** 2 - 1.0, 0.0), 0.0)
+        excess = np.where(self.present, np.maximum(np.nan_to_num(self.z) ** 2 - 1.0, 0.0), 0.0)
         total = float(excess.sum())
         return float(excess[chosen].sum()) / total if total > 0.0 else 0.0
 
@@ -107,10 +107,10 @@ def cell_map(projected: Projected, seed: int = 0) -> CellMap:
     variance = np.array(
         [np.diag(square) - np.square(c).sum(axis=0) for square, c in zip(squares, couplings, strict=True)]
     )
-    here = variance > _LEAST_VARIANCE
-    root = np.sqrt(np.where(here, variance, 1.0))
-    z = np.where(here, np.array(sums) / root, np.nan)
-    draws, degrees = _draws(squares, couplings, here, root, seed), projected.noise_degrees
+    present = variance > _LEAST_VARIANCE
+    root = np.sqrt(np.where(present, variance, 1.0))
+    z = np.where(present, np.array(sums) / root, np.nan)
+    draws, degrees = _draws(squares, couplings, present, root, seed), projected.noise_degrees
     if degrees and draws.size:
         generator = np.random.Generator(np.random.PCG64([seed, degrees]))
         draws = draws * np.sqrt(degrees / generator.chisquare(degrees, (draws.shape[0], 1)))
@@ -118,19 +118,23 @@ def cell_map(projected: Projected, seed: int = 0) -> CellMap:
 
 
 def _draws(
-    squares: Sequence[Floats], couplings: Sequence[Floats], here: NDArray[np.bool_], root: Floats, seed: int
+    squares: Sequence[Floats],
+    couplings: Sequence[Floats],
+    present: NDArray[np.bool_],
+    root: Floats,
+    seed: int,
 ) -> Floats:
-    count = int(here.sum())
+    count = int(present.sum())
     if not 0 < count <= _MOST_DRAWN:
         return np.empty((0, count))
-    ends = np.cumsum([0, *here.sum(axis=1)])
+    ends = np.cumsum([0, *present.sum(axis=1)])
     covariance = np.zeros((count, count))
     for k, square in enumerate(squares):
         block = slice(ends[k], ends[k + 1])
-        covariance[block, block] = square[np.ix_(here[k], here[k])]
-    coupling = np.concatenate([c[:, keep] for c, keep in zip(couplings, here, strict=True)], axis=1)
+        covariance[block, block] = square[np.ix_(present[k], present[k])]
+    coupling = np.concatenate([c[:, keep] for c, keep in zip(couplings, present, strict=True)], axis=1)
     covariance -= coupling.T @ coupling
-    scale = root[here]
+    scale = root[present]
     values, vectors = np.linalg.eigh(covariance / scale[:, None] / scale[None, :])
     normal = np.random.Generator(np.random.PCG64(seed)).standard_normal((_DRAWS, count))
     return np.asarray(normal @ (vectors * np.sqrt(np.maximum(values, 0.0))).T)
@@ -283,7 +287,7 @@ def _cells(lin: Linearisation, cells: CellMap) -> list[Place]:
     for column, (phase, channel) in enumerate(lin.regions.labels):
         chosen = np.zeros(cells.z.shape, dtype=bool)
         chosen[:, column] = True
-        if (chosen & cells.here).any():
+        if (chosen & cells.present).any():
             rmse = _rms(_of_region(lin, phase, channel))
             label = channel if phase == "all" else f"{channel} in {phase}"
             places.append(Place("cell", label, cells.share(chosen), rmse, cells.p_value(chosen)))
@@ -296,7 +300,7 @@ def ranges(fit: FitResult) -> list[Place]:
     normalised = list(map(fit.normalised_error, fit.fitted))
     measured = [fit.problem.records[k].values for k in fit.fitted]
     white = [whitened_errors(fit, k) for k in fit.fitted]
-    whole = sum(float(np.nansum(values**2)) for values in normalised) or 1.0
+    total = sum(float(np.nansum(values**2)) for values in normalised) or 1.0
     for column, name in enumerate(fit.problem.measurements.outputs):
         error, value, whitened = (
             np.concatenate([values[:, column] for values in part]) for part in (normalised, measured, white)
@@ -310,7 +314,7 @@ def ranges(fit: FitResult) -> list[Place]:
         for low, high in pairwise(edges.tolist()):
             inside = (value >= low) & (value <= high)
             if inside.any():
-                share = float(np.sum(error[inside] ** 2)) / whole
+                share = float(np.sum(error[inside] ** 2)) / total
                 label = f"{name} {show(float(low), unit, digits=3)} to {show(float(high), unit, digits=3)}"
                 chance = _chance(fit, column, whitened[inside])
                 places.append(Place("state", label, share, _rms(error[inside]), chance))

@@ -82,7 +82,7 @@ def evidence(component: Component, normal: Normal, features: Floats) -> Evidence
     """Evidence of a component; `features` (records, f) are φ, with f = 0 if only δ is estimated."""
     values, vectors = np.linalg.eigh(component.square)
     values = np.maximum(values, 0.0)
-    turned = Component(
+    rotated = Component(
         np.swapaxes(vectors, 1, 2) @ component.square,
         np.einsum("cki,ckp->cip", vectors, component.cross, optimize=True),
         np.einsum("cki,ck->ci", vectors, component.gradient),
@@ -90,15 +90,15 @@ def evidence(component: Component, normal: Normal, features: Floats) -> Evidence
     nothing = _restricted(normal.matrix, normal.gradient)
     squares: list[tuple[float, float, float]] = []
     for strength in _OWN:
-        record_local = _without_record_local(component, turned, normal, values, features, strength**2)
+        record_local = _without_record_local(component, rotated, normal, values, features, strength**2)
         shared = _shared(record_local, features)
         squares += [(gain - nothing, strength**2, square) for gain, square in shared]
     likelihoods = np.array([one[0] for one in squares])
     top = int(np.argmax(likelihoods))
     mean = likelihoods[top] + np.log(np.mean(np.exp(likelihoods - likelihoods[top])))
     _, u, v = squares[top]
-    record_local = _without_record_local(component, turned, normal, values, features, u)
-    amplitudes = _amplitudes(component, turned, vectors, record_local, features, v)
+    record_local = _without_record_local(component, rotated, normal, values, features, u)
+    amplitudes = _amplitudes(component, rotated, vectors, record_local, features, v)
     return Evidence(float(mean), _explained(component, normal, amplitudes), amplitudes)
 
 
@@ -111,19 +111,19 @@ def _restricted(matrix: Floats, gradient: Floats) -> float:
 
 
 def _without_record_local(
-    component: Component, turned: Component, normal: Normal, values: Floats, features: Floats, u: float
+    component: Component, rotated: Component, normal: Normal, values: Floats, features: Floats, u: float
 ) -> _RecordLocal:
     weight = u / (1.0 + u * values)
-    weighted = turned.cross * weight[:, :, None]
-    theta = normal.matrix - np.einsum("cip,ciq->pq", turned.cross, weighted, optimize=True)
-    slope = normal.gradient - np.einsum("cip,ci->p", weighted, turned.gradient)
-    gain = 0.5 * float((weight * turned.gradient**2).sum()) - 0.5 * float(np.log1p(u * values).sum())
+    weighted = rotated.cross * weight[:, :, None]
+    theta = normal.matrix - np.einsum("cip,ciq->pq", rotated.cross, weighted, optimize=True)
+    slope = normal.gradient - np.einsum("cip,ci->p", weighted, rotated.gradient)
+    gain = 0.5 * float((weight * rotated.gradient**2).sum()) - 0.5 * float(np.log1p(u * values).sum())
     count, f = features.shape
     k = values.shape[1]
-    back = np.swapaxes(turned.square * weight[:, :, None], 1, 2)
-    square = component.square - back @ turned.square
-    cross = component.cross - back @ turned.cross
-    gradient = component.gradient - np.einsum("cik,ck->ci", back, turned.gradient)
+    back = np.swapaxes(rotated.square * weight[:, :, None], 1, 2)
+    square = component.square - back @ rotated.square
+    cross = component.cross - back @ rotated.cross
+    gradient = component.gradient - np.einsum("cik,ck->ci", back, rotated.gradient)
     pairs = (features[:, :, None] * features[:, None, :]).reshape(count, f * f)
     alpha = (pairs.T @ square.reshape(count, k * k)).reshape(f, f, k, k)
     return _RecordLocal(
@@ -165,7 +165,7 @@ def _shared(record_local: _RecordLocal, features: Floats) -> list[tuple[float, f
 
 def _amplitudes(
     component: Component,
-    turned: Component,
+    rotated: Component,
     vectors: Floats,
     record_local: _RecordLocal,
     features: Floats,
@@ -180,16 +180,16 @@ def _amplitudes(
         alpha = np.linalg.solve(matrix + np.eye(alpha.size) / v, gradient)
     theta = np.linalg.solve(record_local.theta, slope - record_local.cross.T @ alpha) if slope.size else slope
     common = features @ alpha.reshape(features.shape[1], k)
-    left = turned.gradient - turned.cross @ theta - np.einsum("cik,ck->ci", turned.square, common)
-    return np.asarray(common + np.einsum("cki,ci->ck", vectors, record_local.weight * left))
+    remaining = rotated.gradient - rotated.cross @ theta - np.einsum("cik,ck->ci", rotated.square, common)
+    return np.asarray(common + np.einsum("cki,ci->ck", vectors, record_local.weight * remaining))
 
 
 def _explained(component: Component, normal: Normal, amplitudes: Floats) -> float:
     """Reduction of χ² by B·a, with the unknowns fitted before and after."""
-    left = normal.gradient - np.einsum("ckp,ck->p", component.cross, amplitudes)
+    remaining = normal.gradient - np.einsum("ckp,ck->p", component.cross, amplitudes)
     square = np.einsum("ck,ckl,cl->", amplitudes, component.square, amplitudes, optimize=True)
     fall = 2.0 * float((amplitudes * component.gradient).sum()) - float(square)
-    if not left.size:
+    if not remaining.size:
         return fall
     before = float(normal.gradient @ np.linalg.solve(normal.matrix, normal.gradient))
-    return fall + float(left @ np.linalg.solve(normal.matrix, left)) - before
+    return fall + float(remaining @ np.linalg.solve(normal.matrix, remaining)) - before

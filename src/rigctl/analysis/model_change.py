@@ -101,10 +101,10 @@ def change_model(
     model = load_model(path)
     if wanted.kind == "fit":
         require_free_parameters(model)
-    made, done, outside = (
+    changed, change, outside = (
         _measured(model, wanted, runs, on_progress) if runs else (*_unmeasured(model, wanted), ())
     )
-    return Changed(made, save_version(made, path, done, effect_files=wanted.effect_files), outside)
+    return Changed(changed, save_version(changed, path, change, effect_files=wanted.effect_files), outside)
 
 
 def _unmeasured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
@@ -122,10 +122,10 @@ def _measured(
     data = read_runs(model, runs, hold_out=wanted.hold_out, only=wanted.only, on_progress=on_progress)
     refit = wanted.fit and wanted.kind != "fit"
     before = fit_to_data(model, data, refit=refit, on_progress=on_progress)
-    made = wanted.changed(before.model)
+    changed = wanted.changed(before.model)
     on_progress(f"{'Fitting' if wanted.fit else 'Simulating'} the new {model.name}")
-    after = fit_again(before, made, refit=wanted.fit, on_progress=on_progress)
-    done = Change(
+    after = fit_again(before, changed, refit=wanted.fit, on_progress=on_progress)
+    change = Change(
         wanted.kind,
         effect=wanted.effect,
         runs=tuple(run.id for run in runs),
@@ -136,4 +136,4 @@ def _measured(
         after=model_error(after),
         note=wanted.note,
     )
-    return after.model, done, departures(after)
+    return after.model, change, departures(after)

@@ -108,17 +108,17 @@ def project(linearisation: Linearisation, indices: Sequence[int] | None = None) 
     signatures = _stack(records, "signatures", weight.shape[0])
     residual = np.concatenate([*(one.residual for one in records), prior])
     basis, inverse = _span(nuisance)
-    left_over = signatures - basis @ (basis.T @ signatures)
+    remaining = signatures - basis @ (basis.T @ signatures)
     full = linearisation.full_lengths
-    after_all, after_local = np.linalg.norm(left_over, axis=0), np.linalg.norm(signatures, axis=0)
-    moved = basis @ (basis.T @ residual)
-    if linearisation.fit.problem.measurements.table and float(moved @ moved) > _STUCK:
-        moved = np.zeros_like(moved)
+    after_all, after_local = np.linalg.norm(remaining, axis=0), np.linalg.norm(signatures, axis=0)
+    explained = basis @ (basis.T @ residual)
+    if linearisation.fit.problem.measurements.table and float(explained @ explained) > _STUCK:
+        explained = np.zeros_like(explained)
     return Projected(
         linearisation=linearisation,
         records=chosen,
-        residual=residual - moved,
-        signatures=left_over,
+        residual=residual - explained,
+        signatures=remaining,
         lengths=after_all,
         kappa=np.where(full > 0.0, after_all / np.where(full > 0.0, full, 1.0), 0.0),
         after_record_local=np.where(full > 0.0, after_local / np.where(full > 0.0, full, 1.0), 0.0),

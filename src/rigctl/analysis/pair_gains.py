@@ -49,11 +49,11 @@ def pair_gains(projected: Projected) -> tuple[PairGain, ...]:
         signs = [_sign(projected, index, int(c)) for index in (one, other) for c in columns[index]]
         gain, amplitudes = cone(z[both][None, :], square, signs)
         used = int(np.count_nonzero(amplitudes[0]))
-        named = {
+        by_name = {
             _name(projected, int(c)): float(amplitude * unit[c])
             for c, amplitude in zip(both, amplitudes[0], strict=True)
         }
-        gains.append(PairGain((one, other), float(gain[0]), used, named))
+        gains.append(PairGain((one, other), float(gain[0]), used, by_name))
     best: dict[frozenset[str], PairGain] = {}
     for pair in sorted(gains, key=lambda pair: -pair.gain):
         best.setdefault(frozenset(lin.candidates[index].name for index in pair.candidates), pair)

@@ -13,25 +13,25 @@ def hidden_at_typical_size(projected: Projected) -> tuple[str, ...]:
     ``1 − ALPHA/(3·K)``.
     """
     lin = projected.linearisation
-    seen: dict[str, bool] = {}
+    detectable: dict[str, bool] = {}
     for index, candidate in enumerate(lin.candidates):
         for column, name in enumerate(candidate.columns):
             parameter = candidate.parameter(name)
             typical = abs(parameter.start - parameter.at_null)
             statistic = float(projected.lengths[lin.starts[index] + column]) * typical
-            seen[candidate.name] = seen.get(candidate.name, False) or statistic >= SEEN_IN_LIBRARY
-    return tuple(name for name, visible in seen.items() if not visible)
+            detectable[candidate.name] = detectable.get(candidate.name, False) or statistic >= SEEN_IN_LIBRARY
+    return tuple(name for name, visible in detectable.items() if not visible)
 
 
 def power_text(projected: Projected) -> list[str]:
     """Sentences on the effects that an adequate fit to these data does not exclude."""
     names = hidden_at_typical_size(projected)
-    whole = len({candidate.name for candidate in projected.linearisation.candidates})
+    total = len({candidate.name for candidate in projected.linearisation.candidates})
     if not names:
         return []
-    if len(names) > whole / 2:
+    if len(names) > total / 2:
         return [
-            f"these data are too weak for a verdict: {len(names)} of {whole} effects of the library might "
+            f"these data are too weak for a verdict: {len(names)} of {total} effects of the library might "
             "not be seen in them at their typical size; record at more temperatures, pressures and with "
             "repeats"
         ]

@@ -182,7 +182,7 @@ class RecordQuantity:
 
 def record_level(fit: FitResult) -> tuple[RecordQuantity, ...]:
     """The record-level quantities; those that are evidence of something first."""
-    indices = _places(fit)
+    indices = _positions(fit)
     if not indices:
         return ()
     inverse = _Inverse.of(fit)
@@ -195,13 +195,13 @@ def record_level(fit: FitResult) -> tuple[RecordQuantity, ...]:
     return tuple(sorted(counted, key=lambda one: not one.statement))
 
 
-def _places(fit: FitResult) -> dict[str, list[tuple[int, int]]]:
+def _positions(fit: FitResult) -> dict[str, list[tuple[int, int]]]:
     """(record, index among its own unknowns) of each quantity; the switches of all records count as one."""
-    places: dict[str, list[tuple[int, int]]] = {}
+    positions: dict[str, list[tuple[int, int]]] = {}
     for record, members in enumerate(fit.problem.local):
         for index, one in enumerate(members):
-            places.setdefault(SWITCHES if one.kind == "switch" else one.name, []).append((record, index))
-    return places
+            positions.setdefault(SWITCHES if one.kind == "switch" else one.name, []).append((record, index))
+    return positions
 
 
 def _quantity(
@@ -214,12 +214,12 @@ def _quantity(
         for one, (record, index) in zip(local, members, strict=True)
     )
     meaning, unit, difference = _named(fit, key, local[0])
-    made = RecordQuantity(key.removeprefix("record."), meaning, unit, difference, estimates)
-    span = fit.problem.records[members[0][0]].unrecorded.get(made.name)
+    quantity = RecordQuantity(key.removeprefix("record."), meaning, unit, difference, estimates)
+    span = fit.problem.records[members[0][0]].unrecorded.get(quantity.name)
     if local[0].unknown.prior is None or span is not None:
-        return replace(made, span=span)  # an unrecorded input may have any value
+        return replace(quantity, span=span)  # an unrecorded input may have any value
     p_value, over, over_p = _tests(fit, members, estimates, inverse, trends=key != SWITCHES)
-    return replace(made, p_value=p_value, over=over, over_p_value=over_p)
+    return replace(quantity, p_value=p_value, over=over, over_p_value=over_p)
 
 
 def _estimate(fit: FitResult, one: LocalUnknown, record: int, index: int, std: float) -> Estimate:
@@ -300,13 +300,13 @@ class _Inverse:
         """(indices, indices) of the unknowns at these indices of these records."""
         rows = np.array([self.passed[record][index] for record, index in indices])
         product = rows @ self.shared @ rows.T
-        together: dict[int, tuple[list[int], list[int]]] = {}
+        by_record: dict[int, tuple[list[int], list[int]]] = {}
         for row, (record, index) in enumerate(indices):
-            rows_of, places_of = together.setdefault(record, ([], []))
+            rows_of, indices_of = by_record.setdefault(record, ([], []))
             rows_of.append(row)
-            places_of.append(index)
-        for record, (rows_of, places_of) in together.items():
-            product[np.ix_(rows_of, rows_of)] += self.record_local[record][np.ix_(places_of, places_of)]
+            indices_of.append(index)
+        for record, (rows_of, indices_of) in by_record.items():
+            product[np.ix_(rows_of, rows_of)] += self.record_local[record][np.ix_(indices_of, indices_of)]
         return np.asarray(product)
 
     def std(self, record: int, index: int) -> float:
@@ -334,16 +334,16 @@ def _tests(
     trends: bool,
 ) -> tuple[float, str, float]:
     """(p of the spread, the variable that it follows most, p of that); NaN if there is nothing to test."""
-    seen = [k for k, (record, _) in enumerate(members) if record in inverse.record_local]
-    if not seen:
+    usable = [k for k, (record, _) in enumerate(members) if record in inverse.record_local]
+    if not usable:
         return math.nan, "", math.nan
-    if len(seen) > _MOST:  # as many are enough, and the cost increases with their cube
-        seen = [seen[k] for k in np.linspace(0, len(seen) - 1, _MOST).astype(int).tolist()]
-    indices = [members[k] for k in seen]
-    prior = np.array([estimates[k].prior_std for k in seen])
-    off = np.array([estimates[k].value - estimates[k].prior_mean for k in seen])
+    if len(usable) > _MOST:  # as many are enough, and the cost increases with their cube
+        usable = [usable[k] for k in np.linspace(0, len(usable) - 1, _MOST).astype(int).tolist()]
+    indices = [members[k] for k in usable]
+    prior = np.array([estimates[k].prior_std for k in usable])
+    off = np.array([estimates[k].value - estimates[k].prior_mean for k in usable])
     # in units of the prior: the variation between records that the data can show
-    variance = np.eye(len(seen)) - inverse.covariance(indices) / np.outer(prior, prior)
+    variance = np.eye(len(usable)) - inverse.covariance(indices) / np.outer(prior, prior)
     values, vectors = np.linalg.eigh(0.5 * (variance + variance.T))
     separable = values > _LEAST_SEPARABLE
     if not separable.any():
@@ -355,11 +355,11 @@ def _tests(
     best, tried = ("", math.nan), 0
     for name, x in _operating(fit, [record for record, _ in indices]):
         contrast = (x - x.mean()) * prior
-        turned = vectors[:, separable].T @ contrast
-        statistic = float(np.sqrt(np.square(turned) @ values[separable]))
+        projected = vectors[:, separable].T @ contrast
+        statistic = float(np.sqrt(np.square(projected) @ values[separable]))
         if statistic <= math.sqrt(_LEAST_SEPARABLE) * float(np.linalg.norm(contrast)):
             continue
-        z = float(turned @ along) / statistic
+        z = float(projected @ along) / statistic
         tried += 1
         p = math.erfc(abs(z) / math.sqrt(2.0))
         if math.isnan(best[1]) or p < best[1]:
@@ -371,15 +371,15 @@ def _operating(fit: FitResult, records: Sequence[int]) -> Iterator[tuple[str, Fl
     """The operating variables: conditions, and the mean of each input over a record."""
     if len(set(records)) < _FEWEST:
         return
-    all_records, seen = fit.problem.records, set[str]()
+    all_records, varying = fit.problem.records, set[str]()
     for name in fit.problem.measurements.variables:
         x = np.array([all_records[k].condition.get(name, math.nan) for k in records])
         if np.isfinite(x).all() and np.ptp(x) > 0.0:
-            seen.add(name)
+            varying.add(name)
             yield name, x
     for index, name in enumerate(fit.problem.measurements.inputs):
         x = np.array([_mean_input(fit, k, index) for k in records])
-        if name not in seen and np.ptp(x) > 1e-9 * float(np.abs(x).max(initial=0.0)):
+        if name not in varying and np.ptp(x) > 1e-9 * float(np.abs(x).max(initial=0.0)):
             yield f"the mean of {name}", x
 
 

@@ -263,21 +263,21 @@ def refit(
         problem = _in_both_ranges(fitted.problem.rebuilt(model), fitted.problem)
         known = fitted if begin is None else begin if at else _better_start(problem, begin, fitted)
         shared = _started(problem, known, at)
-        begun = _Begun(problem.with_shared(ordered(shared, chosen) if at else shared), known)
-        again = begun.fitted(fitted.held_out, cost, rival)
-        limited = at is not None and _at_limit(again, chosen)
-        if at is not None and not limited and again.at_bound & at.keys():
-            again = _again(again, _starting_at_fit(again, {one.name: one for one in shared}), cost)
-        again, more = _refined(again, chosen, cost)
+        warm_start = _WarmStart(problem.with_shared(ordered(shared, chosen) if at else shared), known)
+        refitted = warm_start.fitted(fitted.held_out, cost, rival)
+        limited = at is not None and _at_limit(refitted, chosen)
+        if at is not None and not limited and refitted.at_bound & at.keys():
+            refitted = _again(refitted, _starting_at_fit(refitted, {one.name: one for one in shared}), cost)
+        refitted, more = _refined(refitted, chosen, cost)
     except RigctlError:  # the model cannot be simulated, or contradicts itself: no explanation
         return None
     if not limited:
         if not usual:
-            again = _again(again, beyond_usual(again, chosen), cost)
-        again = _again(again, in_order(again, chosen), cost, forced=True)
-    assert again.solution is not None  # noqa: S101 - there is something to fit
+            refitted = _again(refitted, beyond_usual(refitted, chosen), cost)
+        refitted = _again(refitted, in_order(refitted, chosen), cost, forced=True)
+    assert refitted.solution is not None  # noqa: S101 - there is something to fit
     columns = more + sum(len(candidate.columns) for candidate in chosen)
-    return RefittedSet(tuple(chosen), again, 2.0 * again.solution.cost, columns)
+    return RefittedSet(tuple(chosen), refitted, 2.0 * refitted.solution.cost, columns)
 
 
 def at_limiting_case(candidate: Candidate, simpler: Candidate) -> dict[str, str | float] | None:
@@ -286,13 +286,13 @@ def at_limiting_case(candidate: Candidate, simpler: Candidate) -> dict[str, str 
     limits = {name: limit for name, limit, law in candidate.effect.becomes if law == simpler.name}
     if not limits or not _same_shapes(candidate, simpler):
         return None
-    found: dict[str, str | float] = {}
+    sources: dict[str, str | float] = {}
     for column in candidate.columns:
         name = column.partition(".")[2]
         limit = limits.get(name, name)
-        found[column] = qualified(simpler.name, limit) if isinstance(limit, str) else limit
-    known = {source for source in found.values() if isinstance(source, str)}
-    return found if known == set(simpler.columns) else None
+        sources[column] = qualified(simpler.name, limit) if isinstance(limit, str) else limit
+    parameters = {source for source in sources.values() if isinstance(source, str)}
+    return sources if parameters == set(simpler.columns) else None
 
 
 def _same_shapes(one: Candidate, other: Candidate) -> bool:
@@ -309,7 +309,7 @@ def _same_shapes(one: Candidate, other: Candidate) -> bool:
 
 
 @dataclass(frozen=True)
-class _Begun:
+class _WarmStart:
     """A problem that starts from the fit `known` of fewer effects."""
 
     problem: Problem
@@ -334,10 +334,10 @@ class _Begun:
                 better = self._lower(better, back, better.local, held_out)
             local = self._records_back(better.local)
             if local is not None:
-                there = started(better.problem.shared, better.values)
-                better = self._lower(better, there, local, held_out)
-        there = started(better.problem.shared, better.values)
-        return self._fit(there, better.local, held_out, cost, rival)
+                initial = started(better.problem.shared, better.values)
+                better = self._lower(better, initial, local, held_out)
+        initial = started(better.problem.shared, better.values)
+        return self._fit(initial, better.local, held_out, cost, rival)
 
     def _lower(
         self, better: FitResult, shared: Sequence[Unknown], local: Sequence[Floats], held_out: Sequence[int]
@@ -389,10 +389,10 @@ def left_by_refit(fitted: FitResult, outside: Sequence[int], cost: float = _COST
     problem = fitted.problem.with_shared(started(fitted.problem.shared, fitted.values))
     hold_out = [*fitted.held_out, *outside]
     try:
-        again = fit(problem, hold_out, local=fitted.local, cost=cost, largest_step=STEP)
+        refitted = fit(problem, hold_out, local=fitted.local, cost=cost, largest_step=STEP)
     except RigctlError:
         return None
-    rows = [whitened_residual(again.problem, again.outputs[k], k) for k in outside]
+    rows = [whitened_residual(refitted.problem, refitted.outputs[k], k) for k in outside]
     return sum(float(one @ one) for one in rows)
 
 

@@ -65,7 +65,7 @@ class RefittedSets:
     alone: dict[str, Alone | None] = field(default_factory=dict, kw_only=True)
     _points: dict[tuple[str, ...], LinearisedSet] = field(default_factory=dict, kw_only=True)
     _bends: dict[tuple[str, ...], float] = field(default_factory=dict, kw_only=True)
-    _begun: set[tuple[tuple[str, ...], float]] = field(default_factory=set, kw_only=True)
+    _tried_starts: set[tuple[tuple[str, ...], float]] = field(default_factory=set, kw_only=True)
     _rivals: dict[tuple[tuple[str, ...], str], list[tuple[RefittedSet, float, float]]] = field(
         default_factory=dict, kw_only=True
     )
@@ -136,9 +136,9 @@ class RefittedSets:
         """χ² that a view of a set leaves; 0 if the tests find nothing any more."""
         if view.adequacy.agrees:
             return 0.0
-        there = view.linearisation.candidates
+        candidates = view.linearisation.candidates
         promised = max(
-            (score.gain - self.price(there[score.candidate]) for score in view.screening.scores),
+            (score.gain - self.price(candidates[score.candidate]) for score in view.screening.scores),
             default=0.0,
         )
         return max(promised, *(test.excess for test in view.adequacy.tests.values()))
@@ -152,14 +152,17 @@ class RefittedSets:
         """
         (member,) = trial.candidates
         point = self.at(trial)
-        found = point.scatter(member.name)
+        size_scatter = point.scatter(member.name)
         alone = all(name.startswith(f"size of {member.name} ") for name in point.shaped().shapes)
-        if found is None or not alone or found.follows or self.none.fit.problem.model.with_laws:
+        if size_scatter is None or not alone or size_scatter.follows or self.none.fit.problem.model.with_laws:
             return False
-        exact, scattered = point.view(0.0).projected.residual, point.view(found.width).projected.residual
+        exact, scattered = (
+            point.view(0.0).projected.residual,
+            point.view(size_scatter.width).projected.residual,
+        )
         scatter = float(exact @ exact) - float(scattered @ scattered)
         reached = max(self.none.chi2 - trial.chi2, 0.0) + max(scatter, 0.0)
-        return self._excess_in(point.view(found.width)) < TOLERANCE**2 * reached
+        return self._excess_in(point.view(size_scatter.width)) < TOLERANCE**2 * reached
 
     def explained(self, trial: RefittedSet, member: Candidate) -> float:
         """The increase of χ² without one of a set's effects; 0 if the others cannot be fitted."""
@@ -304,11 +307,11 @@ class RefittedSets:
         """The set fitted, starting from the fit of another set; each set only once."""
         key = _key(chosen)
         if key not in self.trials:
-            begun, at = self._limiting_case(chosen, begin) or (begin, None)
+            start, at = self._limiting_case(chosen, begin) or (begin, None)
             known = [0.5 * trial.chi2 for trial in self.trials.values()]
             rival = min(known, default=math.inf)
             # at ten times its usual size nearly every effect explains the few values of a table
-            refitted = refit(self.before.fit, chosen, begun.fit, at=at, rival=rival, usual=self.of_few_rows)
+            refitted = refit(self.before.fit, chosen, start.fit, at=at, rival=rival, usual=self.of_few_rows)
             if refitted is None:
                 return None
             self.trials[key] = refitted
@@ -322,8 +325,8 @@ class RefittedSets:
         key, known = _key(chosen), self.trials.get(_key(chosen))
         if known is None or self.of_few_rows:
             return self.refitted(chosen, begin)
-        if (key, begin.chi2) not in self._begun:
-            self._begun.add((key, begin.chi2))
+        if (key, begin.chi2) not in self._tried_starts:
+            self._tried_starts.add((key, begin.chi2))
             again = refit(self.before.fit, chosen, begin.fit, rival=0.5 * known.chi2)
             if again is not None and again.chi2 < known.chi2 - UNSEEN:
                 self.trials[key] = again

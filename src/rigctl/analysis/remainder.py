@@ -63,22 +63,25 @@ def remainder(search: Search, best: RefittedSet) -> Remainder | None:
     excess = search.excess(best)
     if search.at(best).adequacy.agrees or search.bent(best).adequacy.agrees:
         return None
-    here = search.bent(best)
-    name, slot, taken = _next(search, best, excess)
-    if taken < _MOST:
+    view = search.bent(best)
+    name, slot, absorbed = _next(search, best, excess)
+    if absorbed < _MOST:
         evidence = slot_evidence(best.fit)
         slot = evidence[0].slot if evidence else ""
     trend = _steepest(trends(best.fit))
-    p = here.adequacy.p_value
-    said = f"{share_text(search.left(best))} of the misfit is left, {_size_text(excess)} ({chance_text(p)})"
+    p = view.adequacy.p_value
+    statement = (
+        f"{share_text(search.left(best))} of the misfit is left, {_size_text(excess)} ({chance_text(p)})"
+    )
     if slot:
-        said += f", most of it at {slot}"
+        statement += f", most of it at {slot}"
     if trend is not None:
-        said += f", and it changes over {trend.variable}"
+        statement += f", and it changes over {trend.variable}"
     if name:
-        said += (
-            f". Beside {' and '.join(best.effects)}, {name} absorbs {share_text(taken)} of that: it may be "
-            f"a second effect, or the shape of {'their laws' if len(best.effects) > 1 else 'the first law'}"
+        statement += (
+            f". Beside {' and '.join(best.effects)}, {name} absorbs {share_text(absorbed)} of that: it "
+            "may be a second effect, or the shape of "
+            f"{'their laws' if len(best.effects) > 1 else 'the first law'}"
         )
     return Remainder(
         share=search.left(best),
@@ -87,8 +90,8 @@ def remainder(search: Search, best: RefittedSet) -> Remainder | None:
         slot=slot,
         over="" if trend is None else trend.variable,
         effect=name,
-        statement=said,
-        below_noise=here.adequacy.below_noise,
+        statement=statement,
+        below_noise=view.adequacy.below_noise,
     )
 
 
@@ -108,10 +111,10 @@ def _next(search: Search, best: RefittedSet, excess: float) -> tuple[str, str, f
     if not beside or excess <= 0.0:
         return "", "", 0.0
     added = [one for one in beside[0].candidates if one.name not in best.effects]
-    taken = min(1.0, (best.chi2 - beside[0].chi2) / excess)
-    return added[0].name, (added[0].effect.slots or ("",))[0], taken
+    absorbed = min(1.0, (best.chi2 - beside[0].chi2) / excess)
+    return added[0].name, (added[0].effect.slots or ("",))[0], absorbed
 
 
-def _steepest(seen: tuple[Trend, ...]) -> Trend | None:
-    grown = [trend for trend in seen if abs(trend.z) > REMAINDER_TREND]
+def _steepest(all_trends: tuple[Trend, ...]) -> Trend | None:
+    grown = [trend for trend in all_trends if abs(trend.z) > REMAINDER_TREND]
     return max(grown, key=lambda trend: abs(trend.z), default=None)

@@ -70,8 +70,8 @@ def _share(before: FitResult, after: FitResult, parameters: int) -> float:
     return _of(fall, misfit(before))
 
 
-def _of(fall: float, whole: float) -> float:
-    return min(max(fall / whole, 0.0), 1.0) if whole > 0.0 else 0.0
+def _of(fall: float, total: float) -> float:
+    return min(max(fall / total, 0.0), 1.0) if total > 0.0 else 0.0
 
 
 def _starts(fitted: FitResult) -> Remedy | None:
@@ -175,8 +175,8 @@ def _moved(before: FitResult, after: FitResult) -> tuple[tuple[str, float, float
 
 def _effect(fitted: FitResult, judged: ModelComparison) -> Remedy | None:
     """The remedy with one more effect of the library, by its score."""
-    seen = [one for one in judged.screening.scores if one.effect not in judged.screening.untestable]
-    best = max(seen, key=lambda score: score.gain, default=None)
+    visible = [one for one in judged.screening.scores if one.effect not in judged.screening.untestable]
+    best = max(visible, key=lambda score: score.gain, default=None)
     if best is None or fitted.problem.measurements.table:  # a few values are compatible with every effect
         return None
     whitened = sum(one.count * (one.chi2_reduced - 1.0) for one in fitted.errors.values())

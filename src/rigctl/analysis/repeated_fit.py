@@ -93,12 +93,12 @@ def _near_null(trial: RefittedSet) -> bool:
     return bool(np.all(np.isfinite(stds)) and np.all(np.abs(trial.amplitudes(candidate)) <= AT_LIMIT * stds))
 
 
-def _from(before: FitResult, there: FitResult) -> FitResult:
+def _from(before: FitResult, other: FitResult) -> FitResult:
     """The model's fit, started at the shared and record-level values of another fit."""
     problem = before.problem
-    at = {u.name: float(value) for u, value in zip(there.problem.shared, there.values, strict=True)}
-    begun = np.array([at.get(unknown.name, unknown.start) for unknown in problem.shared])
-    return fit(problem.with_shared(started(problem.shared, begun)), before.held_out, local=there.local)
+    at = {u.name: float(value) for u, value in zip(other.problem.shared, other.values, strict=True)}
+    start = np.array([at.get(unknown.name, unknown.start) for unknown in problem.shared])
+    return fit(problem.with_shared(started(problem.shared, start)), before.held_out, local=other.local)
 
 
 def _cost(fitted: FitResult) -> float:

@@ -176,18 +176,18 @@ def nested_at(fit: FitResult, effect: Effect, other: str) -> str:
 def _within_chance(fit: FitResult, one: str, other: str) -> bool:
     """Whether two unknowns do not differ significantly; those kept apart by their order alone are equal."""
     names = [unknown.name for unknown in fit.problem.shared]
-    places = [names.index(name) for name in (one, other)]
-    first, second = (float(value) for value in fit.values[places])
+    indices = [names.index(name) for name in (one, other)]
+    first, second = (float(value) for value in fit.values[indices])
     if math.isclose(first, second, rel_tol=1e-6):
         return True
     if fit.solution is None:
         return False
-    (of_one, both), (_, of_other) = fit.solution.covariance[np.ix_(places, places)]
+    (of_one, both), (_, of_other) = fit.solution.covariance[np.ix_(indices, indices)]
     variance = float(of_one + of_other - 2.0 * both)
     return bool(abs(second - first) <= AT_LIMIT * math.sqrt(max(variance, 0.0)))
 
 
-def _aside(search: Search, best: RefittedSet, seen: Collection[str]) -> list[Rival]:
+def _aside(search: Search, best: RefittedSet, listed: Collection[str]) -> list[Rival]:
     """The better set that was put aside for an unusual size: always a rival, whatever its cosine."""
     trial = search.aside
     if trial is None or not best.effects:
@@ -206,16 +206,16 @@ def _aside(search: Search, best: RefittedSet, seen: Collection[str]) -> list[Riv
             unusual=trial.unusual.get(other, ""),
         )
         for other in trial.effects
-        if other not in best.effects and other not in seen
+        if other not in best.effects and other not in listed
     ]
 
 
-def _known(search: Search, best: RefittedSet, seen: Collection[str]) -> list[Rival]:
+def _known(search: Search, best: RefittedSet, listed: Collection[str]) -> list[Rival]:
     """The best of the other effects that were refitted singly: distinguished, but worth reporting."""
     others = [
         trial
         for trial in search.trials.values()
-        if len(trial.candidates) == 1 and trial.effects[0] not in (*best.effects, *seen)
+        if len(trial.candidates) == 1 and trial.effects[0] not in (*best.effects, *listed)
     ]
     if not others:
         return []
@@ -368,11 +368,11 @@ def _alike(changes: Sequence[Changes], channel: int) -> tuple[tuple[str, float],
         for c, phase in _keys(changes)
         if c == channel
     }
-    whole = sum(float(a) for a, _, _ in sums.values())
+    total = sum(float(a) for a, _, _ in sums.values())
     pairs = [
         (phase, float((a + b - d) / (2.0 * math.sqrt(a * b))))
         for phase, (a, b, d) in sums.items()
-        if a > _SHOWS * whole and b > 0.0
+        if a > _SHOWS * total and b > 0.0
     ]
     return tuple(sorted(pairs, key=lambda one: -one[1]))
 

@@ -246,8 +246,8 @@ def _hidden_in(projected: Projected, columns: NDArray[np.intp], amplitudes: Floa
     The record-level unknowns absorb ``1 − κ₁²`` of its square first, the shared ones then ``κ₁² − κ²``.
     """
     least = columns[int(np.argmin(projected.kappa[columns]))]
-    left, after_local = projected.kappa[least] ** 2, projected.after_record_local[least] ** 2
-    if 1.0 - after_local > after_local - left:
+    after_all, after_local = projected.kappa[least] ** 2, projected.after_record_local[least] ** 2
+    if 1.0 - after_local > after_local - after_all:
         return RECORD
     lin = projected.linearisation
     if not lin.nuisances:

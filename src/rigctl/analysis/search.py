@@ -111,9 +111,9 @@ class Search(RefittedSets):
         for effect in effects:
             self.on_progress(f"Fitting with {effect} alone")
             candidate = self.before.linearisation.candidates[scores[effect].candidate]
-            begun_at_null = scores[effect].gain > 0.0
+            from_null = scores[effect].gain > 0.0
             rival = min((one.chi2 for one in self.alone.values() if one is not None), default=math.inf)
-            self.alone[effect] = alone(self.before, candidate, from_null=begun_at_null, rival=rival)
+            self.alone[effect] = alone(self.before, candidate, from_null=from_null, rival=rival)
         return near_best(self.alone)
 
     @staticmethod
@@ -132,11 +132,11 @@ class Search(RefittedSets):
         if self.of_few_rows or not self.left(best) > self.allowed or self.below_noise(best):
             return best
         tried = {name for trial in self.trials.values() for name in trial.effects}
-        shown = {score.effect: score.gain for score in self.before.screening.scores}
+        gains = {score.effect: score.gain for score in self.before.screening.scores}
         silent = [
             one
             for one in self.before.linearisation.candidates
-            if one.name not in tried and shown.get(one.name, math.inf) < WORTH and not one.secants
+            if one.name not in tried and gains.get(one.name, math.inf) < WORTH and not one.secants
         ]
         sized = [secant for one in silent for secant in at_sizes(one, _SIZES)]
         if not sized:
@@ -147,8 +147,8 @@ class Search(RefittedSets):
         except RigctlError:  # the model cannot be simulated with one of them
             return best
         # for so large an effect the linear problem is inaccurate: it only orders the candidates
-        seen = sorted((score for score in scores if score.gain > WORTH), key=lambda one: -one.gain)
-        for name in [score.effect for score in seen][:_PAIRS]:
+        promising = sorted((score for score in scores if score.gain > WORTH), key=lambda one: -one.gain)
+        for name in [score.effect for score in promising][:_PAIRS]:
             self.on_progress(f"Refitting with {name}")
             for one in (one for one in sized if one.name == name):
                 self.refitted_also_from((one,), self.none)
@@ -159,10 +159,10 @@ class Search(RefittedSets):
 
         Beside an effect that leaves hardly anything, only the next candidates; no pairs if nothing is left.
         """
-        left = self.left(best)
-        if self.most < 2 or not left or self.below_noise(best):
+        remaining = self.left(best)
+        if self.most < 2 or not remaining or self.below_noise(best):
             return best
-        if best.candidates and left <= self.allowed:
+        if best.candidates and remaining <= self.allowed:
             self._forward(best)
             return self.least([best, *self.trials.values()])
         lin = self.start.linearisation
@@ -221,10 +221,10 @@ class Search(RefittedSets):
         return best
 
     def _exchanges(self, best: RefittedSet) -> list[RefittedSet]:
-        here = self.bent(best)
+        view = self.bent(best)
         sets = []
-        for score in sorted(here.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
-            candidate = here.linearisation.candidates[score.candidate]
+        for score in sorted(view.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
+            candidate = view.linearisation.candidates[score.candidate]
             for member in best.candidates if score.gain > WORTH else ():
                 self.on_progress(f"Refitting with {candidate.name} for {member.name}")
                 rest = tuple(one for one in best.candidates if one is not member)
@@ -233,11 +233,11 @@ class Search(RefittedSets):
 
     def _forward(self, best: RefittedSet) -> RefittedSet | None:
         """`best` with one more effect: those for which its own linearisation predicts the largest gain."""
-        here = self.bent(best)
+        view = self.bent(best)
         tried = []
-        for score in sorted(here.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
+        for score in sorted(view.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
             if score.gain > WORTH:
-                candidate = here.linearisation.candidates[score.candidate]
+                candidate = view.linearisation.candidates[score.candidate]
                 self.on_progress(f"Refitting with {' and '.join([*best.effects, candidate.name])}")
                 tried.append(self.refitted((*best.candidates, candidate), best))
         return self.least([one for one in tried if one is not None]) if any(tried) else None

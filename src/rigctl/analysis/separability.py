@@ -67,9 +67,13 @@ def consistent_gain(best: FitResult, rival: FitResult, rivals: int = 1) -> float
         groups = list(range(len(best.fitted)))
     sums: dict[int, float] = {}
     for group, k in zip(groups, best.fitted, strict=True):
-        left = whitened_residual(rival.problem, rival.outputs[k], k)
-        here = whitened_residual(best.problem, best.outputs[k], k)
-        sums[group] = sums.get(group, 0.0) + float(left @ left) - float(here @ here)
+        rival_residual = whitened_residual(rival.problem, rival.outputs[k], k)
+        best_residual = whitened_residual(best.problem, best.outputs[k], k)
+        sums[group] = (
+            sums.get(group, 0.0)
+            + float(rival_residual @ rival_residual)
+            - float(best_residual @ best_residual)
+        )
     differences = np.array(list(sums.values()))
     if differences.size < 2:
         return math.inf

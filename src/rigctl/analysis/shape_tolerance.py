@@ -134,8 +134,10 @@ def shape_columns(fit: FitResult, problem: Problem, effects: Sequence[Effect]) -
             np.empty(0), [local[k] for k in part], splines=SplineColumns(tuple(arguments), tuple(columns))
         ).require()
         for array in slopes.sensitivities:
-            seen = np.take(array, at.channels, axis=1)
-            readings.append(np.concatenate([seen[:, :, one.columns] @ one.root for one in bends], axis=2))
+            sensitivity = np.take(array, at.channels, axis=1)
+            readings.append(
+                np.concatenate([sensitivity[:, :, one.columns] @ one.root for one in bends], axis=2)
+            )
     return ShapeColumns(tuple(bends), tuple(readings))
 
 
@@ -178,16 +180,16 @@ def knots_of(values_of: Sequence[Floats], functions: int = FUNCTIONS) -> Floats 
         return None
     inner: list[float] = []
     shares = np.arange(1, functions - 3) / (functions - 3)
-    apart = min(_APART, 0.2 / functions) * (high - low)
+    gap = min(_APART, 0.2 / functions) * (high - low)
     for index, value in enumerate(np.quantile(values, shares).tolist()):
-        before = inner[-1] if inner else low
-        left = (functions - 4 - index) * apart
-        inner.append(min(max(value, before + apart), high - left))
+        previous = inner[-1] if inner else low
+        reserve = (functions - 4 - index) * gap
+        inner.append(min(max(value, previous + gap), high - reserve))
     return knots_over(low, high, functions, inner)
 
 
 def prior_root(functions: int = FUNCTIONS, smooth: float = _SMOOTH) -> Floats:
     """(functions, functions) L of ``L·Lᵀ = K``; `smooth` is ℓ, in splines."""
-    apart = np.subtract.outer(np.arange(functions), np.arange(functions))
-    covariance = np.exp(-0.5 * np.square(apart / smooth)) + 1e-8 * np.eye(functions)
+    distance = np.subtract.outer(np.arange(functions), np.arange(functions))
+    covariance = np.exp(-0.5 * np.square(distance / smooth)) + 1e-8 * np.eye(functions)
     return np.asarray(np.linalg.cholesky(covariance))

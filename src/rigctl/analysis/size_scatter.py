@@ -63,9 +63,9 @@ def switch_columns(fit: FitResult, problem: Problem) -> tuple[list[str], list[Fl
     records = tuple(replace(one, switch_half=_rough(one)) for one in at.records)
     at = replace(at, measurements=replace(at.measurements, records=records))
     names = [switch_name(k) for k in range(1, count)]
-    seen = at.simulate(np.empty(0), [fit.local[k] for k in fit.fitted], names).require()
-    indices = [seen.columns.index(name) for name in names]
-    return names, [np.take(one, at.channels, axis=1)[:, :, indices] for one in seen.sensitivities]
+    simulated = at.simulate(np.empty(0), [fit.local[k] for k in fit.fitted], names).require()
+    indices = [simulated.columns.index(name) for name in names]
+    return names, [np.take(one, at.channels, axis=1)[:, :, indices] for one in simulated.sensitivities]
 
 
 def _rough(record: MeasuredRecord) -> Floats:
@@ -196,17 +196,17 @@ def size_scatter(lin: Linearisation, effect: str) -> SizeScatter | None:
     square, slope = columns.T @ columns, columns.T @ projected.residual
     costs = {width: _evidence(width**2 * square, width * slope) for width in _WIDTHS}
     width = min(costs, key=lambda one: costs[one])
-    asked = costs[width] + 2.0 * math.log(len(_WIDTHS)) < -LEAST_DIFFERENCE
+    required = costs[width] + 2.0 * math.log(len(_WIDTHS)) < -LEAST_DIFFERENCE
     sizes: Floats = np.asarray(np.linalg.solve(square + np.eye(len(names)) / width**2, slope))
     conditions = lin.regions.conditions[list(names.values())]
     trend = _trend_chance(sizes, np.sqrt(np.diag(square)), conditions)
-    return SizeScatter(effect, width, asked, asked and trend < ALPHA)
+    return SizeScatter(effect, width, required, required and trend < ALPHA)
 
 
 def _evidence(matrix: Floats, slope: Floats) -> float:
     """``−gᵀ(I + A)⁻¹g + ln|I + A|``."""
-    whole = matrix + np.eye(slope.size)
-    return float(np.linalg.slogdet(whole)[1]) - float(slope @ np.linalg.solve(whole, slope))
+    total = matrix + np.eye(slope.size)
+    return float(np.linalg.slogdet(total)[1]) - float(slope @ np.linalg.solve(total, slope))
 
 
 def _trend_chance(sizes: Floats, weights: Floats, conditions: Floats) -> float:
@@ -220,11 +220,11 @@ def _trend_chance(sizes: Floats, weights: Floats, conditions: Floats) -> float:
     left, values, _ = np.linalg.svd(plane, full_matrices=False)
     span = left[:, values > _RANK * max(float(values[0]), 1e-300)]
     mean = weights / max(float(np.linalg.norm(weights)), 1e-300)
-    seen = weights * sizes
-    seen = seen - mean * float(mean @ seen)
-    explained = float(np.square(span.T @ seen).sum())
-    rest, free = float(seen @ seen) - explained, sizes.size - span.shape[1]
+    weighted = weights * sizes
+    weighted = weighted - mean * float(mean @ weighted)
+    explained = float(np.square(span.T @ weighted).sum())
+    residual, free = float(weighted @ weighted) - explained, sizes.size - span.shape[1]
     if span.shape[1] < 2 or free < 1 or not explained > 0.0:
         return 1.0
-    ratio = (explained / (span.shape[1] - 1)) / max(rest / free, 1e-300)
+    ratio = (explained / (span.shape[1] - 1)) / max(residual / free, 1e-300)
     return float(fdtrc(span.shape[1] - 1, free, ratio))

@@ -183,7 +183,7 @@ def _inputs(records: Sequence[MeasuredRecord]) -> list[Floats]:
     return [(x[:, moved] - low[moved]) / (high[moved] - low[moved]) for x in values]
 
 
-Places = NDArray[np.intp]
+Indices = NDArray[np.intp]
 #: in records with more samples, derivatives are computed at some of them and interpolated
 _SAMPLES = 500
 #: number of samples after a switch that are always included: the action of a delay is sharp
@@ -288,12 +288,12 @@ def _slopes(fit: FitResult, problem: Problem, names: Sequence[str]) -> list[Floa
     slopes: list[Floats] = []
     for part in problem.parts(len(names)):
         some = problem.only(part)
-        chosen = [_few(record) for record in some.records]
+        samples = [_few(record) for record in some.records]
         local = [fit.local[fit.fitted[k]] for k in part]
-        simulated = some.at_samples(chosen).simulate(np.empty(0), local, names).require()
+        simulated = some.at_samples(samples).simulate(np.empty(0), local, names).require()
         slopes += [
-            _interpolated(np.take(array, problem.channels, axis=1), places, record.times)
-            for array, places, record in zip(simulated.sensitivities, chosen, some.records, strict=True)
+            _interpolated(np.take(array, problem.channels, axis=1), indices, record.times)
+            for array, indices, record in zip(simulated.sensitivities, samples, some.records, strict=True)
         ]
     return slopes
 
@@ -318,7 +318,7 @@ def with_system(problem: Problem, fit: FitResult, compiled: CompiledSystem, spac
     )
 
 
-def _few(record: MeasuredRecord) -> Places:
+def _few(record: MeasuredRecord) -> Indices:
     """Samples of a record from which the others are interpolated: equally spaced, and all after each
     switch."""
     count = record.times.size
@@ -331,13 +331,13 @@ def _few(record: MeasuredRecord) -> Places:
     return chosen[chosen < count].astype(np.intp)
 
 
-def _interpolated(array: Floats, places: Places, times: Floats) -> Floats:
+def _interpolated(array: Floats, indices: Indices, times: Floats) -> Floats:
     """(samples, channels, columns) interpolated linearly between the chosen samples."""
-    if places.size == times.size:
+    if indices.size == times.size:
         return array
-    right = np.clip(np.searchsorted(places, np.arange(times.size), side="left"), 1, places.size - 1)
+    right = np.clip(np.searchsorted(indices, np.arange(times.size), side="left"), 1, indices.size - 1)
     left = right - 1
-    begin, end = times[places[left]], times[places[right]]
+    begin, end = times[indices[left]], times[indices[right]]
     share = ((times - begin) / (end - begin))[:, None, None]
     result: Floats = array[left] * (1.0 - share)
     result += array[right] * share

@@ -86,8 +86,8 @@ def disturbance_normals(fit: FitResult, problem: Problem, columns: DisturbanceCo
         lambda k: _record_normals(fit, problem, columns, slopes, local[k], k), range(len(problem.records))
     )
     prior, weight = prior_rows(shared, fit.values[[indices[unknown.name] for unknown in shared]])
-    whole, dof = np.array([matrix for matrix, _ in each]), sum(count for _, count in each)
-    return _split(whole, columns.readings[0].shape[2], prior, weight, dof)
+    matrices, dof = np.array([matrix for matrix, _ in each]), sum(count for _, count in each)
+    return _split(matrices, columns.readings[0].shape[2], prior, weight, dof)
 
 
 def _record_normals(
@@ -103,16 +103,16 @@ def _record_normals(
     rows = np.column_stack([white, residual])
     matrix = rows.T @ rows
     record_local, weight, prior = record_local_rows(problem, k, slopes, local, outputs)
-    taken = record_local[: whitener.size].T @ rows
+    absorbed = record_local[: whitener.size].T @ rows
     if weight.size:
-        taken[:, -1] -= record_local[whitener.size :].T @ prior
+        absorbed[:, -1] -= record_local[whitener.size :].T @ prior
         matrix[-1, -1] += prior @ prior
-    return matrix - taken.T @ taken, whitener.size + int((weight > 0.0).sum()) - record_local.shape[1]
+    return matrix - absorbed.T @ absorbed, whitener.size + int((weight > 0.0).sum()) - record_local.shape[1]
 
 
-def _split(whole: Floats, count: int, prior: Floats, weight: Floats, dof: int) -> DisturbanceNormals:
+def _split(matrices: Floats, count: int, prior: Floats, weight: Floats, dof: int) -> DisturbanceNormals:
     """The blocks of the records' matrices; unknowns are scaled to columns of unit length."""
-    total = whole.sum(axis=0)
+    total = matrices.sum(axis=0)
     matrix = total[count:-1, count:-1] + np.diag(weight**2)
     gradient = total[count:-1, -1] - weight * prior
     lengths = np.sqrt(np.maximum(np.diag(matrix), 0.0))  # rounding may make it negative
@@ -120,14 +120,14 @@ def _split(whole: Floats, count: int, prior: Floats, weight: Floats, dof: int) -
     matrix = matrix * np.outer(scale, scale) + _RIDGE * np.eye(scale.size)
     gradient = gradient * scale
     square = float(total[-1, -1] + prior @ prior)
-    taken = float(gradient @ np.linalg.solve(matrix, gradient)) if scale.size else 0.0
+    absorbed = float(gradient @ np.linalg.solve(matrix, gradient)) if scale.size else 0.0
     dof += int((weight > 0.0).sum()) - scale.size
     return DisturbanceNormals(
-        square=whole[:, :count, :count],
-        cross=whole[:, :count, count:-1] * scale,
-        gradient=whole[:, :count, -1],
+        square=matrices[:, :count, :count],
+        cross=matrices[:, :count, count:-1] * scale,
+        gradient=matrices[:, :count, -1],
         unknowns=Normal(matrix, gradient, square),
-        excess=square - taken - dof,
+        excess=square - absorbed - dof,
     )
 
 
@@ -195,8 +195,8 @@ def slot_evidence(fit: FitResult, *, progress: Progress | None = None) -> tuple[
     knots = _MORE_KNOTS if len(problem.records) <= _FEW_RECORDS else _KNOTS
     model = disturbed(problem, knots, progress)
     at = (problem.content, fit.values, fit.local, fit.outputs, free_unknowns(fit))
-    asked = (model.compiled.source.text, model.moving, model.reading, knots, _together(problem))
-    ranking = kept("slots", (at, asked), _Ranking, lambda: _Ranking(_evidence(fit, problem, model)))
+    model_key = (model.compiled.source.text, model.moving, model.reading, knots, _together(problem))
+    ranking = kept("slots", (at, model_key), _Ranking, lambda: _Ranking(_evidence(fit, problem, model)))
     return ranking.slots
 
 
@@ -327,11 +327,11 @@ def _features(conditions: Floats) -> Floats:
     """
     if conditions.shape[0] < 2:
         return np.empty((conditions.shape[0], 0))
-    apart = np.square(conditions[:, None, :] - conditions[None, :, :]).sum(axis=2)
-    values, vectors = np.linalg.eigh(1.0 + conditions @ conditions.T + 0.3 * np.exp(-0.5 * apart))
-    kept = np.argsort(-values)[:_FEATURES]
-    kept = kept[values[kept] > 1e-9 * values[kept[0]]]
-    return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
+    squared_distances = np.square(conditions[:, None, :] - conditions[None, :, :]).sum(axis=2)
+    values, vectors = np.linalg.eigh(1.0 + conditions @ conditions.T + 0.3 * np.exp(-0.5 * squared_distances))
+    indices = np.argsort(-values)[:_FEATURES]
+    indices = indices[values[indices] > 1e-9 * values[indices[0]]]
+    return np.asarray(vectors[:, indices] * np.sqrt(values[indices]))
 
 
 def _one_each(tests: Sequence[_Found]) -> list[_Found]:

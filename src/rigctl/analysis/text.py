@@ -45,8 +45,8 @@ def parameters_text(parameters: Mapping[str, FoundParameter]) -> str:
 
 def effect_text(effect: Effect, parameters: Mapping[str, FoundParameter]) -> str:
     """The symptom, the effect, and its parameters, as one clause."""
-    seen, summary = effect.looks_like.rstrip("."), effect.summary.rstrip(".")
-    text = f"{seen}: {_lower_case_start(summary)}" if seen else summary
+    symptom, summary = effect.looks_like.rstrip("."), effect.summary.rstrip(".")
+    text = f"{symptom}: {_lower_case_start(summary)}" if symptom else summary
     return f"{text} ({effect.name}, {parameters_text(parameters)})"
 
 
@@ -55,9 +55,9 @@ def verdict_text(
     before: ModelComparison,
     chosen: Sequence[tuple[Candidate, Ranked]],
     rivals: Sequence[Rival],
-    left: Remainder | None,
+    remaining: Remainder | None,
     checks: Mapping[str, CrossValidation | None],
-    seen: Ranked | None = None,
+    visible: Ranked | None = None,
     against: Sequence[str] = (),
     doubt: str = "",
     allowed: float = SHAPE,
@@ -66,9 +66,9 @@ def verdict_text(
 
     Parameters
     ----------
-    left: what the best set leaves.
+    remaining: what the best set leaves.
     checks: cross-validation of each member of the best set.
-    seen: the effect that is visible although no set improves mBIC.
+    visible: the effect that is visible although no set improves mBIC.
     against: why the best set may not be what is missing, besides rivals; see `against_identity`.
     doubt: why these data cannot tell whether anything is missing at all; see `whether_at_all`.
     allowed: the largest share of the misfit that the right set may leave.
@@ -80,13 +80,13 @@ def verdict_text(
         text = described
         alike = [rival for rival in rivals if rival.cos > ALIKE]
         if alike:
-            text += f". {_begun_high(rival_text(min(alike, key=lambda rival: rival.difference)))}"
-        return text if left is None else f"{text}. That is not all: {left.statement}"
+            text += f". {_capitalised(rival_text(min(alike, key=lambda rival: rival.difference)))}"
+        return text if remaining is None else f"{text}. That is not all: {remaining.statement}"
     if verdict is Verdict.AMBIGUOUS:
         close = _each_once([rival for rival in rivals if not rival.separable])
         text = _ambiguous_text(described, close, against)
-        return text if left is None else f"{text}. That is not all: {left.statement}"
-    return _outside_text(described, left, checks, seen, doubt, allowed)
+        return text if remaining is None else f"{text}. That is not all: {remaining.statement}"
+    return _outside_text(described, remaining, checks, visible, doubt, allowed)
 
 
 def _each_once(rivals: Sequence[Rival]) -> list[Rival]:
@@ -116,9 +116,9 @@ def whether_at_all(before: ModelComparison) -> str:
 
 def _outside_text(
     described: str,
-    left: Remainder | None,
+    remaining: Remainder | None,
     checks: Mapping[str, CrossValidation | None],
-    seen: Ranked | None,
+    visible: Ranked | None,
     doubt: str,
     allowed: float,
 ) -> str:
@@ -128,11 +128,11 @@ def _outside_text(
         opening = (
             f"A test rejects the model, but {doubt}: these data cannot tell whether something is missing"
         )
-    if described and left is not None and (left.share > allowed or not _failed_text(checks)):
+    if described and remaining is not None and (remaining.share > allowed or not _failed_text(checks)):
         return (
             f"{opening}. The nearest in the library is this, but with it "
-            f"{share_text(left.share)} of the misfit is left: its law may have another shape, something else "
-            f"may be missing as well, or it only resembles what is missing: {described}"
+            f"{share_text(remaining.share)} of the misfit is left: its law may have another shape, something "
+            f"else may be missing as well, or it only resembles what is missing: {described}"
         )
     if described:
         return (
@@ -140,11 +140,11 @@ def _outside_text(
             + " more than one or two effects of the library, or not in it. The nearest is "
             f"this, but {_failed_text(checks)}: {described}"
         )
-    if seen is not None:
+    if visible is not None:
         return (
             f"{opening}, but the data show too little of it to say what: "
-            f"{seen.effect} explains more of it than any other effect ({seen.size:.1f} sigmas), but with it "
-            f"mBIC rises by {seen.delta_bic:.1f}"
+            f"{visible.effect} explains more of it than any other effect ({visible.size:.1f} sigmas), but "
+            f"with it mBIC rises by {visible.delta_bic:.1f}"
         )
     if doubt:
         return f"{opening}, and no effect of the library explains it"
@@ -159,13 +159,13 @@ def _ambiguous_text(described: str, close: Sequence[Rival], against: Sequence[st
             f"{', and '.join(against)}: {described}"
         )
     text = f"Something is missing, and these data cannot tell which. Most probable: {described}"
-    return ". ".join([text, *(_begun_high(one) for one in (*map(rival_text, close), *against))])
+    return ". ".join([text, *(_capitalised(one) for one in (*map(rival_text, close), *against))])
 
 
 def against_identity(
     best: RefittedSet,
     checks: Mapping[str, CrossValidation | None],
-    left: Remainder | None,
+    remaining: Remainder | None,
     explained: float = math.inf,
     *,
     sizes: bool = True,
@@ -189,22 +189,23 @@ def against_identity(
     ]
     failed = _failed_text(checks)
     reasons += [failed] if failed else []
-    if left is not None and left.below_noise:
+    if remaining is not None and remaining.below_noise:
         reasons.append(
             "the error with it is below the noise and yet a test rejects: the noise of these readings "
             "differs from the noise assumed"
         )
-    if left is not None and wanted_elsewhere([one.effect for one in best.candidates], left.slot):
-        reasons.append(f"what they leave points to a term at {left.slot}, where none of them acts")
-    if left is not None and only_constants([one.effect for one in best.candidates]):
+    if remaining is not None and wanted_elsewhere([one.effect for one in best.candidates], remaining.slot):
+        reasons.append(f"what they leave points to a term at {remaining.slot}, where none of them acts")
+    if remaining is not None and only_constants([one.effect for one in best.candidates]):
         reasons.append(
             "none of them depends on anything, and yet they leave something: together they may imitate a "
             "term that varies"
         )
     shape = SHAPE_TOLERANCE * math.sqrt(max(explained, 0.0))
-    if left is not None and len(best.candidates) == 1 and shape < SEEN_IN_LIBRARY < left.size:
+    if remaining is not None and len(best.candidates) == 1 and shape < SEEN_IN_LIBRARY < remaining.size:
         reasons.append(
-            f"it leaves {left.size:.0f} sigma, although another shape of so small an effect would not be seen"
+            f"it leaves {remaining.size:.0f} sigma, although another shape of so small an effect would not "
+            "be seen"
         )
     return reasons
 
@@ -350,6 +351,6 @@ def _lower_case_start(text: str) -> str:
     return text[:1].lower() + text[1:] if text[1:2].islower() or text[:2] == "A " else text
 
 
-def _begun_high(text: str) -> str:
+def _capitalised(text: str) -> str:
     """With an upper-case first letter, unless the text begins with a name."""
     return text if "_" in text.partition(" ")[0] else text[:1].upper() + text[1:]

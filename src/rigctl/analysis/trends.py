@@ -46,8 +46,8 @@ class Trend:
     def matters(self) -> bool:
         """True if the model is off by more than a third of a per cent; for a temperature, of the change
         itself."""
-        whole = 1.0 if self.unit == "1" else max(abs(self.measured), abs(self.predicted))
-        return abs(self.measured - self.predicted) > whole / 300
+        scale = 1.0 if self.unit == "1" else max(abs(self.measured), abs(self.predicted))
+        return abs(self.measured - self.predicted) > scale / 300
 
     @property
     def wrong_sign(self) -> bool:
@@ -72,15 +72,15 @@ def trends(fit: FitResult) -> tuple[Trend, ...]:
     """The trends of every quantity over every operating variable, the worst modelled first."""
     measurements = fit.problem.measurements
     units = variable_units(measurements)
-    seen = []
+    result = []
     for quantity, column, measured, predicted, noise in _quantities(fit):
         kelvin = parse_unit(measurements.units[column]).absolute_temperature
         for variable in measurements.variables:
             points = np.array([fit.problem.records[k].condition.get(variable, math.nan) for k in fit.fitted])
             trend = _trend(fit, quantity, variable, points, measured, predicted, noise, units, kelvin=kelvin)
             if trend is not None:
-                seen.append(trend)
-    return tuple(sorted(seen, key=lambda trend: -abs(trend.z)))
+                result.append(trend)
+    return tuple(sorted(result, key=lambda trend: -abs(trend.z)))
 
 
 def _quantities(fit: FitResult) -> list[tuple[str, int, Floats, Floats, float]]:
@@ -148,12 +148,12 @@ def _trend(
     inverse = np.linalg.pinv(matrix / np.where(scale > 0, scale, 1.0))[1] / (scale[1] or 1.0)
     low, high = float(points[good].min()), float(points[good].max())
     span = high - low
-    change, said = float(inverse @ measured[good]) * span, float(inverse @ predicted[good]) * span
+    change, predicted_change = float(inverse @ measured[good]) * span, float(inverse @ predicted[good]) * span
     error = noise * float(np.linalg.norm(inverse)) * span
     base = 1.0 if kelvin else float(np.mean(measured[good][points[good] == low]))
     if base == 0.0 or error == 0.0:
         return None
-    share, predicted_share = change / abs(base), said / abs(base)
+    share, predicted_share = change / abs(base), predicted_change / abs(base)
     ends = f"from {show(low, units[variable], digits=3)} to {show(high, units[variable], digits=3)}"
     for digits in (2, 3, 4, 2):  # as many as show the difference, unless none do
         moves, predicted_moves = (_moves(one, digits, kelvin=kelvin) for one in (share, predicted_share))
@@ -161,7 +161,9 @@ def _trend(
             break
     text = f"measured {quantity} {moves} {ends}, the model says it {predicted_moves}"
     unit = "K" if kelvin else "1"
-    return Trend(quantity, variable, low, high, share, predicted_share, (said - change) / error, text, unit)
+    return Trend(
+        quantity, variable, low, high, share, predicted_share, (predicted_change - change) / error, text, unit
+    )
 
 
 def _moves(change: float, digits: int, *, kelvin: bool = False) -> str:
@@ -171,12 +173,12 @@ def _moves(change: float, digits: int, *, kelvin: bool = False) -> str:
     return "stays the same" if abs(change) < least else f"{moves} {significant(size, digits)} {unit}"
 
 
-def sentence(seen: Sequence[Trend], notable: float = 5.0) -> str:
+def sentence(candidates: Sequence[Trend], notable: float = 5.0) -> str:
     """The worst modelled trend in one sentence; empty if none is wrong."""
-    wrong = [trend for trend in seen if trend.wrong_sign and abs(trend.z) > notable and trend.matters]
-    worst = wrong or [trend for trend in seen if abs(trend.z) > notable and trend.matters]
+    wrong = [trend for trend in candidates if trend.wrong_sign and abs(trend.z) > notable and trend.matters]
+    worst = wrong or [trend for trend in candidates if abs(trend.z) > notable and trend.matters]
     if not worst:
         return ""
     text = worst[0].text
-    said = text[0].upper() + text[1:]
-    return f"{said}: the wrong direction" if worst[0].wrong_sign else said
+    capitalised = text[0].upper() + text[1:]
+    return f"{capitalised}: the wrong direction" if worst[0].wrong_sign else capitalised

@@ -47,51 +47,51 @@ class Unexplained:
                 self.problem.whiteners, self.problem.ok, changes, self._record_local, strict=True
             )
         ]
-        left = np.concatenate(rows)
-        left = np.concatenate([left, np.zeros(self._shared.shape[0] - left.size)])
-        return np.asarray(left - self._shared @ (self._shared.T @ left))
+        projected = np.concatenate(rows)
+        projected = np.concatenate([projected, np.zeros(self._shared.shape[0] - projected.size)])
+        return np.asarray(projected - self._shared @ (self._shared.T @ projected))
 
     def size(self, changes: Sequence[Floats]) -> float:
         """λ, in sigmas."""
         return float(np.linalg.norm(self.of(changes)))
 
-    def cosines(self, left: Floats) -> dict[str, float]:
+    def cosines(self, remaining: Floats) -> dict[str, float]:
         """Cosine, 0 … 1, between what is left and its best fit by each effect alone, with allowed signs."""
-        length = float(np.linalg.norm(left))
+        length = float(np.linalg.norm(remaining))
         by_name: dict[str, float] = {}
         for index, candidate in enumerate(self.candidates):
-            gain, _ = self._explained(index, left)
+            gain, _ = self._explained(index, remaining)
             share = min(1.0, float(np.sqrt(gain)) / length) if length > 0.0 else 0.0
             by_name[candidate.name] = max(share, by_name.get(candidate.name, 0.0))
         return by_name
 
-    def share_of(self, effect: str, left: Floats) -> tuple[Candidate, Floats] | None:
+    def share_of(self, effect: str, remaining: Floats) -> tuple[Candidate, Floats] | None:
         """The shape of an effect that explains most of what is left, and (rows) what it explains; None if
         that is nothing."""
         indices = [index for index, candidate in enumerate(self.candidates) if candidate.name == effect]
-        explained = {index: self._explained(index, left) for index in indices}
+        explained = {index: self._explained(index, remaining) for index in indices}
         best = max(indices, key=lambda index: explained[index][0], default=None)
         if best is None or explained[best][0] <= 0.0:
             return None
         return self.candidates[best], explained[best][1]
 
-    def _explained(self, index: int, left: Floats) -> tuple[float, Floats]:
+    def _explained(self, index: int, remaining: Floats) -> tuple[float, Floats]:
         """(squares, rows) explained by one candidate, its signs as physics allows."""
         candidate = self.candidates[index]
         columns = slice(self.starts[index], self.starts[index] + len(candidate.columns))
         matrix = self._signatures[:, columns]
         used = np.flatnonzero(np.any(matrix, axis=0))
         if not used.size:
-            return 0.0, np.zeros_like(left)
+            return 0.0, np.zeros_like(remaining)
         chosen = matrix[:, used]
         gain, amplitudes = cone(
-            (left @ chosen)[None, :], chosen.T @ chosen, [candidate.signs[int(k)] for k in used]
+            (remaining @ chosen)[None, :], chosen.T @ chosen, [candidate.signs[int(k)] for k in used]
         )
         return float(gain[0]), np.asarray(chosen @ amplitudes[0])
 
 
-def unexplained(linearisation: Linearisation, whole: Problem) -> Unexplained:
-    """The projection of a linearisation; `whole` is the problem from which it was made.
+def unexplained(linearisation: Linearisation, full_problem: Problem) -> Unexplained:
+    """The projection of a linearisation; `full_problem` is the problem from which it was made.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def unexplained(linearisation: Linearisation, whole: Problem) -> Unexplained:
         the model cannot be simulated there.
     """
     fit = linearisation.fit
-    problem = whole.only(fit.fitted)
+    problem = full_problem.only(fit.fitted)
     local = [fit.local[k] for k in fit.fitted]
     slopes = slopes_at(problem, fit, linearisation.nuisances, linearisation.candidates, local)
     record_local, nuisance, signatures = [], [], []
@@ -111,16 +111,18 @@ def unexplained(linearisation: Linearisation, whole: Problem) -> Unexplained:
     weight = linearisation.prior[0]
     shared = _span(np.vstack([*nuisance, weight]))
     stacked = np.vstack([*signatures, np.zeros((weight.shape[0], signatures[0].shape[1]))])
-    left = stacked - shared @ (shared.T @ stacked)
-    lengths = np.linalg.norm(left, axis=0)
-    seen = lengths > HIDDEN * np.where(linearisation.full_lengths > 0.0, linearisation.full_lengths, np.inf)
+    projected = stacked - shared @ (shared.T @ stacked)
+    lengths = np.linalg.norm(projected, axis=0)
+    visible = lengths > HIDDEN * np.where(
+        linearisation.full_lengths > 0.0, linearisation.full_lengths, np.inf
+    )
     return Unexplained(
         problem=problem,
         candidates=linearisation.candidates,
         starts=linearisation.starts,
         _record_local=tuple(record_local),
         _shared=shared,
-        _signatures=np.where(seen, left / np.where(seen, lengths, 1.0), 0.0),
+        _signatures=np.where(visible, projected / np.where(visible, lengths, 1.0), 0.0),
     )
 
 

@@ -170,4 +170,4 @@ def log_tail(statistic: ArrayLike, dof: int, known: int = 0) -> Floats:
     else:
         x = 0.5 * far
         beyond = a * np.log(x) - x - gammaln(a) - np.log(x + 1.0 - a)
-    return np.where(p_values > _TINY, np.log(np.maximum(p_values, _TINY)), beyond)
+    return np.asarray(np.where(p_values > _TINY, np.log(np.maximum(p_values, _TINY)), beyond))

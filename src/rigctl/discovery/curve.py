@@ -125,13 +125,13 @@ def curves_of(
     opened: OpenSlots, formulas: Sequence[Formula], located: Sequence[Located], most: int
 ) -> tuple[Curve, ...]:
     """The curves of the set of formulas, then of the most probable locations, over one variable each."""
-    asked: list[tuple[Slot, Driver, Factor | None]] = []
+    requests: list[tuple[Slot, Driver, Factor | None]] = []
     for one in formulas:
         first, *others = one.factors
-        asked.append((one.slot, first.argument.driver, others[0] if others else None))
-    asked += [(one.slot, one.over[0], None) for one in located if len(one.over) == 1]
+        requests.append((one.slot, first.argument.driver, others[0] if others else None))
+    requests += [(one.slot, one.over[0], None) for one in located if len(one.over) == 1]
     curves: dict[tuple[str, str, str], Curve] = {}
-    for slot, over, beside in asked:
+    for slot, over, beside in requests:
         key = (slot.name, over.name, "" if beside is None else beside.argument.driver.name)
         if key not in curves and len(curves) < most:
             curve = curve_of(opened, slot, over, beside)
@@ -149,12 +149,12 @@ def _known(mean: Floats, covariance: Floats) -> tuple[Floats, Floats, int]:
     variances, directions = np.linalg.eigh(covariance)
     spreads = np.sqrt(np.maximum(variances, 0.0))
     amplitudes = directions.T @ mean
-    seen = np.abs(amplitudes) > _WIDTH * spreads
-    known = float(np.linalg.norm(amplitudes[seen]))
-    free = ~seen & (spreads > known) if seen.any() else np.zeros(seen.size, dtype=bool)
-    kept = directions[:, ~free]
-    spread = _WIDTH * np.sqrt(np.maximum(np.square(kept) @ variances[~free], 0.0))
-    return kept @ amplitudes[~free], spread, int(free.sum())
+    determined = np.abs(amplitudes) > _WIDTH * spreads
+    known = float(np.linalg.norm(amplitudes[determined]))
+    free = ~determined & (spreads > known) if determined.any() else np.zeros(determined.size, dtype=bool)
+    basis = directions[:, ~free]
+    spread = _WIDTH * np.sqrt(np.maximum(np.square(basis) @ variances[~free], 0.0))
+    return basis @ amplitudes[~free], spread, int(free.sum())
 
 
 def _evidence(square: Floats, along: Floats) -> float:

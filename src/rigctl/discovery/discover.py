@@ -109,7 +109,7 @@ def discover_beside(
     RigctlError
         the model cannot be simulated at its fit.
     """
-    said = on_progress or no_progress
+    report = on_progress or no_progress
     before, gate = diagnosis.before, gate_of(diagnosis)
     result = Discovery(
         diagnosis.runs, diagnosis.model, gate, None, (), (), 0, gate.statement, diagnosis.notes, diagnosis
@@ -117,21 +117,21 @@ def discover_beside(
     if not gate.open:
         return result
     samples = RefittedSets(before, before.whole).samples
-    opened = open_slots(before, progress=said)
-    searched = locate(opened, samples, slot, said)
+    opened = open_slots(before, progress=report)
+    searched = locate(opened, samples, slot, report)
     result = replace(result, searched=searched, notes=(*diagnosis.notes, *_notes(before, searched)))
     if not searched.sure:
         return replace(result, statement=_too_weak(searched))
-    said("Scoring formulas")
+    report("Scoring formulas")
     scored = score_formulas(opened, searched.most_wanted, samples)
-    fitted = refit_formulas(before.fit, scored.formulas, samples, scored.tried, said, workers)
+    fitted = refit_formulas(before.fit, scored.formulas, samples, scored.tried, report, workers)
     none = RefittedSets(before, before.whole).none
     paying = [one for one in fitted if one.cost < none.chi2]
     chosen = within(paying)
     formulas = tuple(_found(one, chosen[0], opened, none) for one in chosen)
-    places = {one.formula.slot.name for one in chosen}
-    refuted = frozenset(one.formula.slot.name for one in fitted) - places
-    said("Drawing the curves")
+    slots = {one.formula.slot.name for one in chosen}
+    refuted = frozenset(one.formula.slot.name for one in fitted) - slots
+    report("Drawing the curves")
     curves = curves_of(opened, [one.formula for one in chosen], searched.located, _CURVES)
     result = replace(result, curves=curves, formulas=formulas, tried=scored.tried, refuted=refuted)
     return replace(result, statement=_statement(result))
@@ -219,24 +219,24 @@ def _too_weak(searched: Map) -> str:
     )
 
 
-def _statement(made: Discovery) -> str:
-    where = f"A term is missing{_where(made.where)}"
-    if not made.formulas:
+def _statement(discovery: Discovery) -> str:
+    where = f"A term is missing{_where(discovery.where)}"
+    if not discovery.formulas:
         return (
-            f"{where}; none of {made.tried} formulas is worth its cost there, and the curve is all that "
+            f"{where}; none of {discovery.tried} formulas is worth its cost there, and the curve is all that "
             "these data show"
         )
-    first, count = made.formulas[0], len(made.formulas)
+    first, count = discovery.formulas[0], len(discovery.formulas)
     same = "one formula" if count == 1 else f"{count} formulas that these data do not distinguish"
-    text = f"{where}: {same} of {made.tried}, first {first.term}"
-    if len({one.slot for one in made.where}) > 1:
+    text = f"{where}: {same} of {discovery.tried}, first {first.term}"
+    if len({one.slot for one in discovery.where}) > 1:
         text += f" at {first.slot}"
     if first.alike:
         text += f" ({len(first.alike)} more are equivalent here)"
     if first.left > STAND_IN:
         over = " and ".join(row[0] for row in first.valid)
         return (
-            f"Something is missing that no formula describes: the nearest of {made.tried} acts at "
+            f"Something is missing that no formula describes: the nearest of {discovery.tried} acts at "
             f"{first.slot} over {over} and leaves {share_text(first.left)} of the misfit. What is missing "
             "may depend on time or on something that is not recorded, or act at several places"
         )

@@ -114,11 +114,11 @@ class Formula:
 
     def with_scales(self, scales: Sequence[float]) -> Formula:
         """The formula with other scales."""
-        left, chosen = list(scales), []
+        remaining, chosen = list(scales), []
         for one in self.factors:
             count = len(one.scales)
-            chosen.append(replace(one, scales=tuple(left[:count])))
-            left = left[count:]
+            chosen.append(replace(one, scales=tuple(remaining[:count])))
+            remaining = remaining[count:]
         return replace(self, factors=tuple(chosen))
 
     def price(self, samples: float, tried: int) -> float:
@@ -307,25 +307,25 @@ def _merged(opened: OpenSlots, scored: Sequence[tuple[Formula, _Basis]]) -> Iter
     readings: list[list[Floats]] = []
     order: list[int] = []
     for key in dict.fromkeys(id(basis) for _, basis in scored):
-        places = [k for k, (_, basis) in enumerate(scored) if id(basis) == key]
-        basis = scored[places[0]][1]
+        indices = [k for k, (_, basis) in enumerate(scored) if id(basis) == key]
+        basis = scored[indices[0]][1]
         slot = basis.located.slot
         splines = (
             splines_at([(slot, basis.known[0])]) if len(basis.known) == 1 else products_at(slot, *basis.known)
         )
-        weights = np.column_stack([basis.weights(scored[k][0].factors) for k in places])
+        weights = np.column_stack([basis.weights(scored[k][0].factors) for k in indices])
         readings.append([one @ weights for one in opened.readings(splines)])
-        order += places
+        order += indices
     projected = opened.project([np.concatenate(parts, axis=2) for parts in zip(*readings, strict=True)])
     lengths = np.where(projected.lengths > 0.0, projected.lengths, 1.0)
     unit = projected.signatures / lengths
     cosines = np.empty((len(order), len(order)))
     cosines[np.ix_(order, order)] = np.abs(unit.T @ unit)
-    left = list(range(len(scored)))
-    while left:
-        leader = left.pop(0)
-        same = [leader, *(k for k in left if cosines[leader, k] > SAME)]
-        left = [k for k in left if k not in same]
+    remaining = list(range(len(scored)))
+    while remaining:
+        leader = remaining.pop(0)
+        same = [leader, *(k for k in remaining if cosines[leader, k] > SAME)]
+        remaining = [k for k in remaining if k not in same]
         near = [k for k in same if scored[k][0].cost < scored[leader][0].cost + _SIMPLER]
         plain = min(near, key=lambda k: (*_operations(scored[k][0]), scored[k][0].cost))
         others = [scored[k][0] for k in same if k != plain]

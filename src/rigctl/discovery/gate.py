@@ -117,17 +117,20 @@ def replicate_test(lin: Linearisation) -> tuple[float, float] | None:
     sums = np.array([record.regions.T @ record.residual for record in lin.records])
     groups = np.array([lin.regions.groups[k] for k in range(len(lin.records))])
     between, dof = 0.0, 0
-    total, whole = 0.0, 0
+    total, total_dof = 0.0, 0
     for group in np.unique(groups):
         of_group = sums[groups == group]
         if of_group.shape[0] < 2:
             continue
-        seen = np.any(of_group != 0.0, axis=0)
-        between += float(np.square(of_group - of_group.mean(axis=0))[:, seen].sum())
-        dof += int(seen.sum()) * (of_group.shape[0] - 1)
-        total += float(np.square(of_group)[:, seen].sum())
-        whole += int(seen.sum()) * of_group.shape[0]
+        nonzero = np.any(of_group != 0.0, axis=0)
+        between += float(np.square(of_group - of_group.mean(axis=0))[:, nonzero].sum())
+        dof += int(nonzero.sum()) * (of_group.shape[0] - 1)
+        total += float(np.square(of_group)[:, nonzero].sum())
+        total_dof += int(nonzero.sum()) * of_group.shape[0]
     if not dof:
         return None
-    of_records, of_all = between / dof - 1.0, total / whole - 1.0  # per degree of freedom, beyond the noise
+    of_records, of_all = (
+        between / dof - 1.0,
+        total / total_dof - 1.0,
+    )  # per degree of freedom, beyond the noise
     return chi2_tail(between, dof), min(max(of_records, 0.0) / max(of_all, 1e-12), 1.0)

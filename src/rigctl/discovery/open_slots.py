@@ -63,7 +63,7 @@ class OpenSlots:
         constant."""
         return knots_of(courses(self.problem, self.trajectories, driver), functions)
 
-    def columns(self, asked: Sequence[tuple[Slot, SplineArgument]]) -> Projected:
+    def columns(self, pairs: Sequence[tuple[Slot, SplineArgument]]) -> Projected:
         """The columns of every spline of each argument at its slot, the fitted unknowns projected off.
 
         Raises
@@ -71,7 +71,7 @@ class OpenSlots:
         RigctlError
             the model cannot be simulated there.
         """
-        return self.project(self.readings(splines_at(asked)))
+        return self.project(self.readings(splines_at(pairs)))
 
     def readings(self, splines: SplineColumns) -> list[Floats]:
         """(n, channels, columns) for each record: the derivatives of the readings."""
@@ -106,14 +106,14 @@ class OpenSlots:
         return replace(self, fit=few, problem=self.problem.at_samples(at))
 
 
-def splines_at(asked: Sequence[tuple[Slot, SplineArgument]]) -> SplineColumns:
+def splines_at(pairs: Sequence[tuple[Slot, SplineArgument]]) -> SplineColumns:
     """Every spline of each argument as a term at its slot."""
     columns = [
         SplineColumn({level(slot): 1.0}, (index, k))
-        for index, (slot, argument) in enumerate(asked)
+        for index, (slot, argument) in enumerate(pairs)
         for k in range(argument.knots.size - 4)
     ]
-    return SplineColumns(tuple(argument for _, argument in asked), tuple(columns))
+    return SplineColumns(tuple(argument for _, argument in pairs), tuple(columns))
 
 
 def products_at(slot: Slot, first: SplineArgument, *others: SplineArgument) -> SplineColumns:
@@ -163,14 +163,14 @@ def _different(problem: Problem, simulated: Trajectories) -> Iterator[Driver]:
 def _drivers(problem: Problem) -> Iterator[Driver]:
     """Every state and input, and the differences on which effects of the library depend, each once."""
     model = problem.model
-    seen: set[tuple[tuple[str, float], ...]] = set()
+    yielded: set[tuple[tuple[str, float], ...]] = set()
     named: tuple[StateVariable | InputVariable, ...] = (*model.family.states, *model.family.inputs)
     for item in named:
         one = Driver(((item.name, 1.0),), item.unit)
-        seen.add(one.weights)
+        yielded.add(one.weights)
         yield one
     for effect in (*library(model.family).values(), *model.own_effects):
         for driver in drivers(effect) if effect.terms else ():
-            if driver.weights not in seen:
-                seen.add(driver.weights)
+            if driver.weights not in yielded:
+                yielded.add(driver.weights)
                 yield driver

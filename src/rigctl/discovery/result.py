@@ -208,12 +208,12 @@ class Discovery:
         first."""
         best = self.located[:1]
         formulas = [same for one in self.formulas for same in (one.fitted.formula, *one.fitted.formula.same)]
-        found = [Where(one.slot.name, one.over) for one in formulas]
-        found += [Where.of(one) for one in (*(() if formulas else best), *self.rivals)]
+        alternatives = [Where(one.slot.name, one.over) for one in formulas]
+        alternatives += [Where.of(one) for one in (*(() if formulas else best), *self.rivals)]
         for located in self.located:  # a term at another slot is equivalent
-            if Where.of(located) in found:
-                found += [replace(Where.of(located), slot=slot) for slot in located.alike]
-        return tuple(dict.fromkeys(found))
+            if Where.of(located) in alternatives:
+                alternatives += [replace(Where.of(located), slot=slot) for slot in located.alike]
+        return tuple(dict.fromkeys(alternatives))
 
     @property
     def headed(self) -> tuple[str, str]:
@@ -226,7 +226,7 @@ class Discovery:
     def document(self) -> dict[str, Any]:
         """The machine-readable answer."""
         searched, where = self.searched, self.where
-        places = list(dict.fromkeys(one.slot for one in where))
+        slots = list(dict.fromkeys(one.slot for one in where))
         drivers = list(dict.fromkeys(one.over for one in where))
         return {
             "runs": list(self.runs),
@@ -234,7 +234,7 @@ class Discovery:
             "gate": self.gate.document(),
             "located": [one.document() for one in self.located],
             "rivals": [one.document() for one in self.rivals],
-            "place": {"slots": places, "sure": len(places) == 1},
+            "place": {"slots": slots, "sure": len(slots) == 1},
             "driver": {"variables": [list(over) for over in drivers], "sure": len(drivers) == 1},
             "untestable": [
                 {"slot": one.slot.name, "over": [driver.name for driver in one.over]}
@@ -268,8 +268,8 @@ class Discovery:
 
     def __repr__(self) -> str:
         """The answer on one line."""
-        said = f"{len(self.formulas)} formulas" if self.gate.open else f"closed, {self.gate.reason}"
-        return one_line(self, f"of {self.model}: {said}")
+        state = f"{len(self.formulas)} formulas" if self.gate.open else f"closed, {self.gate.reason}"
+        return one_line(self, f"of {self.model}: {state}")
 
     def _repr_html_(self) -> str:
         """The summary and the set, as a notebook shows them."""

@@ -264,16 +264,16 @@ class Effect:
 
 def problems(effect: Effect, family: ModelFamily) -> list[str]:
     """What is wrong with a declaration, in words; empty if it is valid."""
-    found = [f"unknown slot {slot!r}" for slot in effect.slots if slot not in {s.name for s in family.slots}]
-    found += [
+    faults = [f"unknown slot {slot!r}" for slot in effect.slots if slot not in {s.name for s in family.slots}]
+    faults += [
         f"base parameter {name!r} is none of {family.name}"
         for name in effect.base
         if name not in {p.name for p in family.parameters}
     ]
     if bool(effect.terms) == bool(effect.base):
-        found.append("it must either add terms or be base physics")
+        faults.append("it must either add terms or be base physics")
     if effect.terms and all(parameter.shape for parameter in effect.parameters):
-        found.append("no parameter switches it off")
+        faults.append("no parameter switches it off")
     for parameter in effect.parameters:
         if not (
             parameter.low <= parameter.start <= parameter.high
@@ -281,19 +281,19 @@ def problems(effect: Effect, family: ModelFamily) -> list[str]:
             and math.isfinite(parameter.low)
             and math.isfinite(parameter.high)
         ):
-            found.append(f"{parameter.name}: null and start must lie within finite bounds")
+            faults.append(f"{parameter.name}: null and start must lie within finite bounds")
         if parameter.start == parameter.null:
-            found.append(f"{parameter.name}: start is the null value")
+            faults.append(f"{parameter.name}: start is the null value")
         if not all(parameter.low <= value <= parameter.high for value in parameter.grid):
-            found.append(f"{parameter.name}: its grid must lie within its bounds")
+            faults.append(f"{parameter.name}: its grid must lie within its bounds")
         if parameter.null in parameter.grid:
-            found.append(f"{parameter.name}: its grid holds the null value")
+            faults.append(f"{parameter.name}: its grid holds the null value")
         if parameter.at_least is not None:
-            found += _wrong_order(effect, parameter)
+            faults += _wrong_order(effect, parameter)
     known = {parameter.name for parameter in effect.parameters}
     named = [name for one, at, _ in effect.becomes for name in (one, at) if isinstance(name, str)]
-    found += [f"becomes: unknown parameter {name!r}" for name in named if name not in known]
-    return found
+    faults += [f"becomes: unknown parameter {name!r}" for name in named if name not in known]
+    return faults
 
 
 def _wrong_order(effect: Effect, parameter: EffectParameter) -> list[str]:

@@ -47,14 +47,14 @@ class Driver:
 def drivers(effect: Effect) -> tuple[Driver, ...]:
     """The variables of all of an effect's terms, each once; none for a constant term."""
     family = effect.model_family
-    found: dict[tuple[tuple[str, float], ...], Driver] = {}
+    result: dict[tuple[tuple[str, float], ...], Driver] = {}
     units = _leaves(family)
     for term in write_out(effect, family, rates=False).expressions:
         for form in _forms(term, frozenset(units), {}):
             weights = _normalised(form)
             unit = units[weights[0][0]]
-            found.setdefault(weights, Driver(weights, unit))
-    return tuple(found.values())
+            result.setdefault(weights, Driver(weights, unit))
+    return tuple(result.values())
 
 
 def driver_variables(effect: Effect) -> frozenset[str]:

@@ -65,15 +65,15 @@ _NUMBERS = {
 def terms_in_symbols(effect: Effect, family: ModelFamily) -> dict[str, Expr]:
     """The term at each slot, in the family's variables by name."""
     graph = Graph()
-    found: dict[str, Expr] = {}
+    terms: dict[str, Expr] = {}
     for slot, term in effect.terms:
         known = _variables(graph, effect, family) | {
             name: graph.variable(name, parse_unit(unit).dimension) for name, unit in family.slot(slot).local
         }
         expr = graph.expression(effect.bind(term)(Scope(family, known)))
         expr = substitute(expr, _definitions(graph, family, known))
-        found[slot] = expr if slot not in found else found[slot] + expr
-    return found
+        terms[slot] = expr if slot not in terms else terms[slot] + expr
+    return terms
 
 
 def term_texts(effect: Effect, family: ModelFamily) -> list[tuple[str, str, str]]:
@@ -128,9 +128,9 @@ def _variables(graph: Graph, effect: Effect, family: ModelFamily) -> dict[str, S
 
 def _definitions(graph: Graph, family: ModelFamily, known: Mapping[str, Scalar]) -> dict[Expr, Scalar]:
     """Variables by their definitions, to replace these where a formula contains one, e.g. a viscosity."""
-    found: dict[Expr, Scalar] = {}
+    definitions: dict[Expr, Scalar] = {}
     for definition in family.definitions:
         expr = definition.formula(Scope(family, known, options={}))
         if isinstance(expr, Expr) and expr.args:
-            found[expr] = known[definition.name]
-    return found
+            definitions[expr] = known[definition.name]
+    return definitions

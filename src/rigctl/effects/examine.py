@@ -64,9 +64,9 @@ def _wrong_terms(
     on = [{**point, **_parameters(effect, effect.start)} for point in points]
     for slot, uses in written.terms.items():
         nothing = 0.0 if family.slot(slot).combine == "sum" else 1.0
-        found = _not_smooth(effect, family, uses, [*off, *on]) or _not_off(effect, uses, nothing, off)
-        if found is not None:
-            yield Fault(("terms", slot), found)
+        fault = _not_smooth(effect, family, uses, [*off, *on]) or _not_off(effect, uses, nothing, off)
+        if fault is not None:
+            yield Fault(("terms", slot), fault)
 
 
 def _parameters(effect: Effect, values: Mapping[str, float]) -> Point:

@@ -191,18 +191,18 @@ def record_level(family: ModelFamily) -> RecordLevel:
     A family that declares none starts every state at the reading of the channel with its name; a state
     without a channel is unknown if the family gives its start a standard deviation.
     """
-    found = _known().get(family.name)
-    if found is None:
+    level = _known().get(family.name)
+    if level is None:
         read = {output.name for output in family.outputs}
-        found = RecordLevel(
+        level = RecordLevel(
             starts=tuple(
                 Start(s.name, "measured" if s.name in read else "given", rest=s.start_std)
                 for s in family.states
                 if s.name in read or s.start_std > 0.0
             )
         )
-    effect = found.effect or _nothing(family)
-    return replace(found, effect=replace(effect, parameters=(*effect.parameters, *_SWITCHING)))
+    effect = level.effect or _nothing(family)
+    return replace(level, effect=replace(effect, parameters=(*effect.parameters, *_SWITCHING)))
 
 
 _SWITCHING = tuple(

@@ -64,18 +64,18 @@ def library(family: str | ModelFamily) -> Mapping[str, Effect]:
     RigctlError
         there is no such family, an installed package registers an invalid effect, or a name is already taken.
     """
-    found: dict[str, Effect] = {}
+    effects: dict[str, Effect] = {}
     chosen = find_family(family) if isinstance(family, str) else family
     name = chosen.name
     installed = () if _reading_packages.get() else installed_effects()
     for effect in (*_shipped(), *installed):
         if effect.family == name:
-            if effect.name in found:
+            if effect.name in effects:
                 raise RigctlError("two effects have the same name", value=effect.name)
-            found[effect.name] = effect
+            effects[effect.name] = effect
     for effect in generic_effects(chosen):
-        found.setdefault(effect.name, effect)  # one that was written for the family takes precedence
-    return MappingProxyType(found)
+        effects.setdefault(effect.name, effect)  # one that was written for the family takes precedence
+    return MappingProxyType(effects)
 
 
 def find_effect(name: str, family: str | ModelFamily) -> Effect:
@@ -101,11 +101,11 @@ def check_effect(effect: Effect) -> Effect:
         they do not; the message lists everything that is wrong.
     """
     family = effect.model_family
-    found = problems(effect, family)
-    if not found and effect.terms:
-        found = [f"{name}: {error}" for (_, name), error in examine(effect, family)]
-    if found:
-        raise RigctlError(f"the effect {effect.name} is not sound: {'; '.join(found)}")
+    faults = problems(effect, family)
+    if not faults and effect.terms:
+        faults = [f"{name}: {error}" for (_, name), error in examine(effect, family)]
+    if faults:
+        raise RigctlError(f"the effect {effect.name} is not sound: {'; '.join(faults)}")
     return effect
 
 

@@ -93,14 +93,14 @@ class Provenance:
     def __str__(self) -> str:
         """For display: ``tier B, found 2026-11-22 by method 12 from 20261121-064412-campaign``."""
         words = [] if self.tier is None else [TIERS[self.tier]]
-        found = [f"found {self.date}"] if self.date else []
-        found += [f"by method {self.method}"] if self.method is not None else []
-        found += [f"and search {self.discovery}"] if self.discovery is not None else []
-        found += [f"from {', '.join(self.runs)}"] if self.runs else []
-        found += [f"beside {self.model}"] if self.model else []
-        words += [" ".join(found)] if found else []
-        said = ", ".join(words)
-        return f"{said}: {self.statement}" if said and self.statement else said or self.statement
+        origin = [f"found {self.date}"] if self.date else []
+        origin += [f"by method {self.method}"] if self.method is not None else []
+        origin += [f"and search {self.discovery}"] if self.discovery is not None else []
+        origin += [f"from {', '.join(self.runs)}"] if self.runs else []
+        origin += [f"beside {self.model}"] if self.model else []
+        words += [" ".join(origin)] if origin else []
+        text = ", ".join(words)
+        return f"{text}: {self.statement}" if text and self.statement else text or self.statement
 
 
 #: descriptions of the tiers

@@ -72,18 +72,18 @@ def _addresses(
     folder: Path, make: Callable[[], MachineCode], before_compiling: Callable[[], None]
 ) -> Mapping[str, int]:
     try:
-        found = _from_cache(folder)
-        if found is None:
+        addresses = _from_cache(folder)
+        if addresses is None:
             with _one_builder(folder):
-                found = _from_cache(folder)
-                if found is None:
+                addresses = _from_cache(folder)
+                if addresses is None:
                     before_compiling()
-                    found = loaded(_build(folder, make()))
+                    addresses = loaded(_build(folder, make()))
     except OSError as problem:
         logger.warning("the cache of compiled models in %s cannot be used: %s", folder.parent, problem)
         before_compiling()
-        found = loaded(make())
-    return found
+        addresses = loaded(make())
+    return addresses
 
 
 def _say_nothing() -> None:
@@ -99,11 +99,11 @@ def environment() -> list[str]:
     import llvmlite
     import llvmlite.binding
 
-    here = Path(__file__).parent
+    folder = Path(__file__).parent
     emitters = [
-        here / "machine_code.py",
-        here / "straight_line.py",
-        *sorted((here / "kernels").glob("*.py")),
+        folder / "machine_code.py",
+        folder / "straight_line.py",
+        *sorted((folder / "kernels").glob("*.py")),
     ]
     features = llvmlite.binding.get_host_cpu_features().flatten()
     return [
@@ -121,15 +121,15 @@ def _from_cache(folder: Path) -> Mapping[str, int] | None:
     """The functions in `folder`, or None if there are none that are intact."""
     if not folder.is_dir():
         return None
-    if _is_whole(folder):
+    if _is_intact(folder):
         try:
-            found = loaded(_read(folder))
+            addresses = loaded(_read(folder))
         except Exception as problem:  # noqa: BLE001 - whatever is wrong with a cached file, it is made anew
             logger.warning("the machine code in %s is damaged and is built again: %r", folder, problem)
         else:
             with suppress(OSError):  # a read-only cache is not cleaned by age
                 os.utime(folder)
-            return found
+            return addresses
     else:
         logger.warning("the machine code in %s is damaged and is built again", folder)
     _remove(folder)
@@ -191,7 +191,7 @@ def _write_manifest(folder: Path) -> None:
     (folder / _MANIFEST).write_text(json.dumps(_checksums(folder), indent=1), encoding="utf-8", newline="\n")
 
 
-def _is_whole(folder: Path) -> bool:
+def _is_intact(folder: Path) -> bool:
     try:
         expected = json.loads((folder / _MANIFEST).read_text(encoding="utf-8"))
         return bool(expected == _checksums(folder))
@@ -215,10 +215,10 @@ def _prune(root: Path, kind: str) -> None:
     except OSError:
         return  # another process is cleaning up
     left_behind = [path for path, when in used.items() if path.name[0] == "." and when < day_ago]
-    kept = sorted(
+    of_kind = sorted(
         (path for path in used if path.name.rpartition("-")[0] == kind), key=used.__getitem__, reverse=True
     )
-    for path in kept[_KEPT:] + left_behind:
+    for path in of_kind[_KEPT:] + left_behind:
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)
         else:

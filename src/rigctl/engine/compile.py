@@ -97,21 +97,21 @@ def kernel(module: str, checked: bool, progress: Progress | None = None) -> Kern
 
     if (module, checked) not in _kernels:
         source = f"{module}, bounds checked" if checked else module
-        found = load_compiled(
-            f"kernel-{module}", source, lambda: _made(module, checked), before_compiling=announce
+        addresses = load_compiled(
+            f"kernel-{module}", source, lambda: _kernel_code(module, checked), before_compiling=announce
         )
-        (address,) = found.values()
+        (address,) = addresses.values()
         _kernels[module, checked] = _caller(address)
     return _kernels[module, checked]
 
 
-def _made(module: str, checked: bool) -> MachineCode:
+def _kernel_code(module: str, checked: bool) -> MachineCode:
     from rigctl.engine.kernels.portable import SYMBOL, kept_text, made_text
 
-    kept = None if checked else kept_text(module)
-    if kept is not None:
+    shipped = None if checked else kept_text(module)
+    if shipped is not None:
         with suppress(RuntimeError):  # LLVM cannot read the file of another version
-            return compiled(kept, [SYMBOL], vectors=True)
+            return compiled(shipped, [SYMBOL], vectors=True)
     return compiled(made_text(module), [SYMBOL], vectors=True)
 
 

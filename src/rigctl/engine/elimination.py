@@ -42,13 +42,13 @@ def elimination(n: int, jacobian: Iterable[tuple[int, int]]) -> str:
 
 def _filled(n: int, given: Places) -> Places:
     """The entries of L and U, the diagonal among them."""
-    found = {*given, *((k, k) for k in range(n))}
+    entries = {*given, *((k, k) for k in range(n))}
     for k in range(n):
-        columns = [j for j in range(k + 1, n) if (k, j) in found]
+        columns = [j for j in range(k + 1, n) if (k, j) in entries]
         for i in range(k + 1, n):
-            if (i, k) in found:
-                found.update((i, j) for j in columns)
-    return frozenset(found)
+            if (i, k) in entries:
+                entries.update((i, j) for j in columns)
+    return frozenset(entries)
 
 
 class _Lines:

@@ -105,15 +105,15 @@ def check_fits(excitation: Excitation, system: System) -> None:
     RigctlError
         a number differs.
     """
-    for what, found, wanted in (
+    for what, actual, expected in (
         ("initial states", excitation.initial.size, len(system.states)),
         ("inputs", excitation.inputs.shape[1], len(system.inputs)),
         ("parameters", excitation.parameters.size, len(system.parameters)),
     ):
-        if found != wanted:
+        if actual != expected:
             raise RigctlError(
-                f"record {excitation.name or '(unnamed)'} has {found} {what}",
-                expected=f"{wanted}, as the system has",
+                f"record {excitation.name or '(unnamed)'} has {actual} {what}",
+                expected=f"{expected}, as the system has",
             )
     if excitation.ramps is not None and np.any(
         (excitation.ramps.inputs < 0) | (excitation.ramps.inputs >= len(system.inputs))

@@ -82,13 +82,13 @@ class Result:
         self._name = name
         guard = width()
         size = math.prod(shape)
-        whole = np.empty(size + 2 * guard)
+        buffer = np.empty(size + 2 * guard)
         self._marks: tuple[Integers, ...] = ()
         if guard:
-            self._marks = whole.view(np.int64)[:guard], whole.view(np.int64)[size + guard :]
+            self._marks = buffer.view(np.int64)[:guard], buffer.view(np.int64)[size + guard :]
             for marks in self._marks:
                 marks[:] = _MARK
-        self.values: Floats = whole[guard : size + guard].reshape(shape)
+        self.values: Floats = buffer[guard : size + guard].reshape(shape)
 
     def check(self) -> None:
         """As `Workspace.check`."""

@@ -72,7 +72,9 @@ def simulate(
     known = compiled.steps
     expected = [known.get(excitation.name, 0) for excitation in excitations]
     results = in_threads(partial(_integrate, plan), excitations, workers, expected)
-    known.update((one.name, made.statistics.steps) for one, made in zip(excitations, results, strict=True))
+    known.update(
+        (one.name, result.statistics.steps) for one, result in zip(excitations, results, strict=True)
+    )
     return Trajectories(
         names=tuple(excitation.name for excitation in excitations),
         times=tuple(

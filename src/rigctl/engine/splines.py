@@ -77,8 +77,10 @@ class SplineColumns:
         elif any(not np.all(np.diff(one.knots) > 0.0) for one in self.arguments):
             problem = "the knots do not rise"
         else:
-            asked = [index for one in self.columns for index in (one.first, one.second) if index is not None]
-            if any(not (0 <= a < len(self.arguments) and 0 <= k < self.functions) for a, k in asked):
+            indices = [
+                index for one in self.columns for index in (one.first, one.second) if index is not None
+            ]
+            if any(not (0 <= a < len(self.arguments) and 0 <= k < self.functions) for a, k in indices):
                 problem = "a column asks for a function that there is not"
         if problem:
             raise RigctlError(f"columns by shapes: {problem}")
@@ -91,13 +93,13 @@ class SplineColumns:
     def weights(self, system: System) -> Floats:
         """(arguments, states + inputs), in the form required by the kernels."""
         names = [*system.state_names, *system.input_names]
-        found = np.zeros((len(self.arguments), len(names)))
+        result = np.zeros((len(self.arguments), len(names)))
         for index, argument in enumerate(self.arguments):
             for name, weight in argument.weights.items():
                 if name not in names:
                     raise unknown_name("state or input of a spline", name, names)
-                found[index, names.index(name)] = weight
-        return found
+                result[index, names.index(name)] = weight
+        return result
 
     def knots(self) -> Floats:
         """(arguments, functions + 4)."""

@@ -96,15 +96,15 @@ def _find(
     family: ModelFamily, effects: Effects, own_effects: Iterable[Effect]
 ) -> list[tuple[Effect, dict[str, float]]]:
     users = {effect.name: effect for effect in own_effects}
-    found = []
+    result = []
     for name, values in sorted(effects.items()):
         effect = users.get(name) or find_effect(name, family)
         if effect.base:
             raise RigctlError(f"{name} is base physics, which every model has")
         for parameter in values:
             effect.parameter(parameter)
-        found.append((effect, effect.null | dict(values)))
-    return found
+        result.append((effect, effect.null | dict(values)))
+    return result
 
 
 def _declare(builder: SystemBuilder, family: ModelFamily, values: Mapping[str, float]) -> dict[str, Scalar]:

@@ -87,8 +87,8 @@ def curve_bands(fit: FitResult) -> tuple[CurveBand, ...]:
 
 def combined(bands: Sequence[CurveBand], channel: str, k: int) -> Floats | None:
     """(n) half the width of all bands together in the record at `k`, SI; None if there is none."""
-    found = [one.widths[k] for one in bands if one.channel == channel]
-    return np.sqrt(np.sum(np.square(found), axis=0)) if found else None
+    widths = [one.widths[k] for one in bands if one.channel == channel]
+    return np.sqrt(np.sum(np.square(widths), axis=0)) if widths else None
 
 
 def _of_effect(fit: FitResult, effect: str) -> list[CurveBand]:
@@ -100,12 +100,12 @@ def _of_effect(fit: FitResult, effect: str) -> list[CurveBand]:
     for shift in (1.0, -1.0):
         base = problem.base.copy()
         base[at] += shift
-        found = problem.with_shared(problem.shared, base).simulate(fit.values, fit.local)
-        if not found.ok:
+        simulated = problem.with_shared(problem.shared, base).simulate(fit.values, fit.local)
+        if not simulated.ok:
             return []
-        edges.append([np.take(array, problem.channels, axis=1) for array in found.outputs])
+        edges.append([np.take(array, problem.channels, axis=1) for array in simulated.outputs])
     half = [0.5 * np.abs(up - down) for up, down in zip(*edges, strict=True)]
-    made = []
+    bands = []
     for c, (name, unit) in enumerate(
         zip(problem.measurements.outputs, problem.measurements.units, strict=True)
     ):
@@ -114,9 +114,9 @@ def _of_effect(fit: FitResult, effect: str) -> list[CurveBand]:
         record, row = problem.records[k], int(np.argmax(widths[k]))
         if widths[k][row] > 0.0:
             noise = float(np.nanmedian(problem.sigma[k][:, c]))
-            made.append(
+            bands.append(
                 CurveBand(
                     effect, name, unit, widths, record.label, float(record.times[row]), noise, record.row
                 )
             )
-    return made
+    return bands

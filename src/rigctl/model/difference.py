@@ -96,15 +96,15 @@ def _rig(model: Model) -> str:
 def _values(before: Model, after: Model) -> tuple[ValueDifference, ...]:
     old = {stated.name: stated for stated in stated_values(before)}
     new = {stated.name: stated for stated in stated_values(after)}
-    found = []
+    differences = []
     for name in dict.fromkeys((*old, *new)):
         was, now = old.get(name), new.get(name)
         if was is not None and now is not None:
             if _same(was, now):
                 continue
             was = replace(was, unit=now.unit)
-        found.append(ValueDifference(name, was, now))
-    return tuple(found)
+        differences.append(ValueDifference(name, was, now))
+    return tuple(differences)
 
 
 def _same(one: StatedValue, other: StatedValue) -> bool:

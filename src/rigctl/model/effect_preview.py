@@ -73,38 +73,42 @@ def try_effect(
     RigctlError
         the record cannot be simulated.
     """
-    seen = signature(effect, rig, alongside=alongside, progress=progress)
-    shows = not seen.silent and not seen.flat_at_null and bool(effect.terms)
-    alike = lookalikes(seen, effect, rig, progress=progress) if shows else ()
-    return Trial(effect, seen, alike, tuple(_warnings(effect, seen, alike, rig)))
+    effect_signature = signature(effect, rig, alongside=alongside, progress=progress)
+    shows = not effect_signature.silent and not effect_signature.flat_at_null and bool(effect.terms)
+    alike = lookalikes(effect_signature, effect, rig, progress=progress) if shows else ()
+    return Trial(effect, effect_signature, alike, tuple(_warnings(effect, effect_signature, alike, rig)))
 
 
-def _warnings(effect: Effect, seen: Signature, alike: Sequence[Lookalike], rig: Rig | None) -> list[str]:
-    if seen.silent:
+def _warnings(
+    effect: Effect, effect_signature: Signature, alike: Sequence[Lookalike], rig: Rig | None
+) -> list[str]:
+    if effect_signature.silent:
         where = f"rig '{rig.name}' reads" if rig is not None else f"a {effect.family} can read"
         return [
             f"by itself {effect.name} has no influence on anything that {where}"
             + (f"; it needs {effect.needs}" if effect.needs else "")
         ]
-    found = []
-    if seen.flat_at_null:
-        found.append(
+    warnings = []
+    if effect_signature.flat_at_null:
+        warnings.append(
             f"{effect.name} changes nothing to first order at its null value, so that a diagnosis cannot "
             "detect it: write it with a parameter in which it is linear"
         )
-    if rig is not None and _below_noise(seen, rig):
-        found.append(f"at its typical size it changes every reading by less than the noise of '{rig.name}'")
-    said = {*effect.instead_of, *effect.confused_with}
-    same = [other.name for other in alike if other.likeness > SAME and other.name not in said]
+    if rig is not None and _below_noise(effect_signature, rig):
+        warnings.append(
+            f"at its typical size it changes every reading by less than the noise of '{rig.name}'"
+        )
+    declared = {*effect.instead_of, *effect.confused_with}
+    same = [other.name for other in alike if other.likeness > SAME and other.name not in declared]
     if same:
-        found.append(
+        warnings.append(
             f"no reading of the standard record distinguishes it from {', '.join(same)}: say so in "
             "'confused_with' or in 'instead_of'"
         )
-    return found
+    return warnings
 
 
-def _below_noise(seen: Signature, rig: Rig) -> bool:
-    largest = np.abs(seen.difference).max(axis=0)
-    noise = [rig.channels[name].noise for name in seen.output_names]
+def _below_noise(effect_signature: Signature, rig: Rig) -> bool:
+    largest = np.abs(effect_signature.difference).max(axis=0)
+    noise = [rig.channels[name].noise for name in effect_signature.output_names]
     return all(size and change < size for change, size in zip(largest, noise, strict=True))

@@ -16,8 +16,8 @@ def family_reference(model: Model, folder: Path) -> str:
     """The reference to the family of `model` in a file in `folder`."""
     if model.path is None or not model.text:
         return model.family.name
-    said = parse_document(model.text, model.path).data
-    written = said.get("model") if isinstance(said, Mapping) else None
+    content = parse_document(model.text, model.path).data
+    written = content.get("model") if isinstance(content, Mapping) else None
     if not isinstance(written, str) or not is_family_file(written):
         return model.family.name
     path = find_project(model.path.parent).resolve(written, relative_to=model.path).resolve()

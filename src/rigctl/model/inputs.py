@@ -97,8 +97,8 @@ def _source(item: InputVariable, rig: Rig, given: Mapping[str, float]) -> InputS
     known = {**rig.constants, **given}
     value = float(known.get(item.name, item.value))
     channel = item.name if item.name in rig.channels else None
-    said = item.name in known or item.implied
-    return InputSource(item.name, value, channel=channel, hold=item.hold or "linear", said=said)
+    stated = item.name in known or item.implied
+    return InputSource(item.name, value, channel=channel, hold=item.hold or "linear", said=stated)
 
 
 def _of_role(item: InputVariable, rig: Rig) -> tuple[tuple[str, float], ...]:

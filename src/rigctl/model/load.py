@@ -167,9 +167,9 @@ def _effects(
         values = {parameter: Value(si) for parameter, si in effect.start.items()}
         for key, setting in settings.items():
             read = partial(read_parameter, effect, key, setting.value, known)
-            found = reader.read((*keys, key), read)
+            parsed = reader.read((*keys, key), read)
             std = reader.read((*keys, key, "std"), partial(_effect_std, effect, key, setting, known))
-            for parameter, si in (found or {}).items():
+            for parameter, si in (parsed or {}).items():
                 declared = effect.parameter(parameter)
                 value = _stated(si, setting, std)
                 values[parameter] = value if key == parameter else replace(value, unit=declared.unit)

@@ -28,7 +28,7 @@ class Lookalike:
 
 
 def lookalikes(
-    seen: Signature, effect: Effect, rig: Rig | None = None, *, progress: Progress | None = None
+    effect_signature: Signature, effect: Effect, rig: Rig | None = None, *, progress: Progress | None = None
 ) -> tuple[Lookalike, ...]:
     """The library's effects by decreasing similarity to `effect`.
 
@@ -48,21 +48,21 @@ def lookalikes(
     effect_starts = {qualified(o.name, s.name): s.start for o in library(family).values() for s in o.states}
     columns = [qualified(o.name, p.name) for o in others for p in o.parameters if not p.shape]
     record = standard_excitation(family, system, system.nominal, effect_starts)
-    found = simulate(compiled, [record], columns=columns).require()
-    scale = _scales(seen, rig)
-    mine = _directions(seen.slopes / scale[:, None])
+    simulated = simulate(compiled, [record], columns=columns).require()
+    scale = _scales(effect_signature, rig)
+    mine = _directions(effect_signature.slopes / scale[:, None])
     result = []
     for other in others:
         indices = [columns.index(qualified(other.name, p.name)) for p in other.parameters if not p.shape]
-        theirs = _directions(found.sensitivities[0][:, :, indices] / scale[:, None])
+        theirs = _directions(simulated.sensitivities[0][:, :, indices] / scale[:, None])
         result.append(Lookalike(other.name, _likeness(mine, theirs)))
     return tuple(sorted(result, key=lambda each: -each.likeness))
 
 
-def _scales(seen: Signature, rig: Rig | None) -> Floats:
+def _scales(effect_signature: Signature, rig: Rig | None) -> Floats:
     """The scale of each reading."""
-    noise = [rig.channels[name].noise if rig is not None else None for name in seen.output_names]
-    spread = np.ptp(seen.without, axis=0)
+    noise = [rig.channels[name].noise if rig is not None else None for name in effect_signature.output_names]
+    spread = np.ptp(effect_signature.without, axis=0)
     return np.array(
         [float(n) if n else float(s) or 1.0 for n, s in zip(noise, spread, strict=True)], dtype=float
     )
@@ -72,8 +72,10 @@ def _directions(changes: Floats) -> Floats:
     """An orthonormal basis of the possible changes (samples, outputs, parameters)."""
     flat = changes.reshape(-1, changes.shape[2])
     lengths = np.linalg.norm(flat, axis=0)
-    kept = flat[:, lengths > _ROUNDING * max(lengths.max(initial=0.0), 1e-300)]
-    basis: Floats = np.linalg.qr(kept / np.linalg.norm(kept, axis=0))[0] if kept.size else flat[:, :0]
+    visible = flat[:, lengths > _ROUNDING * max(lengths.max(initial=0.0), 1e-300)]
+    basis: Floats = (
+        np.linalg.qr(visible / np.linalg.norm(visible, axis=0))[0] if visible.size else flat[:, :0]
+    )
     return basis
 
 

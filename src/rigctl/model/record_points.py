@@ -43,23 +43,23 @@ def record_points(
     system = build_system(family, sizes, rig, own_effects=used)
     effect_starts = {qualified(each.name, state.name): state.start for each in used for state in each.states}
     excitation = standard_excitation(family, system, system.nominal, effect_starts)
-    found = simulate(compile_system(system, progress=progress), [excitation]).require()
+    simulated = simulate(compile_system(system, progress=progress), [excitation]).require()
     parameters = dict(zip(system.parameter_names, system.nominal, strict=True))
     record = family.standard_record
-    return tuple(_points(family, record, parameters, found)) if record is not None else ()
+    return tuple(_points(family, record, parameters, simulated)) if record is not None else ()
 
 
 def _points(
-    family: ModelFamily, record: StandardRecord, parameters: Mapping[str, float], found: Trajectories
+    family: ModelFamily, record: StandardRecord, parameters: Mapping[str, float], simulated: Trajectories
 ) -> Iterator[Point]:
     commands = {item.name: item.value for item in family.inputs}
     switches = list(record.switches)
     fixed = {p.name: p.value for p in family.parameters}
-    for index in range(0, len(found.times[0]), _EVERY):
+    for index in range(0, len(simulated.times[0]), _EVERY):
         earlier = dict(commands)
-        while switches and switches[0][0] <= found.times[0][index]:
+        while switches and switches[0][0] <= simulated.times[0][index]:
             commands |= switches.pop(0)[1]
         point = fixed | dict(parameters) | commands
-        point |= dict(zip(found.state_names, found.states[0][index].tolist(), strict=True))
+        point |= dict(zip(simulated.state_names, simulated.states[0][index].tolist(), strict=True))
         point |= {before(name): value for name, value in earlier.items()}
         yield point | {after(name): value for name, value in commands.items()}

@@ -32,14 +32,14 @@ def family_of(rig: Rig) -> ModelFamily:
         raise RigctlError(
             f"the rig '{rig.name}' names no model family", hint="Add 'model: hydraulic_cylinder', say, to it"
         )
-    found = FAMILIES.get(rig.model)
-    if found is None:
+    family = FAMILIES.get(rig.model)
+    if family is None:
         reader = _reader(rig)
-        found = reader.read(("model",), partial(find_family, rig.model, rig.path))
+        family = reader.read(("model",), partial(find_family, rig.model, rig.path))
         reader.stop_at_errors()
-        assert found is not None  # noqa: S101 - the reader has stopped where it is
-    _check(rig, found)
-    return found
+        assert family is not None  # noqa: S101 - the reader has stopped where it is
+    _check(rig, family)
+    return family
 
 
 def _reader(rig: Rig) -> Reader:

@@ -24,18 +24,18 @@ def read_settings(model: Model, written: Mapping[str, str]) -> dict[str, float]:
         a name is not one of the model's; a value is not a quantity, has another dimension, or is out of
         bounds.
     """
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     for name, text in written.items():
         effect, dot, parameter = name.partition(".")
         if dot and effect in model.effects:
             family = {key: value for key, value in model.values.items() if "." not in key}
             read = read_parameter(model.effect(effect), parameter, text, family)
-            found |= {qualified(effect, key): value for key, value in read.items()}
+            result |= {qualified(effect, key): value for key, value in read.items()}
         elif not dot and name in model.values:
-            found[name] = _value(model.family.parameter(name), text)
+            result[name] = _value(model.family.parameter(name), text)
         else:
             raise unknown_name("parameter of the model", name, model.values)
-    return found
+    return result
 
 
 def _value(declared: ParameterDeclaration, text: str) -> float:
@@ -113,7 +113,7 @@ def _stated_unit(model: Model, name: str) -> str:
 
 def words_of(model: Model, values: Iterable[str], added: Iterable[str], removed: Iterable[str]) -> str:
     """The settings in words, for a model's history: ``flow_area 3.9 mm^2; without piston_leakage``."""
-    said = [f"{name} {setting_text(model, name, model.values[name])}" for name in values]
-    said += [f"with {name}" for name in added]
-    said += [f"without {name}" for name in removed]
-    return "; ".join(said)
+    phrases = [f"{name} {setting_text(model, name, model.values[name])}" for name in values]
+    phrases += [f"with {name}" for name in added]
+    phrases += [f"without {name}" for name in removed]
+    return "; ".join(phrases)

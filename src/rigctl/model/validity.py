@@ -88,10 +88,10 @@ def departures(fit: FitResult) -> tuple[Departure, ...]:
     effects = [problem.model.effect(name) for name in problem.model.effects]
     if not any(effect.valid for effect in effects):
         return ()
-    found = problem.simulate(fit.values, fit.local)
-    if not found.ok:
+    simulated = problem.simulate(fit.values, fit.local)
+    if not simulated.ok:
         return ()
-    every = [_known(fit, index, states) for index, states in enumerate(found.states)]
+    every = [_known(fit, index, states) for index, states in enumerate(simulated.states)]
     worst = [
         _worst(fit, effect, side, [quantity(side, problem.model.family, effects, one, rig) for one in every])
         for effect in effects
@@ -116,18 +116,18 @@ class RangeWatch:
 
     def left(self, known: Mapping[str, float]) -> list[str]:
         """In words, the ranges that states and inputs leave; each is reported once."""
-        found: list[str] = []
+        sentences: list[str] = []
         for name, side in list(self.sides):
             everything: dict[str, Scalar] = {**self._model.values, **known}
             value = float(quantity(side, self._model.family, self._effects, everything, self._rig))
             margin = _MARGIN * (side.high - side.low)
             if not side.low - margin <= value <= side.high + margin and np.isfinite(value):
                 self.sides.remove((name, side))
-                found.append(
+                sentences.append(
                     f"{name} was learned for {side}, and it is {side.shown(value)}: beyond its range nothing "
                     "is known of its law"
                 )
-        return found
+        return sentences
 
 
 def quantity(

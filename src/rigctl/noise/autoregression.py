@@ -56,15 +56,15 @@ def innovations(positions: NDArray[np.float64], correlation: float, white: float
     """The innovations of noise sampled at `positions`, in units of the spacing of `correlation`."""
     if positions.size < 2 or not has_correlation(correlation, white):
         return Innovations(np.empty(0), np.ones(positions.size), None)
-    kept = correlation ** np.diff(positions)
+    correlations = correlation ** np.diff(positions)
     variance = np.ones(positions.size)
-    variance[1:] = (1.0 - white) * (1.0 - kept**2) + white * (1.0 + kept**2)
+    variance[1:] = (1.0 - white) * (1.0 - correlations**2) + white * (1.0 + correlations**2)
     if white == 0.0:
-        return Innovations(kept, np.sqrt(variance), None)
+        return Innovations(correlations, np.sqrt(variance), None)
     from scipy.linalg.lapack import dpttrf
 
-    diagonal, below, _ = dpttrf(variance, -white * kept)
-    return Innovations(kept, np.sqrt(diagonal), below)
+    diagonal, subdiagonal, _ = dpttrf(variance, -white * correlations)
+    return Innovations(correlations, np.sqrt(diagonal), subdiagonal)
 
 
 def _forward(

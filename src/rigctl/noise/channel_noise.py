@@ -44,37 +44,37 @@ def learn_noise(data: ChannelData) -> Pooled | None:
     it is, and the sigma returned is ``√(σ₀² + Δ²/12)``.
     """
     groups, cells = cut_windows(data.records, data.ok, data.channel, data.spacing, order=data.order)
-    found = pool(groups, contrasts(groups), len(cells))
-    if found is None:
+    pooled = pool(groups, contrasts(groups), len(cells))
+    if pooled is None:
         return None
-    before = noise_before(data.step, found.fit.sigma)
-    coarse = 0.0 < before < _FINE * data.step or found.fit.sigma**2 < data.step**2 / 12.0
+    before = noise_before(data.step, pooled.fit.sigma)
+    coarse = 0.0 < before < _FINE * data.step or pooled.fit.sigma**2 < data.step**2 / 12.0
     for _ in range(2 if coarse else 0):
-        again = _pool(groups, len(cells), data.step, before, found)
-        if again is None:
+        refined = _pool(groups, len(cells), data.step, before, pooled)
+        if refined is None:
             break
-        found = again
-        before = float(np.sqrt(max(0.0, found.fit.sigma**2 - data.step**2 / 12.0)))
+        pooled = refined
+        before = float(np.sqrt(max(0.0, pooled.fit.sigma**2 - data.step**2 / 12.0)))
     step = data.step if coarse else 0.0
-    return _over_long_windows(data, cells, found, step, before)
+    return _over_long_windows(data, cells, pooled, step, before)
 
 
 def _over_long_windows(
-    data: ChannelData, cells: Sequence[Cell], found: Pooled, step: float, before: float
+    data: ChannelData, cells: Sequence[Cell], pooled: Pooled, step: float, before: float
 ) -> Pooled:
-    joined = _runs([cell for cell, used in zip(cells, found.used.tolist(), strict=True) if used])
+    joined = _runs([cell for cell, used in zip(cells, pooled.used.tolist(), strict=True) if used])
     while joined:
         groups, longer = cut_windows(
             data.records, data.ok, data.channel, data.spacing, joined, order=data.order
         )
-        again = _pool(groups, len(longer), step, before, found)
-        if again is None:
-            return found
-        lost = {cell for cell, used in zip(longer, again.used.tolist(), strict=True) if not used}
+        refined = _pool(groups, len(longer), step, before, pooled)
+        if refined is None:
+            return pooled
+        lost = {cell for cell, used in zip(longer, refined.used.tolist(), strict=True) if not used}
         if not lost & joined.keys():
-            return again
+            return refined
         joined = {cell: count for cell, count in joined.items() if cell not in lost}
-    return found
+    return pooled
 
 
 def _pool(
@@ -97,15 +97,15 @@ def _referred(group: WindowGroup, step: float, before: float) -> WindowGroup:
 
 def _runs(used: Sequence[Cell]) -> dict[Cell, int]:
     """Cells that start a run of used cells (towards the front of their phase), and the length of the run."""
-    left = set(used)
+    remaining = set(used)
     runs = {}
     for phase, nth in sorted(used):
-        if (phase, nth) not in left:
+        if (phase, nth) not in remaining:
             continue
         length = 1
-        while length < _LONGEST_JOIN and (phase, nth + length) in left:
+        while length < _LONGEST_JOIN and (phase, nth + length) in remaining:
             length += 1
-        left -= {(phase, nth + i) for i in range(length)}
+        remaining -= {(phase, nth + i) for i in range(length)}
         if length > 1:
             runs[phase, nth] = length
     return runs

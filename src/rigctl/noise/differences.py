@@ -28,15 +28,15 @@ def difference_noise(
     Source: von Neumann et al., Ann. Math. Stat. 12 (1941) 153; Gasser, Sroka & Jennen-Steinmetz, Biometrika
     73 (1986) 625.
     """
-    found = []
-    for record, kept in zip(records, ok, strict=True):
+    magnitudes = []
+    for record, good in zip(records, ok, strict=True):
         if record.times.size <= ORDER:
             continue
         stacked = np.lib.stride_tricks.sliding_window_view(record.values[:, channel], ORDER + 1)
-        whole = np.lib.stride_tricks.sliding_window_view(kept[:, channel], ORDER + 1).all(axis=1)
-        whole &= record.phase[ORDER:] == record.phase[:-ORDER]
-        found.append(np.abs(stacked[whole] @ _WEIGHTS))
-    differences = np.concatenate(found) if found else np.empty(0)
+        complete = np.lib.stride_tricks.sliding_window_view(good[:, channel], ORDER + 1).all(axis=1)
+        complete &= record.phase[ORDER:] == record.phase[:-ORDER]
+        magnitudes.append(np.abs(stacked[complete] @ _WEIGHTS))
+    differences = np.concatenate(magnitudes) if magnitudes else np.empty(0)
     if differences.size == 0:
         return 0.0, 0
     scale = float(np.median(differences)) / 0.6745

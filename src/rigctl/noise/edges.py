@@ -56,9 +56,9 @@ def find_edges(
     -------
     (n, channels) True on an edge.
     """
-    found = np.zeros(values.shape, dtype=bool)
+    mask = np.zeros(values.shape, dtype=bool)
     if times.size < 3 or not switches.size:
-        return found
+        return mask
     half = np.zeros(switches.size) if half_widths is None else half_widths
     spacing = np.diff(times)
     usual = float(np.median(spacing))
@@ -81,12 +81,12 @@ def find_edges(
                 end += 1
             at = begin + np.flatnonzero(sharp[begin:end, channel])
             on = np.unique(at[:, None] + np.arange(3))
-            found[on[on >= before], channel] = True
-    return np.asarray(found & (found.mean(axis=0) <= _MOST))
+            mask[on[on >= before], channel] = True
+    return np.asarray(mask & (mask.mean(axis=0) <= _MOST))
 
 
 def _turns_back(bend: NDArray[np.float64]) -> bool:
     """Whether the change of slope of the first second difference is reversed by the following ones."""
     along = bend * np.sign(bend[0])
-    made, undone = float(np.maximum(along, 0.0).sum()), float(np.maximum(-along, 0.0).sum())
-    return undone > _RETURNS * made
+    forward, undone = float(np.maximum(along, 0.0).sum()), float(np.maximum(-along, 0.0).sum())
+    return undone > _RETURNS * forward

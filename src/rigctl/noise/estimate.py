@@ -112,7 +112,7 @@ def _channel_noise(
     known: float | None,
     masked: int,
 ) -> ChannelNoise:
-    values = [record.values[kept[:, channel], channel] for record, kept in zip(records, ok, strict=True)]
+    values = [record.values[good[:, channel], channel] for record, good in zip(records, ok, strict=True)]
     step = find_step(values)
     size = max((float(np.max(np.abs(each))) for each in values if each.size), default=0.0)
     pooled = _learnt(ChannelData(records, ok, channel, spacing, step))
@@ -145,19 +145,19 @@ def _learnt(data: ChannelData) -> Pooled | None:
     order fits it, and removes too little of slow noise to hide that: the likelihood accounts for the trend
     (REML). If every order leaves something slow, it may be noise, and the lowest order is kept.
     """
-    found = learn_noise(data)
-    if found is None or not _may_be_signal(found):
-        return found
+    pooled = learn_noise(data)
+    if pooled is None or not _may_be_signal(pooled):
+        return pooled
     for order in _HIGHER_ORDERS:
-        again = learn_noise(replace(data, order=order))
-        if again is not None and not _may_be_signal(again) and again.fit.sigma < found.fit.sigma:
-            return again
-    return found
+        candidate = learn_noise(replace(data, order=order))
+        if candidate is not None and not _may_be_signal(candidate) and candidate.fit.sigma < pooled.fit.sigma:
+            return candidate
+    return pooled
 
 
-def _may_be_signal(found: Pooled) -> bool:
+def _may_be_signal(pooled: Pooled) -> bool:
     """Whether the quiet stretches mostly show something so slow that it could be a signal."""
-    return found.replicates <= found.quiet and found.fit.correlation > _SLOW and found.fit.white < 0.5
+    return pooled.replicates <= pooled.quiet and pooled.fit.correlation > _SLOW and pooled.fit.white < 0.5
 
 
 def _with_law(
@@ -182,9 +182,9 @@ def _with_law(
     if law is None:
         return noise
     each = [
-        law.sigma(*smooth_course(record.times, np.where(kept[:, channel], record.values[:, channel], np.nan)))
-        for record, kept in zip(records, ok, strict=True)
-        if kept[:, channel].any()
+        law.sigma(*smooth_course(record.times, np.where(good[:, channel], record.values[:, channel], np.nan)))
+        for record, good in zip(records, ok, strict=True)
+        if good[:, channel].any()
     ]
     typical = float(np.sqrt(np.mean(np.concatenate(each) ** 2)))
     degrees = min(noise.degrees, law.degrees) if noise.degrees else law.degrees

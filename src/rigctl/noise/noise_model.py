@@ -151,9 +151,9 @@ class NoiseModel:
         drive, white = rng.standard_normal((2, size, count))
         rho = np.array([channel.correlation for channel in self.channels])
         share = np.array([channel.white for channel in self.channels])
-        kept = rho ** (np.diff(times)[:, None] / self.spacing)
+        correlations = rho ** (np.diff(times)[:, None] / self.spacing)
         coloured = drive.copy()
-        fresh = np.sqrt(1.0 - kept**2)
+        fresh = np.sqrt(1.0 - correlations**2)
         for i in range(1, size):
-            coloured[i] = kept[i - 1] * coloured[i - 1] + fresh[i - 1] * drive[i]
+            coloured[i] = correlations[i - 1] * coloured[i - 1] + fresh[i - 1] * drive[i]
         return np.asarray(self.sigma * (np.sqrt(1.0 - share) * coloured + np.sqrt(share) * white))

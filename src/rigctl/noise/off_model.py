@@ -73,7 +73,7 @@ class Width:
 
 
 def width_off_model(
-    left: Sequence[ModelResiduals],
+    residuals: Sequence[ModelResiduals],
     channel: int,
     *,
     correlation: float = 0.0,
@@ -105,19 +105,19 @@ def width_off_model(
     Comput. Biol. 8 (2001) 557 (noise at rest and a share of the level); Gasser, Sroka & Jennen-Steinmetz,
     Biometrika 73 (1986) 625 (differences).
     """
-    orders = [_differences(left, channel, order, correlation, white, known) for order in _ORDERS]
+    orders = [_differences(residuals, channel, order, correlation, white, known) for order in _ORDERS]
     pairs = pairwise(orders)
     both = next(((one, next_one) for one, next_one in pairs if _alike(one.squares, next_one.squares)), None)
     if both is None:
         return None
-    seen, check = both
-    law, mean = _law(seen, step)
-    if law is not None and not (_borne_out(law, mean, seen, check) and _better(mean, seen)):
+    differences, check = both
+    law, mean = _law(differences, step)
+    if law is not None and not (_borne_out(law, mean, differences, check) and _better(mean, differences)):
         law = None
-    relative = seen.squares / mean
+    relative = differences.squares / mean
     tails = max(_NORMAL, float(np.mean(relative**2)) / float(np.mean(relative)) ** 2)
-    degrees = int(seen.degrees * seen.squares.size * (_NORMAL - 1.0) / (tails - 1.0))
-    return Width(float(np.sqrt(seen.squares.mean())), degrees, law)
+    degrees = int(differences.degrees * differences.squares.size * (_NORMAL - 1.0) / (tails - 1.0))
+    return Width(float(np.sqrt(differences.squares.mean())), degrees, law)
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ class _Differences:
 
 
 def _differences(
-    left: Sequence[ModelResiduals],
+    residuals: Sequence[ModelResiduals],
     channel: int,
     order: int,
     correlation: float,
@@ -148,7 +148,7 @@ def _differences(
     known: Sequence[Floats] | None,
 ) -> _Differences:
     weights = difference_weights(order, correlation, white)
-    parts = list(_windows(left, channel, order, known))
+    parts = list(_windows(residuals, channel, order, known))
     errors, levels, sigma = (
         np.concatenate([part[i] for part in parts]) if parts else np.empty((0, order + 1)) for i in range(3)
     )
@@ -158,10 +158,10 @@ def _differences(
 
 
 def _windows(
-    left: Sequence[ModelResiduals], channel: int, order: int, known: Sequence[Floats] | None
+    residuals: Sequence[ModelResiduals], channel: int, order: int, known: Sequence[Floats] | None
 ) -> Iterator[tuple[Floats, Floats, Floats]]:
     """(windows, order + 1) errors, levels and known σ of each stretch of readings inside a phase."""
-    for index, one in enumerate(left):
+    for index, one in enumerate(residuals):
         if one.phase.size <= order:
             continue
         columns = one.errors[:, channel], one.levels[:, channel]
@@ -178,68 +178,70 @@ def _alike(one: Floats, other: Floats) -> bool:
     return bool(1.0 / _AGREE < other.mean() / one.mean() < _AGREE)
 
 
-def _law(seen: _Differences, step: float) -> tuple[VarianceLaw | None, Floats]:
+def _law(differences: _Differences, step: float) -> tuple[VarianceLaw | None, Floats]:
     """The most likely law with significant terms, and its prediction for each square; None for a constant."""
-    least = np.full(seen.squares.size, float(seen.squares.mean()))
-    best, law = _cost(least, seen) + _PAYS, None
-    low, high = float(seen.levels.min()), float(seen.levels.max())
+    least = np.full(differences.squares.size, float(differences.squares.mean()))
+    best, law = _cost(least, differences) + _PAYS, None
+    low, high = float(differences.levels.min()), float(differences.levels.max())
     if not high > low:
         return None, least
     origins = (low, high, 0.0) if low < 0.0 < high else (low, high)
     for origin in origins:
         span = max(high - origin, origin - low)
-        distance = np.abs(seen.levels - origin) / span
-        terms = np.column_stack([np.ones(least.size), distance @ seen.share, distance**2 @ seen.share])
+        distance = np.abs(differences.levels - origin) / span
+        terms = np.column_stack(
+            [np.ones(least.size), distance @ differences.share, distance**2 @ differences.share]
+        )
         for columns in ((0, 1), (0, 2), (0, 1, 2)):
             squares = np.zeros(3)
-            squares[list(columns)] = _trimmed(terms[:, columns], seen)
+            squares[list(columns)] = _trimmed(terms[:, columns], differences)
             squares[0] = max(squares[0], _SMALLEST * float(least[0]))
             mean = terms @ squares
-            cost = _cost(mean, seen) + _PAYS * len(columns)
+            cost = _cost(mean, differences) + _PAYS * len(columns)
             if cost < best and squares[0] >= step**2:
                 best, least = cost, mean
                 floor, level = np.sqrt(squares[[0, 2]]).tolist()
-                degrees = int(seen.degrees * mean.size)
+                degrees = int(differences.degrees * mean.size)
                 law = VarianceLaw(floor, level / span, 0.0, origin, degrees, float(squares[1]) / span)
     return law, least
 
 
-def _trimmed(terms: Floats, seen: _Differences) -> Floats:
+def _trimmed(terms: Floats, differences: _Differences) -> Floats:
     """The squares of highest likelihood over the differences that agree with them; a few are not noise."""
     from scipy.special import chdtr, chdtri
 
     most = float(chdtri(1, _TRIMMED))
-    kept = np.ones(seen.squares.size, bool)
+    inliers = np.ones(differences.squares.size, bool)
     for _ in range(_ROUNDS):
-        squares = most_likely_squares(terms[kept], seen.squares[kept])
-        stay = seen.squares <= most * np.maximum(terms @ squares, 1e-300)
-        if stay.sum() < _FEWEST or np.array_equal(stay, kept):
+        squares = most_likely_squares(terms[inliers], differences.squares[inliers])
+        stay = differences.squares <= most * np.maximum(terms @ squares, 1e-300)
+        if stay.sum() < _FEWEST or np.array_equal(stay, inliers):
             break
-        kept = stay
+        inliers = stay
     # the truncated part of χ² below a bound has a mean below 1
     return np.asarray(squares * chdtr(1, most) / chdtr(3, most))
 
 
-def _cost(mean: Floats, seen: _Differences) -> float:
+def _cost(mean: Floats, differences: _Differences) -> float:
     """−2·ln L of the mean of each square, with the degrees of freedom reduced by the overlap."""
-    return seen.degrees * float(np.sum(np.log(mean) + seen.squares / mean))
+    return differences.degrees * float(np.sum(np.log(mean) + differences.squares / mean))
 
 
-def _better(mean: Floats, seen: _Differences) -> bool:
+def _better(mean: Floats, differences: _Differences) -> bool:
     """Whether a law is more likely than the previous σ, scaled to these differences."""
-    known = seen.known @ seen.share
-    known = known * float(np.mean(seen.squares / known))
-    return _cost(mean, seen) + _PAYS < _cost(known, seen)
+    known = differences.known @ differences.share
+    known = known * float(np.mean(differences.squares / known))
+    return _cost(mean, differences) + _PAYS < _cost(known, differences)
 
 
-def _borne_out(law: VarianceLaw, mean: Floats, seen: _Differences, check: _Differences) -> bool:
+def _borne_out(law: VarianceLaw, mean: Floats, differences: _Differences, check: _Differences) -> bool:
     """Whether enough differences have a large σ, most as large as predicted, confirmed by the next order."""
     from scipy.special import gammaincinv
 
     wide = mean > _WIDER**2 * mean.min()
     if wide.sum() < max(_FEWEST // 2, _OFTEN * wide.size):
         return False
-    ratio = float(np.median(seen.squares[wide] / mean[wide])) / float(2.0 * gammaincinv(0.5, 0.5))
+    ratio = float(np.median(differences.squares[wide] / mean[wide])) / float(2.0 * gammaincinv(0.5, 0.5))
     if not 1.0 / _MIDDLE < ratio < _MIDDLE:
         return False
     expected = check.means(law)

@@ -66,7 +66,7 @@ def pool(
     if total < FEWEST or not any(np.any(group.rows) for group in groups):
         return None
     chosen = _taken(groups, differences, *_quietest(groups, differences, cells))
-    seen: set[bytes] = set()
+    states: set[bytes] = set()
     fit = start or fit_noise(chosen.windows, white=0.0)
     white, searched = fit.white, False
     for _ in range(_ROUNDS):
@@ -77,14 +77,14 @@ def pool(
             break
         chosen = agreed
         # added white noise, which takes ten fits, is estimated only once the cells no longer change
-        settled = chosen.state in seen
+        settled = chosen.state in states
         fit = fit_noise(chosen.windows, white=None if settled else white)
         if settled:
             if searched or fit.white == white:
                 break
             white, searched = fit.white, True
-            seen.clear()
-        seen.add(chosen.state)
+            states.clear()
+        states.add(chosen.state)
     return Pooled(
         fit,
         sum(group.total_degrees for group in chosen.quiet),
@@ -217,23 +217,23 @@ def _agreeing(
     """The cells with most of their windows left and with Σz² and mean z as expected for noise."""
     from scipy.special import fdtri
 
-    squares, degrees, count, left = (np.zeros(cells) for _ in range(4))
+    squares, degrees, count, remaining = (np.zeros(cells) for _ in range(4))
     mean_squares, mean_degrees = np.zeros(cells), np.zeros(cells)
     for group, z, out in zip(groups, white, far, strict=True):
         for cell in np.unique(group.cells).tolist():
-            here = group.cells == cell
-            taken = z[here & ~out]
-            count[cell] += int(here.sum())
-            left[cell] += taken.shape[0]
-            squares[cell] += float(np.sum(taken**2))
-            degrees[cell] += taken.shape[0] * group.degrees
-            if taken.shape[0] >= 4:
-                mean_squares[cell] += taken.shape[0] * float(np.sum(taken.mean(axis=0) ** 2))
+            in_cell = group.cells == cell
+            inliers = z[in_cell & ~out]
+            count[cell] += int(in_cell.sum())
+            remaining[cell] += inliers.shape[0]
+            squares[cell] += float(np.sum(inliers**2))
+            degrees[cell] += inliers.shape[0] * group.degrees
+            if inliers.shape[0] >= 4:
+                mean_squares[cell] += inliers.shape[0] * float(np.sum(inliers.mean(axis=0) ** 2))
                 mean_degrees[cell] += group.degrees
-    agree = left > 0.5 * count
-    asked = np.maximum(degrees, 1.0)
-    agree &= squares / asked <= tolerance * fdtri(asked, fit.degrees, 1.0 - _CELL_LEVEL)
+    agree = remaining > 0.5 * count
+    dof = np.maximum(degrees, 1.0)
+    agree &= squares / dof <= tolerance * fdtri(dof, fit.degrees, 1.0 - _CELL_LEVEL)
     if means:
-        asked = np.maximum(mean_degrees, 1.0)
-        agree &= mean_squares / asked <= fdtri(asked, fit.degrees, 1.0 - _CELL_LEVEL)
+        dof = np.maximum(mean_degrees, 1.0)
+        agree &= mean_squares / dof <= fdtri(dof, fit.degrees, 1.0 - _CELL_LEVEL)
     return np.asarray(agree)

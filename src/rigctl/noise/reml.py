@@ -134,11 +134,11 @@ def _compressed(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 def _best_correlation(cost: Callable[[float], float], *, within: float = 1e-3) -> tuple[float, float]:
     """The least cost over 0 ≤ ρ ≤ highest, searched in atanh ρ, and 0 itself if nothing is lower."""
     top = float(np.arctanh(HIGHEST_CORRELATION))
-    found = least_between(lambda at: cost(float(np.tanh(at))), 0.0, top, within)
+    optimum = least_between(lambda at: cost(float(np.tanh(at))), 0.0, top, within)
     at_zero = cost(0.0)
-    if at_zero <= found.value:
+    if at_zero <= optimum.value:
         return 0.0, at_zero
-    return float(np.tanh(found.at)), found.value
+    return float(np.tanh(optimum.at)), optimum.value
 
 
 def _with_white(cost: Callable[[float, float], float], rho: float, least: float) -> tuple[float, float]:
@@ -151,8 +151,8 @@ def _with_white(cost: Callable[[float, float], float], rho: float, least: float)
     best, start = min(grid)
     if best > least - 0.3 * _WHITE_PAYS:  # points between those of the grid cannot make up for the rest
         return rho, 0.0
-    found = least_between(profile, max(0.0, start - 0.2), min(0.99, start + 0.2), 0.01)
-    if min(best, found.value) > least - _WHITE_PAYS:
+    optimum = least_between(profile, max(0.0, start - 0.2), min(0.99, start + 0.2), 0.01)
+    if min(best, optimum.value) > least - _WHITE_PAYS:
         return rho, 0.0
-    white = found.at if found.value < best else start
+    white = optimum.at if optimum.value < best else start
     return _best_correlation(lambda at: cost(at, white))[0], white

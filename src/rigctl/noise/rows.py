@@ -98,7 +98,7 @@ def _scatter(differences: Floats) -> float:
 
 def _contrasts(points: Floats, values: Floats, series: NDArray[np.intp], size: int = POINTS) -> Floats:
     """(differences, rows) the weights of each difference: between repeats, and of `size` neighbours."""
-    found: list[Floats] = []
+    weights: list[Floats] = []
     for one in np.unique(series):
         rows = np.flatnonzero((series == one) & np.isfinite(values) & np.isfinite(points))
         xs = np.unique(points[rows])
@@ -106,23 +106,23 @@ def _contrasts(points: Floats, values: Floats, series: NDArray[np.intp], size: i
         for number, x in enumerate(xs):
             repeats = rows[points[rows] == x]
             means[number, repeats] = 1.0 / repeats.size
-            found += _helmert(repeats, values.size)
+            weights += _helmert(repeats, values.size)
         for first in range(xs.size - size + 1):
             chosen = slice(first, first + size)
             centred = (xs[chosen] - xs[chosen].mean()) / np.ptp(xs[chosen])
             weight = np.linalg.svd(np.vander(centred, size - 1).T)[2][-1] @ means[chosen]
-            found.append(weight / np.linalg.norm(weight))
-    return np.array(found).reshape(-1, values.size)
+            weights.append(weight / np.linalg.norm(weight))
+    return np.array(weights).reshape(-1, values.size)
 
 
 def _helmert(rows: NDArray[np.intp], size: int) -> list[Floats]:
     """For m repeats the m − 1 differences of each to the mean of those before it, of unit length."""
-    found = []
+    weights = []
     for k in range(1, rows.size):
         weight = np.zeros(size)
         weight[rows[:k]], weight[rows[k]] = 1.0, -float(k)
-        found.append(weight / np.sqrt(k * (k + 1.0)))
-    return found
+        weights.append(weight / np.sqrt(k * (k + 1.0)))
+    return weights
 
 
 def same_reading(one: Floats, other: Floats, points: Floats, series: NDArray[np.intp]) -> bool:

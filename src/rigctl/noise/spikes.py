@@ -70,30 +70,30 @@ def find_spikes(
     Source: Pearson, *Mining Imperfect Data* (2005), ch. 3; Hampel, J. Am. Stat. Assoc. 69 (1974) 383.
     """
     guarded = _after_switches(phase) if phase is not None else np.zeros(times.size, bool)
-    (found,) = _departures(values, (False,))
-    return np.asarray(found & ~guarded[:, None])
+    (mask,) = _departures(values, (False,))
+    return np.asarray(mask & ~guarded[:, None])
 
 
 def _departures(
     values: NDArray[np.float64], local: Sequence[bool], off_model: bool = False
 ) -> list[NDArray[np.bool_]]:
     """Samples that leave the signal and return, regardless of switches, on each of the scales."""
-    found = [np.zeros(values.shape, bool) for _ in local]
+    masks = [np.zeros(values.shape, bool) for _ in local]
     for channel in range(values.shape[1]):
         finite = np.flatnonzero(np.isfinite(values[:, channel]))
         if finite.size > 2 * _HALF + 1:
             spikes = _spikes(values[finite, channel], local, off_model)
-            for mask, spiky in zip(found, spikes, strict=True):
+            for mask, spiky in zip(masks, spikes, strict=True):
                 mask[finite, channel] = spiky
-    return found
+    return masks
 
 
 def find_spikes_in_records(
     records: Sequence[NoiseRecord], *, local: bool = False, off_model: bool = False
 ) -> list[NDArray[np.bool_]]:
     """As `find_spikes_on_scales`, for a single scale."""
-    (found,) = find_spikes_on_scales(records, (local,), off_model=off_model)
-    return found
+    (masks,) = find_spikes_on_scales(records, (local,), off_model=off_model)
+    return masks
 
 
 def find_spikes_on_scales(
@@ -115,7 +115,7 @@ def find_spikes_on_scales(
     departures = [_departures(record.values, local, off_model) for record in records]
     return [
         _without_recurring(
-            records, _guarded_as_needed(records, [found[k] for found in departures], off_model)
+            records, _guarded_as_needed(records, [masks[k] for masks in departures], off_model)
         )
         for k in range(len(local))
     ]
@@ -193,14 +193,14 @@ def _spikes(x: NDArray[np.float64], local: Sequence[bool], off_model: bool) -> l
         max(_clipped_scale(away), _clipped_scale(away[_flattest(level)]), floor), _NEAR_WEIGHT * near
     )
     height = np.minimum(np.abs(along), np.abs(away))
-    found = []
+    masks = []
     for of_surroundings in local:
         scale = usual
         if of_surroundings:
             wide = 1.4826 * np.asarray(median_filter(np.abs(away), size=2 * _WIDE + 1, mode="mirror"))
             scale = np.maximum(scale, wide)
-        found.append(_returning(x, height, scale, off_model))
-    return found
+        masks.append(_returning(x, height, scale, off_model))
+    return masks
 
 
 def _returning(
@@ -296,9 +296,9 @@ def _clipped_scale(away: NDArray[np.float64]) -> float:
     size = np.abs(away)
     scale = max(1.4826 * _median(size), _quantile(size, 0.68))
     for _ in range(10):
-        kept = away[size <= 3.0 * scale]
-        before, scale = scale, float(np.sqrt(np.mean(kept**2))) / _CUT_NORMAL
-        if scale == before:
+        core = away[size <= 3.0 * scale]
+        previous, scale = scale, float(np.sqrt(np.mean(core**2))) / _CUT_NORMAL
+        if scale == previous:
             break
     return scale
 

@@ -98,9 +98,9 @@ def smooth_course(times: Floats, values: Floats) -> tuple[Floats, Floats]:
     present = np.isfinite(values)
     if not present.any():
         return np.zeros(values.size), np.zeros(values.size)
-    whole = np.interp(times, times[present], values[present])
-    level = uniform_filter1d(whole, min(2 * _SMOOTHED + 1, whole.size), mode="nearest")
-    return level, np.gradient(level, times) if whole.size > 1 else np.zeros(1)
+    filled = np.interp(times, times[present], values[present])
+    level = uniform_filter1d(filled, min(2 * _SMOOTHED + 1, filled.size), mode="nearest")
+    return level, np.gradient(level, times) if filled.size > 1 else np.zeros(1)
 
 
 def variance_law(
@@ -139,12 +139,12 @@ def variance_law(
     origin = _origin(blocks.level)
     levels = (blocks.level - origin) ** 2 + blocks.within
     terms = np.column_stack([np.ones(levels.size), levels, blocks.slopes])
-    squares, kept = _chosen_terms(terms, blocks)
+    squares, inliers = _chosen_terms(terms, blocks)
     squares[0] = max(squares[0], _SMALLEST * float(np.median(blocks.variance)))
     if squares[0] < step**2 or not _borne_out(terms, squares, blocks):
         return None
     floor, per_level, per_rate = np.sqrt(squares).tolist()
-    return VarianceLaw(floor, per_level, per_rate, origin, int(blocks.degrees * kept.sum()))
+    return VarianceLaw(floor, per_level, per_rate, origin, int(blocks.degrees * inliers.sum()))
 
 
 @dataclass(frozen=True)
@@ -171,11 +171,11 @@ def _blocks(
 ) -> _Blocks | None:
     """The blocks that show noise alone; None if there are too few."""
     weights = [difference_weights(order, correlation, white) for order in (_ORDER, _CHECK)]
-    found = [
-        _blocks_of(record.times, record.values[:, channel], kept[:, channel], record.phase, spacing, weights)
-        for record, kept in zip(records, ok, strict=True)
+    rows = [
+        _blocks_of(record.times, record.values[:, channel], mask[:, channel], record.phase, spacing, weights)
+        for record, mask in zip(records, ok, strict=True)
     ]
-    every = np.concatenate(found) if found else np.empty((0, 5))
+    every = np.concatenate(rows) if rows else np.empty((0, 5))
     squares, check = every[:, 0], every[:, 1]
     good = (squares > 0.0) & (check < _AGREE * squares) & (squares < _AGREE * check)
     if good.sum() < _FEWEST:
@@ -261,8 +261,8 @@ def _chosen_terms(terms: Floats, blocks: _Blocks) -> tuple[Floats, NDArray[np.bo
     }
     chosen = list(min(costs, key=lambda columns: costs[columns]))
     full = np.zeros(terms.shape[1])
-    full[chosen], kept = _trimmed(terms[:, chosen], blocks)
-    return full, kept
+    full[chosen], inliers = _trimmed(terms[:, chosen], blocks)
+    return full, inliers
 
 
 def _borne_out(terms: Floats, squares: Floats, blocks: _Blocks) -> bool:
@@ -290,14 +290,14 @@ def _trimmed(terms: Floats, blocks: _Blocks) -> tuple[Floats, NDArray[np.bool_]]
 
     variance = blocks.variance
     most = float(chdtri(blocks.degrees, _TRIMMED)) / blocks.degrees
-    kept = np.ones(variance.size, bool)
+    inliers = np.ones(variance.size, bool)
     for _ in range(_ROUNDS):
-        squares = most_likely_squares(terms[kept], variance[kept])
+        squares = most_likely_squares(terms[inliers], variance[inliers])
         stay = variance <= most * np.maximum(terms @ squares, 1e-300)
-        if stay.sum() < _FEWEST or np.array_equal(stay, kept):
+        if stay.sum() < _FEWEST or np.array_equal(stay, inliers):
             break
-        kept = stay
-    return squares, kept
+        inliers = stay
+    return squares, inliers
 
 
 def most_likely_squares(terms: Floats, variance: Floats) -> Floats:
@@ -316,8 +316,8 @@ def most_likely_squares(terms: Floats, variance: Floats) -> Floats:
     count, columns = terms.shape
     length = -(-count // LANES) * LANES
     # vector instructions read what begins at a multiple of their length twice as fast
-    whole = _aligned((columns + 1) * length + 2 * TILE + 2 * columns * LANES)
-    rows, values, work = np.split(whole, [columns * length, (columns + 1) * length])
+    storage = _aligned((columns + 1) * length + 2 * TILE + 2 * columns * LANES)
+    rows, values, work = np.split(storage, [columns * length, (columns + 1) * length])
     rows = rows.reshape(columns, length)
     rows[:, :count], values[:count] = terms.T, variance
     typical = np.maximum(terms.mean(axis=0), _NOTHING)
@@ -329,6 +329,6 @@ def most_likely_squares(terms: Floats, variance: Floats) -> Floats:
 
 def _aligned(size: int) -> Floats:
     """Zeros, at an address that is a multiple of `LANES` doubles."""
-    whole = np.zeros(size + LANES)
-    first = -(whole.ctypes.data // whole.itemsize) % LANES
-    return whole[first : first + size]
+    padded = np.zeros(size + LANES)
+    first = -(padded.ctypes.data // padded.itemsize) % LANES
+    return padded[first : first + size]

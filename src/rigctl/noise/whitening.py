@@ -84,11 +84,11 @@ class Whitener:
         columns: (n, channels, k), for one standard deviation each.
         """
         left, values, _ = np.linalg.svd(replace(self, _scatter=None)(columns), full_matrices=False)
-        seen = values > _SEEN
-        if not seen.any():
+        significant = values > _SEEN
+        if not significant.any():
             return self
-        values = values[seen]
-        scatter = _Scatter(left[:, seen], 1.0 - 1.0 / np.sqrt(1.0 + values**2))
+        values = values[significant]
+        scatter = _Scatter(left[:, significant], 1.0 - 1.0 / np.sqrt(1.0 + values**2))
         more = float(np.sum(np.log1p(values**2)))
         return replace(self, log_determinant=self.log_determinant + more, _scatter=scatter)
 

@@ -90,11 +90,11 @@ def cut_windows(
     -------
     groups of windows with equal sampling, and the cells to which their `cells` are indices.
     """
-    found: dict[tuple[float, ...], list[tuple[NDArray[np.float64], int, int]]] = defaultdict(list)
+    windows: dict[tuple[float, ...], list[tuple[NDArray[np.float64], int, int]]] = defaultdict(list)
     cells: dict[Cell, int] = {}
-    for record, kept in zip(records, ok, strict=True):
+    for record, good in zip(records, ok, strict=True):
         for phase, nth, first, last in _pieces(record.phase, joined or {}):
-            use = first + np.flatnonzero(kept[first:last, channel])
+            use = first + np.flatnonzero(good[first:last, channel])
             if use.size < max(SHORTEST, _LEFT * (last - first)):
                 continue
             positions = (record.times[use] - record.times[use[0]]) / spacing
@@ -102,9 +102,9 @@ def cut_windows(
             if (np.diff(rounded) > 0.0).all():  # irregular samples may be closer, and must stay distinct
                 positions = rounded
             cell = cells.setdefault((phase, nth), len(cells))
-            found[tuple(positions.tolist())].append((record.values[use, channel], cell, record.condition))
-    patterns = sorted(found, key=lambda pattern: -len(found[pattern]))[:_PATTERNS]
-    return [_group(pattern, found[pattern], order) for pattern in patterns], list(cells)
+            windows[tuple(positions.tolist())].append((record.values[use, channel], cell, record.condition))
+    patterns = sorted(windows, key=lambda pattern: -len(windows[pattern]))[:_PATTERNS]
+    return [_group(pattern, windows[pattern], order) for pattern in patterns], list(cells)
 
 
 def _pieces(phase: NDArray[np.intp], joined: Mapping[Cell, int]) -> list[tuple[int, int, int, int]]:
@@ -148,17 +148,17 @@ def contrasts(groups: Sequence[WindowGroup]) -> list[WindowGroup]:
     ``(Σ_(i<k) u_i − k·u_k)/√(k·(k + 1))`` have the covariance of a single window, and the shared signal
     cancels whatever its shape.
     """
-    made = []
+    result = []
     for group in groups:
         members: dict[tuple[int, int], list[int]] = defaultdict(list)
         for i, key in enumerate(zip(group.cells.tolist(), group.conditions.tolist(), strict=True)):
             members[key].append(i)
-        rows, taken = [], []
+        rows, indices = [], []
         for which in members.values():
             for k in range(1, len(which)):
-                before = group.rows[which[:k]].sum(axis=0)
-                rows.append((before - k * group.rows[which[k]]) / np.sqrt(k * (k + 1.0)))
-                taken.append(which[k])
+                preceding = group.rows[which[:k]].sum(axis=0)
+                rows.append((preceding - k * group.rows[which[k]]) / np.sqrt(k * (k + 1.0)))
+                indices.append(which[k])
         if rows:
-            made.append(replace(group.only(np.array(taken, np.intp)), rows=np.stack(rows)))
-    return made
+            result.append(replace(group.only(np.array(indices, np.intp)), rows=np.stack(rows)))
+    return result

@@ -128,8 +128,8 @@ def rates_in_symbols(family: ModelFamily) -> Mapping[str, Expr]:
         name: graph.variable(name, parse_unit(unit).dimension) for name, unit in units.items()
     }
     scope = Scope(family, known)
-    found = {state.name: graph.expression(scope.rate(state.name)) for state in family.states}
-    return found | {
+    rates = {state.name: graph.expression(scope.rate(state.name)) for state in family.states}
+    return rates | {
         f"reading of {output.name}": graph.expression(output.formula(scope)) for output in family.outputs
     }
 
@@ -141,13 +141,13 @@ def kinematics(family: ModelFamily) -> dict[str, str]:
     except RigctlError:  # an equation of another variant of the family
         return {}
     names = {state.name for state in family.states}
-    found = {}
+    derivatives = {}
     for state in family.states:
         rate = written[state.name]
         alone = variables_of(rate)
         if rate.op == "variable" and rate.name in names and rate.name != state.name and len(alone) == 1:
-            found[state.name] = rate.name
-    return found
+            derivatives[state.name] = rate.name
+    return derivatives
 
 
 @dataclass(frozen=True)

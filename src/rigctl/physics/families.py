@@ -40,12 +40,12 @@ def of_shipped(module: str, name: str) -> Mapping[str, Any]:
     They are looked up like plug-ins, so that no package below the families imports one of them.
     """
     shipped = import_module(SHIPPED)
-    found = {}
+    objects = {}
     for folder in dict.fromkeys((*shipped.FIRST, *(item.name for item in iter_modules(shipped.__path__)))):
         package = import_module(f"{SHIPPED}.{folder}")
         if module in {part.name for part in iter_modules(package.__path__)}:
-            found[folder] = getattr(import_module(f"{package.__name__}.{module}"), name)
-    return MappingProxyType(found)
+            objects[folder] = getattr(import_module(f"{package.__name__}.{module}"), name)
+    return MappingProxyType(objects)
 
 
 FAMILIES: Mapping[str, ModelFamily] = MappingProxyType(
@@ -149,12 +149,12 @@ def _entry_points() -> tuple[EntryPoint, ...]:
 
 @lru_cache(maxsize=32)
 def _installed_family(name: str) -> ModelFamily:
-    found = [point for point in _entry_points() if point.name == name]
-    if not found:
+    points = [point for point in _entry_points() if point.name == name]
+    if not points:
         raise unknown_name("model family", name, family_names())
     what = f"what is registered as the model family {name!r}"
     try:
-        loaded = found[0].load()
+        loaded = points[0].load()
     except Exception as problem:  # a foreign package may fail in any way
         raise RigctlError(f"{what} cannot be loaded: {problem}") from problem
     family = as_family(loaded, what)
@@ -163,21 +163,21 @@ def _installed_family(name: str) -> ModelFamily:
     return with_derived_slots(check_family(family))
 
 
-def as_family(made: object, what: str) -> ModelFamily:
-    """`made` if it is a family, or the family that it returns if it is callable.
+def as_family(candidate: object, what: str) -> ModelFamily:
+    """`candidate` if it is a family, or the family that it returns if it is callable.
 
     Raises
     ------
     RigctlError
         it is not a family, or the call fails; `what` is its name in messages.
     """
-    if callable(made):
+    if callable(candidate):
         try:
-            made = made()
+            candidate = candidate()
         except RigctlError:
             raise
         except Exception as problem:  # a user's function may fail in any way
             raise RigctlError(f"{what} fails: {type(problem).__name__}: {problem}") from problem
-    if not isinstance(made, ModelFamily):
-        raise RigctlError(f"{what} is no model family", value=repr(made), expected="a ModelFamily")
-    return made
+    if not isinstance(candidate, ModelFamily):
+        raise RigctlError(f"{what} is no model family", value=repr(candidate), expected="a ModelFamily")
+    return candidate

@@ -73,9 +73,9 @@ def check_family(family: ModelFamily) -> ModelFamily:
     RigctlError
         it is not; the message lists everything that is wrong.
     """
-    found = [f"{flaw.name}: {flaw.error}" for flaw in examine_family(family)]
-    if found:
-        raise RigctlError(f"the model family {family.name} is not sound: {'; '.join(found)}")
+    flaws = [f"{flaw.name}: {flaw.error}" for flaw in examine_family(family)]
+    if flaws:
+        raise RigctlError(f"the model family {family.name} is not sound: {'; '.join(flaws)}")
     return family
 
 
@@ -203,8 +203,13 @@ class _Written:
 
     def _write(self) -> None:
         second = _dimension("s")
-        for own in self.family.definitions:
-            self._equation("definitions", own.name, _dimension(own.unit), partial(self._defined, own.name))
+        for definition in self.family.definitions:
+            self._equation(
+                "definitions",
+                definition.name,
+                _dimension(definition.unit),
+                partial(self._defined, definition.name),
+            )
         for state in self.family.states:
             rate = partial(self.scope.rate, state.name)
             self._equation("states", state.name, _dimension(state.unit) / second, rate)

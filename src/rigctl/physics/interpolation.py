@@ -71,10 +71,10 @@ class Curve:
         inner: Scalar = self._beyond(first, t - plus[0], knots[1] - knots[0]) + self._beyond(
             last, plus[-1], knots[-1] - knots[-2]
         )
-        for begun, ended, step, (one, two, three) in zip(
+        for at_start, at_end, step, (one, two, three) in zip(
             plus, plus[1:], np.diff(knots).tolist(), polynomials, strict=False
         ):
-            s = (begun - ended) / step
+            s = (at_start - at_end) / step
             inner = inner + (s * (one + s * (two + s * three)) if two or three else s * one)
         unit = si_unit(self.unit)
         return m.constant(self.y[0], unit) + m.constant(1.0, unit) * inner
@@ -106,7 +106,9 @@ class Curve:
         from scipy.interpolate import PchipInterpolator
 
         slopes = PchipInterpolator(knots, np.array(self.y)).derivative()(knots)
-        begun, ended = slopes[:-1] * steps, slopes[1:] * steps
-        cubic = np.column_stack([begun, 3.0 * changes - 2.0 * begun - ended, begun + ended - 2.0 * changes])
+        at_start, at_end = slopes[:-1] * steps, slopes[1:] * steps
+        cubic = np.column_stack(
+            [at_start, 3.0 * changes - 2.0 * at_start - at_end, at_start + at_end - 2.0 * changes]
+        )
         terms = [(float(one), float(two), float(three)) for one, two, three in cubic]
         return knots.tolist(), (_TINY * beside).tolist(), terms, (float(slopes[0]), float(slopes[-1]))

@@ -38,15 +38,15 @@ def si_unit_of(dimension: Dimension) -> str:
     for name in _NAMED:
         if parse_unit(name).dimension == dimension:
             return name
-    found, fewest = _quotient(dimension), _reading(dimension)
+    unit, fewest = _quotient(dimension), _reading(dimension)
     most = _different(dimension)
     for name in (*_NAMED, *_ELECTRICAL):
         named = parse_unit(name).dimension
         for rest, line in ((dimension / named, 1.0), (dimension * named, 1.0 + _BELOW)):
             if line + _reading(rest) < fewest and 1 + _different(rest) <= most:
                 fewest = line + _reading(rest)
-                found = _with_named(rest, name, above=line == 1.0)
-    return found
+                unit = _with_named(rest, name, above=line == 1.0)
+    return unit
 
 
 def _quotient(dimension: Dimension) -> str:

@@ -65,17 +65,17 @@ class FmuRival:
     @property
     def statement(self) -> str:
         """One plain sentence."""
-        seen = "no fit saw them" if self.held_out else "the model was fitted to them, the FMU was not"
+        exposure = "no fit saw them" if self.held_out else "the model was fitted to them, the FMU was not"
         sure = f"sign test, p = {self.p_value:.2g}"
         if not self.decided:
             return (
-                f"these {self.records} records do not show which of the two is better ({seen}): "
+                f"these {self.records} records do not show which of the two is better ({exposure}): "
                 f"{self.name} is nearer in {self.nearer} and {self.model} in {self.further} ({sure})"
             )
         one, other, count = self.name, self.model, self.nearer
         if self.further > self.nearer:
             one, other, count = self.model, self.name, self.further
-        return f"{one} is nearer than {other} in {count} of {self.records} records ({seen}; {sure})"
+        return f"{one} is nearer than {other} in {count} of {self.records} records ({exposure}; {sure})"
 
     def document(self) -> dict[str, Any]:
         """Its part of the machine-readable answer."""
@@ -119,26 +119,29 @@ def judge_fmu(
     problem = fitted.problem
     if problem.measurements.table:
         raise RigctlError("an FMU needs records over time", value="a table")
-    said = run_fmu(path, fitted, on_progress, patience)
+    simulated = run_fmu(path, fitted, on_progress, patience)
     indices = fitted.held_out or fitted.fitted
-    theirs, ours = _alike(fitted, said)
-    names = [name for name in problem.measurements.outputs if name in said.outputs]
+    theirs, ours = _alike(fitted, simulated)
+    names = [name for name in problem.measurements.outputs if name in simulated.outputs]
     differences = [_difference(fitted, theirs, ours, index) for index in indices]
     nearer, further = (sum(sign == wanted for sign in differences) for wanted in (-1, 1))
-    there, here = channel_errors(problem, theirs, indices), channel_errors(problem, ours, indices)
+    fmu_errors, model_errors = (
+        channel_errors(problem, theirs, indices),
+        channel_errors(problem, ours, indices),
+    )
     return FmuRival(
         name=path.name,
         model=model,
-        channels={name: error for name, error in there.items() if name in names},
-        beside={name: error for name, error in here.items() if name in names},
+        channels={name: error for name, error in fmu_errors.items() if name in names},
+        beside={name: error for name, error in model_errors.items() if name in names},
         units=dict(zip(problem.measurements.outputs, problem.measurements.units, strict=True)),
         records=len(indices),
         nearer=nearer,
         further=further,
         p_value=sign_test(nearer, nearer + further),
         held_out=bool(fitted.held_out),
-        missing=tuple(name for name in problem.measurements.outputs if name not in said.outputs),
-        begins=tuple(name for name in names if name not in said.begun),
+        missing=tuple(name for name in problem.measurements.outputs if name not in simulated.outputs),
+        begins=tuple(name for name in names if name not in simulated.begun),
     )
 
 
@@ -149,28 +152,30 @@ def sign_test(nearer: int, count: int) -> float:
     return min(1.0, 2.0 * tail / 2**count) if count else 1.0
 
 
-def _alike(fitted: FitResult, said: FmuOutputs) -> tuple[Sequence[Floats], Sequence[Floats]]:
+def _alike(fitted: FitResult, simulated: FmuOutputs) -> tuple[Sequence[Floats], Sequence[Floats]]:
     """Outputs of the FMU and of the fit; channels that the FMU lacks get no error, and so do not count."""
     theirs, ours = [], []
-    for record, there, here in zip(fitted.problem.records, said.records, fitted.outputs, strict=True):
-        absent = np.isnan(there)
-        theirs.append(np.where(absent, record.values, there))
-        ours.append(np.where(absent, record.values, here))
+    for record, fmu_values, model_values in zip(
+        fitted.problem.records, simulated.records, fitted.outputs, strict=True
+    ):
+        absent = np.isnan(fmu_values)
+        theirs.append(np.where(absent, record.values, fmu_values))
+        ours.append(np.where(absent, record.values, model_values))
     return theirs, ours
 
 
 def _difference(fitted: FitResult, theirs: Sequence[Floats], ours: Sequence[Floats], index: int) -> int:
     """-1 if the FMU is nearer in a record, 1 if the model is, 0 if a fit could cause the difference."""
     problem = fitted.problem
-    there, here = (
+    fmu_chi2, model_chi2 = (
         float(np.square(whitened_residual(problem, outputs[index], index)).sum())
         for outputs in (theirs, ours)
     )
     free = float(len(problem.local_unknowns()[index]))
     if fitted.solution is not None and index in fitted.fitted:
         free += len(problem.shared) / len(fitted.fitted)
-    taken_up = free + QUANTILE * math.sqrt(2.0 * free)
-    return 0 if abs(there - here) <= taken_up else int(math.copysign(1.0, there - here))
+    allowance = free + QUANTILE * math.sqrt(2.0 * free)
+    return 0 if abs(fmu_chi2 - model_chi2) <= allowance else int(math.copysign(1.0, fmu_chi2 - model_chi2))
 
 
 def _finite(value: float) -> float | None:

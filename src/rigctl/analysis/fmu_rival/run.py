@@ -80,17 +80,17 @@ def run_fmu(
         [begin, *(begin + step * unit for unit in np.eye(len(names)))]
         for begin, step in zip(starts, steps, strict=True)
     ]
-    said = _asked(path, fitted, tried, on_progress, patience)
-    begun = frozenset(said["begun"])
-    columns = [place for place, name in enumerate(names) if name in begun]
-    outputs = _outputs(said, fitted, len(names) + 1)
+    reply = _simulated(path, fitted, tried, on_progress, patience)
+    settable = frozenset(reply["begun"])
+    columns = [column for column, name in enumerate(names) if name in settable]
+    outputs = _outputs(reply, fitted, len(names) + 1)
     if columns:
         best = [
             [begin + _shift(problem, index, outputs[index], step, columns)]
             for index, (begin, step) in enumerate(zip(starts, steps, strict=True))
         ]
-        outputs = _outputs(_asked(path, fitted, best, on_progress, patience), fitted, 1)
-    return FmuOutputs(tuple(said["outputs"]), tuple(record[0] for record in outputs), begun)
+        outputs = _outputs(_simulated(path, fitted, best, on_progress, patience), fitted, 1)
+    return FmuOutputs(tuple(reply["outputs"]), tuple(record[0] for record in outputs), settable)
 
 
 def _first_readings(problem: Problem, index: int) -> Floats:
@@ -108,14 +108,14 @@ def _shift(
     values = problem.records[index].values
     base, *beside = (np.where(np.isnan(outputs), values, outputs) for outputs in runs)
     residual = whitened_residual(problem, base, index)
-    moved = [whitened_residual(problem, beside[k], index) - residual for k in columns]
-    jacobian = np.stack([change / step[k] for change, k in zip(moved, columns, strict=True)], axis=1)
-    found = np.zeros(len(step))
-    found[list(columns)] = -np.linalg.lstsq(jacobian, residual, rcond=None)[0]
-    return found
+    changes = [whitened_residual(problem, beside[k], index) - residual for k in columns]
+    jacobian = np.stack([change / step[k] for change, k in zip(changes, columns, strict=True)], axis=1)
+    shift = np.zeros(len(step))
+    shift[list(columns)] = -np.linalg.lstsq(jacobian, residual, rcond=None)[0]
+    return shift
 
 
-def _asked(
+def _simulated(
     path: Path,
     fitted: FitResult,
     starts: Sequence[Sequence[Floats]],
@@ -134,12 +134,15 @@ def _asked(
                 value=path.name,
                 exit_code=ExitCode.FAILED,
             )
-        said: dict[str, Any] = json.loads(answer.read_text("utf-8"))
-    if "what" in said:
+        reply: dict[str, Any] = json.loads(answer.read_text("utf-8"))
+    if "what" in reply:
         raise RigctlError(
-            f"{path.name}: {said['what']}", value=said["value"], expected=said["expected"], hint=said["hint"]
+            f"{path.name}: {reply['what']}",
+            value=reply["value"],
+            expected=reply["expected"],
+            hint=reply["hint"],
         )
-    return said
+    return reply
 
 
 def _watched(name: str, command: Sequence[str], on_progress: Callable[[str], None], patience: float) -> int:
@@ -184,21 +187,21 @@ def _read_lines(process: subprocess.Popen[bytes], lines: SimpleQueue[bytes]) -> 
         lines.put(line)
 
 
-def _outputs(said: dict[str, Any], fitted: FitResult, runs: int) -> list[list[Floats]]:
+def _outputs(reply: dict[str, Any], fitted: FitResult, runs: int) -> list[list[Floats]]:
     """By record and start (samples, outputs); NaN in columns that the FMU does not have."""
     names = fitted.problem.measurements.outputs
-    places = [names.index(name) for name in said["outputs"]]
-    answers = iter(said["records"])
-    found = []
+    columns = [names.index(name) for name in reply["outputs"]]
+    answers = iter(reply["records"])
+    result = []
     for record in fitted.problem.records:
         of_record = []
         for _ in range(runs):
             outputs = np.full((len(record.times), len(names)), np.nan)
             rows = np.asarray(next(answers), dtype=np.float64)
-            outputs[:, places] = rows.reshape(len(record.times), len(places))
+            outputs[:, columns] = rows.reshape(len(record.times), len(columns))
             of_record.append(outputs)
-        found.append(of_record)
-    return found
+        result.append(of_record)
+    return result
 
 
 def _job(path: Path, fitted: FitResult, starts: Sequence[Sequence[Floats]]) -> dict[str, Any]:

@@ -122,13 +122,13 @@ def _checked_platforms(path: Path) -> list[str]:
     return sorted({one[1] for one in parts if len(one) > 2 and one[0] == "binaries"})
 
 
-def simulate(job: Mapping[str, Any], folder: str, tell: Callable[[str], None]) -> dict[str, Any]:
+def simulate(job: Mapping[str, Any], folder: str, on_progress: Callable[[str], None]) -> dict[str, Any]:
     """The outputs of every record: by record, by sample, in the order of the FMU's outputs.
 
     Parameters
     ----------
     folder: where it is unpacked.
-    tell: called with the number of each simulation before it, and their total.
+    on_progress: called with the number of each simulation before it, and their total.
 
     Raises
     ------
@@ -153,12 +153,12 @@ def simulate(job: Mapping[str, Any], folder: str, tell: Callable[[str], None]) -
             expected=f"outputs among {', '.join(job['outputs'])}",
         )
     starts = {channel: fmu.start_of(channel) for channel in job["outputs"]}
-    found = []
+    results = []
     for number, record in enumerate(job["records"], start=1):
-        tell(f"{number} {len(job['records'])}")
-        found.append(_record(fmu, job, record, inputs, outputs, starts))
-    begun = [channel for channel, variable in starts.items() if variable is not None]
-    return {"outputs": outputs, "records": found, "begun": begun}
+        on_progress(f"{number} {len(job['records'])}")
+        results.append(_record(fmu, job, record, inputs, outputs, starts))
+    settable = [channel for channel, variable in starts.items() if variable is not None]
+    return {"outputs": outputs, "records": results, "begun": settable}
 
 
 def _record(
@@ -241,16 +241,16 @@ class _Signal:
     def at(self, time: float) -> dict[str, float]:
         """The inputs from a time on, by name, SI."""
         row = list(self._inputs[max(bisect_right(self._times, time + _SAME) - 1, 0)])
-        for place, column in enumerate(self._along):
-            row[column] = self._line(time, place)
+        for index, column in enumerate(self._along):
+            row[column] = self._line(time, index)
         return dict(zip(self._names, row, strict=True))
 
-    def _line(self, time: float, place: int) -> float:
+    def _line(self, time: float, index: int) -> float:
         right = min(max(bisect_right(self._knots, time), 1), len(self._knots) - 1)
         left = right - 1
         span = self._knots[right] - self._knots[left]
         share = min(max((time - self._knots[left]) / span, 0.0), 1.0) if span > 0.0 else 0.0
-        low, high = self._lines[left][place], self._lines[right][place]
+        low, high = self._lines[left][index], self._lines[right][index]
         return low + share * (high - low)
 
 
@@ -258,17 +258,22 @@ def main(job: str, answer: str) -> None:
     """Read the job and write the answer, the results or the error; unpack beside it, and leave that there."""
     folder = Path(answer).with_name("unpacked")
     folder.mkdir()
-    with os.fdopen(os.dup(1), "w", encoding="ascii") as told, Path(os.devnull).open("wb") as nowhere:
+    with os.fdopen(os.dup(1), "w", encoding="ascii") as progress, Path(os.devnull).open("wb") as nowhere:
         os.dup2(nowhere.fileno(), 1)  # an FMU may print what it likes, and is not read
         try:
-            found = simulate(
+            result = simulate(
                 json.loads(Path(job).read_text("utf-8")),
                 str(folder),
-                lambda text: print(text, file=told, flush=True),
+                lambda text: print(text, file=progress, flush=True),
             )
         except RigctlError as error:
-            found = {"what": error.what, "value": error.value, "expected": error.expected, "hint": error.hint}
-    Path(answer).write_text(json.dumps(found), "utf-8")
+            result = {
+                "what": error.what,
+                "value": error.value,
+                "expected": error.expected,
+                "hint": error.hint,
+            }
+    Path(answer).write_text(json.dumps(result), "utf-8")
 
 
 if __name__ == "__main__":

@@ -154,16 +154,16 @@ class Laws:
 
     def of(self, effects: Collection[str] | None = None) -> tuple[LawAnswer, ...]:
         """The laws of `effects`, by default of all."""
-        found: list[LawAnswer] = []
-        for name, laws in self._asked.items():
+        answers: list[LawAnswer] = []
+        for name, laws in self._estimated.items():
             if effects is None or name in effects:
                 if name not in self._answers:
                     self._answers[name] = tuple(_of_effect(self.search, self.best, laws))
-                found += self._answers[name]
-        return tuple(found)
+                answers += self._answers[name]
+        return tuple(answers)
 
     @cached_property
-    def _asked(self) -> dict[str, list[EstimatedLaw]]:
+    def _estimated(self) -> dict[str, list[EstimatedLaw]]:
         by_effect: dict[str, list[EstimatedLaw]] = {}
         if not self.best.fit.problem.model.with_laws:
             return by_effect
@@ -180,26 +180,26 @@ def laws_instead(search: Search) -> tuple[LawAnswer, ...]:
 
     Only effects already in the model are tried: a second effect would leave more than the tests see.
     """
-    here = search.none
+    trial = search.none
     try:
-        asked = estimated_laws(search, here)
+        estimated = estimated_laws(search, trial)
     except RigctlError:
         return ()
-    count = sum(here.fit.problem.whiteners[k].size for k in here.fit.fitted)
-    wanted = _NEARLY * max(here.chi2 - count, 0.0)
-    able = {law.effect.name for law in asked if law.differs and law.explained * law.noise > wanted}
+    count = sum(trial.fit.problem.whiteners[k].size for k in trial.fit.fitted)
+    threshold = _NEARLY * max(trial.chi2 - count, 0.0)
+    able = {law.effect.name for law in estimated if law.differs and law.explained * law.noise > threshold}
     answers: list[LawAnswer] = []
     for name in able:
-        laws = [law for law in asked if law.effect.name == name]
-        answers += [one for one in _of_effect(search, here, laws) if _takes_all(one, here, count)]
+        laws = [law for law in estimated if law.effect.name == name]
+        answers += [one for one in _of_effect(search, trial, laws) if _takes_all(one, trial, count)]
     return tuple(answers)
 
 
-def _takes_all(one: LawAnswer, here: RefittedSet, count: int) -> bool:
+def _takes_all(one: LawAnswer, trial: RefittedSet, count: int) -> bool:
     """Whether a fitted power is the whole law, and removes nearly all of the misfit."""
     if one.power is None or not one.follows:
         return False
-    return one.power.gain > _NEARLY * (here.chi2 - count)
+    return one.power.gain > _NEARLY * (trial.chi2 - count)
 
 
 def _of_effect(search: Search, best: RefittedSet, laws: list[EstimatedLaw]) -> list[LawAnswer]:
@@ -235,13 +235,13 @@ def _fitted(law: EstimatedLaw, after: EstimatedLaw, power: PowerLaw, best: Refit
     std = math.hypot(power.std * math.sqrt(after.noise), _ROUNDING)
     assumed = law.assumed_exponent
     z = (power.exponent - (assumed or 0.0)) / std if std > 0.0 else math.inf
-    told = law.tried * chance_of(z, after.degrees) < ALPHA and power.gain > 0.0
-    if not told:
+    significant = law.tried * chance_of(z, after.degrees) < ALPHA and power.gain > 0.0
+    if not significant:
         return _plain(replace(law, clear=False), best)
-    drawn = replace(after, driver=law.driver)
+    curve = replace(after, driver=law.driver)
     return LawAnswer(
         effect=law.effect.name,
-        law=drawn,
+        law=curve,
         unit=shown_unit(law, best.fit),
         value_unit=_value_unit(law),
         assumed=law.term.values(after.x),
@@ -252,7 +252,7 @@ def _fitted(law: EstimatedLaw, after: EstimatedLaw, power: PowerLaw, best: Refit
         model=best.fit.problem.model,
         power=power,
         follows=not after.differs,
-        statement=_told(law, power.exponent, std, follows=not after.differs),
+        statement=_exponent_statement(law, power.exponent, std, follows=not after.differs),
     )
 
 
@@ -272,7 +272,7 @@ def _plain(law: EstimatedLaw, best: RefittedSet) -> LawAnswer:
         model=best.fit.problem.model,
         power=None,
         follows=False,
-        statement=_not_told(law, fitted=_fitted_shape(law, best)),
+        statement=_no_exponent_statement(law, fitted=_fitted_shape(law, best)),
     )
 
 
@@ -297,7 +297,7 @@ def _hardly_changes(assumed: float | None, exponent: float, std: float) -> bool:
     return bool(assumed) and abs(exponent) < max(SHAPE_TOLERANCE, AT_LIMIT * std)
 
 
-def _told(law: EstimatedLaw, exponent: float, std: float, *, follows: bool) -> str:
+def _exponent_statement(law: EstimatedLaw, exponent: float, std: float, *, follows: bool) -> str:
     name, over, n = law.effect.name, _over(law), with_uncertainty(exponent, std)
     if _hardly_changes(law.assumed_exponent, exponent, std):
         return (
@@ -305,16 +305,16 @@ def _told(law: EstimatedLaw, exponent: float, std: float, *, follows: bool) -> s
             f"is {n} there, not {law.assumed_exponent:.3g}"
         )
     if law.assumed_exponent is None:
-        said = f"{name} changes with {over} as its assumed law times {over}^({n})"
+        text = f"{name} changes with {over} as its assumed law times {over}^({n})"
     else:
         verb = "grows" if exponent > 0.0 else "falls"
-        said = f"{name} {verb} as {over}^({n}), not as {over}^{law.assumed_exponent:.3g}"
+        text = f"{name} {verb} as {over}^({n}), not as {over}^{law.assumed_exponent:.3g}"
     if follows:
-        return f"{said}: over the range of these data nothing beyond it is needed"
-    return f"{said}, approximately: no power describes it completely, see the curve"
+        return f"{text}: over the range of these data nothing beyond it is needed"
+    return f"{text}, approximately: no power describes it completely, see the curve"
 
 
-def _not_told(law: EstimatedLaw, *, fitted: bool) -> str:
+def _no_exponent_statement(law: EstimatedLaw, *, fitted: bool) -> str:
     name, over, std = law.effect.name, _over(law), law.change_std
     if law.differs:
         return (

@@ -43,7 +43,7 @@ def write_law(
     if not answer.offered:
         return answer
     path = _free(folder, f"{answer.effect}_{answer.offered}")
-    said = Provenance(
+    provenance = Provenance(
         runs=tuple(runs),
         model=model,
         method=METHOD_VERSION,
@@ -51,15 +51,15 @@ def write_law(
         tier="law" if answer.offered == "power" else "curve",
         statement=answer.statement,
     )
-    made = _power_text if answer.offered == "power" else _curve_text
-    text = made(answer, folder, path.stem, said)
+    writer = _power_text if answer.offered == "power" else _curve_text
+    text = writer(answer, folder, path.stem, provenance)
     folder.mkdir(parents=True, exist_ok=True)
     parse_effect(text, path)  # a file that is offered must be valid
     write_text(path, text)
     return replace(answer, file=path)
 
 
-def _power_text(answer: LawAnswer, folder: Path, name: str, said: Provenance) -> str:
+def _power_text(answer: LawAnswer, folder: Path, name: str, provenance: Provenance) -> str:
     """The effect file of the fitted power."""
     power = answer.power
     assert power is not None  # noqa: S101 - it is offered
@@ -69,7 +69,7 @@ def _power_text(answer: LawAnswer, folder: Path, name: str, said: Provenance) ->
         _fitted(power.effect, power.fit.model),
         instead_of=tuple(one for one in power.effect.instead_of if one in known),
         valid=tuple(_range(answer, driver, ends, model.family) for driver, ends in _ranges(answer)),
-        provenance=said,
+        provenance=provenance,
     )
     return effect_file_text(effect, power.terms, family_reference(model, folder), name)
 
@@ -78,7 +78,7 @@ def _power_text(answer: LawAnswer, folder: Path, name: str, said: Provenance) ->
 _EVERY = 2
 
 
-def _curve_text(answer: LawAnswer, folder: Path, name: str, said: Provenance) -> str:
+def _curve_text(answer: LawAnswer, folder: Path, name: str, provenance: Provenance) -> str:
     """The effect file of the curve itself, with its band."""
     law, model = answer.law, answer.model
     family = model.family
@@ -103,7 +103,7 @@ def _curve_text(answer: LawAnswer, folder: Path, name: str, said: Provenance) ->
         f"  points: {json.dumps([list(pair) for pair in zip(x, y, strict=True)])}",
         f"  band: {json.dumps([list(pair) for pair in zip(low, high, strict=True)])}",
         *([f"instead_of: [{', '.join(instead)}]"] if instead else []),
-        *provenance_lines(said),
+        *provenance_lines(provenance),
     ]
     return "\n".join(lines) + "\n"
 

@@ -183,15 +183,15 @@ def _law(shaped: Linearisation, bend: Bend, term: LawTerm, count: int, noise: fl
     projected = project(_with_other_bends(shaped, of_bend))
     columns, residual = projected.signatures[:, of_bend], projected.residual
     if noise is None:
-        taken = _evidence(columns * _WIDTHS[-1], residual)[1]
-        noise = max(1.0, (float(residual @ residual) - taken) / max(projected.dof, 1))
+        absorbed = _evidence(columns * _WIDTHS[-1], residual)[1]
+        noise = max(1.0, (float(residual @ residual) - absorbed) / max(projected.dof, 1))
     columns, residual = columns / math.sqrt(noise), residual / math.sqrt(noise)
     width, evidence, explained = min(
         ((one, *_evidence(columns * one, residual)) for one in _WIDTHS), key=lambda known: known[1]
     )
     x = np.linspace(bend.knots[3], bend.knots[-4], _POINTS)
     assumed = term.values(x)
-    asked, spread = _posterior(rows, bend, of_bend, width, noise, term, x, assumed)
+    estimate, spread = _posterior(rows, bend, of_bend, width, noise, term, x, assumed)
     change, std = _power_change(columns, residual, bend, x)
     price = 2.0 * math.log(count * len(_WIDTHS))
     table = shaped.fit.problem.measurements.table
@@ -203,9 +203,9 @@ def _law(shaped: Linearisation, bend: Bend, term: LawTerm, count: int, noise: fl
         slot=term.slot,
         x=x,
         assumed=assumed,
-        asked=asked,
-        low=asked - _BAND * spread,
-        high=asked + _BAND * spread,
+        asked=estimate,
+        low=estimate - _BAND * spread,
+        high=estimate + _BAND * spread,
         differs=evidence + price < -LEAST_DIFFERENCE and (clear or not degrees),
         width=width,
         change=change,

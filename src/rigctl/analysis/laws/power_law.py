@@ -64,27 +64,32 @@ class PowerLaw:
 
 def fit_power(law: EstimatedLaw, trial: RefittedSet) -> PowerLaw | None:
     """The power fitted to a law; None if its term cannot be written in a file, or not be fitted."""
-    made = power_effect(law, trial.fit.model)
-    if made is None:
+    definition = power_effect(law, trial.fit.model)
+    if definition is None:
         return None
-    effect, terms = made
+    effect, terms = definition
     base = law.assumed_exponent or 0.0
     begin = base + float(np.clip(law.change, -_BEGIN, _BEGIN))
     try:
-        again = _fitted(trial.fit, law.effect, effect, begin)
+        refitted = _fitted(trial.fit, law.effect, effect, begin)
     except RigctlError:  # the model cannot be simulated there
         return None
     name = qualified(effect.name, EXPONENT)
-    names = [unknown.name for unknown in again.problem.shared]
-    if again.solution is None or trial.fit.solution is None or name not in names or name in again.at_bound:
+    names = [unknown.name for unknown in refitted.problem.shared]
+    if (
+        refitted.solution is None
+        or trial.fit.solution is None
+        or name not in names
+        or name in refitted.at_bound
+    ):
         return None
     return PowerLaw(
         effect=effect,
         terms=terms,
-        exponent=float(again.values[names.index(name)]),
-        std=again.std[name],
-        fit=again,
-        gain=2.0 * (trial.fit.solution.cost - again.solution.cost),
+        exponent=float(refitted.values[names.index(name)]),
+        std=refitted.std[name],
+        fit=refitted,
+        gain=2.0 * (trial.fit.solution.cost - refitted.solution.cost),
     )
 
 
@@ -137,9 +142,9 @@ def _old_parameters(effect: Effect, model: Model) -> tuple[EffectParameter, ...]
 
 def _exponent(law: EstimatedLaw) -> EffectParameter:
     base = law.assumed_exponent or 0.0
-    said = "of" if law.assumed_exponent is not None else "of a further power of"
+    phrase = "of" if law.assumed_exponent is not None else "of a further power of"
     return EffectParameter(
-        EXPONENT, "1", None, base, base - _FURTHEST, base + _FURTHEST, f"{said} {law.driver.name}"
+        EXPONENT, "1", None, base, base - _FURTHEST, base + _FURTHEST, f"{phrase} {law.driver.name}"
     )
 
 
@@ -191,8 +196,8 @@ def driver_text(driver: Driver, points: set[str] | frozenset[str] = frozenset())
 def _weighted(driver: Driver, points: set[str] | frozenset[str] = frozenset()) -> str:
     parts = []
     for name, weight in driver.weights:
-        said = f"({name} - 0 K)" if name in points else name
-        parts.append(f"{number_text(weight)}*{said}" if weight >= 0.0 else f"({number_text(weight)})*{said}")
+        text = f"({name} - 0 K)" if name in points else name
+        parts.append(f"{number_text(weight)}*{text}" if weight >= 0.0 else f"({number_text(weight)})*{text}")
     return " + ".join(parts)
 
 

@@ -36,7 +36,7 @@ def _missed(trend: Trend) -> bool:
 
 
 def exclusions(
-    before: ModelComparison, kept: Collection[str], chi2: float, alone: Mapping[str, Alone | None]
+    before: ModelComparison, possible: Collection[str], chi2: float, alone: Mapping[str, Alone | None]
 ) -> tuple[Exclusion, ...]:
     """The effects of the library that cannot explain the main misfit of a table, or do so much less well.
 
@@ -44,7 +44,7 @@ def exclusions(
 
     Parameters
     ----------
-    kept: the effects that can, which are not tested.
+    possible: the effects that can, which are not tested.
     chi2: what the best of them leaves.
     alone: every effect of the library, fitted by itself.
     """
@@ -53,7 +53,7 @@ def exclusions(
         return ()
     excluded = []
     for name, tried in alone.items():
-        if name in kept or tried is None:
+        if name in possible or tried is None:
             continue
         reached = _reached(trend, tried.fit)
         only = _only(before, trend, tried.fit)
@@ -105,12 +105,12 @@ def _reached(trend: Trend, fit: FitResult) -> float:
 def _only(before: ModelComparison, trend: Trend, fit: FitResult) -> tuple[str, ...]:
     """The conditions at which a fit makes half of the change, if these are some and not all."""
     had, has = _changes(before, trend, before.rows), _changes(before, trend, table_rows(fit))
-    there = [
+    labels = [
         label
         for label, (measured, predicted) in has.items()
         if measured != had[label][1] and (predicted - had[label][1]) / (measured - had[label][1]) > _THERE
     ]
-    return tuple(there) if 0 < len(there) <= len(has) // 2 else ()
+    return tuple(labels) if 0 < len(labels) <= len(has) // 2 else ()
 
 
 def _changes(

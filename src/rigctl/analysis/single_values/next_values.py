@@ -76,13 +76,13 @@ def _parts(before: ModelComparison, trend: Trend, members: Mapping[str, FitResul
     parts = []
     for index, output in enumerate(channels):
         noise = _noise(before, output, [change[:, :, index] for change in changes.values()])
-        apart = {
+        distances = {
             (one, other): float(np.abs(changes[one][:, :, index] - changes[other][:, :, index]).max())
             for one in members
             for other in members
         }
-        groups = _groups(list(members), {pair: value > _PLAIN * noise for pair, value in apart.items()})
-        parts.append(_Part(output, groups, max(apart.values()), _unit(before, output)))
+        groups = _groups(list(members), {pair: value > _PLAIN * noise for pair, value in distances.items()})
+        parts.append(_Part(output, groups, max(distances.values()), _unit(before, output)))
     return parts
 
 
@@ -166,13 +166,13 @@ def _groups(names: list[str], separable: Mapping[tuple[str, str], bool]) -> tupl
 def _part_text(part: _Part, once: bool) -> str:
     single = [group[0] for group in part.groups if len(group) == 1]
     rest = [group for group in part.groups if len(group) > 1]
-    apart = show(part.apart, part.unit, difference=True, digits=2)
+    distance = show(part.apart, part.unit, difference=True, digits=2)
     what = f"record {part.channel} over time{' instead of one number' if once else ''}"
     if not rest:
-        return f"{what}: it distinguishes all of them, by up to {apart}"
+        return f"{what}: it distinguishes all of them, by up to {distance}"
     if not single:
-        return f"{what}: it distinguishes {' from '.join(map(_listed, rest))}, by up to {apart}"
-    return f"{what}: it distinguishes {_listed(single)} from the others, by up to {apart}"
+        return f"{what}: it distinguishes {' from '.join(map(_listed, rest))}, by up to {distance}"
+    return f"{what}: it distinguishes {_listed(single)} from the others, by up to {distance}"
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -226,20 +226,20 @@ def _elsewhere(before: ModelComparison, score: Score) -> list[str]:
     if tried is None:
         return []
     without, with_it = _at(before.fit, points), _at(tried.fit, points)
-    apart = (with_it - without) / problem.noise.channels[0].sigma_at(without)
+    deviation = (with_it - without) / problem.noise.channels[0].sigma_at(without)
     output, units = problem.measurements.outputs[0], variable_units(problem.measurements)
     (name,) = problem.measurements.variables
     middle = float(np.mean([record.condition[name] for record in problem.records]))
     lines = []
     for side in (1.0, -1.0):  # beyond the upper end, and below the lower one
         chosen = [k for k, point in enumerate(points) if side * (point[name] - middle) > 0.0]
-        index = max(chosen, key=lambda k: abs(apart[k]), default=None)
-        if index is not None and abs(apart[index]) > _SEEN:
+        index = max(chosen, key=lambda k: abs(deviation[k]), default=None)
+        if index is not None and abs(deviation[index]) > _SEEN:
             change = 100.0 * (with_it[index] / without[index] - 1.0)
             lines.append(
                 f"read {problem.measurements.titles.get(output, output)} at "
                 f"{short_condition(points[index], units)} too: {score.effect} changes it there by "
-                f"{change:+.0f} %, {abs(apart[index]):.0f} sigma of a reading"
+                f"{change:+.0f} %, {abs(deviation[index]):.0f} sigma of a reading"
             )
     return lines
 
@@ -254,8 +254,8 @@ def _other_points(problem: Problem) -> list[dict[str, float]]:
     if standard is None or len(names) != 1 or any(problem.local):
         return []
     (name,) = names
-    here = [record.condition[name] for record in problem.records]
-    low, high = min(here), max(here)
+    values = [record.condition[name] for record in problem.records]
+    low, high = min(values), max(values)
     room = (high - low) / 3.0
     every = sorted({float(changed[name]) for _, changed in standard.switches if name in changed})
     return [{name: point} for point in every if low - room <= point < low or high < point <= high + room]

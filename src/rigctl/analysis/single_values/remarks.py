@@ -50,9 +50,9 @@ def table_remarks(
         )
     trend = main_trend(before)
     classes = classes_of(best, rivals)
-    kept = {name for names in classes for name in names}
+    possible = {name for names in classes for name in names}
     single = len(best.candidates) <= 1
-    excluded = exclusions(before, kept, best.chi2, alone) if single else ()
+    excluded = exclusions(before, possible, best.chi2, alone) if single else ()
     members = dict.fromkeys(best.effects[:1], best.fit)
     members |= {rival.name: rival.trial.fit for rival in rivals if not rival.separable}
     return TableRemarks(
@@ -72,13 +72,16 @@ def _ambiguous(
         return ""
     by_name = {one.effect: one for one in ranking}
     chosen = [*best.candidates, *(_candidate(rival) for rival in close)]
-    said = "; ".join(
+    explanations = "; ".join(
         f"{one.effect.summary.rstrip('.')} ({one.name}"
         + (f", {parameters_text(by_name[one.name].parameters)})" if one.name in by_name else ")")
         for one in chosen
     )
     count = f"{len(before.rows)} values"
-    return f"Something is missing, and these {count} cannot tell which of {len(chosen)} effects it is: {said}"
+    return (
+        f"Something is missing, and these {count} cannot tell which of {len(chosen)} effects it is: "
+        f"{explanations}"
+    )
 
 
 def _candidate(rival: Rival) -> Candidate:

@@ -98,10 +98,10 @@ def _ends(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
     points = [fit.problem.records[row.record].condition.get(over, math.nan) for row in rows]
     low, high = rows[int(np.nanargmin(points))], rows[int(np.nanargmax(points))]
     model = "the fitted model" if fit.solution is not None else "the model"
-    said = [
+    sentences = [
         f"at {row.condition} {off(row, row.predicted).replace('the model', model)}" for row in (high, low)
     ]
-    return [f"At the ends of the table: {said[0]}; {said[1]}"]
+    return [f"At the ends of the table: {sentences[0]}; {sentences[1]}"]
 
 
 def end_left_out(linearisation: Linearisation, rows: Sequence[TableRow]) -> list[str]:
@@ -200,13 +200,13 @@ def _levels(fit: FitResult) -> list[str]:
     name = set_variable(problem.measurements)
     unit = variable_units(problem.measurements).get(name, "Pa")
     mean = float(np.mean(parts))
-    said = ", ".join(
+    offsets = ", ".join(
         f"{show(point, unit)} {100 * (value - mean):+.1f} %"
         for point, value in zip(problem.level.settings, parts, strict=True)
     )
     return [
         f"The rows of each {name} share an offset, as if it had been set differently from what was written "
-        f"down, by so much relative to their mean: {said}. What is judged is what changes at one setting"
+        f"down, by so much relative to their mean: {offsets}. What is judged is what changes at one setting"
     ]
 
 
@@ -217,7 +217,7 @@ def _power(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
     if fit.solution is None or not free:
         return []
     levels = len(fit.problem.level.settings)
-    left = len(rows) - len(free) - levels
+    dof = len(rows) - len(free) - levels
     many = f"{len(rows)} values for {len(free)} fitted constant{'' if len(free) == 1 else 's'}"
     if levels:
         many += f" and a level for each of {levels} settings"
@@ -228,7 +228,7 @@ def _power(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
 
     needed = -float(stdtrit(degrees, 0.5 * ALPHA))
     return [
-        f"{many} leave {left} to judge by, and their noise is itself known only to about "
+        f"{many} leave {dof} to judge by, and their noise is itself known only to about "
         f"{100 / math.sqrt(2 * degrees):.0f} %: an effect is significant above {needed:.1f} sigma, "
         f"which would be {-stdtrit(1e9, 0.5 * ALPHA):.1f} if the noise were known"
     ]

@@ -35,18 +35,18 @@ _TAO = "Tao & Kokotovic, Adaptive Control of Systems with Actuator and Sensor No
 
 def at_input(family: ModelFamily, role: Given, sizes: Magnitudes) -> Iterator[Effect]:
     """The effects that may act at an input: all for a command, only an offset for surroundings."""
-    made = _Made(family, role, sizes)
-    yield made.offset()
+    builder = _EffectBuilder(family, role, sizes)
+    yield builder.offset()
     if role.surroundings:
         return
-    yield made.gain()
-    yield made.quadratic()
+    yield builder.gain()
+    yield builder.quadratic()
     if not is_point_on_scale(role.input):  # 0 K is not a neutral value from which it could be limited
-        yield made.saturation()
-        yield made.dead_band()
+        yield builder.saturation()
+        yield builder.dead_band()
     if family.states:  # without time there is no delay
-        yield made.backlash()
-        yield made.lag()
+        yield builder.backlash()
+        yield builder.lag()
 
 
 def at_switches(family: ModelFamily, role: Late, sizes: Magnitudes) -> Iterator[Effect]:
@@ -67,7 +67,7 @@ def at_switches(family: ModelFamily, role: Late, sizes: Magnitudes) -> Iterator[
     )
 
 
-class _Made:
+class _EffectBuilder:
     def __init__(self, family: ModelFamily, role: Given, sizes: Magnitudes) -> None:
         self.family, self.role, self.sizes = family, role, sizes
         self.name = role.input.name

@@ -28,7 +28,7 @@ class Magnitudes:
         for _, changed in record.switches if record is not None else ():
             for name, value in changed.items():
                 self._inputs[name].append(value)
-        self._rates = self._found_rates()
+        self._rates = self._largest_rates()
         self.duration = record.times[-1] - record.times[0] if record is not None else None
 
     def state(self, name: str) -> float:
@@ -67,12 +67,12 @@ class Magnitudes:
             return 0.0
         return value if math.isfinite(value) else 0.0
 
-    def _found_rates(self) -> dict[str, float]:
-        found = dict.fromkeys(self._states, 0.0)
+    def _largest_rates(self) -> dict[str, float]:
+        rates = dict.fromkeys(self._states, 0.0)
         for point in self._points():
-            for name in found:
-                found[name] = max(found[name], self._rate(name, point))
-        return {name: rate or self._states[name] for name, rate in found.items()}
+            for name in rates:
+                rates[name] = max(rates[name], self._rate(name, point))
+        return {name: rate or self._states[name] for name, rate in rates.items()}
 
     def _rate(self, name: str, point: Mapping[str, float]) -> float:
         try:

@@ -26,7 +26,7 @@ from rigctl.physics.family import ModelFamily
 
 #: number of families whose effects are cached
 _KEPT = 16
-_made: OrderedDict[int, tuple[ModelFamily, tuple[Offer, ...]]] = OrderedDict()
+_offered: OrderedDict[int, tuple[ModelFamily, tuple[Offer, ...]]] = OrderedDict()
 _making = Lock()
 
 
@@ -61,22 +61,22 @@ def offers(family: ModelFamily) -> tuple[Offer, ...]:
     if not family.generic or not family.slots:
         return ()
     with _making:
-        known = _made.get(id(family))
+        known = _offered.get(id(family))
         if known is None or known[0] is not family:
             # two parses of one file are two families: the terms of each refer to its own slots
             known = (family, tuple(_offers(family)))
-            _made[id(family)] = known
-            while len(_made) > _KEPT:
-                _made.popitem(last=False)
+            _offered[id(family)] = known
+            while len(_offered) > _KEPT:
+                _offered.popitem(last=False)
     return known[1]
 
 
 def _offers(family: ModelFamily) -> Iterator[Offer]:
     sizes = Magnitudes(family)
-    found = [(role, tuple(_at(family, role, sizes))) for role in slot_roles(family)]
-    names = {effect.name for _, effects in found for effect in effects}
+    effects_by_role = [(role, tuple(_at(family, role, sizes))) for role in slot_roles(family)]
+    names = {effect.name for _, effects in effects_by_role for effect in effects}
     taken: set[str] = set()
-    for role, effects in found:
+    for role, effects in effects_by_role:
         unique = []
         for effect in effects:
             if effect.name not in taken:

@@ -38,20 +38,20 @@ _SHARP = 5
 
 def at_reading(family: ModelFamily, role: Reading, sizes: Magnitudes) -> Iterator[Effect]:
     """The effects that may act at a reading: of the reading, or of the settings if there is no time."""
-    made = _Made(family, role, sizes)
-    yield made.offset()
+    builder = _EffectBuilder(family, role, sizes)
+    yield builder.offset()
     if family.states:
-        yield made.drift()
+        yield builder.drift()
     if role.slopes:
-        yield made.gain()
-        yield made.lag()
-        yield made.saturation()
-        yield made.hysteresis()
+        yield builder.gain()
+        yield builder.lag()
+        yield builder.saturation()
+        yield builder.hysteresis()
     for name in role.inputs:
-        yield from made.with_input(name)
+        yield from builder.with_input(name)
 
 
-class _Made:
+class _EffectBuilder:
     def __init__(self, family: ModelFamily, role: Reading, sizes: Magnitudes) -> None:
         self.family, self.role, self.sizes = family, role, sizes
         self.name = role.output.name

@@ -226,8 +226,8 @@ class _Probed:
                 for item in self.family.inputs
                 if probe in variables_of(self.delays.get(item.name, probe))
             ]
-            found = [item for item in late if item.name in self.delays]
-            return Late(slot, found[0]) if found else UnusableSlot(slot, "it delays no input")
+            delayed = [item for item in late if item.name in self.delays]
+            return Late(slot, delayed[0]) if delayed else UnusableSlot(slot, "it delays no input")
         given = next((item for item in self.family.inputs if input_slot(item.name) == slot.name), None)
         if given is not None:
             return Given(slot, given, given.name in self.surroundings)

@@ -23,13 +23,13 @@ def read_curve(
     RigctlError
         the quantity is invalid or has another unit than the points, or the values another than the slot.
     """
-    found = read_quantity(field.of, term_types(family, slot, ()), where)
+    quantity = read_quantity(field.of, term_types(family, slot, ()), where)
     over, unit, wanted = parse_unit(field.over), parse_unit(field.unit), slot_type(slot)
-    if over.dimension != found.type.dimension:
+    if over.dimension != quantity.type.dimension:
         raise RigctlError(
-            f"the points of the curve have another unit than {found.text}",
+            f"the points of the curve have another unit than {quantity.text}",
             value=field.over,
-            expected=found.type.wanted,
+            expected=quantity.type.wanted,
         )
     if unit.dimension != wanted.dimension:
         raise RigctlError(
@@ -37,7 +37,7 @@ def read_curve(
             value=field.unit,
             expected=f"{wanted}, as every {'factor' if slot.combine == 'product' else 'term'} there",
         )
-    interval = found.difference
+    interval = quantity.difference
     x = tuple(over.to_si(point[0], difference=interval) for point in field.points)
 
     def values(given: list[float]) -> tuple[float, ...]:
@@ -51,9 +51,9 @@ def read_curve(
         raise RigctlError(f"the curve is {nothing:g} everywhere: it does nothing")
     low, high = values([one for one, _ in field.band]), values([one for _, one in field.band])
     half = tuple(0.5 * (b - a) for a, b in zip(low, high, strict=True))
-    made = MeasuredCurve(
-        of=found.text,
-        formula=found,
+    curve = MeasuredCurve(
+        of=quantity.text,
+        formula=quantity,
         curve=through(values([y for _, y in field.points])),
         low=low,
         high=high,
@@ -61,14 +61,14 @@ def read_curve(
         factor=slot.combine == "product",
         difference=interval,
     )
-    return made, _range(found, field, family, x)
+    return curve, _range(quantity, field, family, x)
 
 
 def _range(
-    found: ReadQuantity, field: CurveField, family: ModelFamily, x: tuple[float, ...]
+    quantity: ReadQuantity, field: CurveField, family: ModelFamily, x: tuple[float, ...]
 ) -> ValidRange | None:
     """The range of the points; a slot's own variables are known only at the slot."""
     local = {name for slot in family.slots for name, _ in slot.local}
-    if found.names & local:
+    if quantity.names & local:
         return None
-    return ValidRange(found.text, field.over, x[0], x[-1], found, found.difference)
+    return ValidRange(quantity.text, field.over, x[0], x[-1], quantity, quantity.difference)

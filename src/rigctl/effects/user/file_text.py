@@ -82,9 +82,9 @@ def _box(ranges: tuple[ValidRange, ...]) -> list[str]:
     return lines
 
 
-def provenance_lines(found: Provenance) -> list[str]:
+def provenance_lines(provenance: Provenance) -> list[str]:
     """The lines for an effect's origin."""
-    document: dict[str, Any] = {key: value for key, value in found.document().items() if value}
+    document: dict[str, Any] = {key: value for key, value in provenance.document().items() if value}
     lines = ["provenance:"]
     for key, value in document.items():
         lines.append(f"  {key}: {json.dumps(value, ensure_ascii=False)}")

@@ -54,8 +54,8 @@ class _Grammar(Printer):
 
     def power(self, base: Printed, node: Expr) -> Printed:
         value = node.value
-        whole = isinstance(value, Fraction) and value.denominator == 1 and value > 0
-        exponent = str(value) if whole else f"({number_text(float(value))})"
+        natural = isinstance(value, Fraction) and value.denominator == 1 and value > 0
+        exponent = str(value) if natural else f"({number_text(float(value))})"
         return f"{self.within(base, ATOM)}^{exponent}", POWER
 
     def call(self, function: str, argument: str) -> Printed:

@@ -149,31 +149,31 @@ def _out_of_bounds(parameter: EffectParameter, field: ParameterField) -> list[tu
             "the bounds leave no room", value=f"{low}, {high}", expected="the lower one first"
         )
         return [("bounds", error)]
-    found = []
+    errors = []
     for name, si, quantity in (
         ("start", parameter.start, field.start),
         ("null_value", parameter.at_null, field.null_value),
     ):
         if not parameter.low <= si <= parameter.high or not math.isfinite(si):
             error = RigctlError(f"{name} is out of bounds", value=str(quantity), expected=f"{low} to {high}")
-            found.append((name, error))
-    if not found and parameter.start == parameter.null:
+            errors.append((name, error))
+    if not errors and parameter.start == parameter.null:
         error = RigctlError(
             "the typical size is the null value, which switches the effect off",
             value=str(field.start),
             expected="another value",
         )
-        found.append(("start", error))
+        errors.append(("start", error))
     for si, quantity in zip(parameter.grid, field.grid, strict=True):
         if not parameter.low <= si <= parameter.high:
             error = RigctlError("grid is out of bounds", value=str(quantity), expected=f"{low} to {high}")
-            found.append(("grid", error))
+            errors.append(("grid", error))
         elif si == parameter.null:
             error = RigctlError(
                 "the grid holds the null value, which switches the effect off", value=str(quantity)
             )
-            found.append(("grid", error))
-    return found
+            errors.append(("grid", error))
+    return errors
 
 
 def _terms(
@@ -185,8 +185,8 @@ def _terms(
         slot = reader.read(of_slot, partial(_slot, name, written, family), of_key=written.slot is None)
         if slot is None:
             continue
-        place = reader.document.locate(keys)
-        term = reader.read(keys, partial(read_term, text, family, slot, parameters, place))
+        location = reader.document.locate(keys)
+        term = reader.read(keys, partial(read_term, text, family, slot, parameters, location))
         if term is not None:
             yield name, term
 
@@ -195,9 +195,9 @@ def _valid(reader: Reader, written: EffectFile, family: ModelFamily) -> Iterator
     for over, ends in written.valid.items():
         keys = ("valid", over)
         where = reader.document.locate(keys, of_key=True)
-        found = reader.read(keys, partial(read_range, over, ends, family, where))
-        if found is not None:
-            yield found
+        valid_range = reader.read(keys, partial(read_range, over, ends, family, where))
+        if valid_range is not None:
+            yield valid_range
 
 
 def _curve(
@@ -210,8 +210,8 @@ def _curve(
     if slot is None:
         return None
     where = reader.document.locate(("curve", "of"))
-    found = reader.read(("curve",), partial(read_curve, written.curve, family, slot, where))
-    return None if found is None else (slot, *found)
+    parsed = reader.read(("curve",), partial(read_curve, written.curve, family, slot, where))
+    return None if parsed is None else (slot, *parsed)
 
 
 def _with_curve(

@@ -45,10 +45,12 @@ def read_quantity(text: str, types: Mapping[str, ValueType], where: Location | N
     RigctlError
         it is not valid in the grammar, branches, or uses an unknown name.
     """
-    place = where or Location()
-    refuse_branch_words(text, place)
-    expression = parse(text, place, functions=ALL_FUNCTIONS)
+    location = where or Location()
+    refuse_branch_words(text, location)
+    expression = parse(text, location, functions=ALL_FUNCTIONS)
     refuse_corners(expression)
-    found = expression.check(types)
-    said = " ".join(text.split())
-    return ReadQuantity(said, read_formula(text, types, found, what=said, where=where), found)
+    value_type = expression.check(types)
+    normalised = " ".join(text.split())
+    return ReadQuantity(
+        normalised, read_formula(text, types, value_type, what=normalised, where=where), value_type
+    )

@@ -24,18 +24,18 @@ def read_range(
         the formula is invalid or uses an unknown name, or an end has another dimension, or the range is
         empty.
     """
-    found = read_quantity(over, variable_types(family), where)
+    parsed = read_quantity(over, variable_types(family), where)
     written = f"[{ends[0]}, {ends[1]}]"
-    if any(end.unit.dimension != found.type.dimension for end in ends):
+    if any(end.unit.dimension != parsed.type.dimension for end in ends):
         raise RigctlError(
-            f"the range of {found.text} has another unit than {found.text}",
+            f"the range of {parsed.text} has another unit than {parsed.text}",
             value=written,
-            expected=found.type.wanted,
+            expected=parsed.type.wanted,
         )
     unit = ends[0].unit.text or "1"
-    low, high = (in_dimension(end, unit, difference=found.difference) for end in ends)
+    low, high = (in_dimension(end, unit, difference=parsed.difference) for end in ends)
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         raise RigctlError(
-            f"the range of {found.text} is empty", value=written, expected="the lower end first"
+            f"the range of {parsed.text} is empty", value=written, expected="the lower end first"
         )
-    return ValidRange(found.text, unit, low, high, found, found.difference)
+    return ValidRange(parsed.text, unit, low, high, parsed, parsed.difference)

@@ -77,10 +77,10 @@ def kept(kind: str, of: object, result: type[T], make: Callable[[], T]) -> T:
     if folder is None or name is None:
         return _plain(result, *_coded(make()))
     store = Store(folder)
-    found = store.read(name)
-    if found is not None:
+    stored = store.read(name)
+    if stored is not None:
         try:
-            value = decode(result, *found)
+            value = decode(result, *stored)
         except Damaged as problem:
             logger.info("the kept result %s does not fit and is made again: %s", name, problem)
         else:
@@ -120,9 +120,9 @@ def _code() -> str:
     from rigctl.engine.cache import environment
     from rigctl.method_version import METHOD_VERSION
 
-    found = hashlib.sha256()
+    code_hash = hashlib.sha256()
     root = Path(__file__).parents[2]
     for path in sorted(path for package in _PACKAGES for path in (root / package).rglob("*.py")):
-        found.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+        code_hash.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     libraries = [f"{name} {version(name)}" for name in _LIBRARIES]
-    return digest(METHOD_VERSION, found.hexdigest(), libraries, environment())
+    return digest(METHOD_VERSION, code_hash.hexdigest(), libraries, environment())

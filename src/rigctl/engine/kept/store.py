@@ -62,7 +62,7 @@ class Store:
         try:
             if path.stat().st_size > self.room_of_one:
                 return None
-            found = _unpack(path.read_bytes(), name)
+            content = _unpack(path.read_bytes(), name)
         except FileNotFoundError:
             return None
         except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as problem:
@@ -70,7 +70,7 @@ class Store:
             return None
         with suppress(OSError):
             os.utime(path)  # mark it as recently used
-        return found
+        return content
 
     def write(self, name: str, tree: Any, arrays: list[np.ndarray]) -> None:
         """Keep a tree and its arrays under `name`, unless they are too large."""
@@ -147,16 +147,16 @@ def _unpack(content: bytes, name: str) -> tuple[Any, Iterator[np.ndarray]]:
         if any(info.compress_type != zipfile.ZIP_STORED for info in file.infolist()):
             raise Damaged("what is compressed may be larger than there is room for")
     with np.load(io.BytesIO(content), allow_pickle=False) as file:  # verifies the file's checksums
-        said = json.loads(file["tree"].tobytes().decode())
+        header = json.loads(file["tree"].tobytes().decode())
         numbers = [file[label] for label in _MEMBERS[1:]]
-    if said["layout"] != _LAYOUT or said["name"] != name:
+    if header["layout"] != _LAYOUT or header["name"] != name:
         raise Damaged("it is another result")
     if [array.dtype.str for array in numbers] != list(DTYPES) or any(array.ndim != 1 for array in numbers):
         raise Damaged("its numbers are of another kind")
-    arrays, begun = [], [0] * len(DTYPES)
-    for kind, shape in said["arrays"]:
+    arrays, offsets = [], [0] * len(DTYPES)
+    for kind, shape in header["arrays"]:
         count = int(np.prod(shape, dtype=np.int64))
-        piece = numbers[kind][begun[kind] : begun[kind] + count]
-        begun[kind] += count
+        piece = numbers[kind][offsets[kind] : offsets[kind] + count]
+        offsets[kind] += count
         arrays.append(piece.reshape(shape).copy())
-    return said["tree"], iter(arrays)
+    return header["tree"], iter(arrays)

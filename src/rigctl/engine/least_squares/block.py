@@ -92,12 +92,15 @@ def check_block(block: Block, number: int, shared: int, local: int) -> None:
         they are missing or not finite; the message names the record by its `number`.
     """
     n = block.residual.size
-    for kind, found, columns in (("shared", block.shared, shared), ("record-level", block.local, local)):
-        if columns and (found is None or found.shape != (n, columns)):
-            shape = None if found is None else found.shape
+    for kind, derivatives, columns in (
+        ("shared", block.shared, shared),
+        ("record-level", block.local, local),
+    ):
+        if columns and (derivatives is None or derivatives.shape != (n, columns)):
+            shape = None if derivatives is None else derivatives.shape
             raise RigctlError(
                 f"record {number}: derivatives by the {kind} parameters have the shape {shape}",
                 expected=str((n, columns)),
             )
-        if found is not None and not np.isfinite(found).all():
+        if derivatives is not None and not np.isfinite(derivatives).all():
             raise RigctlError(f"record {number}: a derivative by the {kind} parameters is not finite")

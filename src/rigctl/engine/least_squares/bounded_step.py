@@ -65,13 +65,13 @@ def _complete(solved: Vector, free: Floats, fixed: Floats, like: Vector) -> Floa
     step = fixed.copy()
     mask = like.like(free)
     pieces = like.like(step)
-    for values, chosen, found in zip(
+    for values, is_free, solution in zip(
         (pieces.shared, *pieces.local),
         (mask.shared, *mask.local),
         (solved.shared, *solved.local),
         strict=True,
     ):
-        values[chosen > 0.0] = found
+        values[is_free > 0.0] = solution
     return pieces.flat()
 
 
@@ -80,8 +80,8 @@ def _pull(arrow: Arrow, weight: Vector, target: Vector, step: Vector) -> Floats:
     shared = weight.shared * (target.shared - weight.shared * step.shared)
     record_local = []
     for k, (triangle, m) in enumerate(zip(arrow.triangles, arrow.local, strict=True)):
-        left = triangle[:, -1] - triangle[:, :m] @ step.local[k] - triangle[:, m:-1] @ step.shared
-        shared = shared + triangle[:, m:-1].T @ left
+        residual = triangle[:, -1] - triangle[:, :m] @ step.local[k] - triangle[:, m:-1] @ step.shared
+        shared = shared + triangle[:, m:-1].T @ residual
         given = weight.local[k] * (target.local[k] - weight.local[k] * step.local[k])
-        record_local.append(given + triangle[:, :m].T @ left)
+        record_local.append(given + triangle[:, :m].T @ residual)
     return np.concatenate([shared, *record_local])

@@ -168,14 +168,14 @@ class _Search:
     def _iterate(self, eager: bool) -> tuple[bool, tuple[Outcome, str] | None]:
         """One step; returns whether the next one should be eager (see `_try`), and the end if this is it."""
         before = self.cost
-        found = self._step(self.damping)
-        bolder = self._bolder(found)
+        bounded = self._step(self.damping)
+        bolder = self._bolder(bounded)
         ended = None
         if bolder is None or not self._dare(*bolder):
-            ended = self._at_end(found)
+            ended = self._at_end(bounded)
             if ended is not None:
                 return False, ended
-            eager, ended = self._try(found, eager)
+            eager, ended = self._try(bounded, eager)
         self.falls.append(before - self.cost)
         return eager, ended or self._out_of_patience()
 
@@ -222,13 +222,13 @@ class _Search:
         scale = np.maximum(self.column_size, self.priors.weight)
         return np.where(scale > 0.0, scale, 1.0 / self.size)
 
-    def _bolder(self, found: BoundedStep) -> tuple[float, BoundedStep] | None:
+    def _bolder(self, bounded: BoundedStep) -> tuple[float, BoundedStep] | None:
         """(damping, step) with less damping, if only the damping limits the expected decrease; else None.
 
         Damping restricts a step most in the directions that the data determine least: along a valley in which
         two parameters have nearly the same effect.
         """
-        expected = self._expected(found.step)
+        expected = self._expected(bounded.step)
         late = expected <= min(_LITTLE * self.options.cost, _LATE) * self.cost
         if not late or self.turned_down or self.timid >= _BOLD:
             return None
@@ -236,30 +236,30 @@ class _Search:
         if free <= max(_LITTLE * expected, self.options.cost * self.cost):
             return None
         damping = self.damping
-        while self._expected(found.step) < 0.5 * free and damping > _LEAST_DAMPING:
+        while self._expected(bounded.step) < 0.5 * free and damping > _LEAST_DAMPING:
             damping = max(_LEAST_DAMPING, damping * _LESS)
-            found = self._step(damping)
-        return damping, found
+            bounded = self._step(damping)
+        return damping, bounded
 
-    def _dare(self, damping: float, found: BoundedStep) -> bool:
+    def _dare(self, damping: float, bounded: BoundedStep) -> bool:
         """Take a step with less damping if the cost then falls, immediately or after a few further steps.
 
         Along a curved valley every step of useful length ends on its side, and damping would shorten it to
         almost nothing; from there the next steps lead back to the valley's floor.
         """
-        here = self.point, self.cost, self.arrow, self.column_size, self.damping
-        before, largest = self.cost, self._largest(found.step)
-        enough = before - _LEAST_GAIN * self._expected(found.step)
+        state = self.point, self.cost, self.arrow, self.column_size, self.damping
+        before, largest = self.cost, self._largest(bounded.step)
+        enough = before - _LEAST_GAIN * self._expected(bounded.step)
         self.damping = damping
-        for left in range(_ASIDE, -1, -1):
-            if not self._went(found.step, below=math.inf if left else enough):
+        for remaining in range(_ASIDE, -1, -1):
+            if not self._went(bounded.step, below=math.inf if remaining else enough):
                 break
             if self.cost < enough:
                 self.timid += before - self.cost <= self.options.cost * before
                 self._report(largest, accepted=True)
                 return True
-            found = self._step(damping)
-        self.point, self.cost, self.arrow, self.column_size, self.damping = here
+            bounded = self._step(damping)
+        self.point, self.cost, self.arrow, self.column_size, self.damping = state
         self.timid += 1
         return False
 
@@ -291,23 +291,23 @@ class _Search:
         residual, weight = self.priors.residual(flat), self.priors.weight / scale
         total = np.sqrt(weight**2 + damping)
         like = self.point.like
-        found = bounded_step(
+        bounded = bounded_step(
             self.arrow.scaled(like(scale)),
             like(total),
             like(-weight * residual / total),
             like(lower),
             like(upper),
         )
-        step = like(found.step.flat() / scale)
-        return BoundedStep(step, found.free, found.factors)
+        step = like(bounded.step.flat() / scale)
+        return BoundedStep(step, bounded.free, bounded.factors)
 
     def _expected(self, step: Vector) -> float:
         """The decrease of the cost predicted by the linear model."""
         residual, moved = self.priors.residual(self.point.flat()), self.priors.weight * step.flat()
         return -(self.arrow.change(step) + float(moved @ (residual + 0.5 * moved)))
 
-    def _at_end(self, found: BoundedStep) -> tuple[Outcome, str] | None:
-        step = found.step.flat()
+    def _at_end(self, bounded: BoundedStep) -> tuple[Outcome, str] | None:
+        step = bounded.step.flat()
         flat = self.point.flat()
         gradient = self.arrow.gradient().flat() + self.priors.weight * self.priors.residual(flat)
         blocked = ((flat <= self.lower) & (gradient > 0.0)) | ((flat >= self.upper) & (gradient < 0.0))
@@ -315,12 +315,12 @@ class _Search:
         cosine = np.abs(gradient[~blocked] / (self._scale()[~blocked] * length)).max(initial=0.0)
         if cosine <= self.options.gradient:
             return Outcome.GRADIENT, "The residuals cannot be made smaller"
-        moved = np.abs(step) / np.maximum(self.size, np.abs(flat))
-        if moved.max(initial=0.0) <= self.options.step:
+        change = np.abs(step) / np.maximum(self.size, np.abs(flat))
+        if change.max(initial=0.0) <= self.options.step:
             if self.damping > 1.0:
                 return Outcome.STALLED, "No step lowers the cost"
             return Outcome.STEP, "No parameter moves any more"
-        if self.damping < 1.0 and 0.0 <= self._expected(found.step) <= self._enough():
+        if self.damping < 1.0 and 0.0 <= self._expected(bounded.step) <= self._enough():
             return Outcome.COST, "The cost does not fall any more"
         return None
 
@@ -339,23 +339,23 @@ class _Search:
         """The decrease of the cost below which the fit ends."""
         return max(self.options.cost * self.cost, _NEARER * (self.cost - self.options.rival))
 
-    def _try(self, found: BoundedStep, eager: bool) -> tuple[bool, tuple[Outcome, str] | None]:
+    def _try(self, bounded: BoundedStep, eager: bool) -> tuple[bool, tuple[Outcome, str] | None]:
         """Evaluate the cost at the end of the step, and move there, or further, if it is lower.
 
         With `eager`, derivatives are computed in the first evaluation: most steps are accepted, and then one
         call does the work of two. Returns whether the next step should be eager, and the outcome if the fit
         ends.
         """
-        trial = self._ahead(found.step, 1.0)
-        expected = self._expected(found.step)
+        trial = self._ahead(bounded.step, 1.0)
+        expected = self._expected(bounded.step)
         blocks = self._blocks(trial, derivatives=eager)
         cost = np.inf if isinstance(blocks, Refused) else self._cost(blocks, trial)
         gain = (self.cost - cost) / expected if expected > 0.0 else -1.0
         accepted = gain > _LEAST_GAIN
         complete = eager
         if gain > _STRETCHED:
-            trial, cost, complete = self._stretch(found.step, trial, cost, eager)
-        largest, reason = self._largest(found.step), blocks.reason if isinstance(blocks, Refused) else ""
+            trial, cost, complete = self._stretch(bounded.step, trial, cost, eager)
+        largest, reason = self._largest(bounded.step), blocks.reason if isinstance(blocks, Refused) else ""
         if accepted and not complete:
             blocks = self._blocks(trial, derivatives=True)
             accepted = not isinstance(blocks, Refused)
@@ -418,10 +418,10 @@ class _Search:
             blocks = self._blocks(further, derivatives=False)
             if isinstance(blocks, Refused):
                 break
-            found = self._cost(blocks, further)
-            if not found < cost:
+            next_cost = self._cost(blocks, further)
+            if not next_cost < cost:
                 break
-            trial, cost, complete = further, found, False
+            trial, cost, complete = further, next_cost, False
         return trial, cost, complete
 
     def _report(self, largest: float, *, accepted: bool, reason: str = "") -> None:

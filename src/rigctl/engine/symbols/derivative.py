@@ -21,9 +21,9 @@ def derivative(expr: Expr, variable: Expr) -> Expr:
     zero = graph.constant(0.0)
     if not expr.depends_on & variable.depends_on:
         return zero
-    found = known.get((expr.index, variable.index))
-    if found is not None:
-        return found
+    cached = known.get((expr.index, variable.index))
+    if cached is not None:
+        return cached
     for node in _needed(expr, variable):
         known[node.index, variable.index] = _of_node(
             node,
@@ -39,19 +39,19 @@ def derivative(expr: Expr, variable: Expr) -> Expr:
 def _needed(expr: Expr, variable: Expr) -> list[Expr]:
     """The nodes under `expr` that depend on `variable` and have no derivative yet, arguments first."""
     graph = expr.graph
-    seen: set[int] = set()
+    visited: set[int] = set()
     waiting = [expr]
     while waiting:
         node = waiting.pop()
         if (
-            node.index in seen
+            node.index in visited
             or not node.depends_on & variable.depends_on
             or (node.index, variable.index) in graph.derivatives
         ):
             continue
-        seen.add(node.index)
+        visited.add(node.index)
         waiting.extend(node.args)
-    return [graph.nodes[index] for index in sorted(seen)]
+    return [graph.nodes[index] for index in sorted(visited)]
 
 
 def _of_node(node: Expr, variable: Expr, parts: list[Expr]) -> Expr:

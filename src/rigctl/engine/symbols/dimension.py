@@ -29,10 +29,12 @@ def check_dimension(expr: Expr, expected: Dimension, what: str) -> None:
     RigctlError
         it has another dimension, or none that is consistent.
     """
-    found = _dimension(expr)
-    if found is not None and found != expected:
+    dimension = _dimension(expr)
+    if dimension is not None and dimension != expected:
         raise RigctlError(
-            f"{what} has the dimension [{found}]", value=repr(expr), expected=f"the dimension [{expected}]"
+            f"{what} has the dimension [{dimension}]",
+            value=repr(expr),
+            expected=f"the dimension [{expected}]",
         )
 
 

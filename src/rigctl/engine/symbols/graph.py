@@ -34,7 +34,7 @@ class Graph:
         self.variables: dict[str, Expr] = {}
         self.derivatives: dict[tuple[int, int], Expr] = {}
         self.dimensions: dict[int, Dimension | None] = {}
-        self._made: dict[tuple[object, ...], Expr] = {}
+        self._nodes_by_key: dict[tuple[object, ...], Expr] = {}
 
     def variable(self, name: str, dimension: Dimension) -> Expr:
         """The variable `name`; the same node at every call.
@@ -229,15 +229,15 @@ class Graph:
 
     def reachable(self, roots: Iterable[Expr], known: Iterable[int] = ()) -> Sequence[Expr]:
         """All nodes on which `roots` depend, arguments first; those numbered in `known` are not followed."""
-        seen: set[int] = set()
+        visited: set[int] = set()
         skip = known if isinstance(known, set | dict) else set(known)
         waiting = list(roots)
         while waiting:
             node = waiting.pop()
-            if node.index not in seen and node.index not in skip:
-                seen.add(node.index)
+            if node.index not in visited and node.index not in skip:
+                visited.add(node.index)
                 waiting.extend(node.args)
-        return [self.nodes[index] for index in sorted(seen)]
+        return [self.nodes[index] for index in sorted(visited)]
 
     def _make(
         self,
@@ -247,10 +247,10 @@ class Graph:
         declared: Dimension = DIMENSIONLESS,
     ) -> Expr:
         key = (op, value, declared if op == "constant" else None, *[arg.index for arg in args])
-        node = self._made.get(key)
+        node = self._nodes_by_key.get(key)
         if node is None:
             node = self._append(Expr(self, op, args, value, "", declared))
-            self._made[key] = node
+            self._nodes_by_key[key] = node
         return node
 
     def _append(self, node: Expr) -> Expr:

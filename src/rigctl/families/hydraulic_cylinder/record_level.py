@@ -21,8 +21,8 @@ _TRAPPED = 1e3
 def _repeatability(rig: Rig | None) -> float:
     role = rig.roles.set_pressure if rig is not None else None
     actuator = rig.actuators[role.actuator] if rig is not None and role is not None else None
-    said = actuator.repeatability if actuator is not None else None
-    return _REPEATABILITY if said is None else said
+    repeatability = actuator.repeatability if actuator is not None else None
+    return _REPEATABILITY if repeatability is None else repeatability
 
 
 def _zero(rig: Rig | None) -> float:

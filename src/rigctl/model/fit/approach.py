@@ -51,14 +51,14 @@ def approach(
     progress: Callable[[Iteration], None] | None = None,
 ) -> tuple[list[Unknown], list[list[Unknown]]]:
     """The unknowns, starting where the misfit is small; unchanged if nothing reduces it."""
-    begun, record_local = list(shared), [list(each) for each in local]
-    unknown = [k for k, one in enumerate(begun) if one.prior is None]
-    everything = list(range(len(begun)))
+    starts, record_local = list(shared), [list(each) for each in local]
+    unknown = [k for k, one in enumerate(starts) if one.prior is None]
+    everything = list(range(len(starts)))
     for moved in [part for part in (unknown, everything) if part]:
-        begun, record_local = _descend(evaluate, begun, record_local, moved, progress)
+        starts, record_local = _descend(evaluate, starts, record_local, moved, progress)
         if len(moved) == len(everything):
             break
-    return begun, record_local
+    return starts, record_local
 
 
 def brought_back(shared: Sequence[Unknown], values: Floats) -> list[Unknown] | None:
@@ -85,39 +85,39 @@ def _descend(
     progress: Callable[[Iteration], None] | None,
 ) -> tuple[list[Unknown], list[list[Unknown]]]:
     """Rounds of a fit of the shared unknowns at `moved`, each with a noise as large as the misfit."""
-    begun, record_local = list(shared), [list(each) for each in local]
-    misfit, count = _misfit(evaluate, begun, record_local)
+    starts, record_local = list(shared), [list(each) for each in local]
+    misfit, count = _misfit(evaluate, starts, record_local)
     for _ in range(_ROUNDS):
         if not _NEAR < misfit < math.inf:
             break
-        at = np.array([one.start for one in begun])
+        at = np.array([one.start for one in starts])
         result = least_squares(
             _blurred(_part(evaluate, at, moved), misfit * max(1.0, math.sqrt(count / _WEIGHT))),
-            [_held(begun[k]) for k in moved],
+            [_held(starts[k]) for k in moved],
             record_local,
             options=_OPTIONS,
             progress=progress,
         )
         at[list(moved)] = result.values
-        next_begun = started(begun, at)
+        next_starts = started(starts, at)
         next_local = [started(each, values) for each, values in zip(record_local, result.local, strict=True)]
-        fallen, _ = _misfit(evaluate, next_begun, next_local)
+        fallen, _ = _misfit(evaluate, next_starts, next_local)
         if fallen >= misfit:
             break
         done = fallen > _FALL * misfit
-        begun, record_local, misfit = next_begun, next_local, fallen
+        starts, record_local, misfit = next_starts, next_local, fallen
         if done:
             break
-    return begun, record_local
+    return starts, record_local
 
 
 def _part(evaluate: Evaluate, at: Floats, moved: Sequence[int]) -> Evaluate:
     """Residuals as a function of the shared unknowns `moved`, with the others fixed `at` their values."""
 
     def part(shared: Floats, local: Sequence[Floats], derivatives: bool) -> Sequence[Block] | Refused:
-        whole = at.copy()
-        whole[list(moved)] = shared
-        blocks = evaluate(whole, local, derivatives)
+        full = at.copy()
+        full[list(moved)] = shared
+        blocks = evaluate(full, local, derivatives)
         if isinstance(blocks, Refused):
             return blocks
         return [Block(block.residual, later=partial(_of_some, block, list(moved))) for block in blocks]

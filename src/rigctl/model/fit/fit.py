@@ -253,16 +253,16 @@ def _fitted(
     count = len(problem.records)
     silent: tuple[str, ...] = ()
     inner = problem.only(fitted)
-    begun = None if local is None else [local[k] for k in fitted]
+    initial = None if local is None else [local[k] for k in fitted]
     if plan.refit and problem.shared:
-        silent = _silent(inner, begun)
+        silent = _silent(inner, initial)
     if silent:
         problem = problem.with_shared([one for one in problem.shared if one.name not in silent])
         inner = problem.only(fitted)
     start = np.array([unknown.start for unknown in problem.shared])
     if plan.refit and problem.shared:
         _check_enough(inner)
-        inside = _started(inner, begun)
+        inside = _started(inner, initial)
         if plan.starts > 1:
             solution = multi_start(
                 inner.evaluate,
@@ -286,28 +286,30 @@ def _fitted(
     rest = [index for index in range(count) if index not in record_local]
     record_local |= _local_unknowns(problem, values, rest, local)
     everything = tuple(record_local[index] for index in range(count))
-    whole = inner if len(fitted) == count else problem  # the last evaluation of the fit is usually at its end
-    return _Fitted(silent, solution, values, everything, whole.outputs_at(values, everything))
+    evaluated = (
+        inner if len(fitted) == count else problem
+    )  # the last evaluation of the fit is usually at its end
+    return _Fitted(silent, solution, values, everything, evaluated.outputs_at(values, everything))
 
 
 def _from_afar(problem: Problem, local: list[list[Unknown]], plan: _Plan) -> LeastSquaresResult:
     """The better of two coarse fits, continued to convergence: one from distant starting values, and one from
     its end, with the parameters that are far from their priors reset."""
-    begun, record_local = approach(problem.evaluate, problem.shared, local, plan.progress)
+    starts, record_local = approach(problem.evaluate, problem.shared, local, plan.progress)
     coarse = replace(plan.options, cost=max(plan.options.cost, _COARSE))
-    result = least_squares(problem.evaluate, begun, record_local, options=coarse, progress=plan.progress)
-    back = brought_back(begun, result.values)
+    result = least_squares(problem.evaluate, starts, record_local, options=coarse, progress=plan.progress)
+    back = brought_back(starts, result.values)
     if back is not None:
         with suppress(RigctlError):  # the model cannot be simulated there: the first fit is kept
-            again = least_squares(
+            other = least_squares(
                 problem.evaluate, back, record_local, options=coarse, progress=plan.progress
             )
-            result = again if again.cost < result.cost else result
-    freedom = max(1, result.residual_count - result.parameter_count)
-    far = 2.0 * result.cost - freedom > _MISFIT * math.sqrt(2.0 * freedom)
+            result = other if other.cost < result.cost else result
+    dof = max(1, result.residual_count - result.parameter_count)
+    far = 2.0 * result.cost - dof > _MISFIT * math.sqrt(2.0 * dof)
     return least_squares(
         problem.evaluate,
-        started(begun, result.values),
+        started(starts, result.values),
         [started(each, values) for each, values in zip(record_local, result.local, strict=True)],
         options=replace(plan.options, cost=max(plan.options.cost, _ROUGH)) if far else plan.options,
         progress=plan.progress,

@@ -138,8 +138,8 @@ class Problem:
         RigctlError
             an effect's term cannot be added.
         """
-        made = self.for_model(model, library=library, whiteners=self.whiteners, progress=progress)
-        return replace(made, signal=self.signal, scatter=self.scatter, extra=self.extra)
+        problem = self.for_model(model, library=library, whiteners=self.whiteners, progress=progress)
+        return replace(problem, signal=self.signal, scatter=self.scatter, extra=self.extra)
 
     def for_model(
         self,
@@ -197,7 +197,7 @@ class Problem:
                 columns.append(np.empty((*self.records[index].values.shape, 0)))
                 continue
             simulated = self.only([index]).simulate(shared, [local[index]], names).require()
-            columns.append(self._seen(simulated.sensitivities)[0] * std)
+            columns.append(self._read_each(simulated.sensitivities)[0] * std)
         return replace(self, scatter=tuple(columns)).whitened()
 
     def whitened(self) -> Problem:
@@ -222,10 +222,10 @@ class Problem:
 
         If only starts, bounds or priors differ, what was evaluated counts for both.
         """
-        made = replace(self, shared=tuple(shared), base=self.base if base is None else base)
+        changed = replace(self, shared=tuple(shared), base=self.base if base is None else base)
         if base is None and [one.name for one in shared] == [one.name for one in self.shared]:
-            object.__setattr__(made, "_recent", self._recent)
-        return made
+            object.__setattr__(changed, "_recent", self._recent)
+        return changed
 
     def fresh(self) -> Problem:
         """This problem without remembered evaluations."""
@@ -317,13 +317,13 @@ class Problem:
         known = self._recent.at(point, derivatives)
         if known is not None:
             return known.blocks
-        found = self._evaluated(shared, local, derivatives)
-        if isinstance(found, Refused):
-            return found
-        if found.blocks:
+        evaluated = self._evaluated(shared, local, derivatives)
+        if isinstance(evaluated, Refused):
+            return evaluated
+        if evaluated.blocks:
             unknowns = len(self.shared) + len(self.local_names) + len(self.initial_names)
-            self._recent.keep(point, 1 + unknowns if derivatives else 0, found)
-        return found.blocks
+            self._recent.keep(point, 1 + unknowns if derivatives else 0, evaluated)
+        return evaluated.blocks
 
     def outputs_at(self, shared: Floats, local: Sequence[Floats]) -> tuple[Floats, ...]:
         """(n, outputs) of each record, the model's predictions of the measured outputs.
@@ -338,23 +338,23 @@ class Problem:
         known = self._recent.at(point_of(shared, local), derivatives=False)
         if known is not None:
             return tuple(known.outputs)
-        return tuple(self._seen(self.simulate(shared, local).require().outputs))
+        return tuple(self._read_each(self.simulate(shared, local).require().outputs))
 
     def _evaluated(self, shared: Floats, local: Sequence[Floats], derivatives: bool) -> Evaluated | Refused:
         names = [unknown.name for unknown in self.shared]
         columns = tuple(dict.fromkeys([*names, *self.local_names])) if derivatives else ()
         blocks: list[Block] = []
-        seen: list[Floats] = []
+        readings: list[Floats] = []
         for part in self.parts(len(columns) + len(self.initial_names)):
             inner = self if len(part) == len(self.records) else self.only(part)
             simulated = inner.simulate(shared, [local[index] for index in part], columns, initial=derivatives)
             if not simulated.ok:
                 return Refused(simulated.summary())
-            seen += self._seen(simulated.outputs)
-            for at, (index, outputs) in enumerate(zip(part, seen[-len(part) :], strict=True)):
+            readings += self._read_each(simulated.outputs)
+            for at, (index, outputs) in enumerate(zip(part, readings[-len(part) :], strict=True)):
                 later = partial(self._derivatives, index, simulated, at, names) if derivatives else None
                 blocks.append(Block(self._residual(index, outputs), later=later))
-        return Evaluated(blocks, seen)
+        return Evaluated(blocks, readings)
 
     @cached_property
     def channels(self) -> NDArray[np.intp]:
@@ -371,7 +371,7 @@ class Problem:
             sigmas = [np.hypot(sigma, more) for sigma, more in zip(sigmas, self.extra, strict=True)]
         return tuple(sigmas)
 
-    def _seen(self, arrays: Sequence[Floats]) -> list[Floats]:
+    def _read_each(self, arrays: Sequence[Floats]) -> list[Floats]:
         return [self._read(array) for array in arrays]
 
     def _read(self, array: Floats) -> Floats:
@@ -425,17 +425,17 @@ class Problem:
         """Its derivatives, whitened, by the unknowns `names` and by its own; it is the `at`-th simulated
         one."""
         white = self.whiteners[index](self._read(simulated.sensitivities[at]))
-        place = {name: k for k, name in enumerate(simulated.columns)}
-        record_local = [place[one.name] for one in self.local[index]]
-        return _columns(white, [place[name] for name in names]), _columns(white, record_local)
+        column_of = {name: k for k, name in enumerate(simulated.columns)}
+        record_local = [column_of[one.name] for one in self.local[index]]
+        return _columns(white, [column_of[name] for name in names]), _columns(white, record_local)
 
 
-def _columns(matrix: Floats, places: Sequence[int]) -> Floats:
+def _columns(matrix: Floats, columns: Sequence[int]) -> Floats:
     """Some columns of a matrix: without a copy where they are neighbours, in order."""
-    first, count = places[0] if places else 0, len(places)
-    if list(places) == list(range(first, first + count)):
+    first, count = columns[0] if columns else 0, len(columns)
+    if list(columns) == list(range(first, first + count)):
         return matrix[:, first : first + count]
-    return matrix[:, places]
+    return matrix[:, columns]
 
 
 def make_problem(
@@ -528,16 +528,16 @@ _COMPILED: list[tuple[tuple[Any, ...], CompiledSystem]] = []
 _MOST_COMPILED = 6
 
 
-def _compiled(made_of: tuple[Any, ...], progress: Progress | None) -> CompiledSystem:
+def _compiled(definition: tuple[Any, ...], progress: Progress | None) -> CompiledSystem:
     """The compiled system of a family, effects, bench, parameters, oil, own effects and unrecorded inputs.
 
     Deriving its equations takes as long as fitting a few records: many runs evaluated with one model share
     it.
     """
     for known, compiled in tuple(_COMPILED):  # other threads may be compiling
-        if _same(known, made_of):
+        if _same(known, definition):
             return compiled
-    family, effects, rig, parameters, oil, own_effects, unrecorded = made_of
+    family, effects, rig, parameters, oil, own_effects, unrecorded = definition
     system = build_system(
         family,
         effects,
@@ -547,10 +547,10 @@ def _compiled(made_of: tuple[Any, ...], progress: Progress | None) -> CompiledSy
         own_effects=own_effects,
         unrecorded=unrecorded,
     )
-    found = compile_system(system, progress=progress)
-    _COMPILED.insert(0, (made_of, found))
+    result = compile_system(system, progress=progress)
+    _COMPILED.insert(0, (definition, result))
     del _COMPILED[_MOST_COMPILED:]
-    return found
+    return result
 
 
 def _grown(

@@ -33,11 +33,11 @@ class Recent:
     """
 
     def __init__(self) -> None:
-        self._found: tuple[tuple[tuple[bytes, ...], bool, Evaluated], ...] = ()
+        self._entries: tuple[tuple[tuple[bytes, ...], bool, Evaluated], ...] = ()
 
     def at(self, point: tuple[bytes, ...], derivatives: bool) -> Evaluated | None:
         """The evaluation at `point`, if remembered; one with derivatives also serves requests without."""
-        for known, complete, evaluated in self._found:
+        for known, complete, evaluated in self._entries:
             if known == point and (complete or not derivatives):
                 return evaluated
         return None
@@ -45,7 +45,7 @@ class Recent:
     def keep(self, point: tuple[bytes, ...], columns: int, evaluated: Evaluated) -> None:
         """Store another evaluation, with derivatives by this number of columns."""
         if sum(block.residual.size for block in evaluated.blocks) * max(1, columns) <= ROOM:
-            self._found = ((point, columns > 0, evaluated), *self._found[: _RECENT - 1])
+            self._entries = ((point, columns > 0, evaluated), *self._entries[: _RECENT - 1])
 
 
 def point_of(shared: Floats, local: Sequence[Floats]) -> tuple[bytes, ...]:

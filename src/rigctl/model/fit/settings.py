@@ -86,7 +86,7 @@ def setting_scatter(measurements: Measurements, setting: Setting) -> float | Non
     )
     matrix = np.column_stack([np.ones(points.size), np.log(points)])
     line = np.linalg.lstsq(matrix, means, rcond=None)[0]
-    left = means - matrix @ line
+    residuals = means - matrix @ line
     if abs(line[1]) < 0.05:
         return None
-    return float(np.sqrt(left @ left / (points.size - 2)) / abs(line[1]))
+    return float(np.sqrt(residuals @ residuals / (points.size - 2)) / abs(line[1]))

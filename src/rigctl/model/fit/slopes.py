@@ -116,10 +116,12 @@ class _CheckedDerivatives(Sequence[Floats]):
         """Each with its derivatives; None if it could not be integrated."""
         if not indices:
             return []
-        found = self._again(indices, tolerance)
+        simulated = self._again(indices, tolerance)
         return [
             (index, slopes if failure is None else None)
-            for index, slopes, failure in zip(indices, found.sensitivities, found.failures, strict=True)
+            for index, slopes, failure in zip(
+                indices, simulated.sensitivities, simulated.failures, strict=True
+            )
         ]
 
 
@@ -141,8 +143,8 @@ def beyond_the_others(simulated: Trajectories) -> dict[int, Flags]:
     median = np.median(sizes, axis=0)
     beyond = (sizes > _BEYOND * median) & (median > 0.0)
     wanted = min(_TOGETHER, sizes.shape[2])
-    found = np.flatnonzero(np.count_nonzero(beyond.any(axis=1), axis=1) >= wanted)
-    return {int(index): beyond[index] for index in found}
+    indices = np.flatnonzero(np.count_nonzero(beyond.any(axis=1), axis=1) >= wanted)
+    return {int(index): beyond[index] for index in indices}
 
 
 def _sizes(slopes: Floats) -> Floats:

@@ -117,11 +117,11 @@ def scanned_switches(
         return shared, tuple(best), False
     unknowns = problem.local_unknowns()
     for rank in range(max(len(each) for each in times)):
-        asked = [each[rank] if rank < len(each) else None for each in times]
+        indices = [each[rank] if rank < len(each) else None for each in times]
         for share in _TRIED:
             tried = [
                 _at(record_local, values, index, share)
-                for record_local, values, index in zip(unknowns, best, asked, strict=True)
+                for record_local, values, index in zip(unknowns, best, indices, strict=True)
             ]
             costs = _costs(problem, shared, tried)
             if costs is None:

@@ -51,11 +51,11 @@ def moves_switches(name: str) -> bool:
 
 def habit_unknowns(measurements: Measurements) -> list[Unknown]:
     """The logger's habits, for the kinds of switches whose times are not exact."""
-    seen = {HABITS[kind] for r in measurements.records for kind in r.switch_kinds[r.rough_switches]}
+    present = {HABITS[kind] for r in measurements.records for kind in r.switch_kinds[r.rough_switches]}
     return [
         Unknown(name, 0.0, -0.5, 1.5, scale=0.5, prior=Prior(0.0, 0.5 * _UNIFORM))
         for name in HABITS
-        if name in seen
+        if name in present
     ]
 
 

@@ -121,9 +121,9 @@ def _units(root: ET.Element, system: System) -> None:
         return
     definitions = ET.SubElement(root, "UnitDefinitions")
     for unit in sorted(units):
-        found = parse_unit(unit)
+        parsed = parse_unit(unit)
         definition = ET.SubElement(definitions, "Unit", name=unit)
-        if all(power.denominator == 1 for power in found.dimension.exponents):
-            named_powers = zip(_BASES, found.dimension.exponents, strict=True)
+        if all(power.denominator == 1 for power in parsed.dimension.exponents):
+            named_powers = zip(_BASES, parsed.dimension.exponents, strict=True)
             powers = {base: str(int(power)) for base, power in named_powers if power}
             ET.SubElement(definition, "BaseUnit", powers)

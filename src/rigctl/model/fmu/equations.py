@@ -111,8 +111,8 @@ def _input_delays(system: System) -> Iterator[str]:
     yield "{"
     yield f"    double value[{max(len(system.delays), 1)}] = {{0.0}};"
     yield "    eq_delays(y, before, after, q, value);"
-    places: Mapping[str, int] = {name: index for index, name in enumerate(system.input_names)}
+    indices: Mapping[str, int] = {name: index for index, name in enumerate(system.input_names)}
     for index, delay in enumerate(system.delays):
-        yield f"    delay[{places[delay.input]}] = value[{index}];"
+        yield f"    delay[{indices[delay.input]}] = value[{index}];"
     yield "    (void)delay;"
     yield "}"

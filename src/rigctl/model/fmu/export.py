@@ -88,10 +88,10 @@ def export_fmu(model: Model, path: Path, *, sources_only: bool = False) -> Expor
         inputs=inputs,
         meanings=_meanings(model),
     )
-    here = Path(__file__).parent
+    folder = Path(__file__).parent
     files = {
         "modelDescription.xml": description,
-        "sources/slave.c": (here / "slave.c").read_bytes(),
+        "sources/slave.c": (folder / "slave.c").read_bytes(),
         "sources/equations.h": equations_header(system, guid, ordered, inputs).encode(),
     }
     platform = None
@@ -122,8 +122,8 @@ def _start(model: Model) -> tuple[dict[str, float], list[float]]:
 def _meanings(model: Model) -> Mapping[str, str]:
     """The family's descriptions of its variables."""
     family = model.family
-    said = {item.name: item.meaning for item in family.inputs}
-    return said | {item.name: item.meaning for item in family.parameters}
+    meanings = {item.name: item.meaning for item in family.inputs}
+    return meanings | {item.name: item.meaning for item in family.parameters}
 
 
 def _platform() -> tuple[str, str]:
@@ -147,18 +147,20 @@ def _compiled(files: Mapping[str, bytes], library: str) -> bytes:
             (Path(folder) / name).write_bytes(files[f"sources/{name}"])
         command = _compiler(library)
         try:
-            done = subprocess.run(  # noqa: S603 - the user's own compiler; no word of the model is in it
+            completed = subprocess.run(  # noqa: S603 - the user's own compiler; no word of the model is in it
                 command, cwd=folder, capture_output=True, text=True, timeout=_PATIENCE, check=False
             )
         except (OSError, subprocess.TimeoutExpired) as problem:
             raise RigctlError(f"the C compiler failed: {problem}", exit_code=ExitCode.FAILED) from problem
-        made = Path(folder) / library
-        if done.returncode != 0 or not made.exists():
-            said = (done.stderr or done.stdout).strip().splitlines()
+        output = Path(folder) / library
+        if completed.returncode != 0 or not output.exists():
+            messages = (completed.stderr or completed.stdout).strip().splitlines()
             raise RigctlError(
-                "the C compiler failed", value=said[0] if said else command[0], exit_code=ExitCode.FAILED
+                "the C compiler failed",
+                value=messages[0] if messages else command[0],
+                exit_code=ExitCode.FAILED,
             )
-        return made.read_bytes()
+        return output.read_bytes()
 
 
 def _compiler(library: str) -> list[str]:
@@ -171,12 +173,12 @@ def _compiler(library: str) -> list[str]:
     """
     wished = os.environ.get("CC")
     for name in filter(None, (wished, "cc", "gcc", "clang")):
-        found = shutil.which(name)
-        if found is not None:
+        compiler = shutil.which(name)
+        if compiler is not None:
             shared = ["-dynamiclib"] if sys.platform == "darwin" else ["-shared"]
             plain = ["-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden"]
             position = [] if sys.platform == "win32" else ["-fPIC"]
-            return [found, *shared, *position, *plain, "slave.c", "-o", library, "-lm"]
+            return [compiler, *shared, *position, *plain, "slave.c", "-o", library, "-lm"]
     microsoft = shutil.which("cl") if sys.platform == "win32" else None
     if microsoft is not None:
         return [microsoft, "/nologo", "/LD", "/O2", "slave.c", f"/Fe:{library}"]

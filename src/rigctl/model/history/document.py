@@ -17,13 +17,13 @@ def history_document(versions: Sequence[Version], current: Version) -> dict[str,
         "versions": [{**version.document(), "kept": version.kept} for version in versions],
         "errors": [
             {
-                "version": found.version.number,
-                "runs": list(found.runs),
-                "hold_out": found.hold_out or None,
-                "only": found.only or None,
-                "assume": list(found.assume),
-                **found.error.document(),
+                "version": known.version.number,
+                "runs": list(known.runs),
+                "hold_out": known.hold_out or None,
+                "only": known.only or None,
+                "assume": list(known.assume),
+                **known.error.document(),
             }
-            for found in version_errors(versions)
+            for known in version_errors(versions)
         ],
     }

@@ -30,16 +30,16 @@ def version_errors(versions: Sequence[Version]) -> tuple[VersionError, ...]:
     for version in versions:
         if version.parent is not None and version.done.before is not None:
             first_child.setdefault(version.parent, version)
-    found = []
+    errors = []
     for version in versions:
         child = first_child.get(version.number)
         if version.done.after is not None:
-            found.append(_error(version, version.done.after, version))
+            errors.append(_error(version, version.done.after, version))
         elif child is not None and child.done.before is not None:
-            found.append(_error(version, child.done.before, child))
-    return tuple(found)
+            errors.append(_error(version, child.done.before, child))
+    return tuple(errors)
 
 
-def _error(version: Version, error: ModelError, found_on: Version) -> VersionError:
-    done = found_on.done
-    return VersionError(version, error, done.runs, done.hold_out, done.only, done.assume)
+def _error(version: Version, error: ModelError, source: Version) -> VersionError:
+    change = source.done
+    return VersionError(version, error, change.runs, change.hold_out, change.only, change.assume)

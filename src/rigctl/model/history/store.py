@@ -57,11 +57,11 @@ def current_version(path: Path) -> Version:
         as `versions`.
     """
     head, _ = split_version(Path(path))
-    found = digest(read_document(head).text)
+    sha256 = digest(read_document(head).text)
     kept = {version.sha256: version for version in versions(head)}  # the last of equal ones
-    if found not in kept:
+    if sha256 not in kept:
         raise RigctlError("the file was changed while it was read", where=Location(head), hint="Try it again")
-    return kept[found]
+    return kept[sha256]
 
 
 def read_versions(head: Path) -> tuple[Version, ...]:
@@ -73,12 +73,12 @@ def read_versions(head: Path) -> tuple[Version, ...]:
         a version's description cannot be read, or belongs to another model file.
     """
     folder = folder_of(head)
-    found = tuple(
+    result = tuple(
         _read(head, folder / f"{name}.json")
         for name in _names(folder)
         if (folder / f"{name}.json").exists() and (folder / f"{name}.yaml").exists()
     )
-    return tuple(sorted(found, key=lambda version: version.number))
+    return tuple(sorted(result, key=lambda version: version.number))
 
 
 def find_version(path: Path, number: int) -> Version:
@@ -97,11 +97,11 @@ def find_version(path: Path, number: int) -> Version:
         if version.number == number:
             return version
     numbers = [str(version.number) for version in known]
-    there = f"1 to {numbers[-1]}" if len(numbers) > 1 else "only 1"
+    expected = f"1 to {numbers[-1]}" if len(numbers) > 1 else "only 1"
     raise RigctlError(
         "the model has no such version",
         value=str(number),
-        expected=there,
+        expected=expected,
         where=Location(head),
         hint=f"'rigctl model history {head}' lists them",
     )

@@ -36,10 +36,10 @@ def assuming(run: Run, model: Model, written: Sequence[str]) -> Run:
     """
     if not written:
         return run
-    said = dict(assumed_of(run))
+    assumptions = dict(assumed_of(run))
     for name, text in read_assumptions(written).items():
-        said[name] = _value(name, text, model)
-    return replace(run, info=MappingProxyType({**run.info, KEY: said, _WRITTEN: tuple(written)}))
+        assumptions[name] = _value(name, text, model)
+    return replace(run, info=MappingProxyType({**run.info, KEY: assumptions, _WRITTEN: tuple(written)}))
 
 
 def assumed_when_opened(runs: Sequence[Run]) -> tuple[str, ...]:

@@ -59,16 +59,16 @@ class Acting:
 
 def said_sources(sources: Sequence[InputSource], assumed: Mapping[str, float]) -> list[InputSource]:
     """The sources with the user's values of their inputs or actuators, SI, in place of recorded ones."""
-    found = []
+    result = []
     for source in sources:
         if source.input in assumed:
-            found.append(replace(source, value=assumed[source.input], actuators=(), channel=None, said=True))
+            result.append(replace(source, value=assumed[source.input], actuators=(), channel=None, said=True))
             continue
         known = sum(factor * assumed[name] for name, factor in source.actuators if name in assumed)
         rest = tuple((name, factor) for name, factor in source.actuators if name not in assumed)
-        said = source.said or len(rest) < len(source.actuators)
-        found.append(replace(source, value=source.value + known, actuators=rest, said=said))
-    return found
+        stated = source.said or len(rest) < len(source.actuators)
+        result.append(replace(source, value=source.value + known, actuators=rest, said=stated))
+    return result
 
 
 def unrecorded_actuators(source: InputSource, run: Run) -> list[str]:

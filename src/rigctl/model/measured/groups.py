@@ -19,9 +19,9 @@ _DIGITS = 5
 def group_numbers(records: Sequence[MeasuredRecord]) -> list[int]:
     """The number of each record's group; groups are numbered in the order of their first records."""
     starts = _starts(records)
-    seen: dict[object, int] = {}
+    numbers: dict[object, int] = {}
     return [
-        seen.setdefault((_condition(record), _commands(record), tuple(start)), len(seen))
+        numbers.setdefault((_condition(record), _commands(record), tuple(start)), len(numbers))
         for record, start in zip(records, starts, strict=True)
     ]
 

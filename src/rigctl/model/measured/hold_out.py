@@ -53,10 +53,10 @@ def held_out(
     if text is None or not text.strip():
         return ()
     among = "" if only is None else f" of those that '{only}' leaves"
-    found = _chosen(measurements, text, units, f"no record is held out by this{among}")
-    if len(found) == len(measurements.records):
+    selected = _chosen(measurements, text, units, f"no record is held out by this{among}")
+    if len(selected) == len(measurements.records):
         raise RigctlError(f"this holds every record out{among}: nothing is left to fit on", value=text)
-    return found
+    return selected
 
 
 def _chosen(measurements: Measurements, text: str, units: Mapping[str, str], none: str) -> tuple[int, ...]:
@@ -68,10 +68,10 @@ def _chosen(measurements: Measurements, text: str, units: Mapping[str, str], non
         raise RigctlError("records are chosen by a condition", value=text, expected="e.g. 'oil == 60 degC'")
     checked = expression.checked(types)
     exact = list(_equalities(checked, types))
-    found = tuple(k for k, values in enumerate(named) if checked.evaluate(_snapped(values, exact, types)))
-    if not found:
+    selected = tuple(k for k, values in enumerate(named) if checked.evaluate(_snapped(values, exact, types)))
+    if not selected:
         raise RigctlError(none, value=text, expected=_points(measurements, named, units) or None)
-    return found
+    return selected
 
 
 def _types(measurements: Measurements, units: Mapping[str, str]) -> dict[str, ValueType]:
@@ -88,7 +88,7 @@ def _types(measurements: Measurements, units: Mapping[str, str]) -> dict[str, Va
 
 def _named(record: MeasuredRecord, units: Mapping[str, str]) -> dict[str, float]:
     """The condition, also under the usual names of its dimensions if no other variable has them."""
-    found = dict(record.condition)
+    values = dict(record.condition)
     for dimension, names in _CALLED.items():
         same = [
             name
@@ -97,8 +97,8 @@ def _named(record: MeasuredRecord, units: Mapping[str, str]) -> dict[str, float]
         ]
         if len(same) == 1:
             for name in names:
-                found.setdefault(name, record.condition[same[0]])
-    return found
+                values.setdefault(name, record.condition[same[0]])
+    return values
 
 
 def _equalities(expression: Expression, types: Mapping[str, ValueType]) -> Iterator[tuple[str, float]]:

@@ -34,28 +34,28 @@ class SmoothedInputs:
 
 def steady_inputs(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord]) -> SmoothedInputs:
     """Remove as much of the noise of measured inputs as their readings allow."""
-    found, kept, notes = list(records), dict[str, float](), []
+    smooth, noise, notes = list(records), dict[str, float](), []
     for name, sigma in _input_noise(model, rig, records).items():
         index = [item.name for item in model.family.inputs].index(name)
-        columns = [(k, record.along.index(index)) for k, record in enumerate(found) if index in record.along]
-        lines = [found[k].lines[:, column] for k, column in columns]
-        window = window_of([found[k].knots for k, _ in columns], lines, sigma)
-        kept[name] = sigma
+        columns = [(k, record.along.index(index)) for k, record in enumerate(smooth) if index in record.along]
+        lines = [smooth[k].lines[:, column] for k, column in columns]
+        window = window_of([smooth[k].knots for k, _ in columns], lines, sigma)
+        noise[name] = sigma
         text = f"a reading of the input {name} has noise of "
         text += show(sigma, input_unit(model, rig, name), difference=True, digits=2)
         if window > 1:
             text += f": it is smoothed over {window} readings"
             for (k, column), line in zip(columns, lines, strict=True):
-                changed = found[k].lines.copy()
-                changed[:, column] = smoothed(found[k].knots, line, window)
-                found[k] = replace(found[k], lines=changed)
+                changed = smooth[k].lines.copy()
+                changed[:, column] = smoothed(smooth[k].knots, line, window)
+                smooth[k] = replace(smooth[k], lines=changed)
         notes.append(text)
-    return SmoothedInputs(tuple(found), kept, tuple(notes))
+    return SmoothedInputs(tuple(smooth), noise, tuple(notes))
 
 
 def _input_noise(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord]) -> dict[str, float]:
     """Standard deviation of a reading of each continuous input, SI, if the data determine it."""
-    found = {}
+    sigmas = {}
     for index in sorted({index for record in records for index in record.along}):
         name = model.family.inputs[index].name
         measured = [record for record in records if index in record.along]
@@ -72,8 +72,8 @@ def _input_noise(model: Model, rig: Rig | None, records: Sequence[MeasuredRecord
         known = {name: float(channel.noise)} if channel is not None and channel.noise else {}
         noise = estimate_noise(readings, (name,), known=known).channels[0]
         if not noise.guessed or known:
-            found[name] = noise.sigma
-    return found
+            sigmas[name] = noise.sigma
+    return sigmas
 
 
 def acting_notes(

@@ -111,16 +111,16 @@ def _noise_of(measurements: Measurements) -> DataNoise:
 def without_edges(noise: DataNoise, measurements: Measurements) -> DataNoise:
     """Leave out the samples on edges that the sampling does not resolve, and count them."""
     least = _LEAST_JUMP * _spans(measurements)
-    found = []
+    masks = []
     for record, good in zip(measurements.records, noise.ok, strict=True):
         jumps = 1 + np.flatnonzero((np.abs(np.diff(record.inputs, axis=0)) > least).any(axis=1))
         values = np.where(good, record.values, np.nan)
         sigma = noise.model.sigma_at(values, record.times)
         edges = find_edges(record.times, values, sigma, record.switch_times[jumps], record.switch_half[jumps])
-        found.append(good & edges)
-    counts = np.array([mask.sum(axis=0) for mask in found], dtype=np.intp)
+        masks.append(good & edges)
+    counts = np.array([mask.sum(axis=0) for mask in masks], dtype=np.intp)
     model = recounted(noise.model, [channel.masked for channel in noise.model.channels], _sums(counts))
-    ok = tuple(good & ~mask for good, mask in zip(noise.ok, found, strict=True))
+    ok = tuple(good & ~mask for good, mask in zip(noise.ok, masks, strict=True))
     return replace(noise, model=model, ok=ok, edges=counts)
 
 
@@ -181,25 +181,27 @@ def with_noise_off_model(
     if measurements.table:
         return None
     records = measurements.records
-    left = [
-        ModelResiduals(np.where(good, said - record.values, np.nan), said, record.phase.astype(np.intp))
-        for record, good, said in zip(records, noise.ok, outputs, strict=True)
+    residuals = [
+        ModelResiduals(
+            np.where(good, predicted - record.values, np.nan), predicted, record.phase.astype(np.intp)
+        )
+        for record, good, predicted in zip(records, noise.ok, outputs, strict=True)
     ]
-    before = noise.grown or [
+    previous = noise.grown or [
         noise.model.sigma_at(np.where(good, record.values, np.nan), record.times)
         for record, good in zip(records, noise.ok, strict=True)
     ]
     spiky = _spiky(noise, measurements)
-    found = []
+    improved = []
     for index, channel in enumerate(noise.model.channels):
-        one = _OneChannel(channel, index, records, left, [sigma[:, index] for sigma in before])
+        one = _OneChannel(channel, index, records, residuals, [sigma[:, index] for sigma in previous])
         one = one.narrower() or one
-        found.append(one.growing() or (one.wider() if spiky[index] else None) or one)
-    channels = [one.channel for one in found]
+        improved.append(one.growing() or (one.wider() if spiky[index] else None) or one)
+    channels = [one.channel for one in improved]
     if all(new is old for new, old in zip(channels, noise.model.channels, strict=True)):
         return None
     model = replace(noise.model, channels=tuple(channels), statement=model_statement(channels))
-    grown = tuple(np.stack([one.sigma[k] for one in found], axis=1) for k in range(len(records)))
+    grown = tuple(np.stack([one.sigma[k] for one in improved], axis=1) for k in range(len(records)))
     return replace(noise, model=model, grown=grown if any(one.law for one in channels) else None)
 
 
@@ -210,7 +212,7 @@ class _OneChannel:
     channel: ChannelNoise
     index: int
     records: Sequence[MeasuredRecord]
-    left: Sequence[ModelResiduals]
+    residuals: Sequence[ModelResiduals]
     sigma: Sequence[Floats]
 
     def narrower(self) -> _OneChannel | None:
@@ -226,7 +228,7 @@ class _OneChannel:
             or not self._error_below(_BELOW)
         ):
             return None
-        width = width_off_model(self.left, self.index)
+        width = width_off_model(self.residuals, self.index)
         shape = self.sigma if old.law else [np.ones(one.size) for one in self.sigma]
         if width is not None and width.law is not None:
             shape = self._by_law(width.law)
@@ -239,7 +241,7 @@ class _OneChannel:
                 record.group,
                 record.phase.astype(np.intp),
             )
-            for record, one, wide in zip(self.records, self.left, shape, strict=True)
+            for record, one, wide in zip(self.records, self.residuals, shape, strict=True)
         ]
         spikes = [np.zeros(record.values.shape, bool) for record in records]
         (new,) = estimate_noise(records, [old.name], spikes=spikes).channels
@@ -247,8 +249,8 @@ class _OneChannel:
             return None
         law = old.law if width is None or width.law is None else width.law
         scaled = None if law is None else law.scaled(new.sigma / typical)
-        found = replace(new, source="residuals", masked=old.masked, edges=old.edges, law=scaled)
-        return self._with(found, [new.sigma * one for one in shape])
+        channel = replace(new, source="residuals", masked=old.masked, edges=old.edges, law=scaled)
+        return self._with(channel, [new.sigma * one for one in shape])
 
     def growing(self) -> _OneChannel | None:
         """With a law of the level that is more likely than the previous noise."""
@@ -257,7 +259,7 @@ class _OneChannel:
             return None
         known = self.sigma if old.law else None
         width = width_off_model(
-            self.left,
+            self.residuals,
             self.index,
             correlation=old.correlation,
             white=old.white,
@@ -267,38 +269,38 @@ class _OneChannel:
         if width is None or width.law is None:
             return None
         sigma = self._by_law(width.law)
-        found = replace(
+        channel = replace(
             old, sigma=self._typical(sigma), law=width.law, degrees=width.degrees, source="residuals"
         )
-        return self._with(found, sigma)
+        return self._with(channel, sigma)
 
     def wider(self) -> _OneChannel | None:
         """With the standard deviation from differences, including tails, if windows showed a smaller one."""
         old = self.channel
         if old.share or old.law or old.step or not old.degrees:
             return None
-        width = width_off_model(self.left, self.index, correlation=old.correlation, white=old.white)
+        width = width_off_model(self.residuals, self.index, correlation=old.correlation, white=old.white)
         if width is None or not _MORE * old.sigma < width.sigma < _MOST_BY_TAILS * old.sigma:
             return None
-        found = replace(old, sigma=width.sigma, degrees=width.degrees, source="residuals")
-        return self._with(found, [np.full(one.size, width.sigma) for one in self.sigma])
+        channel = replace(old, sigma=width.sigma, degrees=width.degrees, source="residuals")
+        return self._with(channel, [np.full(one.size, width.sigma) for one in self.sigma])
 
     def _with(self, channel: ChannelNoise, sigma: Sequence[Floats]) -> _OneChannel:
         return replace(self, channel=channel.stated(channel_statement(channel, None)), sigma=sigma)
 
     def _error_below(self, share: float) -> bool:
         error = np.concatenate(
-            [one.errors[:, self.index] / sigma for one, sigma in zip(self.left, self.sigma, strict=True)]
+            [one.errors[:, self.index] / sigma for one, sigma in zip(self.residuals, self.sigma, strict=True)]
         )
         return bool(np.isfinite(error).any()) and float(np.sqrt(np.nanmean(error**2))) < share
 
     def _by_law(self, law: VarianceLaw) -> list[Floats]:
-        return [law.sigma(one.levels[:, self.index], np.zeros(1)) for one in self.left]
+        return [law.sigma(one.levels[:, self.index], np.zeros(1)) for one in self.residuals]
 
     def _typical(self, sigma: Sequence[Floats]) -> float:
         """The root of the mean square over the readings that count."""
-        good = [np.isfinite(one.errors[:, self.index]) for one in self.left]
-        each = np.concatenate([one[here] for one, here in zip(sigma, good, strict=True)])
+        good = [np.isfinite(one.errors[:, self.index]) for one in self.residuals]
+        each = np.concatenate([one[mask] for one, mask in zip(sigma, good, strict=True)])
         return float(np.sqrt(np.mean(each**2)))
 
 
@@ -338,30 +340,30 @@ def _of_rows(measurements: Measurements) -> DataNoise:
     for index, (name, unit) in enumerate(zip(measurements.outputs, measurements.units, strict=True)):
         values = column(measurements, index)
         size = _typical(values)
-        found = row_noise(points, values, series)
+        noise = row_noise(points, values, series)
         channels.append(
             _guessed(name, size, unit, known.get(name))
-            if found is None
-            else _from_rows(name, size, unit, found, over)
+            if noise is None
+            else _from_rows(name, size, unit, noise, over)
         )
     statement = "Noise of " + "; ".join(channel.statement for channel in channels)
     ok = tuple(record.here for record in measurements.records)
     return DataNoise(NoiseModel(tuple(channels), 1.0, statement), ok)
 
 
-def _from_rows(name: str, size: float, unit: str, found: RowNoise, over: str) -> ChannelNoise:
-    sigma = found.sigma * size if found.relative else found.sigma
-    wide = f"{100 * found.sigma:.2g} % of the value" if found.relative else _interval(sigma, unit)
-    sure = 100.0 / np.sqrt(2.0 * found.degrees)
+def _from_rows(name: str, size: float, unit: str, noise: RowNoise, over: str) -> ChannelNoise:
+    sigma = noise.sigma * size if noise.relative else noise.sigma
+    wide = f"{100 * noise.sigma:.2g} % of the value" if noise.relative else _interval(sigma, unit)
+    sure = 100.0 / np.sqrt(2.0 * noise.degrees)
     return ChannelNoise(
         name,
         sigma,
-        source="replicates" if 2 * found.repeats > found.differences else "differences",
+        source="replicates" if 2 * noise.repeats > noise.differences else "differences",
         guessed=False,
-        statement=f"{name}: {wide}, from {found.differences} differences between neighbouring values over "
+        statement=f"{name}: {wide}, from {noise.differences} differences between neighbouring values over "
         f"{over}, without any model; itself known to about {sure:.0f} %",
-        degrees=found.degrees,
-        share=found.sigma if found.relative else 0.0,
+        degrees=noise.degrees,
+        share=noise.sigma if noise.relative else 0.0,
     )
 
 

@@ -35,11 +35,11 @@ def notes(records: Sequence[MeasuredRecord], outputs: Sequence[str]) -> Iterator
 
 def _gaps(records: Sequence[MeasuredRecord]) -> Iterator[str]:
     """Rows of a table are not samples and have no gaps."""
-    found = [(record, gap) for record in records if (gap := find_gap(record.times)) is not None]
-    if found:
-        record, gap = max(found, key=lambda one: one[1].length)
+    gaps = [(record, gap) for record in records if (gap := find_gap(record.times)) is not None]
+    if gaps:
+        record, gap = max(gaps, key=lambda one: one[1].length)
         yield (
-            f"gaps in time in {len(found)} of {len(records)} records: what happened in them is not judged; "
+            f"gaps in time in {len(gaps)} of {len(records)} records: what happened in them is not judged; "
             f"the longest: {gap.length:.4g} s from {gap.start:.4g} s on in {record.label}"
         )
 

@@ -45,7 +45,9 @@ def observed_records(model: Model, run: Run, rig: Rig | None, outputs: Sequence[
     """
     rows = _rows(run, rig)
     if model.family.states:
-        moving = [found for row in rows if (found := _moving(model, run, row, rig, outputs)) is not None]
+        moving = [
+            observed for row in rows if (observed := _moving(model, run, row, rig, outputs)) is not None
+        ]
         return [record for record in moving if record.here.any()]
     return [record for record in _table(model, run, rig, rows, outputs) if record.here.any()]
 
@@ -65,8 +67,8 @@ def taken_inputs(model: Model, run: Run, rig: Rig | None) -> dict[str, float]:
     if model.family.states:
         return _set_points_of_record(model, run, rig)
     known = {name for index in run.usable for name in _values(run.record(index))}
-    values, spans, said = _absent(model, run, rig)
-    return {n: value for n, value in values.items() if n not in known and n not in spans and n not in said}
+    values, spans, stated = _absent(model, run, rig)
+    return {n: value for n, value in values.items() if n not in known and n not in spans and n not in stated}
 
 
 def taken_temperature(model: Model, run: Run, rig: Rig | None) -> float | None:
@@ -126,13 +128,13 @@ def _table(
     values, spans, _ = _absent(model, run, rig)
     columns = {name for row in rows for name in _values(row)}
     spans = {name: span for name, span in spans.items() if name not in columns}
-    found = [_still(run, row, {**values, **dict.fromkeys(spans, 0.0)}, spans, outputs) for row in rows]
-    if not any(record.here.any() for record in found):
+    records = [_still(run, row, {**values, **dict.fromkeys(spans, 0.0)}, spans, outputs) for row in rows]
+    if not any(record.here.any() for record in records):
         names = ", ".join(dict.fromkeys(name for row in rows for name in _values(row))) or "nothing"
         raise RigctlError(
             f"{run.id} has no column that the model predicts", value=names, expected=" or ".join(outputs)
         )
-    return found
+    return records
 
 
 def _still(
@@ -169,12 +171,12 @@ def _moving(
     standard = model.family.standard_record
     known = _values(row)
     measures = _MEASURES.get(model.family.name, {})
-    found = {name: index for name, index in measures.items() if name in known}
-    if standard is None or rig is None or not found:
+    readings = {name: index for name, index in measures.items() if name in known}
+    if standard is None or rig is None or not readings:
         return None
-    times = sorted({time for _, time in found.values()})
+    times = sorted({time for _, time in readings.values()})
     values = np.full((len(times), len(outputs)), np.nan)
-    for name, (output, time) in found.items():
+    for name, (output, time) in readings.items():
         if output in outputs:
             values[times.index(time), list(outputs).index(output)] = known[name]
     switch_times, inputs = _commanded(model, _set_points(model, rig, run, row), standard)
@@ -192,24 +194,24 @@ def _moving(
         phase=np.zeros(len(times), dtype=np.intp),
         phases=("hold",),
         row=True,
-        beside={name: value for name, value in row.measures.items() if name not in found},
+        beside={name: value for name, value in row.measures.items() if name not in readings},
     )
 
 
 def _set_points(model: Model, rig: Rig, run: Run, row: Record) -> dict[str, float]:
     """The inputs, SI, of which a row or the user gives the value."""
     assumed = assumed_of(run)
-    found, commands = dict[str, float](), {**assumed, **row.sweep}
+    inputs, commands = dict[str, float](), {**assumed, **row.sweep}
     for source in input_sources(model.family, rig):
         known = [(factor, commands[name]) for name, factor in source.actuators if name in commands]
         if known:
-            found[source.input] = source.value + sum(factor * value for factor, value in known)
+            inputs[source.input] = source.value + sum(factor * value for factor, value in known)
         elif source.input in assumed:
-            found[source.input] = assumed[source.input]
+            inputs[source.input] = assumed[source.input]
     role = rig.roles.set_pressure
     if role is not None and role.channel in row.sweep:
-        found.setdefault("pressure_setpoint", row.sweep[role.channel])
-    return found
+        inputs.setdefault("pressure_setpoint", row.sweep[role.channel])
+    return inputs
 
 
 def _commanded(

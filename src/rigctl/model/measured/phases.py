@@ -38,16 +38,16 @@ def phases_of(
 
 def _names(rows: Sequence[Floats], family: ModelFamily, units: Sequence[str]) -> tuple[str, ...]:
     moving = [k for k, item in enumerate(family.inputs) if item.role == "move"]
-    found: list[str] = []
-    before: Floats | None = None
+    names: list[str] = []
+    previous: Floats | None = None
     for row in rows:
         if moving:
-            name = _VALVE.get(float(row[moving[0]]), "hold" if found else "wait")
+            name = _VALVE.get(float(row[moving[0]]), "hold" if names else "wait")
         else:
-            name = _changed(before, row, family, units)
-        before = row
-        found.append(name)
-    return _numbered(found)
+            name = _changed(previous, row, family, units)
+        previous = row
+        names.append(name)
+    return _numbered(names)
 
 
 def _changed(before: Floats | None, row: Floats, family: ModelFamily, units: Sequence[str]) -> str:
@@ -62,9 +62,9 @@ def _changed(before: Floats | None, row: Floats, family: ModelFamily, units: Seq
 
 def _numbered(names: Sequence[str]) -> tuple[str, ...]:
     """Names that occur twice get a number."""
-    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
     result = []
     for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        result.append(name if names.count(name) == 1 else f"{name} {seen[name]}")
+        counts[name] = counts.get(name, 0) + 1
+        result.append(name if names.count(name) == 1 else f"{name} {counts[name]}")
     return tuple(result)

@@ -55,10 +55,10 @@ def read_measurements(model: Model, runs: Sequence[Run]) -> Measurements:
     acts: list[Acting] = []
     for run in runs:
         if run.info["rows"]:
-            found = _of_run(model, run, rig, known, every)
-            left_out += [*_too_short(run, len(found)), *assumed_notes(model, run, rig)]
-            records += [record for record, _ in found]
-            acts += [one for _, one in found]
+            of_run = _of_run(model, run, rig, known, every)
+            left_out += [*_too_short(run, len(of_run)), *assumed_notes(model, run, rig)]
+            records += [record for record, _ in of_run]
+            acts += [one for _, one in of_run]
         else:
             left_out += [
                 *assumed_notes(model, run, rig),
@@ -108,15 +108,15 @@ def _of_run(
     units = [_input_unit(source, rig) for source in every_source]
     sources = said_sources(every_source, assumed_of(run))
     _require_commands(model, run, rig, sources)
-    found = []
+    records = []
     for record in run.each(run.usable):
         if record.time.size >= _FEWEST_SAMPLES:
             # lines are those of all samples: a subset of a fast input would be a different one
             acts = acting(record, run, rig, sources)
             picked = _thinned(record, every)
             knots = record.time - float(record.time[0])
-            found.append((_measured(model, run, picked, acts, knots, units, outputs), acts))
-    return found
+            records.append((_measured(model, run, picked, acts, knots, units, outputs), acts))
+    return records
 
 
 def _thinned(record: Record, every: int) -> Record:
@@ -149,31 +149,31 @@ def _measured(
     model: Model,
     run: Run,
     record: Record,
-    found: Acting,
+    acts: Acting,
     knots: np.ndarray,
     units: Sequence[str],
     outputs: Sequence[str],
 ) -> MeasuredRecord:
     samples = record.time - float(record.time[0])
     nothing = np.full(samples.size, np.nan)
-    phase, names = phases_of(samples, found.times, found.commanded, model.family, units)
+    phase, names = phases_of(samples, acts.times, acts.commanded, model.family, units)
     return MeasuredRecord(
         run=run.id,
         index=record.index,
         label=f"{run.id}/{record.index}",
         times=samples,
-        switch_times=found.times,
-        switch_half=found.half,
-        inputs=found.rows,
+        switch_times=acts.times,
+        switch_half=acts.half,
+        inputs=acts.rows,
         values=np.column_stack([record.channels.get(name, nothing) for name in outputs]),
         condition=dict(record.sweep),
         group=0,
         phase=phase,
         phases=names,
-        along=found.along,
+        along=acts.along,
         knots=knots,
-        lines=found.lines,
-        unrecorded=found.unrecorded,
+        lines=acts.lines,
+        unrecorded=acts.unrecorded,
     )
 
 

@@ -151,12 +151,12 @@ class Measurements:
     @property
     def unrecorded(self) -> dict[str, tuple[float, float]]:
         """The inputs not recorded in some record: lowest and highest value over these, SI."""
-        found: dict[str, tuple[float, float]] = {}
+        spans: dict[str, tuple[float, float]] = {}
         for record in self.records:
             for name, (low, high) in record.unrecorded.items():
-                lowest, highest = found.get(name, (low, high))
-                found[name] = (min(low, lowest), max(high, highest))
-        return dict(sorted(found.items()))
+                lowest, highest = spans.get(name, (low, high))
+                spans[name] = (min(low, lowest), max(high, highest))
+        return dict(sorted(spans.items()))
 
     def unit_for(self, si: str, *, interval: bool = False) -> str:
         """The display unit of such a quantity on this bench: that of a channel of its dimension, else SI.

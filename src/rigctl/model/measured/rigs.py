@@ -22,7 +22,7 @@ def rig_of(model: Model, runs: Sequence[Run]) -> Rig | None:
     """
     if model.rig is None:
         return None
-    found: Rig | None = None
+    result: Rig | None = None
     for run in runs:
         rig = _recorded(run)
         if rig is None:
@@ -33,9 +33,9 @@ def rig_of(model: Model, runs: Sequence[Run]) -> Rig | None:
                 f"'{model.rig.name}'",
                 hint="Take a model of that rig, or 'rigctl import' the data with the model's",
             )
-        more = found is None or len(rig.channels) > len(found.channels)
-        found = rig if more else found
-    return found or model.rig
+        more = result is None or len(rig.channels) > len(result.channels)
+        result = rig if more else result
+    return result or model.rig
 
 
 def _recorded(run: Run) -> Rig | None:

@@ -50,18 +50,20 @@ def smoothed(times: Floats, values: Floats, window: int) -> Floats:
     off = (t - middle[:, None]) / width[:, None]
     basis = np.stack([np.ones_like(off), off, off**2], axis=2)
     square = np.swapaxes(basis, 1, 2) @ basis
-    found = np.linalg.solve(square, np.swapaxes(basis, 1, 2) @ u[:, :, None])[:, :, 0]
+    coefficients = np.linalg.solve(square, np.swapaxes(basis, 1, 2) @ u[:, :, None])[:, :, 0]
     near = np.clip(np.arange(times.size) - window // 2, 0, len(t) - 1)
     at = (times - middle[near]) / width[near]
-    return np.asarray(found[near, 0] + found[near, 1] * at + found[near, 2] * at**2)
+    return np.asarray(coefficients[near, 0] + coefficients[near, 1] * at + coefficients[near, 2] * at**2)
 
 
 def _is_noise(times: Floats, values: Floats, sigma: float, window: int) -> bool:
     if times.size < 3 * window:
         return False
-    left = (values - smoothed(times, values, window)) / sigma
-    if float(np.sqrt(np.mean(left**2))) > _LARGER:
+    residuals = (values - smoothed(times, values, window)) / sigma
+    if float(np.sqrt(np.mean(residuals**2))) > _LARGER:
         return False
     stretch = max(3, window // 3)
-    runs = left[: left.size // stretch * stretch].reshape(-1, stretch).sum(axis=1) / math.sqrt(stretch)
+    runs = residuals[: residuals.size // stretch * stretch].reshape(-1, stretch).sum(axis=1) / math.sqrt(
+        stretch
+    )
     return float(np.abs(runs).max()) < _OFF

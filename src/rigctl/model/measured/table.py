@@ -32,21 +32,21 @@ def as_table(
         columns.get(titles.get(name, name), unit)
         for name, unit in zip(measurements.outputs, measurements.units, strict=True)
     )
-    found = replace(measurements, units=units, columns=columns, titles=titles)
-    points, series = curves(found)
+    table = replace(measurements, units=units, columns=columns, titles=titles)
+    points, series = curves(table)
     kept: list[int] = []
     notes: list[str] = []
-    for index, name in enumerate(found.outputs):
-        values = column(found, index)
-        source = next((k for k in kept if same_reading(column(found, k), values, points, series)), None)
+    for index, name in enumerate(table.outputs):
+        values = column(table, index)
+        source = next((k for k in kept if same_reading(column(table, k), values, points, series)), None)
         if source is None:
             kept.append(index)
         else:
             notes.append(
-                f"{name} scatters exactly as {found.outputs[source]} does: it was computed from it, adds no "
+                f"{name} scatters exactly as {table.outputs[source]} does: it was computed from it, adds no "
                 "information, and counts in no fit and no test"
             )
-    return _only_columns(found, kept, notes)
+    return _only_columns(table, kept, notes)
 
 
 def column(measurements: Measurements, index: int) -> Floats:
@@ -71,9 +71,11 @@ def curves(measurements: Measurements, but: str = "") -> tuple[Floats, NDArray[n
         return np.zeros(len(records)), np.zeros(len(records), dtype=np.intp)
     points = np.array([record.condition.get(over, np.nan) for record in records])
     others = [name for name in measurements.variables if name != over]
-    seen: dict[tuple[str, ...], int] = {}
+    numbers: dict[tuple[str, ...], int] = {}
     series = [
-        seen.setdefault(tuple(f"{record.condition.get(name, np.nan):.5g}" for name in others), len(seen))
+        numbers.setdefault(
+            tuple(f"{record.condition.get(name, np.nan):.5g}" for name in others), len(numbers)
+        )
         for record in records
     ]
     return points, np.array(series, dtype=np.intp)

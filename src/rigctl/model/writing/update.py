@@ -163,30 +163,30 @@ def _word(text: str) -> str:
 
 def _write_setting(text: Text, keys: tuple[str, ...], fields: Mapping[str, str | None]) -> None:
     """Write `fields` to the entry under `keys`: the value alone if there are no other fields."""
-    said = {name: field for name, field in fields.items() if field is not None}
+    stated = {name: field for name, field in fields.items() if field is not None}
     if text.is_mapping(*keys):
         for name, field in fields.items():
             _write_field(text, (*keys, name), field)
         return
-    value = said.pop("value", None) or text.scalar(*keys)
-    inner = "".join(f", {name}: {field}" for name, field in said.items())
-    whole = f"{{value: {value}{inner}}}" if said else str(value)
+    value = stated.pop("value", None) or text.scalar(*keys)
+    inner = "".join(f", {name}: {field}" for name, field in stated.items())
+    entry = f"{{value: {value}{inner}}}" if stated else str(value)
     if text.has(*keys):
-        text.replace(keys, whole)
+        text.replace(keys, entry)
     else:
-        text.insert(keys, whole)
+        text.insert(keys, entry)
 
 
 def _write_field(text: Text, keys: tuple[str, ...], field: str | None) -> None:
-    there = text.has(*keys)
-    if field is not None and there:
+    present = text.has(*keys)
+    if field is not None and present:
         if text.scalar(*keys) != field:
             text.replace(keys, field)
     elif field is not None:
         text.insert(keys, field)
-    elif there and keys[-1] == "fit":
+    elif present and keys[-1] == "fit":
         text.replace(keys, "false")
-    elif there:
+    elif present:
         text.remove(keys)
 
 

@@ -29,17 +29,17 @@ def read_formula(
     RigctlError
         it is not valid in the grammar, branches, uses an unknown name, or has another dimension.
     """
-    place = where or Location()
-    refuse_branch_words(text, place)
-    expression = parse(text, place, functions=ALL_FUNCTIONS)
+    location = where or Location()
+    refuse_branch_words(text, location)
+    expression = parse(text, location, functions=ALL_FUNCTIONS)
     refuse_corners(expression)
-    found = expression.check(types)
-    if found.dimension != wanted.dimension:
+    actual = expression.check(types)
+    if actual.dimension != wanted.dimension:
         raise RigctlError(
-            f"{what} is {found} [{found.dimension}]",
+            f"{what} is {actual} [{actual.dimension}]",
             value=text,
             expected=f"{wanted} [{wanted.dimension}]{why and ', '}{why}",
-            where=place,
+            where=location,
         )
     tree = expression.checked(types, expected=wanted).resolved
     assert tree is not None  # noqa: S101 - a checked expression is resolved

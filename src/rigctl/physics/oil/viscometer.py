@@ -32,6 +32,6 @@ def kinematic_from_time(time: Scalar, constant: Scalar, end_correction: Scalar =
     constant: k in m^2/s^2, from `capillary_constant` or a calibration oil.
     end_correction: c in m^2; 0 for none.
 
-    Source: Hagenbach (1860), Couette (1890); ISO 3105 has ``E / t^2`` instead of ``c / t`` for its capillaries.
+    Source: Hagenbach (1860), Couette (1890); ISO 3105 has ``E / t^2`` in place of ``c / t``.
     """
     return constant * time - end_correction / time

@@ -77,8 +77,8 @@ def _refuse_names(reader: Reader, written: FamilyFile) -> None:
 def _each(
     reader: Reader, part: str, fields: Mapping[str, Field], make: Callable[[str, Field], Declared]
 ) -> tuple[Declared, ...]:
-    made = [reader.read((part, name), partial(make, name, field)) for name, field in fields.items()]
-    return tuple(item for item in made if item is not None)
+    declared = [reader.read((part, name), partial(make, name, field)) for name, field in fields.items()]
+    return tuple(item for item in declared if item is not None)
 
 
 def _unit(quantity: Quantity) -> str:

@@ -64,9 +64,9 @@ class _Writer:
     def delayed(self, item: InputVariable, text: str | None) -> InputVariable:
         if text is None:
             return item
-        own = type_of_unit(item.unit, difference=item.difference)
+        value_type = type_of_unit(item.unit, difference=item.difference)
         keys = ("inputs", item.name, "delay")
-        types = {BEFORE: own, AFTER: own}
+        types = {BEFORE: value_type, AFTER: value_type}
         delay = self.formula(text, ValueType(_SECOND), keys, f"the delay of {item.name}", "a time", types)
         return replace(item, delay=delay)
 
@@ -79,8 +79,8 @@ class _Writer:
         why: str,
         local: dict[str, ValueType] | None = None,
     ) -> Callable[..., Scalar]:
-        place = self.reader.document.locate(keys)
+        location = self.reader.document.locate(keys)
         types = self.types | (local or {})
-        read = partial(read_formula, text, types, wanted, what=what, why=why, where=place)
+        read = partial(read_formula, text, types, wanted, what=what, why=why, where=location)
         tree = self.reader.read(keys, read)
         return unwritten if tree is None else TextFormula(tree, self.sums, self.factors)

@@ -46,8 +46,8 @@ RADIATION = Effect(
 
 def _between(number: int) -> tuple[str, Term]:
     def term(m: Scope, p: Own) -> Scalar:
-        own, other = m[f"temperature_{number}"], m[f"temperature_{3 - number}"]
-        return p.conductance * (other - own) + radiated(m, p.area, other, own)
+        temperature, other = m[f"temperature_{number}"], m[f"temperature_{3 - number}"]
+        return p.conductance * (other - temperature) + radiated(m, p.area, other, temperature)
 
     return f"heat_{number}", term
 
