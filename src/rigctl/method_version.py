@@ -11,8 +11,8 @@ from __future__ import annotations
 #: increased by one when a verdict may differ
 METHOD_VERSION = 29
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
-FINGERPRINT = "8424dab4f32e"
+FINGERPRINT = "d87e38d39bdc"
 #: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 4
 #: hash of the code of this version of the search
-DISCOVERY_FINGERPRINT = "a00acc13d1f5"
+DISCOVERY_FINGERPRINT = "5639257e5492"

@@ -10,7 +10,7 @@ import pytest
 
 from commands import create_project, told
 from rigctl.analysis.diagnosis_result import Verdict
-from rigctl.cli.progress import _thinned, telling
+from rigctl.cli.progress import _thinned, progress_display
 from rigctl.cli.views.answer import show_answer
 from rigctl.cli.views.model import show_errors
 from rigctl.errors import RigctlError
@@ -32,7 +32,7 @@ def test_numbered_progress_messages_are_thinned_and_others_are_all_shown() -> No
 
 
 def test_progress_goes_to_stderr_line_by_line(capsys: pytest.CaptureFixture[str]) -> None:
-    with telling() as tell:
+    with progress_display() as tell:
         for number in (1, 2, 3):
             tell(f"Looking at {number} of 3")
     printed = capsys.readouterr()

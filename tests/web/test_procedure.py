@@ -62,7 +62,7 @@ def test_completions_come_from_the_schema(window: Window, cookie: str) -> None:
     found = page.evaluate(
         """async ([known, texts]) => {
           const { suggestions } = await import("/assets/procedure.js");
-          return texts.map((text) => suggestions(known, text, text.length).found.map(([name]) => name));
+          return texts.map((text) => suggestions(known, text, text.length).entries.map(([name]) => name));
         }""",
         [known, [text for text, _ in OFFERED]],
     )

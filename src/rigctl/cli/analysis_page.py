@@ -72,9 +72,9 @@ def compare_with_versions(
     path = models[0].path if earlier and len(models) == 1 else None
     numbers = [] if path is None else _versions_with_errors(path)
     before = [] if path is None else [load_version(path, number) for number in numbers[:-1]]
-    found = compare(runs, models, **choice)
-    versions = [*compare(runs, before, **choice).models, found.models[0]] if before else []
-    return found, [
+    comparison = compare(runs, models, **choice)
+    versions = [*compare(runs, before, **choice).models, comparison.models[0]] if before else []
+    return comparison, [
         replace(one, name=f"version {number}") for one, number in zip(versions, numbers, strict=bool(before))
     ]
 

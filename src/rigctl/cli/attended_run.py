@@ -94,7 +94,7 @@ def report_end(result: RunResult, *, as_json: bool) -> NoReturn:
     test = result.test
     if as_json:
         folder = result.folder
-        told = {
+        document = {
             "run": folder.name if folder is not None else None,
             "path": str(folder) if folder is not None else None,
             "status": result.status,
@@ -107,7 +107,7 @@ def report_end(result: RunResult, *, as_json: bool) -> NoReturn:
             "warnings": [asdict(one) for one in result.warnings],
             "test": test.to_json() if test is not None else None,
         }
-        echo_json(to_json(told))
+        echo_json(to_json(document))
     else:
         echo(result.summary())
         if result.folder is not None:
@@ -115,8 +115,8 @@ def report_end(result: RunResult, *, as_json: bool) -> NoReturn:
         if test is not None and test.measures:
             _report_test(test)
     if result.unconfirmed is not None:
-        said = f"OUTPUTS NOT CONFIRMED SAFE: {result.unconfirmed} may still be on"
-        typer.secho(f"{said}\n{result.by_hand}", fg=typer.colors.RED, bold=True, err=True)
+        warning = f"OUTPUTS NOT CONFIRMED SAFE: {result.unconfirmed} may still be on"
+        typer.secho(f"{warning}\n{result.by_hand}", fg=typer.colors.RED, bold=True, err=True)
     raise typer.Exit(int(result.exit_code))
 
 

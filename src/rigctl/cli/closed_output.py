@@ -30,10 +30,10 @@ def is_unread() -> bool:
         from select import POLLERR, POLLHUP, poll
     except ImportError:  # Windows
         return True
-    asked = poll()
+    poller = poll()
     for handle in (1, 2):
-        asked.register(handle, 0)
-    return any(state & (POLLERR | POLLHUP) for _, state in asked.poll(0)) or _is_null_device()
+        poller.register(handle, 0)
+    return any(state & (POLLERR | POLLHUP) for _, state in poller.poll(0)) or _is_null_device()
 
 
 def _is_null_device() -> bool:

@@ -180,5 +180,5 @@ def _print_refusal(error: RigctlError) -> None:
     """The error as a JSON document."""
     import json
 
-    told = {"error": error.as_dict(), "exit_code": int(error.exit_code)}
-    print(json.dumps(told, ensure_ascii=False))  # noqa: T201
+    document = {"error": error.as_dict(), "exit_code": int(error.exit_code)}
+    print(json.dumps(document, ensure_ascii=False))  # noqa: T201

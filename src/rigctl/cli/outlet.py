@@ -143,9 +143,9 @@ def carry_out(work: Callable[[], None]) -> None:
     except SystemExit as end:
         code = end.code
     finally:
-        said, lost = _flush_outlets(outlets)
+        all_written, lost = _flush_outlets(outlets)
         sys.stdout, sys.stderr = usual
-        if lost or not said:  # flushing would block again on what is left in the streams
+        if lost or not all_written:  # flushing would block again on what is left in the streams
             os._exit((code if isinstance(code, int) else 1) or lost)
     sys.exit(code)
 
@@ -153,14 +153,14 @@ def carry_out(work: Callable[[], None]) -> None:
 def _flush_outlets(outlets: tuple[Outlet, Outlet]) -> tuple[bool, int]:
     """Whether all text was passed on, and the exit status if some is lost: a closed pipe, a full disk."""
     give_up = monotonic() + _LAST_WORDS
-    said, lost = True, 0
+    all_written, lost = True, 0
     for outlet in outlets:
         try:
-            said = outlet.drain(max(give_up - monotonic(), 0.0)) and said
+            all_written = outlet.drain(max(give_up - monotonic(), 0.0)) and all_written
         except BrokenPipeError:
             lost = lost or UNREAD
         except OSError:
             lost = 1
         except KeyboardInterrupt:
-            said = False
-    return said, lost
+            all_written = False
+    return all_written, lost

@@ -20,13 +20,13 @@ def read_assignments(texts: Sequence[str], option: str = "--arg") -> dict[str, s
     RigctlError
         a text without a name or an equals sign.
     """
-    found: dict[str, str] = {}
+    assignments: dict[str, str] = {}
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals or not name.strip():
             raise RigctlError(f"{option}: no assignment", value=text, expected="name=value")
-        found[name.strip()] = value.strip()
-    return found
+        assignments[name.strip()] = value.strip()
+    return assignments
 
 
 def open_plan(procedure: Path, rig: Path | None = None, arguments: Sequence[str] = ()) -> Plan:

@@ -14,21 +14,21 @@ _SPARSE = 30.0
 _COUNT = re.compile(r"\d+(?:[.,]\d+)?")
 
 
-def _thinned(tell: Callable[[str], None], now: Callable[[], float] = monotonic) -> Callable[[str], None]:
+def _thinned(report: Callable[[str], None], now: Callable[[], float] = monotonic) -> Callable[[str], None]:
     """Suppress lines that repeat the last one, numbers aside, until `_SPARSE` s have passed."""
     last: dict[str, float] = {}
 
-    def told(text: str) -> None:
+    def report_sparsely(text: str) -> None:
         kind, time = _COUNT.sub("0", text), now()
         if time - last.get(kind, -_SPARSE) >= _SPARSE:
             last[kind] = time
-            tell(text)
+            report(text)
 
-    return told
+    return report_sparsely
 
 
 @contextmanager
-def telling(stopped: str = "") -> Iterator[Callable[[str], None]]:
+def progress_display(stopped: str = "") -> Iterator[Callable[[str], None]]:
     """Yield a function that is to be called with a description of each step.
 
     On a terminal it rewrites one line, which is removed at the end; otherwise it prints a line each time, but
@@ -55,5 +55,5 @@ def telling(stopped: str = "") -> Iterator[Callable[[str], None]]:
         with out.status("Beginning") as status:
             yield lambda text: status.update(escape(text))
     except KeyboardInterrupt:
-        said = f"Stopped; {stopped}" if stopped else "Stopped"
-        raise RigctlError(said, exit_code=ExitCode.INTERRUPTED) from None
+        message = f"Stopped; {stopped}" if stopped else "Stopped"
+        raise RigctlError(message, exit_code=ExitCode.INTERRUPTED) from None

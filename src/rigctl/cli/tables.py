@@ -32,15 +32,15 @@ class PrintableConsole(Console):
 
 def console(*, piped_width: int = _PIPED_WIDTH, **options: Any) -> Console:
     """A console that does not wrap tables when it is piped; `options` as of `rich.console.Console`."""
-    made = PrintableConsole(highlight=False, **options)
-    if not made.is_terminal:
-        made.width = piped_width
-    return made
+    output = PrintableConsole(highlight=False, **options)
+    if not output.is_terminal:
+        output.width = piped_width
+    return output
 
 
 def table(*columns: str) -> Table:
     """An empty table with a line under its head; long cells are folded."""
-    made = Table(box=SIMPLE_HEAD, pad_edge=False)
+    grid = Table(box=SIMPLE_HEAD, pad_edge=False)
     for column in columns:
-        made.add_column(column, overflow="fold")
-    return made
+        grid.add_column(column, overflow="fold")
+    return grid

@@ -42,27 +42,27 @@ def read_annotations(folder: Path) -> list[Annotation]:
     path = folder / NAME
     if not path.exists():
         return []
-    found = []
+    annotations = []
     for number, line in enumerate(read_lines(path), start=1):
         try:
-            found.append(Annotation(**(line or {})))
+            annotations.append(Annotation(**(line or {})))
         except TypeError as problem:
             raise RigctlError(
                 "the line is damaged", where=Location(path, number), exit_code=ExitCode.FAILED
             ) from problem
-    return found
+    return annotations
 
 
 def excluded_records(annotations: Iterable[Annotation]) -> dict[int, str]:
     """Return the reason by index of every excluded record."""
     reasons: dict[int, str] = {}
-    for said in annotations:
-        if said.record is None:
+    for annotation in annotations:
+        if annotation.record is None:
             continue
-        if said.kind == "exclude":
-            reasons[said.record] = said.text
-        elif said.kind == "include":
-            reasons.pop(said.record, None)
+        if annotation.kind == "exclude":
+            reasons[annotation.record] = annotation.text
+        elif annotation.kind == "include":
+            reasons.pop(annotation.record, None)
     return reasons
 
 
@@ -73,8 +73,8 @@ def append_annotations(folder: Path, annotations: Iterable[Annotation]) -> None:
         with lock_annotations(folder):
             writer = LogWriter(path)
             try:
-                for said in annotations:
-                    writer.append(asdict(said))
+                for annotation in annotations:
+                    writer.append(asdict(annotation))
                 writer.flush()
                 writer.sync()
             finally:
@@ -98,4 +98,4 @@ def say(kind: Literal["note", "exclude", "include"], text: str, record: int | No
 
 def as_data(annotations: Iterable[Annotation]) -> list[dict[str, Any]]:
     """Return the annotations as plain data, for ``run.json``."""
-    return [asdict(said) for said in annotations]
+    return [asdict(annotation) for annotation in annotations]

@@ -23,17 +23,17 @@ def read_assumptions(texts: Iterable[str]) -> dict[str, str]:
     RigctlError
         a name or value is missing, or a name is repeated.
     """
-    found: dict[str, str] = {}
+    assumptions: dict[str, str] = {}
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals and value):
             raise RigctlError(
                 "--assume: not a value for a name", value=text, expected="name=value, e.g. 'ambient=21 degC'"
             )
-        if name in found:
+        if name in assumptions:
             raise RigctlError("--assume: the name is there twice", value=name)
-        found[name] = value
-    return found
+        assumptions[name] = value
+    return assumptions
 
 
 def assumed_value(

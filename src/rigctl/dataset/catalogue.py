@@ -88,10 +88,10 @@ def list_runs(
     folder = runs_folder(Path(runs) if runs is not None else None)
     store = find_project().store if runs is None and stored else None
     if store is not None:
-        here = _list_local(folder, where, None)
-        everything = here if where is None else _list_local(folder, None, None)
+        local = _list_local(folder, where, None)
+        everything = local if where is None else _list_local(folder, None, None)
         others = list_stored(Store(store), where, None, but={run.id for run in everything})
-        together = sorted([*here, *others], key=lambda run: run.id[:15])
+        together = sorted([*local, *others], key=lambda run: run.id[:15])
         return together[-last:] if last else together
     return _list_local(folder, where, last)
 
@@ -136,8 +136,8 @@ def page_of_runs(runs: Path | None = None, *, where: str | None = None, **how: A
         the condition is wrong, or there is no such column.
     """
     folder = runs_folder(runs)
-    found = ask(folder, lambda index: select_page(index, where=where, **how), channels=where is not None)
-    return CataloguePage([_summary_of(folder, row) for row in found.rows], found.found, found.all)
+    page = ask(folder, lambda index: select_page(index, where=where, **how), channels=where is not None)
+    return CataloguePage([_summary_of(folder, row) for row in page.rows], page.found, page.all)
 
 
 def list_stored(
@@ -156,8 +156,8 @@ def list_stored(
     """
     channels = where is not None and "channels" in where
     rows = ask_stored(store, lambda index: select(index, where, None if but else last), channels=channels)
-    found = [_summary_in(store.folder(row["id"]), row) for row in rows if row["id"] not in but]
-    return found[-last:] if last else found
+    summaries = [_summary_in(store.folder(row["id"]), row) for row in rows if row["id"] not in but]
+    return summaries[-last:] if last else summaries
 
 
 def _summary_of(runs: Path, row: Mapping[str, Any]) -> RunSummary:
@@ -169,13 +169,13 @@ def _summary_in(folder: Path | StoredFolder, row: Mapping[str, Any]) -> RunSumma
     if row["status"] == DAMAGED:
         return RunSummary(row["id"], folder, DAMAGED)
     same = ("id", "status", "procedure", "rig", "duration", "records", "complete_records", "rows")
-    said = ("notes", "excluded", "serial_number", "part", "test")
+    stated = ("notes", "excluded", "serial_number", "part", "test")
     return RunSummary(
         folder=folder,
         source=row["source"] or "",
         operator=row["operator"] or "",
         started=row["started_as"],
-        **{name: row[name] for name in (*same, *said)},
+        **{name: row[name] for name in (*same, *stated)},
     )
 
 
@@ -212,15 +212,15 @@ def locate_run(ref: str | Path, runs: str | Path | None = None) -> Path | Stored
     if store is None:
         return find_run(ref, Path(runs) if runs is not None else None)
     try:
-        here = find_run(ref)
+        local = find_run(ref)
     except SeveralRuns:
         raise
     except RigctlError:
         return Store(store).find(str(ref))
     if str(ref) != LATEST:
-        return here
-    there = Store(store).newest()
-    return Store(store).folder(there) if there is not None and there[:15] > here.name[:15] else here
+        return local
+    newest = Store(store).newest()
+    return Store(store).folder(newest) if newest is not None and newest[:15] > local.name[:15] else local
 
 
 def find_run(ref: str | Path, runs: Path | None = None) -> Path:
@@ -244,9 +244,9 @@ def find_run(ref: str | Path, runs: Path | None = None) -> Path:
     if as_path.name == RUN_JSON and as_path.is_file():
         return as_path.parent.resolve()
     folder = runs_folder(runs)
-    for place in places_of(folder, text) if text and as_path.name == text else ():
-        if is_run(place):
-            return place
+    for candidate in places_of(folder, text) if text and as_path.name == text else ():
+        if is_run(candidate):
+            return candidate
     return _by_start(text, folder, _known_folders(folder, text))
 
 

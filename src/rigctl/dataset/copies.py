@@ -17,8 +17,8 @@ def without_copies(runs: Sequence[Run]) -> tuple[list[Run], list[tuple[Run, Run]
     last: dict[Hashable, Run] = {}
     for run in runs:
         last[_content(run)] = run
-    kept = [run for run in runs if last[_content(run)] is run]
-    return kept, [(run, last[_content(run)]) for run in runs if last[_content(run)] is not run]
+    originals = [run for run in runs if last[_content(run)] is run]
+    return originals, [(run, last[_content(run)]) for run in runs if last[_content(run)] is not run]
 
 
 def _content(run: Run) -> Hashable:
@@ -36,8 +36,8 @@ def _values(run: Run) -> str:
     """Return a digest of a table's numbers, which differ between two sheets of one file."""
     import pyarrow.types as kinds
 
-    table, found = run.table("records"), hashlib.sha256()
+    table, digest = run.table("records"), hashlib.sha256()
     for name, column in zip(table.column_names, table.columns, strict=True):
         if kinds.is_floating(column.type):
-            found.update(f"{name}: {column.to_pylist()}".encode())
-    return found.hexdigest()
+            digest.update(f"{name}: {column.to_pylist()}".encode())
+    return digest.hexdigest()

@@ -41,17 +41,17 @@ def include(folder: Path, records: Iterable[int], reason: str) -> None:
     _state(folder, [say("include", reason, record) for record in records])
 
 
-def _state(folder: Path, said: Sequence[Annotation]) -> None:
+def _state(folder: Path, annotations: Sequence[Annotation]) -> None:
     """Append annotations and rebuild the tables; a run in progress makes them when it ends."""
     count = len(read_history(folder).records)
-    for statement in said:
+    for statement in annotations:
         if statement.record is not None and not 0 <= statement.record < count:
             raise RigctlError(
                 "there is no such record in the run",
                 value=str(statement.record),
                 expected=f"0 to {count - 1}" if count else "none, for it has no records",
             )
-    append_annotations(folder, said)
+    append_annotations(folder, annotations)
     # a run in progress makes its tables when it ends; a program that annotates may have made them before
     lock = wait_for_lock(folder, PATIENCE, in_vain=lambda: _in_progress(folder))
     if lock is not None:

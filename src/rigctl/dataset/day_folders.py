@@ -26,8 +26,8 @@ def is_shard(name: str) -> bool:
 
 def shard_of(run_id: str) -> str | None:
     """Return the day's folder for a run of this id: ``2026-11-21``; None for other ids."""
-    found = _ID.match(run_id)
-    return "-".join(found.groups()) if found else None
+    match = _ID.match(run_id)
+    return "-".join(match.groups()) if match else None
 
 
 def folder_for(runs: Path, run_id: str) -> Path:
@@ -57,7 +57,7 @@ def places_of(runs: Path, run_id: str) -> Iterator[Path]:
 
 def is_taken(runs: Path, run_id: str) -> bool:
     """Return whether this name exists, directly in the runs folder or in its day's."""
-    return any(place.exists() for place in places_of(runs, run_id))
+    return any(path.exists() for path in places_of(runs, run_id))
 
 
 def runs_root(folder: Path) -> Path:

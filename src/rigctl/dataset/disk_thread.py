@@ -117,9 +117,9 @@ class BackgroundWriter:
         elif self._slow and age < SLOW:
             self._slow = False
             self._warnings.append("the disk answers again, nothing is lost")
-        found = list(self._warnings)
+        warnings = list(self._warnings)
         self._warnings.clear()
-        return found
+        return warnings
 
     def close(self, status: str, reason: str | None = None, unconfirmed: str | None = None) -> Path:
         """End the session and make the run's tables. Waits as long as the disk makes progress; idempotent.
@@ -226,9 +226,9 @@ class BackgroundWriter:
 
     def _close(self, writer: RunWriter) -> None:
         status, reason, unconfirmed = self._closing
-        said = str(self._failure) if self._failure is not None else ""
-        if said and said not in (reason or ""):
-            reason = f"{reason}; {said}" if reason else said
+        failure = str(self._failure) if self._failure is not None else ""
+        if failure and failure not in (reason or ""):
+            reason = f"{reason}; {failure}" if reason else failure
             status = "failed" if status == "finished" else status
         writer.close(status, reason, unconfirmed)
 
@@ -249,7 +249,7 @@ class BackgroundWriter:
 
     def _leave_behind(self) -> None:
         """Write what a hanging disk has not accepted to another folder, from the calling thread."""
-        begun, stuck, tasks = self._in_progress, self._writer, list(self._tasks)
+        current, stuck, tasks = self._in_progress, self._writer, list(self._tasks)
         self._stuck, self._abandoned = stuck, True
         if stuck.closed:
             self._failure = RigctlError(
@@ -271,7 +271,7 @@ class BackgroundWriter:
         self._failure = _kept_elsewhere("the disk does not answer", stuck.folder, writer.folder)
         for task in tasks:
             # the data of the task in progress are still in the writer's buffer
-            if task is begun or task == self._finish:
+            if task is current or task == self._finish:
                 continue
             with suppress(Exception):  # one failure must not prevent the following tasks
                 task(writer)

@@ -52,14 +52,15 @@ def finalise(folder: Path) -> dict[str, Any]:
     write_table(folder / records_file.EVENTS, records_file.events_table(history.events, by_time=by_time))
     while True:
         known = _files(folder, (ANNOTATIONS,))
-        said = read_annotations(folder)
+        annotations = read_annotations(folder)
         write_table(
-            folder / records_file.RECORDS, records_file.records_table(history.records, excluded_records(said))
+            folder / records_file.RECORDS,
+            records_file.records_table(history.records, excluded_records(annotations)),
         )
         files = _files(folder, CHECKED)
         if files.get(ANNOTATIONS) == known.get(ANNOTATIONS):
             break  # otherwise one has just been added by another program, and is not in the table
-    info = {**_summary(history, facts, missing), "annotations": as_data(said), "files": files}
+    info = {**_summary(history, facts, missing), "annotations": as_data(annotations), "files": files}
     run_json.write_info(folder, info)
     cut_short = any(entry.outcome == DAMAGED for entry in history.records if entry.session == number)
     lost = number in facts.losses and facts.losses[number].rows > 0

@@ -132,13 +132,13 @@ def current_versions() -> dict[str, str]:
     """Return the versions of rigctl, Python, the system and the packages that affect the results."""
     from importlib.metadata import PackageNotFoundError, version
 
-    found = {"python": platform.python_version(), "system": f"{platform.system()} {platform.machine()}"}
+    versions = {"python": platform.python_version(), "system": f"{platform.system()} {platform.machine()}"}
     for package in ("rigctl", "numpy", "numba", "pyarrow"):
         try:
-            found[package] = version(package)
+            versions[package] = version(package)
         except PackageNotFoundError:
             continue
-    return found
+    return versions
 
 
 def source_of_rig(rig: Rig) -> Source:

@@ -267,12 +267,12 @@ class JournalReader:
         """
         if not self._open():
             return []
-        found: list[bytes] = []
+        payloads: list[bytes] = []
         taken = 0
         while taken < most and (payload := self._next()) is not None:
-            found.append(payload)
+            payloads.append(payload)
             taken += len(payload)
-        return found
+        return payloads
 
     def close(self) -> None:
         """Close the file; idempotent."""
@@ -385,8 +385,8 @@ def _read_frame(file: BinaryIO, at: int) -> tuple[Frame | None, bytes]:
     head = file.read(_HEADER_BYTES)
     if len(head) < _HEADER_BYTES or not head.startswith(_MARKER):
         return None, b""
-    (own,) = _CHECKSUM.unpack(head[_HEADER.size :])
-    if zlib.crc32(head[: _HEADER.size]) != own:
+    (header_checksum,) = _CHECKSUM.unpack(head[_HEADER.size :])
+    if zlib.crc32(head[: _HEADER.size]) != header_checksum:
         return None, b""
     _, number, first_row, length, checksum = _HEADER.unpack(head[: _HEADER.size])
     if length > _MAX_FRAME_BYTES:
@@ -402,9 +402,9 @@ def _next_marker(file: BinaryIO, at: int, size: int) -> int:
     while at < size:
         file.seek(at)
         part = file.read(_FRAME_BYTES)
-        found = part.find(_MARKER)
-        if found >= 0:
-            return at + found
+        offset = part.find(_MARKER)
+        if offset >= 0:
+            return at + offset
         if len(part) < _FRAME_BYTES:
             break
         at += len(part) - len(_MARKER) + 1  # a marker may span two parts

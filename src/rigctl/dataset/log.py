@@ -46,8 +46,8 @@ def encode_line(fields: Mapping[str, Any]) -> str:
 def protected_line(fields: Mapping[str, Any]) -> bytes:
     """Return one line of the file, with its checksum and without its line end."""
     # file names may contain surrogates, which must not prevent logging
-    said = encode_line(fields)[:-1].encode("utf-8", "backslashreplace")
-    return b'%s,"crc":"%08x"}' % (said, crc32(said))
+    text = encode_line(fields)[:-1].encode("utf-8", "backslashreplace")
+    return b'%s,"crc":"%08x"}' % (text, crc32(text))
 
 
 def _without_nan(value: Any) -> Any:
@@ -144,8 +144,8 @@ def read_lines(path: Path) -> list[dict[str, Any] | None]:
             f"cannot read the file: {problem.strerror}", where=Location(path), exit_code=ExitCode.FAILED
         ) from problem
     lines = content[: content.rfind(b"\n") + 1].split(b"\n")[:-1]
-    first = next((place for place, line in enumerate(lines) if _CRC.search(line)), len(lines))
-    return [_read_line(line, protected=place >= first) for place, line in enumerate(lines)]
+    first = next((index for index, line in enumerate(lines) if _CRC.search(line)), len(lines))
+    return [_read_line(line, protected=index >= first) for index, line in enumerate(lines)]
 
 
 class LogReader:
@@ -174,18 +174,18 @@ class LogReader:
                 content = file.read(4 * self._most)
         except OSError:
             return []
-        whole = content[: content.rfind(b"\n") + 1]
-        self._at += len(whole)
-        lines = (_read_line(line, protected=True) for line in whole.split(b"\n")[:-1])
+        complete = content[: content.rfind(b"\n") + 1]
+        self._at += len(complete)
+        lines = (_read_line(line, protected=True) for line in complete.split(b"\n")[:-1])
         return [line for line in lines if line is not None]
 
 
 def _read_line(line: bytes, *, protected: bool) -> dict[str, Any] | None:
     if protected:
-        found = _CRC.search(line)
-        if found is None or crc32(line[: found.start()]) != int(found.group(1), 16):
+        match = _CRC.search(line)
+        if match is None or crc32(line[: match.start()]) != int(match.group(1), 16):
             return None
-        line = line[: found.start()] + b"}"
+        line = line[: match.start()] + b"}"
     try:
         fields = json.loads(line)
     except (ValueError, RecursionError):

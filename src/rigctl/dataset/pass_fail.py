@@ -41,8 +41,8 @@ class Judged:
     def sentence(self) -> str:
         """The value and its limits: ``travel is 80 mm, expected at least 90 mm``."""
         value = self.taken.value
-        found = "has no value" if math.isnan(value.value) else f"is {self._shown(value.value)}"
-        return f"{value.name} {found}, expected {self._limits()}"
+        statement = "has no value" if math.isnan(value.value) else f"is {self._shown(value.value)}"
+        return f"{value.name} {statement}, expected {self._limits()}"
 
     def _limits(self) -> str:
         low, high = self.taken.value.low, self.taken.value.high
@@ -79,33 +79,33 @@ def judge(history: History) -> Judgement:
     iteration of a loop counts separately.
     """
     names = [record.name for record in history.records]
-    whole = history.status == "finished" and not history.damaged_lines
-    return _judgement(history.taken, names, whole=whole)
+    complete = history.status == "finished" and not history.damaged_lines
+    return _judgement(history.taken, names, complete=complete)
 
 
 def judge_run(run: Run) -> Judgement:
     """Judge a closed run from its events, also in storage."""
-    whole = run.info["status"] == "finished" and not run.info.get("damaged_lines")
-    return _judgement(taken_in(run), run.records["name"].tolist(), whole=whole)
+    complete = run.info["status"] == "finished" and not run.info.get("damaged_lines")
+    return _judgement(taken_in(run), run.records["name"].tolist(), complete=complete)
 
 
 def taken_in(run: Run) -> list[TakenMeasure]:
     """Return every value measured in a run, in order of time, from its events."""
     events = run.table("events")
     columns = (events[name].to_pylist() for name in ("kind", "time", "path", "data"))
-    found = []
+    measures = []
     for kind, time, path, data in zip(*columns, strict=True):
         if kind == "measure":
-            said = json.loads(data)
-            facts = {key: said[key] for key in ("name", "unit", "low", "high", "passed", "difference")}
-            value = math.nan if said["value"] is None else float(said["value"])
-            measured = MeasuredValue(value=value, **facts, typed=said.get("typed", False), path=path or "")
-            found.append(TakenMeasure(float(time), int(said["record"]), measured))
-    return found
+            fields = json.loads(data)
+            facts = {key: fields[key] for key in ("name", "unit", "low", "high", "passed", "difference")}
+            value = math.nan if fields["value"] is None else float(fields["value"])
+            measured = MeasuredValue(value=value, **facts, typed=fields.get("typed", False), path=path or "")
+            measures.append(TakenMeasure(float(time), int(fields["record"]), measured))
+    return measures
 
 
-def _judgement(taken: Iterable[TakenMeasure], names: Sequence[str], *, whole: bool) -> Judgement:
-    """Judge the newest value of each step; `whole`: the run was completed and its log is undamaged."""
+def _judgement(taken: Iterable[TakenMeasure], names: Sequence[str], *, complete: bool) -> Judgement:
+    """Judge the newest value of each step; `complete`: the run was completed and its log is undamaged."""
     latest: dict[tuple[str, str], TakenMeasure] = {}
     for one in taken:
         if one.value.judged:
@@ -118,6 +118,6 @@ def _judgement(taken: Iterable[TakenMeasure], names: Sequence[str], *, whole: bo
     ]
     if any(not measure.passed for measure in measures):
         return Judgement(FAIL, measures)
-    if not whole:
+    if not complete:
         return Judgement(INCOMPLETE, measures)
     return Judgement(PASS if measures else NONE, measures)

@@ -43,13 +43,13 @@ class RecordRows:
     @cached_property
     def _ranges(self) -> list[tuple[float, float]]:
         """Return the smallest and the largest record of every row group."""
-        place = self._file.schema_arrow.get_field_index("record")
-        found = []
+        column = self._file.schema_arrow.get_field_index("record")
+        ranges = []
         for group in range(self._file.num_row_groups):
-            known = self._file.metadata.row_group(group).column(place).statistics
-            whole = known is None or not known.has_min_max
-            found.append((-math.inf, math.inf) if whole else (known.min, known.max))
-        return found
+            known = self._file.metadata.row_group(group).column(column).statistics
+            unbounded = known is None or not known.has_min_max
+            ranges.append((-math.inf, math.inf) if unbounded else (known.min, known.max))
+        return ranges
 
     def _read(self, group: int) -> _Group:
         names = list(dict.fromkeys([*self._columns, "record"]))
@@ -72,6 +72,6 @@ class _Group:
         """Return its rows of a record."""
         import pyarrow as pa
 
-        places = (self._records == record).nonzero()[0].tolist()
-        parts = [self._table.slice(self._starts[k], self._ends[k] - self._starts[k]) for k in places]
+        indices = (self._records == record).nonzero()[0].tolist()
+        parts = [self._table.slice(self._starts[k], self._ends[k] - self._starts[k]) for k in indices]
         return pa.concat_tables(parts) if parts else self._table.slice(0, 0)

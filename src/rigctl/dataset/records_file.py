@@ -76,17 +76,17 @@ def records_table(records: Sequence[RecordEntry], excluded: Mapping[int, str]) -
 
 def _variables(records: Sequence[RecordEntry]) -> list[Variable]:
     """Return the columns for the records' sweeps and measures, in order of first appearance."""
-    found: dict[tuple[str, str], Variable] = {}
+    variables: dict[tuple[str, str], Variable] = {}
     taken = set(FIXED)
 
     def add(kind: str, name: str, unit: str, *, difference: bool = False) -> None:
-        if (kind, name) in found:
+        if (kind, name) in variables:
             return
         column = f"{name}_passed" if kind == "passed" else name
         while column in taken:
             column += "_"
         taken.add(column)
-        found[kind, name] = Variable(column, name, kind, unit, difference)
+        variables[kind, name] = Variable(column, name, kind, unit, difference)
 
     for entry in records:
         for name, (_, unit) in entry.sweep.items():
@@ -96,7 +96,7 @@ def _variables(records: Sequence[RecordEntry]) -> list[Variable]:
             add("measure", measured.name, measured.unit, difference=measured.difference)
             if measured.low is not None or measured.high is not None:
                 add("passed", measured.name, "")
-    return list(found.values())
+    return list(variables.values())
 
 
 def _value(entry: RecordEntry, variable: Variable) -> float | bool | None:

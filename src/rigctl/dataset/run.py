@@ -183,15 +183,15 @@ class Run:
         """Every switch of an actuator with its exact time, in order of time."""
         rows = self.table("events")
         columns = (rows[name].to_pylist() for name in ("kind", "time", "record", "data"))
-        found = []
+        switches = []
         for kind, time, record, data in zip(*columns, strict=True):
             if kind != "command":
                 continue
             facts = json.loads(data)
             if "actuator" in facts and facts.get("value") is not None:
                 value, uncertainty = float(facts["value"]), float(facts.get("uncertainty") or 0.0)
-                found.append(Switch(float(time), facts["actuator"], value, uncertainty, int(record)))
-        return tuple(found)
+                switches.append(Switch(float(time), facts["actuator"], value, uncertainty, int(record)))
+        return tuple(switches)
 
     @cached_property
     def usable(self) -> tuple[int, ...]:
@@ -262,10 +262,10 @@ class Run:
 
     @cached_property
     def _imported_switches(self) -> Mapping[int, tuple[Switch, ...]]:
-        found: dict[int, list[Switch]] = {}
+        by_record: dict[int, list[Switch]] = {}
         for switch in self.switches:
-            found.setdefault(switch.record, []).append(switch)
-        return {record: tuple(own) for record, own in found.items()}
+            by_record.setdefault(switch.record, []).append(switch)
+        return {record: tuple(switches) for record, switches in by_record.items()}
 
     def _read(self, columns: Sequence[str], record: int | None) -> pa.Table:
         for name in columns:
@@ -342,13 +342,13 @@ def _units(table: pa.Table) -> dict[str, str]:
 
 def _values_si(schema: pa.Schema, row: Mapping[str, Any], kind: str) -> dict[str, float]:
     """Return the sweep values or the measures of a record, by their names in the procedure."""
-    found = {}
+    values = {}
     for column in schema:
         facts = {key.decode(): value.decode("utf-8") for key, value in (column.metadata or {}).items()}
         if facts.get("kind") == kind and row[column.name] is not None:
             unit = parse_unit(facts["unit"])
-            found[facts["variable"]] = unit.to_si(row[column.name], difference="difference" in facts)
-    return found
+            values[facts["variable"]] = unit.to_si(row[column.name], difference="difference" in facts)
+    return values
 
 
 def _fixed(values: dict[str, Any]) -> Mapping[str, Any]:

@@ -129,8 +129,8 @@ def write_info(folder: Path, info: Mapping[str, Any]) -> None:
 
     The folder that contains the run is touched, so that the catalogue finds the runs to read again.
     """
-    said = {key: value for key, value in info.items() if key != _CHECKSUM}
-    write_json(folder / NAME, {**said, _CHECKSUM: checksum(said)})
+    content = {key: value for key, value in info.items() if key != _CHECKSUM}
+    write_json(folder / NAME, {**content, _CHECKSUM: checksum(content)})
     with suppress(OSError):
         os.utime(folder.parent)
 
@@ -145,8 +145,8 @@ def checksum(info: Mapping[str, Any]) -> str:
 
 def _digest(info: Mapping[str, Any]) -> str:
     """Return the `checksum` of parsed JSON."""
-    said = {key: value for key, value in info.items() if key != _CHECKSUM}
-    return hashlib.sha256(_canonical(said).encode("ascii")).hexdigest()
+    content = {key: value for key, value in info.items() if key != _CHECKSUM}
+    return hashlib.sha256(_canonical(content).encode("ascii")).hexdigest()
 
 
 def set_aside(folder: Path) -> Path | None:
@@ -155,16 +155,16 @@ def set_aside(folder: Path) -> Path | None:
     if not path.exists():
         return None
     number = 1
-    while (kept := folder / f"{NAME}.changed-{number}").exists():
+    while (target := folder / f"{NAME}.changed-{number}").exists():
         number += 1
     try:
         with open(path, "rb", opener=regular) as file:
             content = file.read()
     except OSError:  # a folder, a pipe or a device: it has no content, and makes room for the file
-        path.rename(kept)
-        return kept
-    kept.write_bytes(content)
-    return kept
+        path.rename(target)
+        return target
+    target.write_bytes(content)
+    return target
 
 
 def file_facts(path: Path) -> dict[str, Any]:

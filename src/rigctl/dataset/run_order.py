@@ -61,14 +61,14 @@ def run_folders(runs: Path) -> list[Path]:
 def _entries(runs: Path) -> Iterator[Path]:
     """Yield what may be a run, in the runs folder itself and in the folders of days."""
     try:
-        with os.scandir(runs) as found:
-            names = [entry.name for entry in found]
+        with os.scandir(runs) as entries:
+            names = [entry.name for entry in entries]
     except (FileNotFoundError, NotADirectoryError):
         return
     for name in names:
         if is_shard(name):
-            with os.scandir(runs / name) as found:
-                yield from [runs / name / entry.name for entry in found]
+            with os.scandir(runs / name) as entries:
+                yield from [runs / name / entry.name for entry in entries]
         else:
             yield runs / name
 

@@ -56,8 +56,8 @@ class SampleFacts:
         if len(times):
             self.first_time = min(self.first_time, float(np.nanmin(times)))
             self.last_time = max(self.last_time, float(np.nanmax(times)))
-        found, index, counts = np.unique(records[::-1], return_index=True, return_counts=True)
-        for record, last, count in zip(found.tolist(), index.tolist(), counts.tolist(), strict=True):
+        numbers, index, counts = np.unique(records[::-1], return_index=True, return_counts=True)
+        for record, last, count in zip(numbers.tolist(), index.tolist(), counts.tolist(), strict=True):
             self.last_of_record[record] = float(times[len(times) - 1 - last])
             self.rows_of_record[record] += count
 
@@ -114,22 +114,22 @@ def write_samples(folder: Path, header: RunHeader, session: int, offset: float) 
         the disk is full, or the file read back differs from what was written; the journal is unchanged.
     """
     path = folder / NAME
-    found = _journal_of(folder)
+    source = _journal_of(folder)
     earlier, losses = _state_of(path)
-    if found is not None:
-        session = found.facts["session"] if found.facts else session
-        offset = found.facts["offset"] if found.facts else offset
-    if found is None or (earlier is not None and earlier >= session):
+    if source is not None:
+        session = source.facts["session"] if source.facts else session
+        offset = source.facts["offset"] if source.facts else offset
+    if source is None or (earlier is not None and earlier >= session):
         if earlier is None:
             _write(path, schema(header, 0), iter(()))
         facts = sample_facts(folder)
     else:
-        loss = Loss(found.lost_bytes, found.lost_rows(len(header.layout.columns)))
-        if found.damaged or loss.rows:
+        loss = Loss(source.lost_bytes, source.lost_rows(len(header.layout.columns)))
+        if source.damaged or loss.rows:
             losses = {**losses, session: loss}
         blocks = _earlier_blocks(path) if earlier is not None else iter(())
         target = schema(header, session, losses)
-        facts = _write(path, target, _chain(blocks, _blocks(found, header, target, offset)))
+        facts = _write(path, target, _chain(blocks, _blocks(source, header, target, offset)))
     facts.losses = losses
     return facts
 
@@ -145,11 +145,11 @@ def set_aside_journal(folder: Path, session: int, *, misses: bool) -> None:
         if not path.exists() or not (misses or read_journal(path).damaged):
             path.unlink(missing_ok=True)
             return
-        number, kept = 0, folder / f"{journal.NAME}.damaged-{session}"
-        while kept.exists():
+        number, target = 0, folder / f"{journal.NAME}.damaged-{session}"
+        while target.exists():
             number += 1
-            kept = folder / f"{journal.NAME}.damaged-{session}.{number}"
-        path.rename(kept)
+            target = folder / f"{journal.NAME}.damaged-{session}.{number}"
+        path.rename(target)
 
 
 def _journal_of(folder: Path) -> Journal | None:
@@ -178,17 +178,17 @@ def _earlier_blocks(path: Path) -> Iterator[pa.Table]:
             yield file.read_row_group(group)
 
 
-def _blocks(found: Journal, header: RunHeader, target: pa.Schema, offset: float) -> Iterator[pa.Table]:
+def _blocks(source: Journal, header: RunHeader, target: pa.Schema, offset: float) -> Iterator[pa.Table]:
     """Yield the journal's rows in display units, with times shifted to run time."""
     import numpy as np
     import pyarrow as pa
 
     names, layout = header.layout.columns, header.layout
-    if found.facts is not None and tuple(found.facts["columns"]) != names:
+    if source.facts is not None and tuple(source.facts["columns"]) != names:
         raise RigctlError(
-            "the journal belongs to another run", where=Location(found.path), exit_code=ExitCode.FAILED
+            "the journal belongs to another run", where=Location(source.path), exit_code=ExitCode.FAILED
         )
-    for rows in found.blocks(len(names), GROUP_ROWS):
+    for rows in source.blocks(len(names), GROUP_ROWS):
         columns: list[Any] = [rows[:, 0] + offset, rows[:, 1].astype(np.int32)]
         for index, name in enumerate(names[2:], start=2):
             unit, difference = parse_unit(layout.unit(name)), name in layout.differences

@@ -135,18 +135,18 @@ def _interruptible(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
 
 def _closed_runs(folders: Iterable[Path | StoredFolder]) -> dict[Path | StoredFolder, dict[str, Any]]:
     """Return ``run.json`` of the runs whose tables exist."""
-    found: dict[Path | StoredFolder, dict[str, Any]] = {}
+    infos: dict[Path | StoredFolder, dict[str, Any]] = {}
     for folder in folders:
         if not isinstance(folder, Path):
-            found[folder] = folder.info
+            infos[folder] = folder.info
             continue
         try:
             info = read_info(folder)
         except RigctlError:
             continue
         if info["status"] != RUNNING and not (folder / journal.NAME).exists():
-            found[folder] = info
-    return found
+            infos[folder] = info
+    return infos
 
 
 def _require_select(sql: str) -> None:
@@ -212,8 +212,8 @@ def _files_as_one(folders: Iterable[Path | StoredFolder], file: str) -> ds.Datas
             files, where = local, str(path)
         else:
             files, where = folder.store.arrow, folder.store.path(folder.name, file)
-        made = form.make_fragment(where, files, partition_expression=named)
-        fragments.setdefault(id(files), (files, []))[1].append(made)
+        fragment = form.make_fragment(where, files, partition_expression=named)
+        fragments.setdefault(id(files), (files, []))[1].append(fragment)
     try:
         schema = pa.unify_schemas(schemas, promote_options="permissive")
     except pa.ArrowException as problem:
@@ -221,7 +221,7 @@ def _files_as_one(folders: Iterable[Path | StoredFolder], file: str) -> ds.Datas
             f"the runs' files {file} cannot be read as one table: {problem}",
             hint="Query runs with unlike columns in folders of their own",
         ) from problem
-    parts = [ds.FileSystemDataset(made, schema, form, files) for files, made in fragments.values()]
+    parts = [ds.FileSystemDataset(fragment, schema, form, files) for files, fragment in fragments.values()]
     return parts[0] if len(parts) == 1 else ds.dataset(parts)
 
 

@@ -82,32 +82,34 @@ def _recover(folder: Path, info: dict[str, Any] | None) -> Verification:
     lock = try_lock(folder)
     if lock is None:
         return Verification(folder.name, folder, Condition.IN_PROGRESS)
-    told = []
+    messages = []
     with lock:
         if info is None:
             read_history(folder)  # raises if nothing can be rebuilt: then nothing is changed
-            kept = run_json.set_aside(folder)
-            told.append("run.json was damaged, changed or missing; it was made again from the log")
-            if kept is not None:
-                told.append(f"what stood there is kept as {kept.name}")
-        made = finalise(folder)
-    told.append(
-        f"{made['rows']} samples and {made['complete_records']} of {made['records']} records are complete"
+            backup = run_json.set_aside(folder)
+            messages.append("run.json was damaged, changed or missing; it was made again from the log")
+            if backup is not None:
+                messages.append(f"what stood there is kept as {backup.name}")
+        facts = finalise(folder)
+    messages.append(
+        f"{facts['rows']} samples and {facts['complete_records']} of {facts['records']} records are complete"
     )
-    if made["lost_bytes"]:
-        told.append(
-            f"{made['lost_bytes']} bytes of the journal are damaged and lost; the journal is kept as it is, "
+    if facts["lost_bytes"]:
+        messages.append(
+            f"{facts['lost_bytes']} bytes of the journal are damaged and lost; the journal is kept as it is, "
             f"as {journal.NAME}.damaged-…"
         )
-    if made["lost_rows"]:
-        told.append(
-            f"at least {made['lost_rows']} samples are lost; records that miss some are 'damaged', and the "
+    if facts["lost_rows"]:
+        messages.append(
+            f"at least {facts['lost_rows']} samples are lost; records that miss some are 'damaged', and the "
             f"journal is kept"
         )
-    if made["damaged_lines"]:
-        lines = ", ".join(str(line) for line in made["damaged_lines"])
-        told.append(f"{folder / log.NAME}: what line {lines} said is lost; a record open then is 'damaged'")
-    return Verification(folder.name, folder, Condition.RECOVERED, tuple(told))
+    if facts["damaged_lines"]:
+        lines = ", ".join(str(line) for line in facts["damaged_lines"])
+        messages.append(
+            f"{folder / log.NAME}: what line {lines} said is lost; a record open then is 'damaged'"
+        )
+    return Verification(folder.name, folder, Condition.RECOVERED, tuple(messages))
 
 
 def _compare(folder: Path, info: dict[str, Any]) -> tuple[str, ...]:
@@ -116,15 +118,15 @@ def _compare(folder: Path, info: dict[str, Any]) -> tuple[str, ...]:
     for name, known in info.get("files", {}).items():
         path = folder / name
         try:
-            found = run_json.file_facts(path)
+            actual = run_json.file_facts(path)
         except FileNotFoundError:
             problems.append(f"{path}: the file is missing")
         except OSError as problem:
             problems.append(f"{path}: cannot read the file: {problem.strerror}")
         else:
-            if found != known:
+            if actual != known:
                 problems.append(
                     f"{path}: the file has changed since the run was closed "
-                    f"({known['bytes']} bytes then, {found['bytes']} now)"
+                    f"({known['bytes']} bytes then, {actual['bytes']} now)"
                 )
     return tuple(problems)

@@ -347,14 +347,14 @@ class RunWriter:
         folder.mkdir(parents=True)
         named = self.header.to_json()
         write_info(folder, {**named, "status": RUNNING, "reason": None})
-        begun = log.protected_line({"time": 0.0, "kind": "run", "header": named})
-        (folder / log.NAME).write_bytes(begun + b"\n")
+        first_line = log.protected_line({"time": 0.0, "kind": "run", "header": named})
+        (folder / log.NAME).write_bytes(first_line + b"\n")
         session = _Session(self._session.number, self._session.offset, self._next_record)
         writer = RunWriter(folder, lock_folder(folder), self.header, session)
         writer._journal.take_over(self._journal, read_back=read_back)
         # not a valid line, so that its content is counted as lost
         facts = {"time": 0.0, "kind": "session", **_session_facts(self.header, session)}
-        gone = b"\n".join([begun, log.protected_line(facts), b"(earlier lines)", b""])
+        gone = b"\n".join([first_line, log.protected_line(facts), b"(earlier lines)", b""])
         writer._log.take_over(self._log, read_back=read_back, otherwise=gone)
         writer._record, writer._record_rows = self._record, self._record_rows
         writer._last_row, writer._last_event = self._last_row, self._last_event
@@ -409,9 +409,9 @@ def _make_folder(runs: Path, header: RunHeader) -> Path:
     A folder cannot be renamed onto one with files in it, so that a name taken by another program at the same
     moment is detected.
     """
-    place = folder_for(runs, header.id)
-    place.mkdir(exist_ok=True)
-    draft = Path(mkdtemp(prefix=".new-", dir=place))
+    parent = folder_for(runs, header.id)
+    parent.mkdir(exist_ok=True)
+    draft = Path(mkdtemp(prefix=".new-", dir=parent))
     try:
         draft.chmod(0o755)
         while True:
@@ -421,9 +421,9 @@ def _make_folder(runs: Path, header: RunHeader) -> Path:
             (draft / log.NAME).write_bytes(line + b"\n")
             write_info(draft, {**named, "status": RUNNING, "reason": None})
             try:
-                return draft.rename(place / run_id)
+                return draft.rename(parent / run_id)
             except OSError:
-                if not (place / run_id).exists():
+                if not (parent / run_id).exists():
                     raise
     except BaseException:
         with suppress(OSError):

@@ -82,12 +82,12 @@ def try_lock(folder: Path) -> FolderLock | None:
         return None
     lock = FileLock(folder / LOCK_NAME, thread_local=False)
     try:
-        for left in reversed(range(_TRIES)):
+        for remaining in reversed(range(_TRIES)):
             try:
                 lock.acquire(timeout=0)
                 break
             except Timeout:
-                if not left or (folder / LOCK_NAME).exists():
+                if not remaining or (folder / LOCK_NAME).exists():
                     return None  # otherwise it has just been released
     except OSError as problem:
         raise RigctlError(

@@ -127,9 +127,9 @@ def read_columns(path: Path, units: Mapping[str, str]) -> Table:
     from rigctl.dataset.importing.read_table import table_of
 
     source = open_source(path, Options())
-    found = {heading.name: _heading(heading, units) for heading in source.headings}
-    _check_units(units, found.values())
-    plain = {name: heading.plain.strip().casefold() for name, heading in found.items()}
+    headings = {heading.name: _heading(heading, units) for heading in source.headings}
+    _check_units(units, headings.values())
+    plain = {name: heading.plain.strip().casefold() for name, heading in headings.items()}
     time = next((name for name, ours in plain.items() if folded(ours) in TIMES), None)
     record = next((name for name, ours in plain.items() if ours in _RECORDS), None)
     time = time or _stamps(path, source)
@@ -233,10 +233,10 @@ def _heading(read: Heading, units: Mapping[str, str]) -> _Heading:
     if given is not None:
         parse_unit(given)
     stated = unit is not None and given is None and _is_unit(unit)
-    found = given or (unit if unit and _is_unit(unit) else guessed)
-    if given is None and found is not None and _turns(_plain_name(plain), found):
+    unit_text = given or (unit if unit and _is_unit(unit) else guessed)
+    if given is None and unit_text is not None and _turns(_plain_name(plain), unit_text):
         return _Heading(name, "rpm", False, plain)
-    return _Heading(name, found, stated, plain)
+    return _Heading(name, unit_text, stated, plain)
 
 
 def _turns(name: str, unit: str) -> bool:
@@ -256,8 +256,8 @@ def _is_unit(text: str) -> bool:
     return True
 
 
-def _check_units(units: Mapping[str, str], found: Iterable[_Heading]) -> None:
-    known = {name for heading in found for name in (heading.name, _plain_name(heading.plain))}
+def _check_units(units: Mapping[str, str], headings: Iterable[_Heading]) -> None:
+    known = {name for heading in headings for name in (heading.name, _plain_name(heading.plain))}
     for name in units:
         if name not in known:
             raise unknown_name("--unit: column", name, known)

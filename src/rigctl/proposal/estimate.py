@@ -69,10 +69,10 @@ def _solve(
     matrix, target = np.concatenate(shared), np.concatenate(y)
     size = np.linalg.norm(matrix, axis=0)
     size[size == 0.0] = 1.0
-    found, *_ = np.linalg.lstsq(matrix / size, target, rcond=1e-10)
-    rest = target - matrix / size @ found
+    solution, *_ = np.linalg.lstsq(matrix / size, target, rcond=1e-10)
+    rest = target - matrix / size @ solution
     total = float(target @ target) or 1.0
-    return np.asarray(found / size)[:count], float(rest @ rest) / total
+    return np.asarray(solution / size)[:count], float(rest @ rest) / total
 
 
 def straight(table: Table, of: Column, by: Sequence[Floats]) -> Floats:
@@ -81,5 +81,5 @@ def straight(table: Table, of: Column, by: Sequence[Floats]) -> Floats:
     matrix = np.column_stack([*[values[ok] for values in by], np.ones(int(ok.sum()))])
     size = np.linalg.norm(matrix, axis=0)
     size[size == 0.0] = 1.0
-    found, *_ = np.linalg.lstsq(matrix / size, of.values[ok], rcond=1e-10)
-    return np.asarray(found / size)
+    solution, *_ = np.linalg.lstsq(matrix / size, of.values[ok], rcond=1e-10)
+    return np.asarray(solution / size)

@@ -25,9 +25,9 @@ def need(table: Table, role: str, units: Sequence[str], what: str) -> Column:
     RigctlError
         there is none.
     """
-    found = maybe(table, role, units)
-    if found is not None:
-        return found
+    column = maybe(table, role, units)
+    if column is not None:
+        return column
     columns = ", ".join(f"{c.name} [{c.unit}]" for c in chosen(table, role)) or "none"
     raise RigctlError(
         f"the template needs {what} as an {role}",

@@ -25,7 +25,7 @@ _MOST_LAG: Final = 200
 
 
 def with_roles(
-    table: Table, inputs: Collection[str], outputs: Collection[str], left: Collection[str]
+    table: Table, inputs: Collection[str], outputs: Collection[str], omitted: Collection[str]
 ) -> Table:
     """The table with a role for every column; the user's options have precedence.
 
@@ -37,12 +37,12 @@ def with_roles(
     RigctlError
         a name is unknown.
     """
-    said = {table.column(name).name: "input" for name in inputs}
-    said |= {table.column(name).name: "output" for name in outputs}
-    said |= {table.column(name).name: "left out" for name in left}
-    columns = [_judged(column, table, said.get(column.name)) for column in table.columns]
+    stated = {table.column(name).name: "input" for name in inputs}
+    stated |= {table.column(name).name: "output" for name in outputs}
+    stated |= {table.column(name).name: "left out" for name in omitted}
+    columns = [_judged(column, table, stated.get(column.name)) for column in table.columns]
     if table.times is not None and not any(column.role == "input" for column in columns):
-        columns = _by_lead(columns, table, said)
+        columns = _by_lead(columns, table, stated)
     if not any(column.role == "output" for column in columns) and len(columns) > 1 and not outputs:
         columns[-1] = replace(
             columns[-1], role="output", reason="the last column: something must be explained"
@@ -50,10 +50,10 @@ def with_roles(
     return replace(table, columns=tuple(columns))
 
 
-def _judged(column: Column, table: Table, said: str | None) -> Column:
+def _judged(column: Column, table: Table, stated: str | None) -> Column:
     stepped = table.times is not None and _is_stepped(column.values, table)
-    if said is not None:
-        return replace(column, role=said, reason="as you say", stepped=stepped)  # type: ignore[arg-type]
+    if stated is not None:
+        return replace(column, role=stated, reason="as you say", stepped=stepped)  # type: ignore[arg-type]
     role, reason = _role_of(column, table, stepped=stepped)
     return replace(column, role=role, reason=reason, stepped=stepped)
 
@@ -63,7 +63,7 @@ def _role_of(column: Column, table: Table, *, stepped: bool) -> tuple[Role, str]
     still = present.size > 0 and np.ptp(present) == 0.0
     outside = any(word in column.name for word in _OUTSIDE) or column.name.startswith(_OUTSIDE_AT_FIRST)
     first = table.times is None and column is table.columns[0]
-    found: list[tuple[bool, Role, str]] = [
+    rules: list[tuple[bool, Role, str]] = [
         (not present.size, "left out", "no value in it"),
         (stepped and not still, "input", "constant but for steps, as a command is"),
         (outside, "input", "its name says that it is given from outside"),
@@ -71,7 +71,7 @@ def _role_of(column: Column, table: Table, *, stepped: bool) -> tuple[Role, str]
         (first, "input", "the first column of a table"),
     ]
     return next(
-        ((role, reason) for holds, role, reason in found if holds),
+        ((role, reason) for holds, role, reason in rules if holds),
         ("output", "it changes from sample to sample"),
     )
 
@@ -86,22 +86,22 @@ def _is_stepped(values: Floats, table: Table) -> bool:
     return held >= _HELD and levels <= max(2.0, _LEVELS * values.size)
 
 
-def _by_lead(columns: list[Column], table: Table, said: dict[str, str]) -> list[Column]:
+def _by_lead(columns: list[Column], table: Table, stated: dict[str, str]) -> list[Column]:
     """The one column whose changes come before those of every other, if that is clear."""
     free = [
-        place for place, column in enumerate(columns) if column.role == "output" and column.name not in said
+        index for index, column in enumerate(columns) if column.role == "output" and column.name not in stated
     ]
     if len(free) < 2:
         return columns
     rows = max(table.pieces, key=len)
-    changes = {place: _normed(np.diff(columns[place].values[rows])) for place in free}
-    for place in free:
-        others = [other for other in free if other != place]
-        if all(_leads(changes[place], changes[other]) for other in others):
+    changes = {index: _normed(np.diff(columns[index].values[rows])) for index in free}
+    for index in free:
+        others = [other for other in free if other != index]
+        if all(_leads(changes[index], changes[other]) for other in others):
             leader = replace(
-                columns[place], role="input", reason="its changes come before those of the others"
+                columns[index], role="input", reason="its changes come before those of the others"
             )
-            return [*columns[:place], leader, *columns[place + 1 :]]
+            return [*columns[:index], leader, *columns[index + 1 :]]
     return columns
 
 

@@ -52,24 +52,30 @@ def first_order(table: Table) -> Draft:
     inputs, outputs = chosen(table, "input"), require_outputs(table)
     states, parameters = dict[str, State](), dict[str, Parameter]()
     for y in outputs:
-        own = "" if len(outputs) == 1 else f"_of_{y.name}"
-        found, _ = rates(table, y, [(y.values, False), *held(inputs)])
-        slope = -float(found[0])
+        tag = "" if len(outputs) == 1 else f"_of_{y.name}"
+        coefficients, _ = rates(table, y, [(y.values, False), *held(inputs)])
+        slope = -float(coefficients[0])
         sane = math.isfinite(slope) and slope * duration(table) > 0.01
         constant = 1.0 / slope if sane else 0.1 * duration(table)
-        parameters[f"time_constant{own}"] = positive(constant, "s", f"of {y.name}")
-        for u, coefficient in zip(inputs, found[1:-1], strict=True):
+        parameters[f"time_constant{tag}"] = positive(constant, "s", f"of {y.name}")
+        for u, coefficient in zip(inputs, coefficients[1:-1], strict=True):
             gain = float(coefficient) / slope if sane else 0.5 * span(y) / span(u)
-            name = f"gain{own}" if len(inputs) == 1 else f"gain_{u.name}{own}"
+            name = f"gain{tag}" if len(inputs) == 1 else f"gain_{u.name}{tag}"
             unit = ratio(y.interval, u.interval)
             parameters[name] = either(gain, unit, 20.0 * span(y) / span(u), f"of {y.name} by {u.name}")
-        rest = float(found[-1]) / slope if sane else float(np.nanmedian(y.values)) if y.values.size else 0.0
-        parameters[f"rest{own}"] = _rest(y, rest)
+        rest = (
+            float(coefficients[-1]) / slope
+            if sane
+            else float(np.nanmedian(y.values))
+            if y.values.size
+            else 0.0
+        )
+        parameters[f"rest{tag}"] = _rest(y, rest)
         pushed = " + ".join(
-            f"{f'gain{own}' if len(inputs) == 1 else f'gain_{u.name}{own}'}*{_driven(u)}" for u in inputs
+            f"{f'gain{tag}' if len(inputs) == 1 else f'gain_{u.name}{tag}'}*{_driven(u)}" for u in inputs
         )
         start, scale = begin(y)
-        rate = f"(rest{own} - {y.name}{' + ' + pushed if pushed else ''})/time_constant{own} + {y.name}_drive"
+        rate = f"(rest{tag} - {y.name}{' + ' + pushed if pushed else ''})/time_constant{tag} + {y.name}_drive"
         states[y.name] = State(start, scale, rate)
     return Draft(
         title="First-order lag of every output",
@@ -162,13 +168,13 @@ def _oscillation(
         return usual
     # y'' = −w²·y − 2·zeta·w·y' + ...: y' enters as the integral of its own integral, which is y itself
     slopes = _slopes(table, y)
-    found, _ = rates(table, y, [(y.values, False), (slopes, False), *held(inputs)], order=2)
-    square, damping = -float(found[0]), -float(found[1])
+    coefficients, _ = rates(table, y, [(y.values, False), (slopes, False), *held(inputs)], order=2)
+    square, damping = -float(coefficients[0]), -float(coefficients[1])
     if not (math.isfinite(square) and square > first**2 * 1e-3):
         return usual
     omega = math.sqrt(square)
     zeta = min(max(damping / (2.0 * omega), 0.01), 5.0)
-    return omega, zeta, [float(c) / square for c in found[2:-1]], float(found[-1]) / square
+    return omega, zeta, [float(c) / square for c in coefficients[2:-1]], float(coefficients[-1]) / square
 
 
 def _slopes(table: Table, y: Column) -> Floats:
@@ -277,9 +283,9 @@ def _motor_values(
     """R, K, J and b from the data, or usual ones where the data say nothing of them."""
     resistance, constant, inertia, friction = 1.0, 0.05, 1e-4, 1e-5
     if current is not None and current.values.size:
-        found = straight(table, voltage, [current.values, speed.values])
-        if found[0] > 0.0 and found[1] > 0.0:
-            resistance, constant = float(found[0]), float(found[1])
+        coefficients = straight(table, voltage, [current.values, speed.values])
+        if coefficients[0] > 0.0 and coefficients[1] > 0.0:
+            resistance, constant = float(coefficients[0]), float(coefficients[1])
         by, _ = rates(table, speed, [(current.values, False), (speed.values, False)])
         if by[0] > 0.0:
             inertia = constant / float(by[0])
@@ -308,21 +314,21 @@ def tank(table: Table) -> Draft:
         unit = ratio("l/min", pump.interval)
         parameters["pump_gain"] = positive(orifice[1], unit, "flow of the pump")
     inflow = pump.name if flowing else f"pump_gain*{_driven(pump)}"
-    for place, level in enumerate(levels, start=1):
-        base, hole = f"base_area_{place}", f"orifice_area_{place}"
+    for number, level in enumerate(levels, start=1):
+        base, hole = f"base_area_{number}", f"orifice_area_{number}"
         if flowing:
             parameters[base] = positive(area, "cm^2", f"of the tank of {level.name}")
         else:
             constants[base] = (amount(area, "cm^2"), f"of the tank of {level.name}; measure it")
         parameters[hole] = positive(orifice[0], "mm^2", f"of the outlet of {level.name}")
-        definitions[f"outflow_{place}"] = Formula(
+        definitions[f"outflow_{number}"] = Formula(
             "l/min",
             f"discharge_coefficient*{hole}*sqrt(2*gravity*positive_part({level.name}, corner))",
             f"out of the tank of {level.name}",
         )
-        into = inflow if place == 1 else f"outflow_{place - 1}"
+        into = inflow if number == 1 else f"outflow_{number - 1}"
         start, scale = begin(level)
-        states[level.name] = State(start, scale, f"({into} - outflow_{place} + leak_{place})/{base}")
+        states[level.name] = State(start, scale, f"({into} - outflow_{number} + leak_{number})/{base}")
     constants["corner"] = (
         amount(0.005 * max(span(level) for level in levels), levels[0].unit),
         "rounds an empty tank",
@@ -337,8 +343,8 @@ def tank(table: Table) -> Draft:
         constants=constants | _zeros([pump]),
         definitions=definitions,
         slots={
-            f"leak_{place}": ("l/min", "process", f"into the tank of {level.name} besides")
-            for place, level in enumerate(levels, start=1)
+            f"leak_{number}": ("l/min", "process", f"into the tank of {level.name} besides")
+            for number, level in enumerate(levels, start=1)
         }
         | sensors(levels),
     )
@@ -349,10 +355,10 @@ def _in_order(table: Table, levels: list[Column], pump: Column) -> list[Column]:
     if not levels[0].values.size:
         return levels
 
-    def left(level: Column) -> float:
+    def misfit(level: Column) -> float:
         return rates(table, level, [(pump.values, pump.stepped), (_root(level), False)])[1]
 
-    return sorted(levels, key=left)
+    return sorted(levels, key=misfit)
 
 
 def _root(level: Column) -> Floats:
@@ -366,11 +372,11 @@ def _tank_values(
     area, orifice, gain = 0.02, 2e-5, 1e-5
     per_root = 0.61 * math.sqrt(2.0 * 9.80665)
     if level.values.size:
-        found, _ = rates(table, level, [(pump.values, pump.stepped), (_root(level), False)])
-        if found[0] > 0.0 > found[1]:
-            area = 1.0 / float(found[0]) if flowing else area
-            gain = float(found[0]) * area
-            orifice = -float(found[1]) * area / per_root
+        coefficients, _ = rates(table, level, [(pump.values, pump.stepped), (_root(level), False)])
+        if coefficients[0] > 0.0 > coefficients[1]:
+            area = 1.0 / float(coefficients[0]) if flowing else area
+            gain = float(coefficients[0]) * area
+            orifice = -float(coefficients[1]) * area / per_root
     return area, (orifice, gain)
 
 
@@ -390,13 +396,13 @@ def heater(table: Table) -> Draft:
     around = room.name if room is not None else "room"
     coldest = min((float(np.nanmin(b.values)) for b in bodies if b.values.size), default=293.15)
     for body in bodies:
-        own = "" if len(bodies) == 1 else f"_of_{body.name}"
+        tag = "" if len(bodies) == 1 else f"_of_{body.name}"
         capacity, conductance, rest = _heater_values(table, body, power, room)
         coldest = rest if room is None and math.isfinite(rest) else coldest
-        parameters[f"heat_capacity{own}"] = positive(capacity, "J/K", f"of the body of {body.name}")
-        parameters[f"conductance{own}"] = positive(conductance, "W/K", f"from {body.name} to the room")
+        parameters[f"heat_capacity{tag}"] = positive(capacity, "J/K", f"of the body of {body.name}")
+        parameters[f"conductance{tag}"] = positive(conductance, "W/K", f"from {body.name} to the room")
         start, scale = begin(body)
-        rate = f"({heat} - conductance{own}*({body.name} - {around}) + extra_heat{own})/heat_capacity{own}"
+        rate = f"({heat} - conductance{tag}*({body.name} - {around}) + extra_heat{tag})/heat_capacity{tag}"
         states[body.name] = State(start, scale, rate)
     if room is None:
         at = coldest - 273.15
@@ -431,11 +437,11 @@ def _heater_values(
     # the power as the draft has it: 1 W for one of the input's unit
     watts = (power.values / power.display.factor, power.stepped)
     away = body.values - room.values if room is not None else body.values
-    found, _ = rates(table, body, [watts, (away, False)])
-    if not found[0] > 0.0 > found[1]:
+    coefficients, _ = rates(table, body, [watts, (away, False)])
+    if not coefficients[0] > 0.0 > coefficients[1]:
         return 10.0 * duration(table), 1.0, float(np.nanmin(body.values))
-    capacity = 1.0 / float(found[0])
-    return capacity, -float(found[1]) * capacity, -float(found[2]) / float(found[1])
+    capacity = 1.0 / float(coefficients[0])
+    return capacity, -float(coefficients[1]) * capacity, -float(coefficients[2]) / float(coefficients[1])
 
 
 def flow(table: Table) -> Draft:
@@ -444,8 +450,8 @@ def flow(table: Table) -> Draft:
     drop = need(table, "output", ["Pa", "m"], "a pressure or a head")
     values = [1.0 * span(drop) / span(through), 0.5 * span(drop) / span(through) ** 2, 0.0]
     if drop.values.size:
-        found = straight(table, drop, [through.values, through.values * np.abs(through.values)])
-        values = [float(value) for value in found]
+        coefficients = straight(table, drop, [through.values, through.values * np.abs(through.values)])
+        values = [float(value) for value in coefficients]
     per = ratio(drop.interval, through.unit)
     squared = ratio(drop.interval, f"({through.unit})^2")
     parameters = {
@@ -474,12 +480,14 @@ def linear(table: Table) -> Draft:
     inputs, outputs = chosen(table, "input"), require_outputs(table)
     parameters, shown = dict[str, Parameter](), dict[str, Formula]()
     for y in outputs:
-        own = "" if len(outputs) == 1 else f"_of_{y.name}"
-        found = straight(table, y, [u.values for u in inputs]) if y.values.size else [0.0] * (len(inputs) + 1)
-        terms = [f"rest{own}"]
-        parameters[f"rest{own}"] = _rest(y, float(found[-1]))
-        for u, gain in zip(inputs, found[:-1], strict=True):
-            name = f"gain_{u.name}{own}"
+        tag = "" if len(outputs) == 1 else f"_of_{y.name}"
+        coefficients = (
+            straight(table, y, [u.values for u in inputs]) if y.values.size else [0.0] * (len(inputs) + 1)
+        )
+        terms = [f"rest{tag}"]
+        parameters[f"rest{tag}"] = _rest(y, float(coefficients[-1]))
+        for u, gain in zip(inputs, coefficients[:-1], strict=True):
+            name = f"gain_{u.name}{tag}"
             unit = ratio(y.interval, u.interval)
             parameters[name] = either(float(gain), unit, 20.0 * span(y) / span(u), f"of {y.name} by {u.name}")
             terms.append(f"{name}*{_driven(u)}")

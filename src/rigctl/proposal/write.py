@@ -165,8 +165,8 @@ def _rig(name: str, table: Table, draft: Draft, family: str) -> Iterator[str]:
         yield "simulation:"
         yield "  initial:"
         for column in starts.values():
-            begun = float(column.values[np.isfinite(column.values)][0])
-            yield f"    {column.name}: {amount(begun, column.unit)}"
+            initial = float(column.values[np.isfinite(column.values)][0])
+            yield f"    {column.name}: {amount(initial, column.unit)}"
 
 
 def quantity_of(unit: str) -> str:

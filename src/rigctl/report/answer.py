@@ -54,7 +54,7 @@ def comparison_answer(model: ModelComparison) -> Answer:
         "warn" if below else "good" if model.adequate else "bad",
         "Cannot tell" if below else "Agrees" if model.adequate else "Does not agree",
         model.statement,
-        said(facts),
+        nonempty(facts),
     )
 
 
@@ -66,7 +66,7 @@ def models_answer(models: Sequence[ModelComparison]) -> Answer:
     fits = [model.fit for model in models]
     facts = [("error", error_text(falls(fits, left_of(models[-1])))), ("held out", held_out_text(fits))]
     facts += [(head, text) for head, text in last.facts if head not in ("error", "held out")]
-    return Answer(last.tone, last.title, last.sentence, said(facts))
+    return Answer(last.tone, last.title, last.sentence, nonempty(facts))
 
 
 def plain_statement(model: ModelComparison) -> str:
@@ -79,39 +79,41 @@ def without_chance(text: str) -> str:
     return _CHANCE.sub("", text)
 
 
-def said(facts: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
+def nonempty(facts: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
     """The facts that are not empty."""
     return tuple((head, text) for head, text in facts if text)
 
 
-def error_text(found: Sequence[ChannelFall]) -> str:
+def error_text(channel_falls: Sequence[ChannelFall]) -> str:
     """The systematic error of each channel; for two models, of those where it changed."""
-    if not found:
+    if not channel_falls:
         return ""
-    guessed = [one.channel for one in found if one.guessed]
+    guessed = [one.channel for one in channel_falls if one.guessed]
     note = f"; the noise of {', '.join(guessed)} is only guessed" if guessed else ""
-    if len(found[0].sizes) > 1:
-        changed = [one for one in found if one.changed]
+    if len(channel_falls[0].sizes) > 1:
+        changed = [one for one in channel_falls if one.changed]
         if not changed:
-            return f"no channel's changes: {_state(found, -1)}{note}"
-        said = [f"{one.channel} from {_size(one, 0)} to {_size(one, -1)}" for one in changed]
-        return f"beyond the noise, {'; '.join(said)}{note}"
-    return f"{_state(found, 0)}{note}"
+            return f"no channel's changes: {_state(channel_falls, -1)}{note}"
+        sizes = [f"{one.channel} from {_size(one, 0)} to {_size(one, -1)}" for one in changed]
+        return f"beyond the noise, {'; '.join(sizes)}{note}"
+    return f"{_state(channel_falls, 0)}{note}"
 
 
-def _state(found: Sequence[ChannelFall], place: int) -> str:
-    beyond = [one for one in found if not one.within(place)]
-    within = [one.channel for one in found if one.within(place)]
+def _state(channel_falls: Sequence[ChannelFall], index: int) -> str:
+    beyond = [one for one in channel_falls if not one.within(index)]
+    within = [one.channel for one in channel_falls if one.within(index)]
     if not beyond:
-        return "within the noise on every channel" if len(found) > 1 else f"{within[0]} within its noise"
-    said = "; ".join(f"{one.channel} {_size(one, place)}" for one in beyond)
+        return (
+            "within the noise on every channel" if len(channel_falls) > 1 else f"{within[0]} within its noise"
+        )
+    sizes = "; ".join(f"{one.channel} {_size(one, index)}" for one in beyond)
     rest = f"; {', '.join(within)} within {'its' if len(within) == 1 else 'their'} noise" if within else ""
-    return f"beyond the noise, {said}{rest}"
+    return f"beyond the noise, {sizes}{rest}"
 
 
-def _size(one: ChannelFall, place: int) -> str:
-    amount = one.amount(place)
-    return f"{one.sigmas(place)} ({amount})" if amount else one.sigmas(place)
+def _size(one: ChannelFall, index: int) -> str:
+    amount = one.amount(index)
+    return f"{one.sigmas(index)} ({amount})" if amount else one.sigmas(index)
 
 
 def held_out_text(fits: Sequence[FitResult]) -> str:

@@ -34,8 +34,8 @@ def thin(values: NDArray[np.float64], points: int) -> NDArray[np.intp]:
     lowest = starts + np.where(missing, np.inf, grid).argmin(axis=1)
     highest = starts + np.where(missing, -np.inf, grid).argmax(axis=1)
     gaps = starts[missing.any(axis=1)] + missing[missing.any(axis=1)].argmax(axis=1)
-    kept = np.unique(np.concatenate(([0, count - 1], lowest, highest, gaps)))
-    return kept[kept < count]
+    indices = np.unique(np.concatenate(([0, count - 1], lowest, highest, gaps)))
+    return indices[indices < count]
 
 
 def changes(values: NDArray[np.float64]) -> NDArray[np.intp]:

@@ -12,7 +12,7 @@ from rigctl.analysis.improve import Improvement, ImprovementEnd, Step
 from rigctl.analysis.remainder import share_text
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
-from rigctl.report.answer import Answer, Tone, error_text, said
+from rigctl.report.answer import Answer, Tone, error_text, nonempty
 from rigctl.report.everyday_units import everyday
 from rigctl.report.systematic import falls, left_of, left_of_diagnosis
 from rigctl.units import parse_unit, significant
@@ -27,72 +27,72 @@ _TONES: dict[Verdict, Tone] = {
 _MOST_SIZES = 2
 
 
-def diagnosis_answer(found: Diagnosis) -> Answer:
+def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
     """What is missing, its size, how certain that is, its effect on the error, and what is left."""
-    if found.verdict is Verdict.ADEQUATE and not found.doubt:
-        facts = [("error", error_text(falls([found.before.fit], left_of(found.before))))]
+    if diagnosis.verdict is Verdict.ADEQUATE and not diagnosis.doubt:
+        facts = [("error", error_text(falls([diagnosis.before.fit], left_of(diagnosis.before))))]
     else:
         facts = [
-            (_size_head(found), _sizes(found)),
-            ("how sure", _sureness(found)),
-            ("error", error_text(falls(_fits(found), left_of_diagnosis(found)))),
-            ("left", _left(found)),
+            (_size_head(diagnosis), _sizes(diagnosis)),
+            ("how sure", _sureness(diagnosis)),
+            ("error", error_text(falls(_fits(diagnosis), left_of_diagnosis(diagnosis)))),
+            ("left", _left(diagnosis)),
         ]
-    laws = [one.statement for one in found.laws if one.differs]
+    laws = [one.statement for one in diagnosis.laws if one.differs]
     facts.append(("its law", laws[0] if laws else ""))
-    tone: Tone = "warn" if found.doubt else _TONES[found.verdict]
-    return Answer(tone, found.title, _sentence(found), said(facts))
+    tone: Tone = "warn" if diagnosis.doubt else _TONES[diagnosis.verdict]
+    return Answer(tone, diagnosis.title, _sentence(diagnosis), nonempty(facts))
 
 
-def _fits(found: Diagnosis) -> list[FitResult]:
+def _fits(diagnosis: Diagnosis) -> list[FitResult]:
     """The model's fit, and that with the effects of the best set if there are any."""
-    return [found.before.fit, *([found.best.fit] if found.best.candidates else [])]
+    return [diagnosis.before.fit, *([diagnosis.best.fit] if diagnosis.best.candidates else [])]
 
 
-def improvement_answer(found: Improvement) -> Answer:
+def improvement_answer(improvement: Improvement) -> Answer:
     """What was added, how the error changed, and what the current model still lacks."""
-    text = found.statement
-    fits = [*([found.first.before.fit] if found.steps else []), found.last.before.fit]
+    text = improvement.statement
+    fits = [*([improvement.first.before.fit] if improvement.steps else []), improvement.last.before.fit]
     facts = [
         *(
-            (f"version {step.version.number}", _added(found.steps[number].diagnosis, step.effects))
-            for number, step in enumerate(found.steps)
+            (f"version {step.version.number}", _added(improvement.steps[number].diagnosis, step.effects))
+            for number, step in enumerate(improvement.steps)
         ),
-        ("ambiguous", _not_distinguished(found.steps)),
-        ("error", error_text(falls(fits, left_of(found.last.before)))),
-        *(("no fit saw", one.sentences[0]) for one in found.unseen),
+        ("ambiguous", _not_distinguished(improvement.steps)),
+        ("error", error_text(falls(fits, left_of(improvement.last.before)))),
+        *(("no fit saw", one.sentences[0]) for one in improvement.unseen),
     ]
-    if found.ended is not ImprovementEnd.ADEQUATE:
-        facts += [("now", f"{found.last.title}: {_sentence(found.last)}")]
-    tone: Tone = "good" if found.ended is ImprovementEnd.ADEQUATE else "warn"
-    return Answer(tone, "What was added", text[0].upper() + text[1:], said(facts))
+    if improvement.ended is not ImprovementEnd.ADEQUATE:
+        facts += [("now", f"{improvement.last.title}: {_sentence(improvement.last)}")]
+    tone: Tone = "good" if improvement.ended is ImprovementEnd.ADEQUATE else "warn"
+    return Answer(tone, "What was added", text[0].upper() + text[1:], nonempty(facts))
 
 
-def _sentence(found: Diagnosis) -> str:
+def _sentence(diagnosis: Diagnosis) -> str:
     """The verdict in a plain sentence; its statement if that is one."""
-    if found.doubt:
-        return f"{found.doubt}: these data cannot tell whether anything is missing"
-    if found.verdict is Verdict.ADEQUATE:
-        return found.statement
-    if found.verdict is Verdict.MISSING_EFFECT:
-        return ". ".join(one.effect.summary.rstrip(".") for one in found.best.candidates)
-    if alike := _alike(found):
+    if diagnosis.doubt:
+        return f"{diagnosis.doubt}: these data cannot tell whether anything is missing"
+    if diagnosis.verdict is Verdict.ADEQUATE:
+        return diagnosis.statement
+    if diagnosis.verdict is Verdict.MISSING_EFFECT:
+        return ". ".join(one.effect.summary.rstrip(".") for one in diagnosis.best.candidates)
+    if alike := _alike(diagnosis):
         return f"something is missing, and {alike}"
-    said = found.statement.partition(": ")[0]
-    nearest = " and ".join(found.best.effects)
-    said = said.replace("in the library is this", f"in the library is {nearest}")
-    return said.replace("as well as this", f"as well as {nearest}").replace(
+    statement = diagnosis.statement.partition(": ")[0]
+    nearest = " and ".join(diagnosis.best.effects)
+    statement = statement.replace("in the library is this", f"in the library is {nearest}")
+    return statement.replace("as well as this", f"as well as {nearest}").replace(
         "The nearest is this", f"The nearest is {nearest}"
     )
 
 
-def _alike(found: Diagnosis) -> str:
+def _alike(diagnosis: Diagnosis) -> str:
     """What the data cannot distinguish from the effects of an ambiguous verdict; "" if it is not that."""
-    close = next((group for group in found.classes if len(group) > 1), ())
-    if found.verdict is not Verdict.AMBIGUOUS or not close:
+    close = next((group for group in diagnosis.classes if len(group) > 1), ())
+    if diagnosis.verdict is not Verdict.AMBIGUOUS or not close:
         return ""
-    others = [name for name in close if name not in found.effects]
-    return f"these data cannot distinguish {' and '.join(found.effects)} from {_listed(others)}"
+    others = [name for name in close if name not in diagnosis.effects]
+    return f"these data cannot distinguish {' and '.join(diagnosis.effects)} from {_listed(others)}"
 
 
 def _not_distinguished(steps: Sequence[Step]) -> str:
@@ -105,36 +105,40 @@ def _listed(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
 
 
-def _size_head(found: Diagnosis) -> str:
+def _size_head(diagnosis: Diagnosis) -> str:
     return (
-        "size" if found.verdict is Verdict.MISSING_EFFECT else "most likely" if found.effects else "nearest"
+        "size"
+        if diagnosis.verdict is Verdict.MISSING_EFFECT
+        else "most likely"
+        if diagnosis.effects
+        else "nearest"
     )
 
 
-def _sizes(found: Diagnosis) -> str:
+def _sizes(diagnosis: Diagnosis) -> str:
     """The parameters of the best set, with their consequence on a bench."""
-    named = {one.effect: one for one in found.ranking}
-    chosen = [one for one in found.best.candidates if one.name in named][:_MOST_SIZES]
-    alone = found.verdict is Verdict.MISSING_EFFECT and len(chosen) == 1
+    named = {one.effect: one for one in diagnosis.ranking}
+    chosen = [one for one in diagnosis.best.candidates if one.name in named][:_MOST_SIZES]
+    alone = diagnosis.verdict is Verdict.MISSING_EFFECT and len(chosen) == 1
     parts = []
     for one in chosen:
-        text = _parameters(found, named[one.name])
+        text = _parameters(diagnosis, named[one.name])
         parts.append(text if alone else f"{one.name} ({text})" if text else one.name)
     return " and ".join(parts)
 
 
-def _parameters(found: Diagnosis, one: Ranked) -> str:
-    (candidate,) = (member for member in found.best.candidates if member.name == one.effect)
-    said = []
+def _parameters(diagnosis: Diagnosis, one: Ranked) -> str:
+    (candidate,) = (member for member in diagnosis.best.candidates if member.name == one.effect)
+    texts = []
     for name, value in one.parameters.items():
-        plain = everyday(candidate.effect, name, value, found.best.fit.problem)
-        said.append(f"{name} {value}" + (f", {plain}" if plain else ""))
-    return "; ".join(said)
+        plain = everyday(candidate.effect, name, value, diagnosis.best.fit.problem)
+        texts.append(f"{name} {value}" + (f", {plain}" if plain else ""))
+    return "; ".join(texts)
 
 
-def _sureness(found: Diagnosis) -> str:
+def _sureness(diagnosis: Diagnosis) -> str:
     """How significant it is, whether it predicts, and which effect is next best."""
-    members = [one for one in found.ranking if one.effect in found.best.effects]
+    members = [one for one in diagnosis.ranking if one.effect in diagnosis.best.effects]
     if not members:
         return ""
     first = max(members, key=lambda one: one.size)
@@ -142,27 +146,27 @@ def _sureness(found: Diagnosis) -> str:
     if math.isfinite(first.heldout_before):
         before, after = (significant(one, 3) for one in (first.heldout_before, first.heldout_after))
         parts.append(f"left-out conditions: error {before} to {after} of the noise")
-    others = [one for one in found.ranking if one.effect not in found.best.effects]
+    others = [one for one in diagnosis.ranking if one.effect not in diagnosis.best.effects]
     if others:
         parts.append(f"next best {others[0].effect}, {100.0 * others[0].probability:.1f} %")
-    against = sum(one.startswith("against ") for one in found.further_evidence)
+    against = sum(one.startswith("against ") for one in diagnosis.further_evidence)
     if against:
         parts.append(f"{against} thing{'s speak' if against > 1 else ' speaks'} against it")
     return "; ".join(parts)
 
 
-def _left(found: Diagnosis) -> str:
-    if not found.best.candidates:
+def _left(diagnosis: Diagnosis) -> str:
+    if not diagnosis.best.candidates:
         return ""
-    if found.remainder is None:
-        chance = chance_text(found.p_value_after)
-        if found.p_value_after < ALPHA:
+    if diagnosis.remainder is None:
+        chance = chance_text(diagnosis.p_value_after)
+        if diagnosis.p_value_after < ALPHA:
             return f"nothing but the shape of its law, which is rejected as assumed ({chance})"
         return f"nothing: with it the model agrees within the noise ({chance})"
-    left = found.remainder
-    where = f", most at {left.slot}" if left.slot else ""
-    over = f", over {left.over}" if left.over else ""
-    return f"{share_text(left.share)} of the misfit, {left.size:.0f} sigma{where}{over}"
+    remainder = diagnosis.remainder
+    where = f", most at {remainder.slot}" if remainder.slot else ""
+    over = f", over {remainder.over}" if remainder.over else ""
+    return f"{share_text(remainder.share)} of the misfit, {remainder.size:.0f} sigma{where}{over}"
 
 
 def sizes_in(problem: Problem, added: Sequence[str]) -> str:
@@ -184,8 +188,8 @@ def sizes_in(problem: Problem, added: Sequence[str]) -> str:
     return "; ".join(parts)
 
 
-def _added(found: Diagnosis, effects: Sequence[str]) -> str:
+def _added(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
     """An addition with its size."""
-    named = {one.effect: one for one in found.ranking if one.effect in found.best.effects}
-    parts = [f"{name} ({_parameters(found, named[name])})" if name in named else name for name in effects]
+    named = {one.effect: one for one in diagnosis.ranking if one.effect in diagnosis.best.effects}
+    parts = [f"{name} ({_parameters(diagnosis, named[name])})" if name in named else name for name in effects]
     return " and ".join(parts)

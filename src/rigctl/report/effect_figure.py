@@ -23,7 +23,7 @@ def shown_unit(output: str, unit: str, rig: Rig | None) -> str:
     return interval_unit(wanted)
 
 
-def write_effect_figure(seen: Signature, effect: Effect, path: Path, rig: Rig | None = None) -> Path:
+def write_effect_figure(signature: Signature, effect: Effect, path: Path, rig: Rig | None = None) -> Path:
     """Draw the change of every reading over the standard record into a PNG or SVG file.
 
     Raises
@@ -40,10 +40,10 @@ def write_effect_figure(seen: Signature, effect: Effect, path: Path, rig: Rig | 
         )
     require_output(path, replaces=is_figure, option="")
     panels = []
-    for index, (name, si) in enumerate(zip(seen.output_names, seen.output_units, strict=True)):
+    for index, (name, si) in enumerate(zip(signature.output_names, signature.output_units, strict=True)):
         unit = shown_unit(name, si, rig)
-        change = seen.difference[:, index] / parse_unit(unit).factor
-        trace = Trace(name, seen.times, change, Look.LINE, index, unit, in_legend=False)
+        change = signature.difference[:, index] / parse_unit(unit).factor
+        trace = Trace(name, signature.times, change, Look.LINE, index, unit, in_legend=False)
         panels.append(Panel(f"Δ {name.replace('_', ' ')}\n[{unit}]", (trace,)))
     plot = Plot(path.stem, f"{effect.name}: {effect.equation}", "time [s]", tuple(panels))
     return write_figure(plot, path.parent, form)

@@ -17,13 +17,13 @@ _LEAST_FORCE = 1.0
 _WARMER = 10.0
 
 
-def everyday(effect: Effect, name: str, found: FoundParameter, problem: Problem) -> str:
+def everyday(effect: Effect, name: str, parameter: FoundParameter, problem: Problem) -> str:
     """The consequence of a parameter, e.g. ``about 0.02 l/min at 50 bar, 60 degC``; "" if its unit suffices.
 
     The conditions are the highest pressure and the warmest oil of the records.
     """
-    unit = parse_unit(found.unit)
-    value = unit.to_si(found.value, difference=True)
+    unit = parse_unit(parameter.unit)
+    value = unit.to_si(parameter.value, difference=True)
     if name == "conductance" and unit.dimension == parse_unit("m^3").dimension:
         return _leak(value, problem)
     if unit.dimension == parse_unit("1/K").dimension and unit.dimension != parse_unit("1").dimension:

@@ -44,9 +44,9 @@ def arrays(plot: Plot) -> dict[str, list[str | int]]:
     An x that occurred before is given as its index in the list.
     """
     xs: list[str | int] = []
-    seen: dict[int, int] = {}
+    indices: dict[int, int] = {}
     for trace in (trace for panel in plot.panels for trace in panel.traces):
-        first = seen.setdefault(id(trace.x), len(xs))
+        first = indices.setdefault(id(trace.x), len(xs))
         xs.append(encode(trace.x) if first == len(xs) else first)
     ys: list[str | int] = [encode(trace.y) for panel in plot.panels for trace in panel.traces]
     return {"x": xs, "y": ys}

@@ -8,36 +8,38 @@ from rigctl.learning.ending import LearningEnd
 from rigctl.learning.result import Learned
 from rigctl.model.fit.fit import FitResult
 from rigctl.planning.outline import clock_time
-from rigctl.report.answer import Answer, error_text, held_out_text, said
+from rigctl.report.answer import Answer, error_text, held_out_text, nonempty
 from rigctl.report.diagnosis_answer import sizes_in
 from rigctl.report.numbers import plural
 from rigctl.report.systematic import falls
 
 
 def learning_answer(
-    found: Learned, fits: Sequence[FitResult] = (), left: Mapping[str, float] | None = None
+    learned: Learned, fits: Sequence[FitResult] = (), remaining: Mapping[str, float] | None = None
 ) -> Answer:
     """The end of a learning loop, the added effects, the change of the error, and the tested predictions.
 
     Parameters
     ----------
     fits: of the original and the current model, on all measurements; without them the error is not stated.
-    left: of the last of them, as of `systematic.falls`.
+    remaining: of the last of them, as of `systematic.falls`.
     """
-    good = found.ended is LearningEnd.ADEQUATE
-    predictions = [f"round {one.number}: {one.achieved.statement}" for one in found.rounds if one.achieved]
+    good = learned.ended is LearningEnd.ADEQUATE
+    predictions = [f"round {one.number}: {one.achieved.statement}" for one in learned.rounds if one.achieved]
     facts = [
-        ("added", ", ".join(f"{name} (version {v})" for one in found.rounds for name, v in one.added)),
-        ("size", sizes_in(fits[-1].problem, found.added) if fits else ""),
-        ("error", error_text(falls(fits, left or {})) if fits else ""),
+        ("added", ", ".join(f"{name} (version {v})" for one in learned.rounds for name, v in one.added)),
+        ("size", sizes_in(fits[-1].problem, learned.added) if fits else ""),
+        ("error", error_text(falls(fits, remaining or {})) if fits else ""),
         ("held out", held_out_text(fits) if fits else ""),
         ("predicted", "; ".join(predictions[-1:])),
         (
             "took",
-            f"{plural(len([one for one in found.rounds if one.judged]), 'round')}, "
-            f"{clock_time(found.spent)} of bench time",
+            f"{plural(len([one for one in learned.rounds if one.judged]), 'round')}, "
+            f"{clock_time(learned.spent)} of bench time",
         ),
     ]
-    if found.sensor:
-        facts.append(("sensor", f"of {' and '.join(found.sensor)} would distinguish what is left"))
-    return Answer("good" if good else "warn", found.ended.heading, found.statement.rstrip("."), said(facts))
+    if learned.sensor:
+        facts.append(("sensor", f"of {' and '.join(learned.sensor)} would distinguish what is left"))
+    return Answer(
+        "good" if good else "warn", learned.ended.heading, learned.statement.rstrip("."), nonempty(facts)
+    )

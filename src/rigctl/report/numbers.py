@@ -88,11 +88,11 @@ def decimals(values: Iterable[float], digits: int = 4) -> int:
     return min(max(digits - 1 - math.floor(math.log10(largest)), 0), 9)
 
 
-def fixed(value: float | None, places: int, *, sign: bool = False) -> str:
+def fixed(value: float | None, digits: int, *, sign: bool = False) -> str:
     """A value with a fixed number of decimals, so that a column lines up."""
     if value is None or not math.isfinite(value):
         return MISSING
-    text = f"{value:+.{places}f}" if sign else f"{value:.{places}f}"
+    text = f"{value:+.{digits}f}" if sign else f"{value:.{digits}f}"
     if not float(text):
         text = text.lstrip("+-")
     return text.replace("-", "−", 1)

@@ -23,15 +23,15 @@ from rigctl.report.section import Section, render
 _ASSETS = Path(__file__).parent / "assets"
 
 
-def page(runs: Sequence[RunData], sections: Sequence[Section], made: datetime | None = None) -> str:
+def page(runs: Sequence[RunData], sections: Sequence[Section], timestamp: datetime | None = None) -> str:
     """The HTML of the page, ready to be written as UTF-8.
 
     Parameters
     ----------
-    made: time for the footer; by default now.
+    timestamp: time for the footer; by default now.
     """
     scripts = [_asset("plotly-basic.min.js"), _asset("page.js")]
-    when = (made or datetime.now(UTC)).isoformat(timespec="seconds")
+    when = (timestamp or datetime.now(UTC)).isoformat(timespec="seconds")
     about = next((section.names_page for section in sections if section.names_page), "")
     return render(
         "page.html",

@@ -77,12 +77,12 @@ class Response:
 
     def largest_change(self) -> tuple[Series, Point, Point] | None:
         """The series, its first point, and the point whose mean differs most from the first one's."""
-        found = [
+        candidates = [
             (one, one.points[0], max(one.points, key=lambda point: abs(point.mean - one.points[0].mean)))
             for one in self.series
             if len(one.points) > 1
         ]
-        return max(found, key=lambda item: abs(item[2].mean - item[1].mean), default=None)
+        return max(candidates, key=lambda item: abs(item[2].mean - item[1].mean), default=None)
 
 
 def responses(runs: Sequence[RunData]) -> list[Response]:
@@ -91,7 +91,7 @@ def responses(runs: Sequence[RunData]) -> list[Response]:
     x is the swept temperature, or else the variable with the most steps; the other variables, and the runs,
     distinguish the series. Runs without a sweep give no result.
     """
-    found: list[Response] = []
+    all_responses: list[Response] = []
     names = list(dict.fromkeys(record.name for run in runs for record in run.records))
     for name in names:
         pairs = [(run, record) for run in runs for record in run.records if record.name == name]
@@ -104,8 +104,8 @@ def responses(runs: Sequence[RunData]) -> list[Response]:
             label = quantity.name if plain else f"{quantity.name} of {name}"
             response = _response(label, quantity, x_name, usable, by_run=len(runs) > 1)
             if response is not None:
-                found.append(response)
-    return found
+                all_responses.append(response)
+    return all_responses
 
 
 def response_plot(response: Response, key: str) -> Plot:
@@ -138,7 +138,7 @@ def _choose_x(records: Sequence[RecordData]) -> str | None:
         for name, (value, unit) in record.sweep.items():
             values.setdefault(name, set()).add(value)
             units[name] = unit
-    swept = [name for name, seen in values.items() if len(seen) > 1]
+    swept = [name for name, steps in values.items() if len(steps) > 1]
     temperature = parse_unit("K").dimension
     hot = [name for name in swept if parse_unit(units[name]).dimension == temperature]
     return hot[0] if hot else max(swept, key=lambda name: len(values[name]), default=None)
@@ -159,7 +159,7 @@ class _Quantity:
 
 def _quantities(pairs: Sequence[tuple[RunData, RecordData]]) -> list[_Quantity]:
     """What can be shown for these records; the stroke comes first."""
-    found: dict[str, _Quantity] = {}
+    quantities: dict[str, _Quantity] = {}
     motions = {run.id: find_motion(run) for run, _ in pairs}
     known = [motion for motion in motions.values() if motion is not None]
     if known:
@@ -168,19 +168,19 @@ def _quantities(pairs: Sequence[tuple[RunData, RecordData]]) -> list[_Quantity]:
             motion = motions[run.id]
             return None if motion is None else stroke(run, record, motion)
 
-        found["stroke"] = _Quantity("stroke", known[0].position.unit, stroke_of, STROKE_ORIGIN)
+        quantities["stroke"] = _Quantity("stroke", known[0].position.unit, stroke_of, STROKE_ORIGIN)
     for _, record in pairs:
         for measured in record.measures:
-            if measured.name not in found:
+            if measured.name not in quantities:
                 value = _measure_named(measured.name, measured.unit)
-                found[measured.name] = _Quantity(measured.name, measured.unit, value)
-    return list(found.values())
+                quantities[measured.name] = _Quantity(measured.name, measured.unit, value)
+    return list(quantities.values())
 
 
 def _measure_named(name: str, unit: str) -> _Value:
     def value(_: RunData, record: RecordData) -> float | None:
-        found = [measured for measured in record.measures if measured.name == name]
-        return _same_unit(found[-1].value, found[-1].unit, unit) if found else None
+        matches = [measured for measured in record.measures if measured.name == name]
+        return _same_unit(matches[-1].value, matches[-1].unit, unit) if matches else None
 
     return value
 

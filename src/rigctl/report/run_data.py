@@ -204,12 +204,12 @@ def rows_of_records(row_records: NDArray[np.int32]) -> dict[int, slice]:
         return {}
     starts = np.concatenate(([0], np.flatnonzero(np.diff(row_records)) + 1))
     ends = np.concatenate((starts[1:], [len(row_records)]))
-    found: dict[int, slice] = {}
+    ranges: dict[int, slice] = {}
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
         index = int(row_records[start])
         if index >= 0:
-            found[index] = slice(found[index].start if index in found else start, end)
-    return found
+            ranges[index] = slice(ranges[index].start if index in ranges else start, end)
+    return ranges
 
 
 def _rig(info: Mapping[str, Any]) -> Rig | None:

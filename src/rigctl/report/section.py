@@ -70,14 +70,14 @@ def environment() -> Environment:
     """The templates of the page: escaping by default, and an unknown name is an error."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    made = Environment(
+    templates = Environment(
         loader=FileSystemLoader(Path(__file__).parent / "templates", encoding="utf-8"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters.update(
+    templates.filters.update(
         amount=numbers.amount,
         begun=numbers.begun,
         chance=lambda p_value: numbers.prose(chance(p_value)),
@@ -89,8 +89,8 @@ def environment() -> Environment:
         symbol=numbers.symbol,
         words=numbers.words,
     )
-    made.globals.update(plural=numbers.plural)
-    return made
+    templates.globals.update(plural=numbers.plural)
+    return templates
 
 
 def cut(rows: Sequence[Any], most: int = MOST_ROWS) -> tuple[Sequence[Any], int]:

@@ -45,11 +45,11 @@ def record_plot(
 
 def overview_plot(run: RunData, *, points: int, key: str) -> Plot:
     """The whole run, records shaded and alarms marked."""
-    whole = slice(0, len(run.time))
+    all_rows = slice(0, len(run.time))
     time, shift = end_to_end(run)
     length = float(time[-1] - time[0]) if len(time) else 0.0
     scale, unit = _time_scale(length)
-    panels = _panels(run, whole, time / scale, points, {})
+    panels = _panels(run, all_rows, time / scale, points, {})
     spans = tuple(
         Span(
             (record.start + shift[record.rows.start]) / scale, (record.end + shift[record.rows.start]) / scale
@@ -82,15 +82,15 @@ def record_ranges(run: RunData) -> dict[str, tuple[float, float]]:
     inside = np.zeros(len(run.time), dtype=bool)
     for record in run.records:
         inside[record.rows] = True
-    found = {}
+    ranges = {}
     for title, signals in _groups(run).items():
         values = np.concatenate([signal.values[inside] for signal in signals])
         values = values[np.isfinite(values)]
         if len(values):
             low, high = float(values.min()), float(values.max())
             margin = 0.06 * (high - low) or 0.05 * abs(high) or 1.0
-            found[title] = (low - margin, high + margin)
-    return found
+            ranges[title] = (low - margin, high + margin)
+    return ranges
 
 
 def record_label(record: RecordData) -> str:
@@ -170,15 +170,15 @@ def _panels(
 
 def _trace(signal: Signal, rows: slice, time: NDArray[np.float64], points: int, colour: int) -> Trace:
     values = signal.values[rows]
-    kept = changes(values) if signal.command else thin(values, points)
-    if signal.command and len(kept) > points:
-        kept = thin(values, points)
+    indices = changes(values) if signal.command else thin(values, points)
+    if signal.command and len(indices) > points:
+        indices = thin(values, points)
     look = Look.STEP if signal.command else Look.LINE
     # shared if no rows were left out, so that a page contains these times once
-    x = time if len(kept) == len(time) else time[kept]
+    x = time if len(indices) == len(time) else time[indices]
     faint = signal.command and signal.dimension != DIMENSIONLESS
     name = plain_name(signal.name) + (" (set)" if faint else "")
-    return Trace(name, x, values[kept], look, colour, symbol(signal.unit), faint)
+    return Trace(name, x, values[indices], look, colour, symbol(signal.unit), faint)
 
 
 def _commands_panel(run: RunData, title: str, signals: Sequence[Signal], traces: tuple[Trace, ...]) -> Panel:

@@ -58,16 +58,16 @@ class ChannelFall:
         """Whether the last model's differs from the first's by more than chance."""
         return abs(self.sizes[0] ** 2 - self.sizes[-1] ** 2) > _FLOOR**2
 
-    def within(self, place: int) -> bool:
+    def within(self, index: int) -> bool:
         """Whether the error of that model is within the noise."""
-        return self.sizes[place] == 0.0
+        return self.sizes[index] == 0.0
 
-    def sigmas(self, place: int) -> str:
+    def sigmas(self, index: int) -> str:
         """``41 sigma``, or a note that it is within the noise."""
-        size = self.sizes[place]
+        size = self.sizes[index]
         return (
             "within the noise"
-            if self.within(place)
+            if self.within(index)
             else f"{size:.0f} sigma"
             if size >= 10.0
             else f"{size:.1f} sigma"
@@ -78,10 +78,10 @@ class ChannelFall:
         """The noise of one reading with its unit."""
         return f"{_two(self.noise)} {self.unit}".strip()
 
-    def amount(self, place: int) -> str:
+    def amount(self, index: int) -> str:
         """The error in the channel's unit: ``0.10 mm``; "" if it is within the noise."""
-        amount = self.amounts[place]
-        return f"{_two(amount)} {self.unit}".strip() if not self.within(place) and amount > 0.0 else ""
+        amount = self.amounts[index]
+        return f"{_two(amount)} {self.unit}".strip() if not self.within(index) and amount > 0.0 else ""
 
 
 def _two(value: float) -> str:
@@ -90,27 +90,27 @@ def _two(value: float) -> str:
     return f"{value:.0f}" if 10.0 <= abs(value) < 1e4 else number(value, 2)
 
 
-def falls(fits: Sequence[FitResult], left: Mapping[str, float]) -> tuple[ChannelFall, ...]:
+def falls(fits: Sequence[FitResult], remaining: Mapping[str, float]) -> tuple[ChannelFall, ...]:
     """By channel, for models on the same data; ordered by the error of the first model.
 
     Parameters
     ----------
-    left: S of the last model, for the channels where it exceeds the noise; see `left_of`.
+    remaining: S of the last model, for the channels where it exceeds the noise; see `left_of`.
     """
     problem = fits[0].problem
     measurements = problem.measurements
     guessed = {channel.name: channel.guessed for channel in problem.noise.channels}
-    found = []
+    result = []
     for name, shown in zip(measurements.outputs, measurements.units, strict=True):
         if any(name not in fit.errors for fit in fits):
             continue
         unit = parse_unit(shown)
         errors = [fit.errors[name] for fit in fits]
-        last, rest = errors[-1], left.get(name, 0.0)
+        last, rest = errors[-1], remaining.get(name, 0.0)
         base = last.nrmse**2 - _amplitude(last, rest) ** 2
         more = [max(one.count * (one.chi2_reduced - last.chi2_reduced), 0.0) for one in errors]
         sizes = [math.sqrt(rest**2 + one) for one in more]
-        found.append(
+        result.append(
             ChannelFall(
                 channel=name,
                 title=measurements.titles.get(name, name),
@@ -121,7 +121,7 @@ def falls(fits: Sequence[FitResult], left: Mapping[str, float]) -> tuple[Channel
                 guessed=guessed[name],
             )
         )
-    return tuple(sorted(found, key=lambda one: -max(one.sizes)))
+    return tuple(sorted(result, key=lambda one: -max(one.sizes)))
 
 
 def _rest(normalised: float, base: float) -> float:
@@ -148,38 +148,38 @@ def left_of(model: ModelComparison) -> dict[str, float]:
     columns: dict[str, list[int]] = {}
     for column, label in enumerate(model.linearisation.regions.labels):
         columns.setdefault(label[1], []).append(column)
-    found = {}
-    for name, places in columns.items():
-        z = model.cells.z[:, places]
+    sizes = {}
+    for name, indices in columns.items():
+        z = model.cells.z[:, indices]
         present = z[np.isfinite(z)]
         error = model.fit.errors[name]
-        whole = error.count * (error.chi2_reduced - 1.0)
-        excess = max(float(np.sum(present**2)) - present.size, whole)
+        total = error.count * (error.chi2_reduced - 1.0)
+        excess = max(float(np.sum(present**2)) - present.size, total)
         if name in beyond and excess > 0.0:
-            found[name] = math.sqrt(excess)
-    return found
+            sizes[name] = math.sqrt(excess)
+    return sizes
 
 
 def left_of_fit(fit: FitResult) -> dict[str, float]:
     """Systematic error of a fit by channel: the excess of its whitened squares over noise."""
-    found = {}
+    sizes = {}
     for name, error in fit.errors.items():
         excess = error.count * (error.chi2_reduced - 1.0)
         if excess > _CHANCE * math.sqrt(2.0 * error.count):
-            found[name] = math.sqrt(excess)
-    return found
+            sizes[name] = math.sqrt(excess)
+    return sizes
 
 
-def left_of_diagnosis(found: Diagnosis) -> dict[str, float]:
+def left_of_diagnosis(diagnosis: Diagnosis) -> dict[str, float]:
     """S of the model with the effects found: the remainder of the diagnosis, divided by channel like its
     squares."""
-    if not found.best.candidates:
-        return left_of(found.before)
-    if found.remainder is None:
+    if not diagnosis.best.candidates:
+        return left_of(diagnosis.before)
+    if diagnosis.remainder is None:
         return {}
-    errors = found.best.fit.errors
+    errors = diagnosis.best.fit.errors
     parts = {name: max(one.count * (one.chi2_reduced - 1.0), 0.0) for name, one in errors.items()}
-    whole = sum(parts.values())
+    total = sum(parts.values())
     return {
-        name: found.remainder.size * math.sqrt(part / whole) for name, part in parts.items() if part > 0.0
+        name: diagnosis.remainder.size * math.sqrt(part / total) for name, part in parts.items() if part > 0.0
     }

@@ -12,5 +12,5 @@ def draw_bar(value: float, largest: float, *, width: int = 40) -> str:
     if not (value > 0.0 and largest > 0.0 and math.isfinite(value)):
         return ""
     eighths = max(round(min(value / largest, 1.0) * width * 8), 1)
-    whole, rest = divmod(eighths, 8)
-    return _EIGHTHS[8] * whole + (_EIGHTHS[rest] if rest else "")
+    full, rest = divmod(eighths, 8)
+    return _EIGHTHS[8] * full + (_EIGHTHS[rest] if rest else "")

@@ -91,10 +91,14 @@ def assemble(runs: Sequence[RunData], sections: Sequence[Section] = ()) -> list[
     The answer is the contributed section; without one it is how the run ended, and its results. For a failed
     run this comes before everything else. Sections for only some readers are folded.
     """
-    own = [section for build in SECTIONS if (section := build(runs)) is not None]
+    run_sections = [section for build in SECTIONS if (section := build(runs)) is not None]
     if not sections:
-        return own
-    first, rest = (own[:1], own[1:]) if any(not ended_well(run) for run in runs) else ([], own)
+        return run_sections
+    first, rest = (
+        (run_sections[:1], run_sections[1:])
+        if any(not ended_well(run) for run in runs)
+        else ([], run_sections)
+    )
     behind = [replace(one, folded=True) for one in rest]
-    said = [one for one in sections if not one.closes]
-    return [*first, *said, *behind, *(one for one in sections if one.closes)]
+    answers = [one for one in sections if not one.closes]
+    return [*first, *answers, *behind, *(one for one in sections if one.closes)]

@@ -135,14 +135,14 @@ class Gate:
 
         async def sealed(message: Message) -> None:
             if message["type"] == "http.response.start":
-                there = {name.lower() for name, _ in message.get("headers", ())}
+                present = {name.lower() for name, _ in message.get("headers", ())}
                 added = {"content-security-policy": self._policy(host), **_HEADERS}
                 message["headers"] = [
                     *message.get("headers", ()),
                     *(
                         (name.encode("ascii"), value.encode("ascii"))
                         for name, value in added.items()
-                        if name.encode("ascii") not in there
+                        if name.encode("ascii") not in present
                     ),
                 ]
             await send(message)

@@ -47,16 +47,16 @@ def application(site: Site, keys: Keys, hosts: Collection[str], *, secure: bool)
         Route("/", lambda _: RedirectResponse(f"/{PARTS[0].name}")),
         Route(SESSION_PATH, _session(keys), methods=["POST"]),
         get("/api/status", lambda _: status(site)),
-        post("/api/project", lambda asked: fill(site, asked)),
+        post("/api/project", lambda request: fill(site, request)),
         get("/api/jobs", lambda _: {"jobs": [job.document() for job in site.jobs.all()]}),
-        get("/api/jobs/{id}", lambda asked: site.jobs.find(asked.text("id")).document()),
-        delete("/api/jobs/{id}", lambda asked: site.jobs.stop(asked.text("id")).document()),
+        get("/api/jobs/{id}", lambda request: site.jobs.find(request.text("id")).document()),
+        delete("/api/jobs/{id}", lambda request: site.jobs.stop(request.text("id")).document()),
         Route("/assets/page.css", _shared_style),
         Mount("/assets", StaticFiles(directory=_ASSETS)),
         *(Route(f"/{part.name}", _page(part)) for part in PARTS),
         *(route for part in PARTS for route in part.routes(site)),
     ]
-    inner = Starlette(routes=routes, lifespan=lifespan, exception_handlers={404: _nothing_there})
+    inner = Starlette(routes=routes, lifespan=lifespan, exception_handlers={404: _not_found})
     pages = {"/", *(f"/{part.name}" for part in PARTS)}
     return Gate(inner, keys=keys, hosts=hosts, secure=secure, open_paths=pages)
 
@@ -107,7 +107,7 @@ async def _shared_style(_: Request) -> Response:
     return Response((_REPORT_ASSETS / "page.css").read_bytes(), media_type="text/css")
 
 
-async def _nothing_there(_: Request, __: Exception) -> Response:
+async def _not_found(_: Request, __: Exception) -> Response:
     return Response(refusal_text("there is nothing at this address"), 404, media_type="application/json")
 
 

@@ -32,12 +32,12 @@ def envelope(rows: NDArray[np.float64], stretch: float) -> NDArray[np.float64]:
     lows = np.fmin.reduceat(rows, begins, axis=0)
     highs = np.fmax.reduceat(rows, begins, axis=0)
     falls = rows[ends] < rows[begins]
-    made = np.empty((2 * len(begins), rows.shape[1]))
-    made[0::2] = np.where(falls, highs, lows)
-    made[1::2] = np.where(falls, lows, highs)
-    made[0::2, 0], made[1::2, 0] = rows[begins, 0], rows[ends, 0]
+    reduced = np.empty((2 * len(begins), rows.shape[1]))
+    reduced[0::2] = np.where(falls, highs, lows)
+    reduced[1::2] = np.where(falls, lows, highs)
+    reduced[0::2, 0], reduced[1::2, 0] = rows[begins, 0], rows[ends, 0]
     single = np.flatnonzero(begins == ends)
-    return np.delete(made, 2 * single + 1, axis=0)
+    return np.delete(reduced, 2 * single + 1, axis=0)
 
 
 class Thinning:

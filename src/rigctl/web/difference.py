@@ -59,11 +59,11 @@ def difference(first: Run, second: Run) -> dict[str, Any]:
 
 
 def _by_condition(run: Run) -> dict[Key, list[Record]]:
-    found: dict[Key, list[Record]] = {}
+    groups: dict[Key, list[Record]] = {}
     for record in run.each(run.usable[:_MOST]):
         values = tuple(sorted((name, float(f"{value:.6g}")) for name, value in record.sweep.items()))
-        found.setdefault((record.name, values), []).append(record)
-    return found
+        groups.setdefault((record.name, values), []).append(record)
+    return groups
 
 
 def _unit(run: Run, name: str) -> tuple[str, float]:
@@ -74,12 +74,12 @@ def _unit(run: Run, name: str) -> tuple[str, float]:
 
 def _label(key: Key, units: Mapping[str, str]) -> str:
     name, values = key
-    told = []
+    parts = []
     for variable, value in values:
         unit = units.get(variable, "")
         number = parse_unit(unit).from_si(value) if unit else value
-        told.append(f"{variable} {significant(number)} {unit}".removesuffix(" 1").rstrip())
-    return ", ".join([name, *told])
+        parts.append(f"{variable} {significant(number)} {unit}".removesuffix(" 1").rstrip())
+    return ", ".join([name, *parts])
 
 
 def _compare(groups: Sequence[Sequence[Record]], channels: Mapping[str, tuple[str, float]]) -> dict[str, Any]:
@@ -87,7 +87,7 @@ def _compare(groups: Sequence[Sequence[Record]], channels: Mapping[str, tuple[st
 
     lasted = min(float(record.time[-1] - record.time[0]) for group in groups for record in group)
     grid = np.linspace(0.0, lasted, _POINTS)
-    told = {}
+    differences = {}
     for name, (unit, factor) in channels.items():
         offset = parse_unit(unit).offset
         curves = [np.array([_curve(record, name, grid) for record in group]) / factor for group in groups]
@@ -95,14 +95,14 @@ def _compare(groups: Sequence[Sequence[Record]], channels: Mapping[str, tuple[st
         apart = means[1] - means[0]
         if not np.isfinite(apart).any():
             continue
-        told[name] = {
+        differences[name] = {
             "rms": float(np.sqrt(np.nanmean(apart**2))),
             "bias": float(np.nanmean(apart)),
             "scatter": _scatter(curves, means),
             "time": _short(grid),
             "curves": [_short(mean - offset / factor) for mean in means],
         }
-    return told
+    return differences
 
 
 def _curve(record: Record, name: str, grid: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -115,9 +115,9 @@ def _mean(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """The mean over the records, ignoring missing values; NaN where all are missing."""
     import numpy as np
 
-    there = np.isfinite(rows)
-    count = there.sum(axis=0)
-    total = np.where(there, rows, 0.0).sum(axis=0)
+    valid = np.isfinite(rows)
+    count = valid.sum(axis=0)
+    total = np.where(valid, rows, 0.0).sum(axis=0)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 

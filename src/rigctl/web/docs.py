@@ -48,7 +48,7 @@ def routes(_: Site) -> Sequence[BaseRoute]:
     )
 
 
-def page(asked: PageRequest) -> Response:
+def page(request: PageRequest) -> Response:
     """A file of the site.
 
     Raises
@@ -56,7 +56,7 @@ def page(asked: PageRequest) -> Response:
     RigctlError
         the site was not built, or has no such file.
     """
-    folder, path = site_folder(), asked.text("path") or "index.html"
+    folder, path = site_folder(), request.text("path") or "index.html"
     file = folder and (folder / path).resolve() if "\0" not in path else None
     if folder is None or file is None or not file.is_relative_to(folder.resolve()) or not file.is_file():
         raise RigctlError("the documentation has no such page", value=path)

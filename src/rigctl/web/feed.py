@@ -114,16 +114,16 @@ class Watcher:
     def waiting(self) -> tuple[dict[str, object], list[bytes]]:
         """News since the last call: messages by kind, and batches of samples."""
         with self._lock:
-            told, self._told = self._told, {}
+            messages, self._told = self._told, {}
             if self._events:
-                told["events"] = list(self._events)
+                messages["events"] = list(self._events)
                 self._events.clear()
             if self.dropped:
-                told["dropped"] = self.dropped
+                messages["dropped"] = self.dropped
                 self.dropped = 0
             batches = list(self._batches)
             self._batches.clear()
-        return told, batches
+        return messages, batches
 
 
 def batch(rows: NDArray[np.float64], provisional: int = 0, *, anew: bool = False) -> bytes:
@@ -168,9 +168,9 @@ class Columns:
 
         width = len(self.layout.columns)
         rows = np.frombuffer(payload, dtype="<f8").reshape(-1, width)
-        kept = np.delete(rows, self.layout.columns.index("record"), axis=1)
-        shown = (kept - self.offsets) / self.factors
-        shown[:, 0] = kept[:, 0] + offset
+        values = np.delete(rows, self.layout.columns.index("record"), axis=1)
+        shown = (values - self.offsets) / self.factors
+        shown[:, 0] = values[:, 0] + offset
         return shown
 
 
@@ -222,9 +222,9 @@ class Feed:
         self._asked = monotonic()
         with self._lock:
             rows = self._rows.last(window)
-            told = {"state": self._state, "events": list(self._events), "set_points": self._lines}
+            status = {"state": self._state, "events": list(self._events), "set_points": self._lines}
         rows = envelope(rows[rows[:, 0] > after], window / max(width, 1))
-        return {**told, "rows": rows}
+        return {**status, "rows": rows}
 
     # --- the thread ---------------------------------------------------------------------------------------
 
@@ -277,16 +277,16 @@ class Feed:
                 watcher.happened(list(events))
 
     def _read_state(self) -> None:
-        found = read_state(self.folder)
-        if found is None:
+        heartbeat = read_state(self.folder)
+        if heartbeat is None:
             return
-        state = dict(found.fields)
+        state = dict(heartbeat.fields)
         state.pop("acknowledged", None)
         ended = state.get("state") in ENDED
         state |= {
             "ended": ended,
             # the heartbeat comes once a second; a run that has ended sends none
-            "silent": None if ended or found.fresh else round(found.age, 0),
+            "silent": None if ended or heartbeat.fresh else round(heartbeat.age, 0),
             "tree": self._outline(str(state.get("path") or "")),
         }
         if state != self._state:
@@ -319,11 +319,11 @@ class Feed:
             return []
         if self._tree[0] != path:
             lines = outline(self._places, path, _TREE)
-            told = [
+            nodes = [
                 {"depth": line.depth, "label": line.label, "stage": line.stage.value, "note": line.note}
                 for line in lines
             ]
-            self._tree = (path, told)
+            self._tree = (path, nodes)
         return self._tree[1]
 
     def _open_plan(self) -> None:

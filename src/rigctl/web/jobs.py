@@ -87,8 +87,8 @@ class Job:
         """Its state for a page."""
         import json
 
-        told = {name: getattr(self, name) for name in ("id", "name", "command", "began", "state", "text")}
-        return told | {
+        fields = {name: getattr(self, name) for name in ("id", "name", "command", "began", "state", "text")}
+        return fields | {
             "share": self.share,
             "error": self.error,
             "seconds": round(monotonic() - self.since if self.state == "working" else self.seconds, 1),
@@ -216,13 +216,13 @@ class Jobs:
         """Read the output of a command until it ends."""
         assert process.stdout is not None  # noqa: S101 - opened as pipes
         assert process.stderr is not None  # noqa: S101
-        said: deque[str] = deque(maxlen=1)  # only the last line is shown, and a job can write for days
+        messages: deque[str] = deque(maxlen=1)  # only the last line is shown, and a job can write for days
 
         def listen(lines: IO[str]) -> None:
             for line in lines:
                 if line.strip():
-                    said.append(line.strip())
-                    job.text = said[-1]
+                    messages.append(line.strip())
+                    job.text = messages[-1]
 
         listener = threading.Thread(target=listen, args=(process.stderr,), daemon=True)
         listener.start()
@@ -234,7 +234,7 @@ class Jobs:
         with self._lock:
             job.seconds = monotonic() - job.since
             if job.state == "working":
-                _settle(job, code, answer, said)
+                _settle(job, code, answer, messages)
             self._processes.pop(job.id, None)
 
     def _watch(self, job: Job, pipe: Connection) -> None:
@@ -251,11 +251,11 @@ class Jobs:
                 job.state, job.error = "died", _death(process.exitcode)
             self._processes.pop(job.id, None)
 
-    def _take(self, job: Job, said: tuple[Any, ...]) -> None:
+    def _take(self, job: Job, message: tuple[Any, ...]) -> None:
         with self._lock:
             if job.state != "working":
                 return
-            match said:
+            match message:
                 case ("progress", text, share, partial):
                     job.text, job.share = text, share
                     job.partial = partial or job.partial
@@ -287,22 +287,22 @@ class _Command:
             self._process.wait(timeout)
 
 
-def _settle(job: Job, code: int, answer: str, said: Sequence[str]) -> None:
+def _settle(job: Job, code: int, answer: str, messages: Sequence[str]) -> None:
     """Set the outcome of a command, from its exit code and its output."""
     import json
 
     try:
-        found = json.loads(answer)
+        result = json.loads(answer)
     except ValueError:
-        found = None
-    if isinstance(found, dict) and "error" in found:
-        job.state, job.error = "failed", found["error"]
-    elif isinstance(found, dict):
+        result = None
+    if isinstance(result, dict) and "error" in result:
+        job.state, job.error = "failed", result["error"]
+    elif isinstance(result, dict):
         job.state, job.result, job.share = "done", answer, 1.0
-    elif code < 0 or not said:
+    elif code < 0 or not messages:
         job.state, job.error = "died", _death(code)
     else:
-        job.state, job.error = "failed", RigctlError(said[-1]).as_dict()
+        job.state, job.error = "failed", RigctlError(messages[-1]).as_dict()
 
 
 def _death(code: int | None) -> dict[str, Any]:

@@ -71,7 +71,7 @@ class KeptRows:
         """The first value of a column from a time on that is a number; None if there is none."""
         for block in self._blocks:
             if block[-1, 0] >= since:
-                found = block[(block[:, 0] >= since) & (block[:, column] == block[:, column]), column]
-                if len(found):
-                    return float(found[0])
+                values = block[(block[:, 0] >= since) & (block[:, column] == block[:, column]), column]
+                if len(values):
+                    return float(values[0])
         return None

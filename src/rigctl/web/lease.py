@@ -45,7 +45,7 @@ class Lease:
             window = self._window(viewer)
             window.open = max(window.open - 1, 0)
             window.seen = monotonic()
-            for name in [name for name in self._windows if not self._there(name)]:
+            for name in [name for name in self._windows if not self._is_present(name)]:
                 del self._windows[name]
 
     def take(self, viewer: str, *, over: bool) -> None:
@@ -59,7 +59,7 @@ class Lease:
         with self._lock:
             window = self._window(viewer)
             window.seen = monotonic()
-            if self._holder not in ("", viewer) and self._there(self._holder) and not over:
+            if self._holder not in ("", viewer) and self._is_present(self._holder) and not over:
                 raise RigctlError(
                     f"window {self._windows[self._holder].number} has the controls",
                     hint="'Take over' takes them away from it",
@@ -76,7 +76,7 @@ class Lease:
     def told(self, viewer: str) -> dict[str, object]:
         """The state of the right for a window."""
         with self._lock:
-            holder = self._holder if self._holder and self._there(self._holder) else ""
+            holder = self._holder if self._holder and self._is_present(self._holder) else ""
             mine = self._windows.get(viewer)
             return {
                 "holder": self._windows[holder].number if holder else None,
@@ -88,12 +88,12 @@ class Lease:
     def _window(self, viewer: str) -> _Window:
         if not viewer:
             raise RigctlError("a window needs a name to command with")
-        found = self._windows.get(viewer)
-        if found is None:
+        window = self._windows.get(viewer)
+        if window is None:
             self._count += 1
-            found = self._windows[viewer] = _Window(self._count, monotonic())
-        return found
+            window = self._windows[viewer] = _Window(self._count, monotonic())
+        return window
 
-    def _there(self, viewer: str) -> bool:
+    def _is_present(self, viewer: str) -> bool:
         window = self._windows.get(viewer)
         return window is not None and (window.open > 0 or monotonic() - window.seen < _GONE)

@@ -63,64 +63,64 @@ class Live:
 
     # --- requests of a page -------------------------------------------------------------------------------
 
-    def runs(self, asked: PageRequest) -> dict[str, Any]:
+    def runs(self, request: PageRequest) -> dict[str, Any]:
         """The ids of the runs in progress, newest first, and who has the controls."""
-        found = [folder.name for folder in self._in_progress()]
-        return {"runs": found, "lease": self._lease.told(asked.viewer)}
+        ids = [folder.name for folder in self._in_progress()]
+        return {"runs": ids, "lease": self._lease.told(request.viewer)}
 
-    def snapshot(self, asked: PageRequest) -> dict[str, Any]:
+    def snapshot(self, request: PageRequest) -> dict[str, Any]:
         """The data that the socket sends, for a browser without WebSockets."""
         from rigctl.web.feed import about
 
-        feed = self._feed(asked.text("run"))
+        feed = self._feed(request.text("run"))
         try:
-            after = float(asked.text("after", "-inf"))
+            after = float(request.text("after", "-inf"))
         except ValueError:
             after = float("-inf")
-        window = float(asked.whole("window", 60, int(_WINDOWS[0]), int(_WINDOWS[1])))
-        width = asked.whole("width", 600, *_WIDTHS)
-        found = feed.snapshot(after, window, width)
-        return {**found, "run": about(feed.header), "lease": self._lease.told(asked.viewer)}
+        window = float(request.whole("window", 60, int(_WINDOWS[0]), int(_WINDOWS[1])))
+        width = request.whole("width", 600, *_WIDTHS)
+        snapshot = feed.snapshot(after, window, width)
+        return {**snapshot, "run": about(feed.header), "lease": self._lease.told(request.viewer)}
 
-    def lease_asked(self, asked: PageRequest) -> dict[str, Any]:
+    def lease_asked(self, request: PageRequest) -> dict[str, Any]:
         """Acquire the controls, take them over, or release them."""
-        if asked.body.get("give") is True:
-            self._lease.give(asked.viewer)
+        if request.body.get("give") is True:
+            self._lease.give(request.viewer)
         else:
-            self._lease.take(asked.viewer, over=asked.body.get("over") is True)
-        return self._lease.told(asked.viewer)
+            self._lease.take(request.viewer, over=request.body.get("over") is True)
+        return self._lease.told(request.viewer)
 
-    def request(self, asked: PageRequest) -> dict[str, Any]:
+    def request(self, request: PageRequest) -> dict[str, Any]:
         """Pause, continue or abort a run, as the commands of these names do."""
         from rigctl.runner.remote_control import send
         from rigctl.runner.requests import Request
 
-        wanted = asked.text("request")
+        name = request.text("request")
         try:
-            request = Request(wanted)
+            kind = Request(name)
         except ValueError:
             raise RigctlError(
-                "unknown request", value=wanted, expected=", ".join(each.value for each in Request)
+                "unknown request", value=name, expected=", ".join(each.value for each in Request)
             ) from None
-        folder = self._folder(asked.text("run"))
-        self._lease.take(asked.viewer, over=False)
-        return {"run": folder.name, "answer": send(folder, request, at="a browser")}
+        folder = self._folder(request.text("run"))
+        self._lease.take(request.viewer, over=False)
+        return {"run": folder.name, "answer": send(folder, kind, at="a browser")}
 
-    def answer(self, asked: PageRequest) -> dict[str, Any]:
+    def answer(self, request: PageRequest) -> dict[str, Any]:
         """Answer the operator's question of a run that was started from this page."""
         from rigctl.runner.remote_operator import send_answer
 
-        folder = self._folder(asked.text("run"))
-        self._lease.take(asked.viewer, over=False)
-        send_answer(folder, asked.text("question"), asked.text("text"))
+        folder = self._folder(request.text("run"))
+        self._lease.take(request.viewer, over=False)
+        send_answer(folder, request.text("question"), request.text("text"))
         return {"run": folder.name}
 
-    def off(self, asked: PageRequest) -> dict[str, Any]:
+    def off(self, request: PageRequest) -> dict[str, Any]:
         """Everything to the safe state, like `rigctl off`: from any window, whichever has the controls."""
         from rigctl.runner.bench_access import Access, bench_options
         from rigctl.runner.switch_off import switch_off
 
-        rig = self._bench(asked)
+        rig = self._bench(request)
         kind = rig.backend_named()
         access = Access(runs=self._site.project.runs, backend=kind, options=bench_options(kind, rig))
         done = switch_off(rig, access)
@@ -161,17 +161,17 @@ class Live:
         from rigctl.web.feed import ENDED
 
         with self._lock:
-            when, found = self._found
+            when, folders = self._found
             if monotonic() - when < _LOOK:
-                return found
-            found = []
+                return folders
+            folders = []
             if self._site.project.runs.is_dir():
                 for folder in reversed(newest_folders(self._site.project.runs, _NEWEST)):
                     state = read_state(folder)
                     if state is not None and state.fresh and state.fields.get("state") not in ENDED:
-                        found.append(folder)
-            self._found = (monotonic(), found)
-            return found
+                        folders.append(folder)
+            self._found = (monotonic(), folders)
+            return folders
 
     def _folder(self, run: str) -> Path:
         from rigctl.dataset import find_run
@@ -187,9 +187,9 @@ class Live:
         from rigctl.web.feed import Feed
 
         with self._lock:
-            found = self._feeds.get(run)
-            if found is not None and not found.over:
-                return found
+            feed = self._feeds.get(run)
+            if feed is not None and not feed.over:
+                return feed
         folder = self._folder(run)
         info = read_info(folder)
         names = RunHeader.__dataclass_fields__
@@ -200,16 +200,16 @@ class Live:
                 self._feeds[run] = Feed(folder, header)
             return self._feeds[run]
 
-    def _bench(self, asked: PageRequest) -> Any:
+    def _bench(self, request: PageRequest) -> Any:
         """The rig in question: that of a run, or the project's."""
         from rigctl.rig import load_rig
 
         self._site.require_project()
-        if "run" in asked.body:
+        if "run" in request.body:
             from rigctl.dataset.run_json import read_info
 
-            kept = read_info(self._folder(asked.text("run")))["rig"]
-            path = Path(str(kept.get("path") or ""))
+            description = read_info(self._folder(request.text("run")))["rig"]
+            path = Path(str(description.get("path") or ""))
         elif self._site.project.rig is not None:
             path = self._site.project.rig
         else:
@@ -305,8 +305,8 @@ class _Window:
     async def _hand_on(self) -> None:
         if self._watcher is None:
             return
-        told, batches = self._watcher.waiting()
-        for kind, what in told.items():
+        messages, batches = self._watcher.waiting()
+        for kind, what in messages.items():
             await self._socket.send_text(to_json({"kind": kind, kind: what}, indent=None))
         for batch in batches:
             await self._socket.send_bytes(batch)

@@ -20,7 +20,7 @@ def is_empty(site: Site) -> bool:
     return root.is_dir() and not any((root / name).exists() for name in _HOLDS)
 
 
-def fill(site: Site, asked: PageRequest) -> dict[str, Any]:
+def fill(site: Site, request: PageRequest) -> dict[str, Any]:
     """Start a project in the folder: ``rigctl init``, or with ``--minimal`` an empty one.
 
     Raises
@@ -31,5 +31,5 @@ def fill(site: Site, asked: PageRequest) -> dict[str, Any]:
     root = site.require_project()
     if not is_empty(site):
         raise RigctlError("this folder holds a project already", value=str(root))
-    minimal = ["--minimal"] if asked.body.get("minimal") is True else []
+    minimal = ["--minimal"] if request.body.get("minimal") is True else []
     return site.jobs.start_command("New project", ["init", *minimal]).document()

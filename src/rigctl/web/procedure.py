@@ -50,20 +50,20 @@ class Procedures:
         self._site = site
         self._saving = threading.Lock()
 
-    def files(self, asked: PageRequest) -> dict[str, Any]:
+    def files(self, request: PageRequest) -> dict[str, Any]:
         """The procedure files of the project."""
         return {"files": project_files(self._site.require_project(), _FOLDER)}
 
-    def read(self, asked: PageRequest) -> dict[str, Any]:
+    def read(self, request: PageRequest) -> dict[str, Any]:
         """A file's text."""
-        path = inside(self._site.require_project(), asked.text("path"))
+        path = inside(self._site.require_project(), request.text("path"))
         try:
             text = path.read_text(encoding="utf-8")
         except UnicodeDecodeError as problem:
-            raise RigctlError("the file is not UTF-8 text", value=asked.text("path")) from problem
-        return {"path": asked.text("path"), "text": text, "sha256": _hash(text)}
+            raise RigctlError("the file is not UTF-8 text", value=request.text("path")) from problem
+        return {"path": request.text("path"), "text": text, "sha256": _hash(text)}
 
-    def check(self, asked: PageRequest) -> dict[str, Any]:
+    def check(self, request: PageRequest) -> dict[str, Any]:
         """The plan of a text, or its errors with their locations."""
         from datetime import UTC, datetime
 
@@ -73,8 +73,8 @@ class Procedures:
 
         root = self._site.require_project()
         try:
-            plan = _plan(_within(root, asked.text("path")), asked.text("text"))
-            seen = preview(plan)
+            plan = _plan(_within(root, request.text("path")), request.text("text"))
+            forecast = preview(plan)
             warnings = plan.rig.warnings(datetime.now(UTC).date())
         except RigctlError as error:
             each = error.errors if isinstance(error, SeveralErrors) else (error,)
@@ -82,55 +82,55 @@ class Procedures:
         identity = plan.procedure.identity
         return {
             "errors": [],
-            "plan": as_document(seen, warnings),
+            "plan": as_document(forecast, warnings),
             "backend": plan.rig.backend.kind,
             "demands": settled(identity, {})[1],
         }
 
-    def save(self, asked: PageRequest) -> dict[str, Any]:
+    def save(self, request: PageRequest) -> dict[str, Any]:
         """Write a text to the file it was read from, unless that has been changed meanwhile."""
         from rigctl.files.write import write_text
 
         root = self._site.require_project()
-        path, text = self._writable(root, asked.text("path")), asked.text("text")
+        path, text = self._writable(root, request.text("path")), request.text("text")
         with self._saving:  # if two windows save at once, the second is refused
-            there = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else None
-            known = asked.text("sha256", "")
-            if there is not None and _hash(there) != known:
+            current = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else None
+            known = request.text("sha256", "")
+            if current is not None and _hash(current) != known:
                 raise RigctlError(
                     "the file has changed since it was read",
-                    value=asked.text("path"),
+                    value=request.text("path"),
                     hint="Copy your text, read the file again, and put it in there",
                     exit_code=ExitCode.FAILED,
                 )
             write_text(path, text)
-        return {"path": asked.text("path"), "sha256": _hash(text)}
+        return {"path": request.text("path"), "sha256": _hash(text)}
 
-    def start(self, asked: PageRequest) -> dict[str, Any]:
+    def start(self, request: PageRequest) -> dict[str, Any]:
         """Start a run in a separate process, which continues even if this server ends.
 
         Starting the real bench requires typing its name: a click alone moves nothing.
         """
         root = self._site.require_project()
-        path = inside(root, asked.text("path"))
-        told = path.relative_to(root.resolve()).as_posix()
+        path = inside(root, request.text("path"))
+        file = path.relative_to(root.resolve()).as_posix()
         plan = _plan(path, path.read_text(encoding="utf-8"))
-        if asked.text("bench") == "simulated":
-            speed = asked.text("speed", "1x")
+        if request.text("bench") == "simulated":
+            speed = request.text("speed", "1x")
             if speed not in _SPEEDS:
                 raise RigctlError("not a speed", value=speed, expected=", ".join(_SPEEDS))
-            words = ["simulate", told, "--speed", speed]
-            if asked.body.get("seed") is not None:
-                words += ["--seed", str(asked.whole("seed", 0, 0, 1 << 31))]
+            words = ["simulate", file, "--speed", speed]
+            if request.body.get("seed") is not None:
+                words += ["--seed", str(request.whole("seed", 0, 0, 1 << 31))]
         else:
-            if asked.text("rig", "").strip() != plan.rig.name:
+            if request.text("rig", "").strip() != plan.rig.name:
                 raise RigctlError(
                     "the real bench is asked for by its name",
                     expected=f"'{plan.rig.name}', typed as it stands",
                 )
-            words = ["run", told, "--answer-in-browser"]
+            words = ["run", file, "--answer-in-browser"]
         for name in ("operator", "serial_number", "part"):
-            if value := asked.text(name, "").strip():
+            if value := request.text(name, "").strip():
                 words += [f"--{name.replace('_', '-')}={value}"]
         return {"run": self._begin(words), "command": command(words)}
 
@@ -156,15 +156,15 @@ class Procedures:
             stderr=errors,
             **alone,
         )
-        begun = _Begun(process, errors)
-        threading.Thread(target=begun.wait, name="run", daemon=True).start()
+        run_process = _RunProcess(process, errors)
+        threading.Thread(target=run_process.wait, name="run", daemon=True).start()
         give_up = monotonic() + _BEGINS_WITHIN
         while monotonic() < give_up:
             ended = process.poll() is not None
-            if (found := self._run_of(process.pid)) is not None:
-                return found
+            if (run := self._run_of(process.pid)) is not None:
+                return run
             if ended:
-                raise RigctlError(begun.last_words(), exit_code=ExitCode.FAILED)
+                raise RigctlError(run_process.last_words(), exit_code=ExitCode.FAILED)
             sleep(0.05)
         raise RigctlError(
             f"the run has not started within {_BEGINS_WITHIN:g} s",
@@ -195,12 +195,12 @@ class Procedures:
 
 
 @dataclass
-class _Begun:
+class _RunProcess:
     """A process that was started, and its error messages."""
 
     process: subprocess.Popen[bytes]
     errors: Any
-    said: str = ""
+    output: str = ""
 
     def __post_init__(self) -> None:
         self._over = threading.Event()
@@ -210,14 +210,14 @@ class _Begun:
         self.process.wait()
         with suppress(OSError, ValueError):
             self.errors.seek(0)
-            self.said = self.errors.read(100_000).decode("utf-8", "replace")
+            self.output = self.errors.read(100_000).decode("utf-8", "replace")
             self.errors.close()
         self._over.set()
 
     def last_words(self) -> str:
         """The reason for its end."""
         self._over.wait(2.0)
-        lines = [line.removeprefix("rigctl: ") for line in self.said.splitlines() if line.strip()]
+        lines = [line.removeprefix("rigctl: ") for line in self.output.splitlines() if line.strip()]
         return "\n".join(lines[-5:]) or "the run's program has ended without a message"
 
 
@@ -287,8 +287,8 @@ def _fields(part: dict[str, Any]) -> dict[str, str]:
 def _targets(about: object) -> list[str]:
     """The alternatives of a schema for a value."""
     if isinstance(about, dict):
-        found = [str(about["$ref"]).rpartition("/")[2]] if "$ref" in about else []
-        return found + [one for name in ("anyOf", "oneOf", "allOf") for one in _targets(about.get(name))]
+        targets = [str(about["$ref"]).rpartition("/")[2]] if "$ref" in about else []
+        return targets + [one for name in ("anyOf", "oneOf", "allOf") for one in _targets(about.get(name))]
     if isinstance(about, list):
         return [one for each in about for one in _targets(each)]
     return []

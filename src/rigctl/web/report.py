@@ -41,29 +41,29 @@ class Pages:
     def __init__(self, site: Site) -> None:
         self._site = site
 
-    def models(self, asked: PageRequest) -> dict[str, Any]:
+    def models(self, request: PageRequest) -> dict[str, Any]:
         """The project's model files."""
         root = self._site.require_project()
         return {"models": project_files(root, "models")}
 
-    def make(self, asked: PageRequest) -> dict[str, Any]:
+    def make(self, request: PageRequest) -> dict[str, Any]:
         """Start to make a page; it is shown under the id of the job."""
         root = self._site.require_project()
-        runs = [plain_id(run) for run in asked.texts("runs")]
+        runs = [plain_id(run) for run in request.texts("runs")]
         if not 0 < len(runs) <= _MOST:
             raise RigctlError("runs: how many is wrong", value=str(len(runs)), expected=f"1 to {_MOST}")
-        told = [*runs]
-        for model in asked.texts("models"):
-            told += ["--model", inside(root, model).relative_to(root.resolve()).as_posix()]
-        if asked.body.get("diagnose") is True:
-            told.append("--diagnose")
+        arguments = [*runs]
+        for model in request.texts("models"):
+            arguments += ["--model", inside(root, model).relative_to(root.resolve()).as_posix()]
+        if request.body.get("diagnose") is True:
+            arguments.append("--diagnose")
         page = self._site.jobs.scratch / f"{token_hex(8)}.html"  # two windows may ask at once
         page.touch(0o600)
-        job = self._site.jobs.start_command("Report", ["report", *told, "-o", str(page), "--force"])
-        job.command = command(["report", *told])
+        job = self._site.jobs.start_command("Report", ["report", *arguments, "-o", str(page), "--force"])
+        job.command = command(["report", *arguments])
         return job.document()
 
-    def show(self, asked: PageRequest) -> Response:
+    def show(self, request: PageRequest) -> Response:
         """A finished page, under its own policy and without this server's rights.
 
         It is sandboxed: its scripts do not run with the origin of this server, so that a flaw in it can reach
@@ -71,24 +71,24 @@ class Pages:
         """
         import json
 
-        job = self._site.jobs.find(asked.text("job"))
+        job = self._site.jobs.find(request.text("job"))
         if job.result is None:
             raise RigctlError("the page is not made yet")
-        made = json.loads(job.result).get("page")
-        page = Path(str(made)).resolve()
+        file_name = json.loads(job.result).get("page")
+        page = Path(str(file_name)).resolve()
         if not page.is_relative_to(self._site.jobs.scratch.resolve()):
             raise RigctlError("this work has made no page")
         text = page.read_text(encoding="utf-8")
-        found = _POLICY.search(text)
-        policy = html.unescape(found.group(1)) if found else "default-src 'none'"
+        match = _POLICY.search(text)
+        policy = html.unescape(match.group(1)) if match else "default-src 'none'"
         sealed = f"{policy}; frame-ancestors 'self'; sandbox allow-scripts allow-downloads allow-popups"
         return HTMLResponse(text, headers={"content-security-policy": sealed})
 
 
 def project_files(root: Path, folder: str) -> list[str]:
     """The YAML files of a folder of the project, relative to its root."""
-    there = root / folder
-    return [path.relative_to(root).as_posix() for path in sorted(there.glob("*.yaml")) if path.is_file()]
+    directory = root / folder
+    return [path.relative_to(root).as_posix() for path in sorted(directory.glob("*.yaml")) if path.is_file()]
 
 
 def inside(root: Path, name: str) -> Path:

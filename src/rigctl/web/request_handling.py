@@ -50,10 +50,10 @@ class PageRequest:
         RigctlError
             it is missing, or no text.
         """
-        found = self.path.get(name, self.query.get(name, self.body.get(name, default)))
-        if not isinstance(found, str):
-            raise RigctlError(f"{name}: a text is needed", value=None if found is None else str(found))
-        return found
+        value = self.path.get(name, self.query.get(name, self.body.get(name, default)))
+        if not isinstance(value, str):
+            raise RigctlError(f"{name}: a text is needed", value=None if value is None else str(value))
+        return value
 
     def whole(self, name: str, default: int, low: int, high: int) -> int:
         """A whole number, limited to `low` and `high`.
@@ -63,11 +63,11 @@ class PageRequest:
         RigctlError
             it is none.
         """
-        found = self.query.get(name, self.body.get(name, default))
+        value = self.query.get(name, self.body.get(name, default))
         try:
-            return min(max(int(found), low), high)
+            return min(max(int(value), low), high)
         except (TypeError, ValueError, OverflowError) as problem:
-            raise RigctlError(f"{name}: a whole number is needed", value=str(found)) from problem
+            raise RigctlError(f"{name}: a whole number is needed", value=str(value)) from problem
 
     def texts(self, name: str) -> list[str]:
         """A list of texts in the body; empty when it is missing.
@@ -77,10 +77,10 @@ class PageRequest:
         RigctlError
             it is no list of texts.
         """
-        found = self.body.get(name, [])
-        if not isinstance(found, list) or not all(isinstance(one, str) for one in found):
+        values = self.body.get(name, [])
+        if not isinstance(values, list) or not all(isinstance(one, str) for one in values):
             raise RigctlError(f"{name}: a list of texts is needed")
-        return found
+        return values
 
 
 Work = Callable[[PageRequest], object]
@@ -104,11 +104,11 @@ def delete(path: str, work: Work) -> Route:
 def _endpoint(work: Work) -> Callable[[Request], Any]:
     async def endpoint(request: Request) -> Response:
         try:
-            asked = await _read(request)
-            found = await run_in_threadpool(work, asked)
-            if isinstance(found, Response):
-                return found
-            return _json(to_json(found), 200)
+            page_request = await _read(request)
+            result = await run_in_threadpool(work, page_request)
+            if isinstance(result, Response):
+                return result
+            return _json(to_json(result), 200)
         except ClientDisconnect:  # the client has disconnected
             return _json(refusal_text("the request has ended before its end"), 400)
         except RigctlError as error:

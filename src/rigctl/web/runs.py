@@ -39,29 +39,29 @@ class Catalogue:
     def __init__(self, site: Site) -> None:
         self._site = site
 
-    def page(self, asked: PageRequest) -> dict[str, Any]:
+    def page(self, request: PageRequest) -> dict[str, Any]:
         """A sorted page of the runs."""
         from rigctl.dataset.catalogue import page_of_runs
 
         self._site.require_project()
-        found = page_of_runs(
+        listing = page_of_runs(
             self._site.project.runs,
-            where=asked.text("where", "").strip() or None,
-            search=asked.text("search", ""),
-            sort=asked.text("sort", "started"),
-            descending=asked.text("order", "down") != "up",
-            first=asked.whole("first", 0, 0, 1 << 40),
-            count=asked.whole("count", 50, 1, _MOST),
+            where=request.text("where", "").strip() or None,
+            search=request.text("search", ""),
+            sort=request.text("sort", "started"),
+            descending=request.text("order", "down") != "up",
+            first=request.whole("first", 0, 0, 1 << 40),
+            count=request.whole("count", 50, 1, _MOST),
         )
-        listed = {"runs": [asdict(run) for run in found.runs], "found": found.found, "all": found.all}
-        return listed | {"store": self._site.project.store}
+        document = {"runs": [asdict(run) for run in listing.runs], "found": listing.found, "all": listing.all}
+        return document | {"store": self._site.project.store}
 
-    def show(self, asked: PageRequest) -> dict[str, Any]:
+    def show(self, request: PageRequest) -> dict[str, Any]:
         """One run: procedure, bench, operator, records and notes."""
         from rigctl.dataset.catalogue import status_of
         from rigctl.dataset.run_json import read_info
 
-        folder = self._folder(asked)
+        folder = self._folder(request)
         info = read_info(folder)
         state = status_of(folder, info)
         records = [] if state in ("running", "unclosed") else _records(folder)
@@ -80,49 +80,49 @@ class Catalogue:
             "left_out": max(len(records) - _MOST_RECORDS, 0),
         }
 
-    def annotate(self, asked: PageRequest) -> dict[str, Any]:
+    def annotate(self, request: PageRequest) -> dict[str, Any]:
         """Add a note to a run or a record of it."""
         from rigctl.dataset import annotate
 
-        text = asked.text("text").strip()
+        text = request.text("text").strip()
         if not text:
             raise RigctlError("a note needs a text")
-        folder = self._folder(asked)
-        annotate(folder, text, record=_record(asked.body.get("record")))
+        folder = self._folder(request)
+        annotate(folder, text, record=_record(request.body.get("record")))
         return {"run": folder.name}
 
-    def exclude(self, asked: PageRequest) -> dict[str, Any]:
+    def exclude(self, request: PageRequest) -> dict[str, Any]:
         """Exclude a record from analysis, or include it again; with a reason."""
         from rigctl.dataset import exclude, include
 
-        reason = asked.text("reason").strip()
+        reason = request.text("reason").strip()
         if not reason:
             raise RigctlError("a reason is needed: it is kept with the record")
-        record = _record(asked.body.get("record"))
+        record = _record(request.body.get("record"))
         if record is None:
             raise RigctlError("record: a whole number is needed")
-        folder = self._folder(asked)
-        (include if asked.body.get("undo") is True else exclude)(folder, [record], reason)
+        folder = self._folder(request)
+        (include if request.body.get("undo") is True else exclude)(folder, [record], reason)
         return {"run": folder.name}
 
-    def difference(self, asked: PageRequest) -> dict[str, Any]:
+    def difference(self, request: PageRequest) -> dict[str, Any]:
         """The difference between two campaigns, condition by condition."""
         from rigctl.dataset import open_run
         from rigctl.web.difference import difference
 
         self._site.require_project()
-        first, second = (open_run(plain_id(asked.text(name)), self._runs) for name in ("first", "second"))
+        first, second = (open_run(plain_id(request.text(name)), self._runs) for name in ("first", "second"))
         return difference(first, second)
 
     @property
     def _runs(self) -> Path:
         return self._site.project.runs
 
-    def _folder(self, asked: PageRequest) -> Path:
+    def _folder(self, request: PageRequest) -> Path:
         from rigctl.dataset import find_run
 
         self._site.require_project()
-        return find_run(plain_id(asked.text("run")), self._runs)
+        return find_run(plain_id(request.text("run")), self._runs)
 
 
 def plain_id(text: str) -> str:
@@ -154,15 +154,15 @@ def _records(folder: Path) -> list[dict[str, Any]]:
     frame, units = run.records, run.record_units
     plain = {"record", "name", "path", "rate", "start", "end", "outcome", "excluded", "rows", "session"}
     values = [name for name in frame.columns if name not in plain]
-    told = []
+    rows = []
     for row in frame.to_dict("records"):
         cells = [
             {"name": name, "value": row[name], "unit": units.get(name, "")}
             for name in values
             if row[name] is not None and row[name] == row[name]
         ]
-        told.append({name: row[name] for name in plain & set(frame.columns)} | {"values": cells})
-    return told
+        rows.append({name: row[name] for name in plain & set(frame.columns)} | {"values": cells})
+    return rows
 
 
 PART = Part("runs", "Runs", "What was measured: found, sorted, annotated, compared.", routes)

@@ -136,9 +136,9 @@ def host_names(settings: Settings, port: int) -> list[str]:
     if settings.host == "localhost" or is_loopback(settings.host):
         names = [_LOCAL, "localhost", _shown(settings.host)]
     else:
-        own = socket.gethostname()
+        hostname = socket.gethostname()
         anywhere = ip_address(settings.host).is_unspecified if _is_address(settings.host) else False
-        names = [own, socket.getfqdn(), *([] if anywhere else [_shown(settings.host)])]
+        names = [hostname, socket.getfqdn(), *([] if anywhere else [_shown(settings.host)])]
     usual = 443 if settings.secure else 80
     names = [*dict.fromkeys((*names, *settings.names))]
     return [f"{name}:{port}" for name in names] + (names if port == usual else [])
@@ -180,10 +180,10 @@ def one_server(project: Project) -> Iterator[Callable[[str], None]]:
 def served_at(project: Project) -> dict[str, Any] | None:
     """Address and process of the server of a project; None if none is known."""
     try:
-        found = json.loads(_facts_path(project).read_text(encoding="utf-8"))
+        facts = json.loads(_facts_path(project).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return found if isinstance(found, dict) and {"address", "pid"} <= found.keys() else None
+    return facts if isinstance(facts, dict) and {"address", "pid"} <= facts.keys() else None
 
 
 def _facts_path(project: Project) -> Path:
@@ -275,8 +275,8 @@ def _server(
                 yield
                 return
             names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
-            found = [getattr(signal, name) for name in names if hasattr(signal, name)]
-            before = {each: signal.signal(each, self.handle_exit) for each in found}
+            signals = [getattr(signal, name) for name in names if hasattr(signal, name)]
+            before = {each: signal.signal(each, self.handle_exit) for each in signals}
             try:
                 yield
             finally:

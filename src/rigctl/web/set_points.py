@@ -62,7 +62,7 @@ class SetPoints:
             return
         if kind == "step" and line.get("state") == "begin":
             path = str(line.get("path", ""))
-            if self._places is None or self._asked(path) is not None:
+            if self._places is None or self._set_point_at(path) is not None:
                 self._steps.append(_Step(path, float(time)))
         elif kind == "step" and line.get("state") == "end":
             for step in self._steps:
@@ -74,17 +74,17 @@ class SetPoints:
 
     def shown(self, first: FirstReading, since: float) -> list[dict[str, Any]]:
         """The set-points after `since`, s of the run, in the units of their channels."""
-        found = []
+        lines = []
         for step in self._steps:
             if step.end is not None and step.end < since:
                 continue
             if step.line is None:
                 step.line = self._line(step, first)
             if step.line is not None:
-                found.append({**step.line, "begin": step.begin, "end": step.end})
-        return found
+                lines.append({**step.line, "begin": step.begin, "end": step.end})
+        return lines
 
-    def _asked(self, path: str) -> SetPoint | None:
+    def _set_point_at(self, path: str) -> SetPoint | None:
         if self._places is None:
             return None
         chain = self._places.chain(_ROUND.sub("", path))
@@ -94,23 +94,27 @@ class SetPoints:
         """Start and target value, duration in s, and tolerance."""
         from rigctl.units import parse_unit
 
-        asked = self._asked(step.path)
-        if asked is None or self._rig is None or asked.channel not in self._rig.channels:
+        set_point = self._set_point_at(step.path)
+        if set_point is None or self._rig is None or set_point.channel not in self._rig.channels:
             return None
-        channel = self._rig.channels[asked.channel]
+        channel = self._rig.channels[set_point.channel]
         unit = parse_unit(channel.unit)
-        start = first(asked.channel, step.begin) if asked.to is None or asked.ramp is not None else None
-        if start is None and (asked.to is None or asked.ramp is not None):
+        start = (
+            first(set_point.channel, step.begin)
+            if set_point.to is None or set_point.ramp is not None
+            else None
+        )
+        if start is None and (set_point.to is None or set_point.ramp is not None):
             return None
-        to = start if asked.to is None else unit.from_si(asked.to, difference=channel.difference)
+        to = start if set_point.to is None else unit.from_si(set_point.to, difference=channel.difference)
         assert to is not None  # noqa: S101 - without a value of its own it is the reading, which is known here
         seconds = 0.0
-        if asked.ramp is not None and start is not None:
-            seconds = abs(to - start) * unit.factor / asked.ramp if asked.ramp > 0.0 else math.inf
+        if set_point.ramp is not None and start is not None:
+            seconds = abs(to - start) * unit.factor / set_point.ramp if set_point.ramp > 0.0 else math.inf
         return {
-            "channel": asked.channel,
+            "channel": set_point.channel,
             "from": to if start is None else start,
             "to": to,
             "seconds": seconds if math.isfinite(seconds) else None,
-            "within": None if asked.within is None else asked.within / unit.factor,
+            "within": None if set_point.within is None else set_point.within / unit.factor,
         }

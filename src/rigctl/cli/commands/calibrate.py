@@ -105,14 +105,14 @@ def calibrate(
     else:
         taken = _from_bench(bench, channel, backend, port, speed, rate, readings)
     fit = fit_calibration(part, taken, degree, reference_uncertainty=of_reference)
-    told = _as_document(channel, part, fit, on)
+    document = _as_document(channel, part, fit, on)
     if not as_json:
         _show(channel, part, fit)
     if not dry and (
         yes or as_json or not typing_possible() or typer.confirm("Write it to the rig file?", err=True)
     ):
-        told |= _write(bench, channel, fit, on, reference, valid_for)
-    _finish(told, as_json=as_json)
+        document |= _write(bench, channel, fit, on, reference, valid_for)
+    _finish(document, as_json=as_json)
 
 
 def _from_run(rig: Rig, channel: str, run: str, against: str | None) -> Sequence[Point]:
@@ -223,25 +223,25 @@ def _as_document(name: str, channel: Channel, fit: CalibrationFit, day: date) ->
 
 def _remarks(channel: Channel, fit: CalibrationFit) -> list[str]:
     """Warnings about the calibration."""
-    unit, found = channel.unit, []
+    unit, remarks = channel.unit, []
     if fit.residual_std is None:
-        found.append(
+        remarks.append(
             f"{len(fit.points)} points fix {len(fit.coefficients)} coefficients: nothing is left to see "
             "whether the curve is right; take more"
         )
     if fit.bent:
-        found.append(f"the points are bent: --degree {fit.degree + 1} fits better than chance explains")
+        remarks.append(f"the points are bent: --degree {fit.degree + 1} fits better than chance explains")
     if channel.range is not None:
         low, high = (
             channel.display.from_si(float(end), difference=channel.difference) for end in channel.range
         )
         values = [point.reference for point in fit.points]
         if max(values) - min(values) < 0.5 * (high - low):
-            found.append(
+            remarks.append(
                 f"calibrated from {min(values):g} to {max(values):g} {unit}; the channel may read {low:g} to "
                 f"{high:g} {unit}, and beyond the points the curve is only extended"
             )
-    return found
+    return remarks
 
 
 def _show(name: str, channel: Channel, fit: CalibrationFit) -> None:
@@ -270,14 +270,14 @@ def _show(name: str, channel: Channel, fit: CalibrationFit) -> None:
         echo(f"note: {remark}")
 
 
-def _finish(told: dict[str, Any], *, as_json: bool) -> None:
+def _finish(document: dict[str, Any], *, as_json: bool) -> None:
     from rigctl.files.write import to_json
 
     if as_json:
-        echo_json(to_json(told))
-    elif told["written"]:
-        echo(f"written to {told['rig']}; before it: {told['backup']}")
-        echo(f"points: {told['points_file']}")
-        echo(f"figure: {told['figure']}")
+        echo_json(to_json(document))
+    elif document["written"]:
+        echo(f"written to {document['rig']}; before it: {document['backup']}")
+        echo(f"points: {document['points_file']}")
+        echo(f"figure: {document['figure']}")
     else:
         echo("nothing written")

@@ -77,14 +77,14 @@ def _check_procedure(
 
     plan = open_plan(procedure, rig, arg)
     check_family_of(plan.rig)
-    seen = preview(plan)
-    warnings = seen.plan.rig.warnings(datetime.now(UTC).date())
+    forecast = preview(plan)
+    warnings = forecast.plan.rig.warnings(datetime.now(UTC).date())
     if as_json:
-        document = {"kind": "procedure", **as_document(seen, warnings)}
+        document = {"kind": "procedure", **as_document(forecast, warnings)}
         echo_json(json.dumps(document, indent=1, ensure_ascii=False))
         return
     from rigctl.cli.tables import console
 
     out = console(piped_width=_PIPED_WIDTH)
-    for part in outline(seen, warnings, everything=everything):
+    for part in outline(forecast, warnings, everything=everything):
         out.print(part)

@@ -33,10 +33,10 @@ def kind_of(path: Path) -> str:
     raise _none_of_ours(path, ", ".join(map(str, keys[:5])) or "nothing")
 
 
-def _none_of_ours(path: Path, found: str) -> RigctlError:
+def _none_of_ours(path: Path, content: str) -> RigctlError:
     return RigctlError(
         "this is not a file of rigctl",
-        value=found,
+        value=content,
         expected="a procedure ('procedure: name' in it), a rig ('channels:'), a model ('model: FAMILY'), "
         "a family ('family: name') or an effect ('effect: name')",
         where=Location(path),

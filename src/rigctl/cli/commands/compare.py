@@ -128,7 +128,7 @@ def compare(
       rigctl compare latest --model models/hl32-textbook.yaml@1 --model models/hl32-textbook.yaml
     """
     from rigctl.cli.analysis_page import compare_with_versions, require_page, write_page
-    from rigctl.cli.progress import telling
+    from rigctl.cli.progress import progress_display
     from rigctl.cli.tables import print_json
     from rigctl.cli.views.compare import show_comparison, show_fmu_rivals
     from rigctl.command_line import DataOptions
@@ -140,8 +140,8 @@ def compare(
     patience = Q("s", positive=True).read(rival_timeout)
     models = open_models(model)
     opened = open_runs(runs, models[0], assume)
-    with telling("nothing was saved") as on_progress:
-        found, versions = compare_with_versions(
+    with progress_display("nothing was saved") as on_progress:
+        comparison, versions = compare_with_versions(
             opened,
             models,
             earlier=output is not None,
@@ -150,23 +150,23 @@ def compare(
             refit=fit,
             on_progress=on_progress,
         )
-        rivals = _rivals(fmus, found, on_progress, patience)
+        rivals = _rivals(fmus, comparison, on_progress, patience)
     if output is not None:
         from rigctl.report.analysis import comparison_sections, history_sections
 
         last = history_sections(model[-1], versions) if models[-1].path is not None else []
-        write_page(opened, output, [*comparison_sections(found), *last], force=force)
+        write_page(opened, output, [*comparison_sections(comparison), *last], force=force)
     if as_json:
-        told = {"rivals": [one.document() for one in rivals]} if rivals else {}
-        print_json({**found.document(), **told})
+        rival_documents = {"rivals": [one.document() for one in rivals]} if rivals else {}
+        print_json({**comparison.document(), **rival_documents})
     else:
-        show_comparison(found, verbose=verbose)
+        show_comparison(comparison, verbose=verbose)
         show_fmu_rivals(rivals)
-        _lead_on(found, runs, str(model[-1]), DataOptions(only, hold_out, assume or ()))
+        _lead_on(comparison, runs, str(model[-1]), DataOptions(only, hold_out, assume or ()))
 
 
 def _rivals(
-    fmus: Sequence[Path], found: Comparison, on_progress: Callable[[str], None], patience: float
+    fmus: Sequence[Path], comparison: Comparison, on_progress: Callable[[str], None], patience: float
 ) -> list[FmuRival]:
     """Every FMU beside the last model."""
     from rigctl.analysis.fmu_rival import judge_fmu
@@ -174,23 +174,23 @@ def _rivals(
     rivals = []
     for path in fmus:
         on_progress(f"Running {path.name}")
-        last = found.models[-1]
+        last = comparison.models[-1]
         rivals.append(judge_fmu(path, last.fit, last.name, on_progress, patience))
     return rivals
 
 
-def _lead_on(found: Comparison, runs: list[str], model: str, choice: DataOptions) -> None:
+def _lead_on(comparison: Comparison, runs: list[str], model: str, choice: DataOptions) -> None:
     """The next command: find what is missing, or make the page."""
     from rigctl.cli.next_command import page_of, show_next
     from rigctl.command_line import analysis
 
-    if found.models[-1].adequate and found.models[-1].rows:
+    if comparison.models[-1].adequate and comparison.models[-1].rows:
         command = analysis("diagnose", runs, model, choice)
         show_next(command, "shows what so few values can reveal, and what to measure next")
-    elif found.models[-1].adequacy.below_noise:
+    elif comparison.models[-1].adequacy.below_noise:
         command = page_of("compare", runs, model, choice)
         show_next(command, "makes the page of it; measure the noise, then ask again")
-    elif found.models[-1].adequate:
+    elif comparison.models[-1].adequate:
         command = page_of("compare", runs, model, choice)
         show_next(command, "makes the page of it; these data require nothing more")
     else:

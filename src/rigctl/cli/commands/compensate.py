@@ -120,7 +120,7 @@ def compensate(
         raise RigctlError("a schedule needs more", expected=", ".join(missing))
     from rigctl.cli.analysis_page import require_page, write_page
     from rigctl.cli.commands.compare import open_models, open_runs
-    from rigctl.cli.progress import telling
+    from rigctl.cli.progress import progress_display
     from rigctl.cli.tables import print_json
     from rigctl.cli.views.compensate import show_schedule
     from rigctl.compensation.schedule import compensate as compensated
@@ -130,19 +130,19 @@ def compensate(
     require_page(page, force=force)
     (opened,) = open_models([model])
     measured = open_runs(chosen, opened)
-    with telling("nothing was saved") as on_progress:
-        found = compensated(
+    with progress_display("nothing was saved") as on_progress:
+        schedule = compensated(
             measured, opened, keep=keep, vary=vary, over=over, rows=rows, seed=seed, on_progress=on_progress
         )
-    _write(found, written)
+    _write(schedule, written)
     if page is not None:
         from rigctl.report.analysis import compensation_sections
 
-        write_page(measured, page, compensation_sections(found), force=force)
+        write_page(measured, page, compensation_sections(schedule), force=force)
     if as_json:
-        print_json(found.document())
+        print_json(schedule.document())
     else:
-        show_schedule(found, written, verbose=verbose)
+        show_schedule(schedule, written, verbose=verbose)
 
 
 def _judge(chosen: list[str], *, as_json: bool) -> None:
@@ -152,12 +152,12 @@ def _judge(chosen: list[str], *, as_json: bool) -> None:
     from rigctl.compensation.paired_test import judge as judged
     from rigctl.errors import ExitCode
 
-    found: Verdict = judged(open_runs(chosen))
+    verdict: Verdict = judged(open_runs(chosen))
     if as_json:
-        print_json(found.document())
+        print_json(verdict.document())
     else:
-        show_verdict(found)
-    if not found.accepted:
+        show_verdict(verdict)
+    if not verdict.accepted:
         raise typer.Exit(int(ExitCode.FAILED))
 
 
@@ -189,10 +189,10 @@ def _require(written: list[Path], *, force: bool) -> None:
         require_output(path, force=force)
 
 
-def _write(found: Schedule, written: list[Path]) -> None:
+def _write(schedule: Schedule, written: list[Path]) -> None:
     from rigctl.files.write import write_text
 
     known = _texts()
     for path in written:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(path, known[path.suffix](found, path))
+        write_text(path, known[path.suffix](schedule, path))

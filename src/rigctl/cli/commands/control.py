@@ -76,11 +76,11 @@ def _in_progress() -> Path:
     from rigctl.dataset.catalogue import newest_folders
     from rigctl.dataset.writer_lock import in_progress
 
-    found = [folder for folder in newest_folders() if in_progress(folder)]
-    if len(found) == 1:
-        return found[0]
+    folders = [folder for folder in newest_folders() if in_progress(folder)]
+    if len(folders) == 1:
+        return folders[0]
     raise RigctlError(
-        "no run is in progress" if not found else "more than one run is in progress",
-        expected="one of " + ", ".join(folder.name for folder in found) if found else None,
+        "no run is in progress" if not folders else "more than one run is in progress",
+        expected="one of " + ", ".join(folder.name for folder in folders) if folders else None,
         exit_code=ExitCode.FAILED,
     )

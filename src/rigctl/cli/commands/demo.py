@@ -70,7 +70,7 @@ def demo(
     run, seconds = _simulate(directory, seed, None if plain else _HIDDEN[seed % len(_HIDDEN)])
     console.print(f"  {run.info['duration'] / 60:.0f} min of bench time in {seconds:.1f} s: {run.id}")
     _show_strokes(console, run)
-    told: dict[str, object] = {"project": str(directory), "run": run.id}
+    document: dict[str, object] = {"project": str(directory), "run": run.id}
     if plain:
         page = directory / f"{run.id}.html"
         size = _write_page(run, page)
@@ -81,7 +81,7 @@ def demo(
         compared = _compare(model, run, console)
         learned = _learn(directory, model, run, seed, hidden, console)
         first = learned.rounds[0]
-        told |= {
+        document |= {
             "model": str(model),
             "verdict": first.verdict,
             "effects": list(first.effects),
@@ -94,7 +94,7 @@ def demo(
         f"[bold]{3 if plain else 6}[/] The page about it: {escape(str(page))} ({size / 1e6:.1f} MB)"
     )
     if as_json:
-        echo_json(to_json(told | {"page": str(page), "bytes": size}))
+        echo_json(to_json(document | {"page": str(page), "bytes": size}))
     if show:
         typer.launch(str(page))
     elif not as_json:
@@ -122,10 +122,10 @@ def _compare(path: Path, run: Run, console: Console) -> Comparison:
     from rich.markup import escape
 
     from rigctl.analysis.comparison import compare
-    from rigctl.cli.progress import telling
+    from rigctl.cli.progress import progress_display
     from rigctl.model import load_model
 
-    with telling() as on_progress:
+    with progress_display() as on_progress:
         compared = compare([run], [load_model(path)], hold_out=_HELD_OUT, on_progress=on_progress)
     console.print(f"[bold]3[/] The textbook model against what was measured: {escape(str(path))}")
     console.print(f"  {escape(compared.models[0].statement)}", soft_wrap=True)
@@ -136,7 +136,7 @@ def _learn(directory: Path, model: Path, run: Run, seed: int, hidden: str, conso
     """The steps after the campaign: the open question, the designed records, and their result."""
     from rich.markup import escape
 
-    from rigctl.cli.progress import telling
+    from rigctl.cli.progress import progress_display
     from rigctl.learning.bench import LaunchedBench
     from rigctl.learning.keep import Kept, Task
     from rigctl.learning.learn import Learner
@@ -164,16 +164,16 @@ def _learn(directory: Path, model: Path, run: Run, seed: int, hidden: str, conso
     def judged(one: Round) -> None:
         console.print(f"  {escape(round_text(one))}", soft_wrap=True)
 
-    kept = Kept.create(directory, task, "demo")
-    learned = Learner(kept, bench, runs, proposed, working=telling, on_round=judged).learn()
+    session = Kept.create(directory, task, "demo")
+    learned = Learner(session, bench, runs, proposed, working=progress_display, on_round=judged).learn()
     console.print(f"[bold]5[/] What came of it, judged also where the fit never looked ({_HELD_OUT})")
     console.print(f"  {escape(learned.statement)}", soft_wrap=True)
-    found = _found(learned, model)
-    console.print(f"  hidden: {escape(hidden)}; found: [bold]{escape(found)}[/]", soft_wrap=True)
+    answer = _effects_text(learned, model)
+    console.print(f"  hidden: {escape(hidden)}; found: [bold]{escape(answer)}[/]", soft_wrap=True)
     return learned
 
 
-def _found(learned: Learned, model: Path) -> str:
+def _effects_text(learned: Learned, model: Path) -> str:
     """The added effects with their sizes, in the form of ``--with``; otherwise how it ended."""
     from rigctl.model import load_model
     from rigctl.units import parse_unit, with_uncertainty
@@ -202,11 +202,13 @@ def _write_story(
 
     names = [*compared.runs, *(one.run for one in learned.rounds if one.run)]
     runs = [open_run(find_run(name, directory / "runs")) for name in dict.fromkeys(names)]
-    told = named_versions(runs, model, 1, hold_out=_HELD_OUT)
+    versions = named_versions(runs, model, 1, hold_out=_HELD_OUT)
     sections = [
-        *learning_sections(learned, model, told),
+        *learning_sections(learned, model, versions),
         *comparison_sections(compared, answered=True),
-        hidden_section(hidden, _found(learned, model), right=learned.added == (hidden.partition(":")[0],)),
+        hidden_section(
+            hidden, _effects_text(learned, model), right=learned.added == (hidden.partition(":")[0],)
+        ),
     ]
     return write_report(runs, page, sections=sections).size
 

@@ -97,7 +97,7 @@ def design(
     """
     from rigctl.cli.analysis_page import require_page
     from rigctl.cli.commands.compare import open_models, open_runs
-    from rigctl.cli.progress import telling
+    from rigctl.cli.progress import progress_display
     from rigctl.cli.tables import print_json
     from rigctl.cli.views.design import show_design
     from rigctl.dataset.outputs import is_designed, require_output
@@ -112,8 +112,8 @@ def design(
     require_page(page, force=force)
     (opened,) = open_models([model])
     measured = open_runs(runs, opened, assume)
-    with telling("nothing was saved") as on_progress:
-        found = design_experiment(
+    with progress_display("nothing was saved") as on_progress:
+        result = design_experiment(
             measured,
             opened,
             budget=seconds,
@@ -126,17 +126,17 @@ def design(
             workers=at,
             on_progress=on_progress,
         )
-    if output is not None and found.procedure:
-        _write_procedure(output, found)
-    if sheet is not None and found.records:
-        _write_sheet(sheet, found)
+    if output is not None and result.procedure:
+        _write_procedure(output, result)
+    if sheet is not None and result.records:
+        _write_sheet(sheet, result)
     if page is not None:
-        _write_page(measured, page, found, force=force)
+        _write_page(measured, page, result, force=force)
     if as_json:
-        print_json(found.as_json())
+        print_json(result.as_json())
     else:
-        show_design(found, verbose=verbose)
-        _lead_on(found, runs, str(model), output)
+        show_design(result, verbose=verbose)
+        _lead_on(result, runs, str(model), output)
 
 
 def read_budget(text: str) -> float:
@@ -177,47 +177,47 @@ def read_pair(text: str) -> tuple[str, str]:
     return names[0], names[1]
 
 
-def _write_procedure(output: Path, found: DesignResult) -> None:
+def _write_procedure(output: Path, result: DesignResult) -> None:
     from rigctl.cli.echo import echo
     from rigctl.files.write import write_text
 
-    write_text(output, found.procedure)
+    write_text(output, result.procedure)
     echo(f"Wrote {output}", err=True)
 
 
-def _write_sheet(sheet: Path, found: DesignResult) -> None:
+def _write_sheet(sheet: Path, result: DesignResult) -> None:
     from rigctl.cli.echo import echo
     from rigctl.design.work_sheet import work_sheet
     from rigctl.files.write import write_new
 
-    write_new(sheet, work_sheet(found).encode("utf-8"))
+    write_new(sheet, work_sheet(result).encode("utf-8"))
     echo(f"Wrote {sheet}", err=True)
 
 
-def _write_page(runs: list[Run], page: Path, found: DesignResult, *, force: bool) -> None:
+def _write_page(runs: list[Run], page: Path, result: DesignResult, *, force: bool) -> None:
     """The design first, then the diagnosis on which it is based."""
     from rigctl.cli.analysis_page import write_page
     from rigctl.report.analysis import design_sections, diagnosis_sections
     from rigctl.report.section import folded
 
-    sections = design_sections(found)
-    if found.diagnosis is not None:
-        sections += folded(diagnosis_sections(found.diagnosis))
+    sections = design_sections(result)
+    if result.diagnosis is not None:
+        sections += folded(diagnosis_sections(result.diagnosis))
     write_page(runs, page, sections, force=force)
 
 
-def _lead_on(found: DesignResult, runs: list[str], model: str, output: Path | None) -> None:
+def _lead_on(result: DesignResult, runs: list[str], model: str, output: Path | None) -> None:
     """The next command: write the procedure, check it, or look for a sensor."""
     from rigctl.cli.next_command import show_next
     from rigctl.command_line import analysis, command
 
     again = analysis("design", runs, model)
-    rows = bool(found.records) and not found.procedure
+    rows = bool(result.records) and not result.procedure
     if rows:
         show_next(analysis("diagnose", runs, model), "shows what other than rows would distinguish them")
-    elif not found.separable and found.aim != "precision" and not found.sensors:
+    elif not result.separable and result.aim != "precision" and not result.sensors:
         show_next(f"{again} --sensors", "shows which sensor would distinguish them")
-    elif not found.procedure:
+    elif not result.procedure:
         show_next(analysis("diagnose", runs, model), "shows what these data can decide and what not")
     elif output is None:
         show_next(f"{again} -o next.yaml", "writes the procedure")

@@ -109,7 +109,7 @@ def diagnose(
     from rigctl.analysis.improve import improve
     from rigctl.cli.analysis_page import require_page
     from rigctl.cli.commands.compare import open_runs
-    from rigctl.cli.progress import telling
+    from rigctl.cli.progress import progress_display
     from rigctl.cli.tables import print_json
     from rigctl.cli.views.diagnose import show_diagnosis, show_improvement
     from rigctl.command_line import DataOptions
@@ -121,41 +121,43 @@ def diagnose(
     require_page(output, force=force)
     path = own_model(model) if apply else model
     choice = DataOptions(only, hold_out, assume or ())
-    kept = "each step that was saved before stays" if apply else "nothing was saved"
-    with telling(kept) as on_progress:
+    message = "each step that was saved before stays" if apply else "nothing was saved"
+    with progress_display(message) as on_progress:
         compared = _compared(runs, path, choice, on_progress)
         if apply:
             done = improve(compared, path, most=most, on_progress=on_progress)
         else:
             (before,) = compared.models
-            found = diagnose_comparison(
+            diagnosis = diagnose_comparison(
                 before, compared.runs, compared.held_out, compared.notes, most=most, on_progress=on_progress
             )
-            found = _with_intervals(found, repetitions, at, on_progress)
+            diagnosis = _with_intervals(diagnosis, repetitions, at, on_progress)
         next_one = None
         if design:  # imports all kinds of steps, and is rarely needed
             from rigctl.design.design import with_next_experiment
 
-            found, next_one = with_next_experiment(found, open_runs(runs), on_progress=on_progress)
+            diagnosis, next_one = with_next_experiment(diagnosis, open_runs(runs), on_progress=on_progress)
     if laws is not None:
         if apply:
             done = replace(done, last=_with_files(done.last, laws))
         else:
-            found = _with_files(found, laws)
+            diagnosis = _with_files(diagnosis, laws)
     if output is not None:
-        _write_page(open_runs(runs), output, compared, done if apply else found, path, next_one, force=force)
+        _write_page(
+            open_runs(runs), output, compared, done if apply else diagnosis, path, next_one, force=force
+        )
     if as_json:
-        print_json(done.document() if apply else found.document())
+        print_json(done.document() if apply else diagnosis.document())
     elif apply:
         show_improvement(done, verbose=verbose)
         _lead_on(done.last, runs, str(model), choice)
     else:
-        show_diagnosis(found, verbose=verbose)
+        show_diagnosis(diagnosis, verbose=verbose)
         if next_one is not None:
             from rigctl.cli.views.design import show_design
 
             show_design(next_one, verbose=verbose)
-        _lead_on(found, runs, str(model), choice)
+        _lead_on(diagnosis, runs, str(model), choice)
 
 
 def _require_no_apply(apply: bool, **others: bool) -> None:
@@ -169,27 +171,27 @@ def _require_no_apply(apply: bool, **others: bool) -> None:
 
 
 def _with_intervals(
-    found: Diagnosis, repetitions: int, at: Workers, on_progress: Callable[[str], None]
+    diagnosis: Diagnosis, repetitions: int, at: Workers, on_progress: Callable[[str], None]
 ) -> Diagnosis:
     """The diagnosis with intervals for the parameters of its final model, if requested."""
     from rigctl.analysis.bootstrap import bootstrap
 
     if not repetitions:
-        return found
+        return diagnosis
     return replace(
-        found, bootstrap=bootstrap(found.best.fit, repetitions, workers=at, on_progress=on_progress)
+        diagnosis, bootstrap=bootstrap(diagnosis.best.fit, repetitions, workers=at, on_progress=on_progress)
     )
 
 
-def _with_files(found: Diagnosis, folder: Path) -> Diagnosis:
+def _with_files(diagnosis: Diagnosis, folder: Path) -> Diagnosis:
     """The diagnosis with the effect files of its laws, where it has any."""
     from rigctl.analysis.laws.effect_file import write_law
 
-    written = tuple(write_law(one, folder, found.runs, found.model) for one in found.laws)
-    return replace(found, laws=written)
+    written = tuple(write_law(one, folder, diagnosis.runs, diagnosis.model) for one in diagnosis.laws)
+    return replace(diagnosis, laws=written)
 
 
-def _lead_on(found: Diagnosis, runs: list[str], model: str, choice: DataOptions) -> None:
+def _lead_on(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOptions) -> None:
     """The next command: add what is missing, show where nothing helps, or make the page."""
     from rigctl.analysis.diagnosis_result import Verdict
     from rigctl.cli.next_command import page_of, show_next
@@ -197,45 +199,47 @@ def _lead_on(found: Diagnosis, runs: list[str], model: str, choice: DataOptions)
     from rigctl.discovery.gate import gate_of
 
     again = analysis("diagnose", runs, model, choice)
-    if _law_first(found, runs, model, choice, again):
+    if _law_first(diagnosis, runs, model, choice, again):
         return
-    if found.next_steps and found.verdict is not Verdict.MISSING_EFFECT:
+    if diagnosis.next_steps and diagnosis.verdict is not Verdict.MISSING_EFFECT:
         command = page_of("diagnose", runs, model, choice)
         show_next(command, "makes the page of it, with what to measure next")
-    elif found.doubt:
+    elif diagnosis.doubt:
         command = page_of("compare", runs, model, choice)
         show_next(command, "makes the page of it; measure the noise, then ask again")
-    elif found.verdict is Verdict.ADEQUATE:
+    elif diagnosis.verdict is Verdict.ADEQUATE:
         command = page_of("compare", runs, model, choice)
         show_next(command, "makes the page of it; these data require nothing more")
-    elif found.verdict is Verdict.AMBIGUOUS and any(len(names) > 1 for names in found.classes):
+    elif diagnosis.verdict is Verdict.AMBIGUOUS and any(len(names) > 1 for names in diagnosis.classes):
         command = analysis("design", runs, model, choice)
         show_next(f"{command} -o next.yaml", "designs the records that would distinguish them")
-    elif gate_of(found).open:
+    elif gate_of(diagnosis).open:
         command = analysis("discover", runs, model, choice)
         show_next(command, "looks for a formula where no effect of the library fits")
-    elif found.best.candidates:
-        likely = ", the most probable, but these data cannot decide" * (found.verdict is Verdict.AMBIGUOUS)
-        show_next(f"{again} --apply", f"adds {found.best.effects[0]} as the model's next version{likely}")
+    elif diagnosis.best.candidates:
+        likely = ", the most probable, but these data cannot decide" * (
+            diagnosis.verdict is Verdict.AMBIGUOUS
+        )
+        show_next(f"{again} --apply", f"adds {diagnosis.best.effects[0]} as the model's next version{likely}")
     else:
         command = analysis("compare", runs, model, choice)
         why = "plots where it fails; 'rigctl effects check FILE' checks your own effect"
         show_next(f"{command} -o page.html", why)
 
 
-def _law_first(found: Diagnosis, runs: list[str], model: str, choice: DataOptions, again: str) -> bool:
+def _law_first(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOptions, again: str) -> bool:
     """If the data suggest another law of an effect: write it, or add what was written."""
     from rigctl.cli.next_command import show_next
     from rigctl.command_line import command
 
-    told = [one for one in found.laws if one.offered]
-    if not told:
+    laws = [one for one in diagnosis.laws if one.offered]
+    if not laws:
         return False
-    first = told[0]
+    first = laws[0]
     if first.file is None:
         show_next(f"{again} --laws effects", "writes the law that the data suggest as an effect file")
         return True
-    present = first.effect in found.before.fit.problem.model.effects
+    present = first.effect in diagnosis.before.fit.problem.model.effects
     shapes = ["--fit-shapes"] if first.offered == "power" else []
     add = command(["model", "add", model, first.file.as_posix(), *runs, *shapes], choice)
     remove = command(["model", "remove", model, first.effect])
@@ -252,7 +256,7 @@ def _write_page(
     runs: list[Run],
     output: Path,
     compared: Comparison,
-    found: Diagnosis | Improvement,
+    result: Diagnosis | Improvement,
     path: Path,
     next_one: DesignResult | None,
     *,
@@ -268,11 +272,11 @@ def _write_page(
         improvement_sections,
     )
 
-    if isinstance(found, Improvement):
-        sections = improvement_sections(compared, found, path)
+    if isinstance(result, Improvement):
+        sections = improvement_sections(compared, result, path)
     else:
         designed = [] if next_one is None else design_sections(next_one)
-        sections = [*diagnosis_sections(found), *designed, *comparison_sections(compared, answered=True)]
+        sections = [*diagnosis_sections(result), *designed, *comparison_sections(compared, answered=True)]
     write_page(runs, output, sections, force=force)
 
 

@@ -69,7 +69,7 @@ def discover(
     """
     from rigctl.cli.analysis_page import require_page
     from rigctl.cli.commands.compare import open_models, open_runs
-    from rigctl.cli.progress import telling
+    from rigctl.cli.progress import progress_display
     from rigctl.cli.tables import print_json
     from rigctl.cli.views.discover import show_discovery
     from rigctl.command_line import DataOptions
@@ -84,8 +84,8 @@ def discover(
     require_slot(opened.family, slot)
     choice = DataOptions(only, hold_out, assume or ())
     measured = open_runs(runs, opened, choice.assume)
-    with telling("nothing was saved") as on_progress:
-        found = discovered(
+    with progress_display("nothing was saved") as on_progress:
+        discovery = discovered(
             measured,
             opened,
             hold_out=hold_out,
@@ -95,33 +95,33 @@ def discover(
             on_progress=on_progress,
         )
     if output is not None:
-        found = write_files(found, output)
+        discovery = write_files(discovery, output)
     if page is not None:
-        _write_page(measured, page, found, force=force)
+        _write_page(measured, page, discovery, force=force)
     if as_json:
-        print_json(found.document())
+        print_json(discovery.document())
     else:
-        show_discovery(found, verbose=verbose)
-        _lead_on(found, runs, str(model), choice, saved=output is not None)
+        show_discovery(discovery, verbose=verbose)
+        _lead_on(discovery, runs, str(model), choice, saved=output is not None)
 
 
-def _write_page(runs: list[Run], page: Path, found: Discovery, *, force: bool) -> None:
+def _write_page(runs: list[Run], page: Path, discovery: Discovery, *, force: bool) -> None:
     """The search first, then the diagnosis on which it is based."""
     from rigctl.cli.analysis_page import write_page
     from rigctl.report.analysis import diagnosis_sections, discovery_sections
     from rigctl.report.section import folded
 
-    began = folded(diagnosis_sections(found.diagnosis))
-    write_page(runs, page, [*discovery_sections(found), *began], force=force)
+    began = folded(diagnosis_sections(discovery.diagnosis))
+    write_page(runs, page, [*discovery_sections(discovery), *began], force=force)
 
 
-def _lead_on(found: Discovery, runs: list[str], model: str, choice: DataOptions, *, saved: bool) -> None:
+def _lead_on(discovery: Discovery, runs: list[str], model: str, choice: DataOptions, *, saved: bool) -> None:
     """The next command: diagnose, save the formulas, or add the first of them."""
     from rigctl.cli.next_command import show_next
     from rigctl.command_line import analysis, command
 
-    accepted = [one for one in found.formulas if one.accepted]
-    if found.gate.reason == "library":
+    accepted = [one for one in discovery.formulas if one.accepted]
+    if discovery.gate.reason == "library":
         show_next(
             analysis("diagnose", runs, model, choice), "shows which effect it is, and how certain that is"
         )
@@ -132,6 +132,6 @@ def _lead_on(found: Discovery, runs: list[str], model: str, choice: DataOptions,
         again = analysis("discover", runs, model, choice)
         show_next(f"{again} -o effects", "writes them as effect files, for 'model add' and 'compare'")
     else:
-        agrees = found.gate.reason == "adequate"
+        agrees = discovery.gate.reason == "adequate"
         draws = "makes the page of it" if agrees else "plots where the model fails"
         show_next(f"{analysis('compare', runs, model, choice)} -o page.html", draws)

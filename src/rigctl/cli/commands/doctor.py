@@ -141,22 +141,22 @@ def doctor(
     ports = list_ports()
     findings = list(examine(ports))
     if rig is None:
-        asked = [ask_port(url, baud) for url in port or ()]
-        findings += [finding for finding, _ in asked]
-        answers = [answer for _, answer in asked]
+        replies = [ask_port(url, baud) for url in port or ()]
+        findings += [finding for finding, _ in replies]
+        answers = [answer for _, answer in replies]
     else:
-        told_by_rig = [ask_rig(rig, url) for url in port or (None,)]
-        findings += [finding for found, _ in told_by_rig for finding in found]
-        answers = [answer for _, answer in told_by_rig]
+        reports = [ask_rig(rig, url) for url in port or (None,)]
+        findings += [finding for group, _ in reports for finding in group]
+        answers = [answer for _, answer in reports]
     broken = any(finding.state == "broken" for finding in findings)
     if as_json:
-        told = {
+        document = {
             "healthy": not broken,
             "findings": [asdict(finding) for finding in findings],
             "ports": ports_document(ports),
             "asked": answers,
         }
-        echo_json(json.dumps(told, indent=1))
+        echo_json(json.dumps(document, indent=1))
     else:
         _show(findings)
     raise typer.Exit(1 if broken else 0)

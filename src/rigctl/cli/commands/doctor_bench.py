@@ -63,15 +63,15 @@ def ask_port(url: str, baud: int) -> tuple[Finding, dict[str, Any]]:
     from rigctl.clock import real_clock
 
     clock = real_clock()
-    asked: dict[str, Any] = {"port": url, "baud": baud}
+    document: dict[str, Any] = {"port": url, "baud": baud}
     try:
-        found = probe(lambda: PyserialPort(url, baud, clock), clock)
+        device = probe(lambda: PyserialPort(url, baud, clock), clock)
     except PortLost as error:
         fix = "is it the right port and --baud? Is the board flashed, and has it power?"
-        return Finding(url, "broken", str(error), fix), {**asked, "error": str(error)}
+        return Finding(url, "broken", str(error), fix), {**document, "error": str(error)}
     except RigctlError as error:
-        return Finding(url, "broken", str(error), error.hint or ""), {**asked, "error": str(error)}
-    return _heard(url, found), {**asked, **asdict(found)}
+        return Finding(url, "broken", str(error), error.hint or ""), {**document, "error": str(error)}
+    return _heard(url, device), {**document, **asdict(device)}
 
 
 def ask_rig(path: Path, url: str | None) -> tuple[list[Finding], dict[str, Any]]:
@@ -83,25 +83,25 @@ def ask_rig(path: Path, url: str | None) -> tuple[list[Finding], dict[str, Any]]
     from rigctl.clock import real_clock
     from rigctl.rig import load_rig
 
-    asked: dict[str, Any] = {"rig": str(path)}
+    document: dict[str, Any] = {"rig": str(path)}
     try:
         rig = load_rig(path)
         address = address_of(rig, url)
-        asked |= {"port": address.url}
+        document |= {"port": address.url}
         if rig.lines is None:
             raise RigctlError("this rig's board is asked by its port alone", expected=f"--port {address.url}")
         reading = read_once(rig, rig.lines, address, real_clock())
     except PortLost as error:
         fix = "is the address right, has the device power, and does a firewall let it through?"
-        return [Finding(path.name, "broken", str(error), fix)], {**asked, "error": str(error)}
+        return [Finding(path.name, "broken", str(error), fix)], {**document, "error": str(error)}
     except RigctlError as error:
-        return [Finding(path.name, "broken", str(error), error.hint or "")], {**asked, "error": str(error)}
+        return [Finding(path.name, "broken", str(error), error.hint or "")], {**document, "error": str(error)}
     known = ", ".join(f"{name} {text}" for name, text in reading.identity.items())
     answers = f"answers in {1e3 * reading.round_trip:.1f} ms" if reading.round_trip >= 0.0 else "answers"
-    found = [Finding(address.url, "ok", f"{rig.name}: {answers}{', ' if known else ''}{known}")]
-    found += [Finding(address.url, "broken", trouble) for trouble in reading.troubles]
-    found += _channel_findings(rig, reading, address.url)
-    return found, {**asked, **asdict(reading)}
+    findings = [Finding(address.url, "ok", f"{rig.name}: {answers}{', ' if known else ''}{known}")]
+    findings += [Finding(address.url, "broken", trouble) for trouble in reading.troubles]
+    findings += _channel_findings(rig, reading, address.url)
+    return findings, {**document, **asdict(reading)}
 
 
 def _channel_findings(rig: Rig, reading: OneReading, url: str) -> Iterator[Finding]:
@@ -144,18 +144,18 @@ def _other_order(rig: Rig, impossible: Sequence[str], url: str) -> str:
     return "compare the address, type and scale with the device's manual"
 
 
-def _heard(url: str, found: Found) -> Finding:
-    link = found.link
+def _heard(url: str, device: Found) -> Finding:
+    link = device.link
     quality = (
         f"{link.answered} of {link.asked} answers whole, round trip {1e3 * link.median:.1f} ms, "
         f"at most {1e3 * link.slowest:.1f} ms"
     )
     if link.answered == link.asked:
-        return Finding(url, "ok", f"{found.name}; {quality}")
+        return Finding(url, "ok", f"{device.name}; {quality}")
     return Finding(
         url,
         "broken",
-        f"{found.name}; {quality}",
+        f"{device.name}; {quality}",
         "a shorter cable, another socket, away from motors and relays",
     )
 

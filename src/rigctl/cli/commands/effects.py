@@ -84,12 +84,12 @@ def list_(
         documents = [family_document(each) for each in families]
         print_json({"families": documents}) if as_json else show_slots(documents)
         return
-    found = [effect for each in families for effect in library(each).values()]
+    effects = [effect for each in families for effect in library(each).values()]
     offered = [document for each in families for document in offer_documents(each)]
     if as_json:
-        print_json({"effects": [effect_document(effect) for effect in found], "generic": offered})
+        print_json({"effects": [effect_document(effect) for effect in effects], "generic": offered})
     else:
-        show_list(found)
+        show_list(effects)
         show_offers(offered)
 
 
@@ -122,21 +122,30 @@ def show(
     from rigctl.effects.document import effect_document
     from rigctl.model.signature import signature
 
-    found, bench, others = _open(effect, family, rig, alongside)
-    record = found.model_family.standard_record is not None
+    definition, bench, others = _open(effect, family, rig, alongside)
+    record = definition.model_family.standard_record is not None
     drawn = figure is not None or (picture and record)
-    seen = signature(found, bench, alongside=others, progress=_tell) if drawn else None
-    if figure is not None and seen is not None:
+    effect_signature = (
+        signature(definition, bench, alongside=others, progress=_print_progress) if drawn else None
+    )
+    if figure is not None and effect_signature is not None:
         from rigctl.report.effect_figure import write_effect_figure
 
-        write_effect_figure(seen, found, figure, bench)
+        write_effect_figure(effect_signature, definition, figure, bench)
     if as_json:
-        document = effect_document(found)
-        print_json(document | ({"signature": signature_document(seen, bench)} if seen is not None else {}))
+        document = effect_document(definition)
+        print_json(
+            document
+            | (
+                {"signature": signature_document(effect_signature, bench)}
+                if effect_signature is not None
+                else {}
+            )
+        )
         return
-    show_effect(found)
-    if seen is not None:
-        show_signature(seen, bench)
+    show_effect(definition)
+    if effect_signature is not None:
+        show_signature(effect_signature, bench)
     elif picture:
         echo("\nThe family has no 'standard_record' on which to draw what it changes.")
     if figure is not None:
@@ -165,13 +174,13 @@ def check(
     from rigctl.effects.user.load import place_of
     from rigctl.model.effect_preview import faults_on_record, try_effect
 
-    found, bench, others = _open(effect, family, rig, alongside)
-    faults = faults_on_record(found, bench, alongside=others, progress=_tell)
+    definition, bench, others = _open(effect, family, rig, alongside)
+    faults = faults_on_record(definition, bench, alongside=others, progress=_print_progress)
     if faults:
         where = _file(effect) if is_effect_file(effect) else None
         errors = [error.at(place_of(where, part) if where else Location()) for part, error in faults]
         raise errors[0] if len(errors) == 1 else SeveralErrors(errors)
-    trial = try_effect(found, bench, alongside=others, progress=_tell)
+    trial = try_effect(definition, bench, alongside=others, progress=_print_progress)
     print_json(trial_document(trial, bench)) if as_json else show_trial(trial, bench)
 
 
@@ -228,5 +237,5 @@ def _rig(path: Path | None) -> Rig | None:
     return load_rig(find_file(path))
 
 
-def _tell(text: str) -> None:
+def _print_progress(text: str) -> None:
     echo(text, err=True)

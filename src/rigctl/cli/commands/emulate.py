@@ -41,9 +41,9 @@ def emulate(
 
     if speed == "max":
         raise RigctlError("other clients live in real time", value=speed, expected="1x, or e.g. 5x")
-    found = rig if rig.exists() else find_project().resolve(rig)
+    path = rig if rig.exists() else find_project().resolve(rig)
     options: dict[str, object] = {"baud": baud} if seed is None else {"baud": baud, "seed": seed}
-    board = make_board(load_rig(found), options)
+    board = make_board(load_rig(path), options)
     bridge = PtyBridge(board, clock_for(speed, "emulated"))
     try:
         # handlers of our own: a shell's background job has Ctrl-C ignored, and SIGTERM would leave the link

@@ -83,7 +83,7 @@ def export(
 
     form = _form(to, output)
     if form == "ro-crate":
-        opened_all = {found.id: found for found in map(open_run, runs)}
+        opened_all = {run.id: run for run in map(open_run, runs)}
         path = output or Path(f"{list(opened_all)[-1]}-crate")
         files = export_ro_crate(tuple(opened_all.values()), path, licence=licence, title=title)
         if as_json:

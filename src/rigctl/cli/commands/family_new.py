@@ -169,9 +169,9 @@ def _check(root: Path, proposal: Proposal) -> None:
 
 def import_arguments(table: Table) -> list[str]:
     """The option `--columns` of `rigctl import` for the file."""
-    left = {column.theirs for column in table.columns if column.role == "left out"}
-    kept = [text for text in table.renamed if text.partition("=")[0] not in left]
-    return [*kept, *(f"{theirs}=-" for theirs in sorted(left))]
+    omitted = {column.theirs for column in table.columns if column.role == "left out"}
+    renamed = [text for text in table.renamed if text.partition("=")[0] not in omitted]
+    return [*renamed, *(f"{theirs}=-" for theirs in sorted(omitted))]
 
 
 def _commands(proposal: Proposal, arguments: Sequence[str]) -> list[str]:
@@ -234,5 +234,5 @@ def _show(document: Mapping[str, Any], tried: FirstFit | None) -> None:
         for line in tried.lines():
             echo(line)
     echo("Edit these files; 'rigctl check FILE' says what is wrong with one.")
-    for place, command in enumerate(document["next"]):
-        echo(f"{'Next: ' if place == 0 else '      '}{command}")
+    for index, command in enumerate(document["next"]):
+        echo(f"{'Next: ' if index == 0 else '      '}{command}")

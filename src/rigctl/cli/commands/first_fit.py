@@ -38,14 +38,14 @@ class FirstFit:
 
     def lines(self) -> list[str]:
         """Lines for the terminal."""
-        found = [
+        texts = [
             f"first fit: {name} within {f'{significant(value, 3)} {self.units[name]}'.strip()} (RMSE), "
             f"{value / self.span[name]:.1%} of its range"
             for name, value in self.rmse.items()
             if self.span[name] > 0.0
         ]
-        found += [f"no first fit: {self.problem}"] if self.problem else []
-        return found + ([f"drawn in {self.plot}"] if self.plot is not None else [])
+        texts += [f"no first fit: {self.problem}"] if self.problem else []
+        return texts + ([f"drawn in {self.plot}"] if self.plot is not None else [])
 
     def document(self) -> dict[str, Any]:
         """For programs."""
@@ -58,19 +58,19 @@ class FirstFit:
 
 def first_fit(proposal: Proposal, root: Path, columns: Sequence[str], *, fit: bool) -> FirstFit:
     """Import the file outside the project's runs, fit the model, and plot; the run is not kept."""
-    found, problem = None, "" if fit else "not asked for"
+    result, problem = None, "" if fit else "not asked for"
     if fit:
         try:
-            found = _fitted(proposal, root, columns)
+            result = _fitted(proposal, root, columns)
         except RigctlError as error:
             problem = str(error)
-    plot = _draw(proposal, root, found)
-    if found is None:
+    plot = _draw(proposal, root, result)
+    if result is None:
         return FirstFit(plot, problem=problem)
     rmse, span, units = {}, {}, {}
-    for place, name in enumerate(found.problem.measurements.outputs):
+    for index, name in enumerate(result.problem.measurements.outputs):
         column = proposal.table.column(name)
-        errors = _errors(found, place)
+        errors = _errors(result, index)
         if errors.size:
             between = parse_unit(column.interval)
             rmse[name] = between.from_si(float(np.sqrt(np.mean(errors**2))))
@@ -79,10 +79,11 @@ def first_fit(proposal: Proposal, root: Path, columns: Sequence[str], *, fit: bo
     return FirstFit(plot, rmse, span, units)
 
 
-def _errors(found: FitResult, place: int) -> np.ndarray:
-    records = found.problem.measurements.records
+def _errors(result: FitResult, index: int) -> np.ndarray:
+    records = result.problem.measurements.records
     errors = [
-        record.values[:, place] - said[:, place] for record, said in zip(records, found.outputs, strict=True)
+        record.values[:, index] - prediction[:, index]
+        for record, prediction in zip(records, result.outputs, strict=True)
     ]
     together = np.concatenate(errors)
     return np.asarray(together[np.isfinite(together)])
@@ -90,7 +91,7 @@ def _errors(found: FitResult, place: int) -> np.ndarray:
 
 def _fitted(proposal: Proposal, root: Path, columns: Sequence[str]) -> FitResult:
     from rigctl.analysis.fitting import fit_to_data, read_runs
-    from rigctl.cli.progress import telling
+    from rigctl.cli.progress import progress_display
     from rigctl.dataset import open_run
     from rigctl.dataset.importing import Options, import_file
     from rigctl.model import load_model
@@ -102,7 +103,7 @@ def _fitted(proposal: Proposal, root: Path, columns: Sequence[str]) -> FitResult
     rig = load_rig(root / proposal.rig)
     with (
         tempfile.TemporaryDirectory(prefix="rigctl-") as folder,
-        telling("the files are there") as on_progress,
+        progress_display("the files are there") as on_progress,
     ):
         options = Options(times="drop" if table.copies else "refuse")
         done = import_file(table.path, rig, Path(folder), columns=columns, options=options)
@@ -111,18 +112,18 @@ def _fitted(proposal: Proposal, root: Path, columns: Sequence[str]) -> FitResult
         return fit_to_data(model, data, on_progress=on_progress)
 
 
-def _draw(proposal: Proposal, root: Path, found: FitResult | None) -> Path | None:
+def _draw(proposal: Proposal, root: Path, result: FitResult | None) -> Path | None:
     from rigctl.report.figure_files import write_figure
     from rigctl.report.plot import Plot
 
     table = proposal.table
     x, title = _axis(table)
     shown = [column for column in table.columns if column.role != "left out"]
-    panels = tuple(_panel(column, table, x, found) for column in shown)
+    panels = tuple(_panel(column, table, x, result) for column in shown)
     if not panels:
         return None
-    said = "measured, and the draft after one fit" if found is not None else "measured"
-    plot = Plot(f"{proposal.name}-first-look", f"{proposal.name}: {said}", title, panels)
+    subtitle = "measured, and the draft after one fit" if result is not None else "measured"
+    plot = Plot(f"{proposal.name}-first-look", f"{proposal.name}: {subtitle}", title, panels)
     folder = root / "figures"
     folder.mkdir(exist_ok=True)
     return write_figure(plot, folder)
@@ -141,22 +142,22 @@ def _axis(table: Table) -> tuple[np.ndarray, str]:
     return x, "time [s]" if len(table.pieces) == 1 else "time [s], records one after the other"
 
 
-def _panel(column: Column, table: Table, x: np.ndarray, found: FitResult | None) -> Panel:
+def _panel(column: Column, table: Table, x: np.ndarray, result: FitResult | None) -> Panel:
     from rigctl.report.plot import Look, Panel, Trace
 
     points = table.times is None
     look = Look.POINTS if points else Look.STEP if column.stepped else Look.LINE
     measured = Trace("measured", x, column.shown, look, colour=0, unit=column.unit)
-    return Panel(f"{column.name} [{column.unit}]", (measured, *_said(column, table, x, found)))
+    return Panel(f"{column.name} [{column.unit}]", (measured, *_fit_traces(column, table, x, result)))
 
 
-def _said(column: Column, table: Table, x: np.ndarray, found: FitResult | None) -> list[Trace]:
+def _fit_traces(column: Column, table: Table, x: np.ndarray, result: FitResult | None) -> list[Trace]:
     from rigctl.report.plot import Look, Trace
 
-    if found is None or column.name not in found.problem.measurements.outputs:
+    if result is None or column.name not in result.problem.measurements.outputs:
         return []
-    place = found.problem.measurements.outputs.index(column.name)
-    values = np.concatenate([said[:, place] for said in found.outputs])
+    index = result.problem.measurements.outputs.index(column.name)
+    values = np.concatenate([prediction[:, index] for prediction in result.outputs])
     if values.size != x.size:  # rows were left out
         return []
     shown = (values - column.display.offset) / column.display.factor

@@ -172,7 +172,7 @@ def import_(
         save(save_mapping, options)
     if not as_json:
         echo(done.run)
-    _tell(done, paths[0])
+    _report_import(done, paths[0])
     if as_json:
         counts = {"records": done.records, "rows": done.rows, "left_out": done.left_out}
         document = {"run": done.run, "path": str(done.path), **counts, "notes": list(done.notes)}
@@ -220,13 +220,13 @@ def _options(
     from rigctl.dataset.importing.options import Options, checked_choices
     from rigctl.project import find_file
 
-    said = Options(
+    options = Options(
         columns=read_mapping(columns or ()),
         assume=read_assumptions(assume or ()),
         missing=tuple(missing or ()),
         **checked_choices(choices),
     )
-    return said.over(load_mapping(find_file(mapping))) if mapping is not None else said
+    return options.over(load_mapping(find_file(mapping))) if mapping is not None else options
 
 
 def _lead_on(rig: Path | None, run: Path) -> None:
@@ -274,11 +274,11 @@ def _model_of(rig: Path | None) -> str | None:
 
 def _named(field: re.Pattern[str], path: Path) -> str | None:
     """The value of a field at the top of a file."""
-    found = field.search(path.read_text(encoding="utf-8", errors="replace"))
-    return found.group(1) if found else None
+    match = field.search(path.read_text(encoding="utf-8", errors="replace"))
+    return match.group(1) if match else None
 
 
-def _tell(done: Imported, file: Path) -> None:
+def _report_import(done: Imported, file: Path) -> None:
     """Show bad rows, notes and the amount of data on stderr."""
     for fault in done.faults[:_TOLD]:
         echo(f"left out: {fault.error(file)}", err=True)

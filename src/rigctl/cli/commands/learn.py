@@ -123,7 +123,7 @@ def learn(
     """
     from rigctl.cli.commands.design import read_budget
     from rigctl.cli.options.serve import shown
-    from rigctl.cli.progress import telling
+    from rigctl.cli.progress import progress_display
     from rigctl.cli.tables import print_json
     from rigctl.cli.views.learn import show_learned, show_proposal, show_round
     from rigctl.learning.learn import Learner
@@ -132,20 +132,20 @@ def learn(
     time = None if budget is None else read_budget(budget)
     wanted = None if precision is None else read_share(precision)
     if resume:
-        kept = _resumed(procedure, model, time, rounds, wanted)
+        session = _resumed(procedure, model, time, rounds, wanted)
     else:
-        said = {"serial_number": serial_number, "part": part, "notes": notes}
+        labels = {"serial_number": serial_number, "part": part, "notes": notes}
         bench = {
             "backend": backend,
             "port": port,
             "seed": seed,
             "speed": speed,
             "effects": effect,
-            "device": {name: text for name, text in said.items() if text},
+            "device": {name: text for name, text in labels.items() if text},
         }
         given = {name: value for name, value in bench.items() if value}
-        asked = (given, time, rounds, hold_out or "", wanted)
-        kept = _begun(procedure, model, rig, arg or [], run or [], *asked)
+        task_arguments = (given, time, rounds, hold_out or "", wanted)
+        session = _new_session(procedure, model, rig, arg or [], run or [], *task_arguments)
     person = _person(operator)
 
     def ask(proposal: Round, design: DesignResult) -> bool:
@@ -154,18 +154,20 @@ def learn(
 
     with shown(wanted=serve):
         learned = Learner(
-            kept,
-            _bench(kept.task, person),
+            session,
+            _bench(session.task, person),
             find_project().runs,
             ask,
-            working=lambda: telling("measurements and additions are kept; 'rigctl learn --resume' continues"),
+            working=lambda: progress_display(
+                "measurements and additions are kept; 'rigctl learn --resume' continues"
+            ),
             on_round=lambda one: None if as_json else show_round(one),
         ).learn()
-        page = _write_page(kept, learned)
+        page = _write_page(session, learned)
         if as_json:
-            print_json(learned.document() | {"folder": str(kept.folder), "page": str(page)})
+            print_json(learned.document() | {"folder": str(session.folder), "page": str(page)})
         else:
-            show_learned(learned, kept.folder, page)
+            show_learned(learned, session.folder, page)
     raise typer.Exit(int(learned.exit_code))
 
 
@@ -180,12 +182,12 @@ def read_share(text: str) -> float:
     from rigctl.units import read_si
 
     try:
-        found = read_si(text, "1")
+        share = read_si(text, "1")
     except RigctlError:
-        found = 0.0
-    if not 0.0 < found < 1.0:
+        share = 0.0
+    if not 0.0 < share < 1.0:
         raise RigctlError("--precision: no share", value=text, expected="e.g. 10 %")
-    return found
+    return share
 
 
 def _resumed(
@@ -202,12 +204,12 @@ def _resumed(
         raise RigctlError(
             "--resume: procedure and model are those it began with", expected="rigctl learn --resume"
         )
-    kept = Kept.find(find_project().root)
-    kept.reopen(budget=time, rounds=rounds, precision=precision)
-    return kept
+    session = Kept.find(find_project().root)
+    session.reopen(budget=time, rounds=rounds, precision=precision)
+    return session
 
 
-def _begun(
+def _new_session(
     procedure: Path | None,
     model: Path | None,
     rig: Path | None,
@@ -335,7 +337,7 @@ def _confirmed() -> bool:
         ) from None
 
 
-def _write_page(kept: Kept, learned: Learned) -> Path:
+def _write_page(session: Kept, learned: Learned) -> Path:
     """Write the page into the learning's folder; replaced after every session."""
     from rigctl.cli.analysis_page import named_versions
     from rigctl.dataset import find_run, open_run
@@ -343,11 +345,11 @@ def _write_page(kept: Kept, learned: Learned) -> Path:
     from rigctl.report import write_report
     from rigctl.report.analysis import learning_sections
 
-    page = kept.folder / "learning.html"
-    runs = [open_run(find_run(name, find_project().runs)) for name in kept.runs]
+    page = session.folder / "learning.html"
+    runs = [open_run(find_run(name, find_project().runs)) for name in session.runs]
     if runs:
-        task, told = kept.task, None
+        task, versions = session.task, None
         if any(one.judged for one in learned.rounds):
-            told = named_versions(runs, Path(task.model), task.version, hold_out=task.hold_out or None)
-        write_report(runs, page, sections=learning_sections(learned, Path(task.model), told), force=True)
+            versions = named_versions(runs, Path(task.model), task.version, hold_out=task.hold_out or None)
+        write_report(runs, page, sections=learning_sections(learned, Path(task.model), versions), force=True)
     return page

@@ -53,14 +53,14 @@ def off(
     with _impatient():
         bench = open_rig_at(port) if rig is None and port is not None else open_rig(rig)
         result = switch_off(bench, access_of(bench, backend, port, "1x", clear_trips=clear_trips))
-    said = {
+    document = {
         "rig": bench.name,
         "done": result.done,
         "confirmed": result.confirmed,
         "known_by": result.known_by,
     }
     if as_json:
-        echo_json(json.dumps({**said, "ended": list(result.ended)}))
+        echo_json(json.dumps({**document, "ended": list(result.ended)}))
     else:
         echo(result.done)
     if not result.confirmed:
@@ -195,12 +195,12 @@ def open_rig(path: Path | None) -> Rig:
     chosen = path or project.rig
     if chosen is not None:
         return load_rig(find_file(chosen))
-    found = sorted((project.root / "rigs").glob("*.yaml"))
-    if len(found) == 1:
-        return load_rig(found[0])
+    paths = sorted((project.root / "rigs").glob("*.yaml"))
+    if len(paths) == 1:
+        return load_rig(paths[0])
     raise RigctlError(
         "which rig?",
-        expected=" or ".join(f"--rig {rig.relative_to(project.root).as_posix()}" for rig in found)
+        expected=" or ".join(f"--rig {rig.relative_to(project.root).as_posix()}" for rig in paths)
         or "--rig FILE",
         hint=f'{MARKER} can name one for good: rig = "rigs/my-bench.yaml"',
     )
@@ -227,7 +227,7 @@ def open_rig_at(port: str) -> Rig:
         pass  # no project, or several rigs: the port decides
     clock = real_clock()
     try:
-        found = probe(lambda: PyserialPort(port, 115200, clock), clock, rounds=1)
+        device = probe(lambda: PyserialPort(port, 115200, clock), clock, rounds=1)
     except PortLost as error:
         raise RigctlError(
             "the bench cannot be reached",
@@ -237,9 +237,11 @@ def open_rig_at(port: str) -> Rig:
         ) from None
     known = {"RIGCTL,": "hl32-bench-uno.yaml", "TCLab": "tclab-board.yaml"}
     for begin, name in known.items():
-        if found.identity.startswith(begin):
+        if device.identity.startswith(begin):
             return load_rig(shipped("rigs", name))
-    raise RigctlError("nobody knows what makes this device safe", value=found.identity, expected="--rig FILE")
+    raise RigctlError(
+        "nobody knows what makes this device safe", value=device.identity, expected="--rig FILE"
+    )
 
 
 def access_of(
@@ -280,14 +282,14 @@ def _as_json(rig: Rig, reading: Reading) -> str:
         for name, value in zip(layout.channels, sample.values, strict=True)
     }
     commands = dict(zip(layout.commands, sample.commands, strict=True))
-    told = {
+    document = {
         "time": sample.time,
         "channels": channels,
         "units": {name: layout.unit(name) for name in channels},
         "commands": {name: rig.actuators[name].show(value) for name, value in commands.items()},
         "alarms": [alarm.message for alarm in reading.alarms if alarm.active],
     }
-    return to_json(told, indent=None)
+    return to_json(document, indent=None)
 
 
 def _print_event(rig: Rig, time: float, kind: str, fields: Mapping[str, Any]) -> None:

@@ -47,10 +47,10 @@ def show(model: ModelFile, *, family: FamilyOption = None, as_json: Json = False
     from rigctl.project import find_file
 
     path = find_file(model)
-    found = load_model(path)
+    definition = load_model(path)
     head, number = split_version(path)
     version = current_version(head) if number is None else find_version(head, number)
-    print_json(model_document(found, version)) if as_json else show_model(found, version)
+    print_json(model_document(definition, version)) if as_json else show_model(definition, version)
 
 
 @app.command()
@@ -72,8 +72,8 @@ def diff(
     from rigctl.model import difference, load_model
     from rigctl.project import find_file
 
-    found = difference(load_model(find_file(first)), load_model(find_file(second)))
-    print_json(difference_document(found)) if as_json else show_difference(found)
+    changes = difference(load_model(find_file(first)), load_model(find_file(second)))
+    print_json(difference_document(changes)) if as_json else show_difference(changes)
 
 
 @app.command()
@@ -100,11 +100,11 @@ def history(
     from rigctl.project import find_file
 
     path = find_file(model)
-    found, current = versions(path), current_version(path)
+    listing, current = versions(path), current_version(path)
     if as_json:
-        print_json(history_document(found, current))
+        print_json(history_document(listing, current))
     else:
-        show_history(found, current, verbose=verbose)
+        show_history(listing, current, verbose=verbose)
 
 
 @app.command()
@@ -130,7 +130,7 @@ def fit(
     from rigctl.cli.commands.model_changes import carry_out
     from rigctl.project import own_model
 
-    wanted = Wanted("fit", lambda found: found, True, hold_out, only, assume or ())
+    wanted = Wanted("fit", lambda model: model, True, hold_out, only, assume or ())
     carry_out(own_model(model), wanted, runs, as_json=as_json, verbose=verbose)
 
 
@@ -182,15 +182,15 @@ def add(
     if fitting and not runs:
         raise RigctlError("there is nothing to fit the effect to", hint="Name a RUN, or say --no-fit")
     path = own_model(model)
-    found, values, files = read_effect(load_model(path), effect)
+    addition, values, files = read_effect(load_model(path), effect)
     wanted = Wanted(
         "add",
-        lambda one: one.with_effect(found, values, shapes=fit_shapes),
+        lambda one: one.with_effect(addition, values, shapes=fit_shapes),
         fitting,
         hold_out,
         only,
         assume or (),
-        effect=found.name,
+        effect=addition.name,
         effect_files=files,
     )
     carry_out(path, wanted, runs or (), as_json=as_json, verbose=verbose)
@@ -341,12 +341,12 @@ def export(
     path = find_file(model)
     target = output or Path(f"{split_version(path)[0].stem}.fmu")
     require_output(target, force=overwrite, option="--overwrite")
-    made = export_fmu(load_model(path), target, sources_only=sources_only)
+    fmu = export_fmu(load_model(path), target, sources_only=sources_only)
     if as_json:
-        print_json({**asdict(made), "path": str(made.path), "model": str(path)})
+        print_json({**asdict(fmu), "path": str(fmu.path), "model": str(path)})
         return
-    compiled = f"compiled for {made.platform}" if made.platform else "not compiled"
+    compiled = f"compiled for {fmu.platform}" if fmu.platform else "not compiled"
     echo(
-        f"{made.path}: {made.states} states, {made.inputs} inputs, {made.parameters} parameters, "
-        f"{made.outputs} outputs, {compiled}"
+        f"{fmu.path}: {fmu.states} states, {fmu.inputs} inputs, {fmu.parameters} parameters, "
+        f"{fmu.outputs} outputs, {compiled}"
     )

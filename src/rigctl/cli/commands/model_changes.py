@@ -11,7 +11,7 @@ from rigctl.analysis.model_change import Changed, Wanted, change_model
 from rigctl.cli.commands.compare import open_runs
 from rigctl.cli.echo import echo
 from rigctl.cli.next_command import show_next
-from rigctl.cli.progress import telling
+from rigctl.cli.progress import progress_display
 from rigctl.cli.tables import console, print_json, table
 from rigctl.cli.views.answer import counted, show_answer
 from rigctl.cli.views.compare import show_departures
@@ -40,7 +40,7 @@ def carry_out(
     RigctlError
         the records or the model are not suitable.
     """
-    with telling("nothing was saved") as on_progress:
+    with progress_display("nothing was saved") as on_progress:
         opened = open_runs(runs, load_model(path), wanted.assume) if runs else []
         changed = change_model(path, wanted, opened, on_progress=on_progress)
     print_json(changed.document()) if as_json else _show(changed, verbose=verbose)
@@ -53,8 +53,8 @@ def read_effect(model: Model, written: str) -> tuple[Effect, dict[str, float], t
         return effect, {} if effect.base else effect.start, ()
     parameters = {name: value for name, value in model.values.items() if "." not in name}
     effect, values = read_effect_option(written, model.family, parameters)
-    own = is_effect_file(written.partition(":")[0])
-    return effect, values, (find_file(Path(written.partition(":")[0])),) if own else ()
+    from_file = is_effect_file(written.partition(":")[0])
+    return effect, values, (find_file(Path(written.partition(":")[0])),) if from_file else ()
 
 
 def _show(changed: Changed, *, verbose: bool) -> None:
@@ -97,10 +97,10 @@ def _show(changed: Changed, *, verbose: bool) -> None:
         show_next(f"{command} --no-fit", "shows whether it agrees with them now")
 
 
-def _show_values(made: Model) -> None:
+def _show_values(model: Model) -> None:
     """The parameters that were fitted."""
     shown = table("fitted parameter", "value", "", "unit")
-    for stated in stated_values(made):
+    for stated in stated_values(model):
         if stated.fit:
             value, spread = value_texts(stated)
             shown.add_row(stated.name, value, escape(spread), escape(stated.unit))
@@ -111,9 +111,9 @@ def _in_words(fitted: Sequence[StatedValue]) -> str:
     """The first of the fitted parameters with their uncertainty; those of effects before the others."""
     first = sorted(fitted, key=lambda stated: "." not in stated.name)[:_NAMED]
     units = ["" if one.unit == "1" else one.unit for one in first]
-    said = [
+    parts = [
         " ".join(part for part in (one.name, *value_texts(one), unit) if part)
         for one, unit in zip(first, units, strict=True)
     ]
-    left = len(fitted) - len(first)
-    return ", ".join([*said, *([f"and {left} more"] if left else [])])
+    remaining = len(fitted) - len(first)
+    return ", ".join([*parts, *([f"and {remaining} more"] if remaining else [])])

@@ -51,9 +51,11 @@ def settings_wanted(
         raise RigctlError("there is nothing to set", expected="NAME=VALUE, --add EFFECT or --remove EFFECT")
     given = read_assignments(values, "NAME=VALUE")
     read = [read_effect(model, text) for text in add]
-    files: tuple[Path, ...] = tuple(file for _, _, own in read for file in own)
-    settings = _Settings(given, tuple((effect, found) for effect, found, _ in read), tuple(remove))
-    made = settings(model)
-    note = words_of(made, read_settings(made, given), (effect.name for effect, _, _ in read), remove)
+    files: tuple[Path, ...] = tuple(file for _, _, paths in read for file in paths)
+    settings = _Settings(
+        given, tuple((effect, effect_values) for effect, effect_values, _ in read), tuple(remove)
+    )
+    result = settings(model)
+    note = words_of(result, read_settings(result, given), (effect.name for effect, _, _ in read), remove)
     hold_out, only, assume = choice
     return Wanted("set", settings, False, hold_out, only, assume, effect_files=files, note=note)

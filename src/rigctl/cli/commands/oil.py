@@ -67,8 +67,8 @@ def oil(
     if as_json:
         echo_json(json.dumps(_document(chosen, model, rows, errors), indent=1))
     else:
-        asked = temperature is not None or pressure is not None
-        _show(chosen, model, rows if asked or not errors else (), errors)
+        has_conditions = temperature is not None or pressure is not None
+        _show(chosen, model, rows if has_conditions or not errors else (), errors)
 
 
 def _through_points(oil: Oil, text: str) -> Oil:

@@ -119,16 +119,18 @@ def _analysis(runs: list[Run], models: list[Model], *, diagnose: bool) -> list[S
     """What the first model lacks, how the models agree with the runs, and how their error fell."""
     from rigctl.analysis.diagnosis import diagnose_comparison
     from rigctl.cli.analysis_page import compare_with_versions
-    from rigctl.cli.progress import telling
+    from rigctl.cli.progress import progress_display
     from rigctl.report.analysis import comparison_sections, diagnosis_sections, history_sections
 
-    with telling("nothing was saved") as on_progress:
-        found, versions = compare_with_versions(runs, models, on_progress=on_progress)
-        compared = comparison_sections(found, answered=diagnose)
+    with progress_display("nothing was saved") as on_progress:
+        comparison, versions = compare_with_versions(runs, models, on_progress=on_progress)
+        compared = comparison_sections(comparison, answered=diagnose)
         path = models[-1].path
         if path is not None:
             compared += history_sections(path, versions)
         if not diagnose:
             return compared
-        missing = diagnose_comparison(found.models[0], found.runs, notes=found.notes, on_progress=on_progress)
+        missing = diagnose_comparison(
+            comparison.models[0], comparison.runs, notes=comparison.notes, on_progress=on_progress
+        )
         return [*diagnosis_sections(missing), *compared]

@@ -69,11 +69,11 @@ def list_(
     # one more than shown, to know whether there are more
     wanted = most + 1 if most and not last else most
     try:
-        found = list_runs(where=where, last=wanted)
+        listing = list_runs(where=where, last=wanted)
     except RigctlError as problem:
-        found = list_runs(where=where, last=wanted, stored=False)  # repeats a condition's error
+        listing = list_runs(where=where, last=wanted, stored=False)  # repeats a condition's error
         echo(f"note: {problem}. Only the runs of this computer are listed", err=True)
-    shown = found[-most:] if most else found
+    shown = listing[-most:] if most else listing
     if as_json:
         _print_json({"runs": [vars(run) for run in shown]})  # asdict() would make deep copies
     elif not shown:
@@ -84,7 +84,7 @@ def list_(
         )
         echo(none)
     else:
-        if len(found) > len(shown):
+        if len(listing) > len(shown):
             echo(f"The newest {len(shown)}; '--all' lists every one, '--where' chooses.", err=True)
         _print_table(_runs_table(shown))
 
@@ -115,9 +115,12 @@ def show(run: Ref = "latest", *, as_json: Json = False) -> None:
     _print_table(_facts_table(info))
     if records:
         _print_table(_records_table(records, facts))
-    for said in info.get("annotations", ()):
-        about = "" if said["record"] is None else f" (record {said['record']})"
-        echo(f"{_instant(said['when'])} {said['by']}: {said['kind']}{about}: {said['text']}")
+    for annotation in info.get("annotations", ()):
+        about = "" if annotation["record"] is None else f" (record {annotation['record']})"
+        echo(
+            f"{_instant(annotation['when'])} {annotation['by']}: "
+            f"{annotation['kind']}{about}: {annotation['text']}"
+        )
 
 
 @app.command()
@@ -144,11 +147,11 @@ def verify(
     ]
     broken = sum(not verdict.good for verdict in verdicts)
     if as_json:
-        told = [
+        documents = [
             {"run": verdict.id, "condition": verdict.condition.value, "problems": list(verdict.problems)}
             for verdict in verdicts
         ]
-        _print_json({"runs": told, "broken": broken})
+        _print_json({"runs": documents, "broken": broken})
     else:
         for verdict in verdicts:
             echo(f"{verdict.id}: {verdict.condition.value}")
@@ -192,7 +195,7 @@ def upload(
     if address is None:
         raise RigctlError("no storage is named", expected='--to ADDRESS, or runs = "s3://…" in rigctl.toml')
     folders = [find_run(ref) for ref in runs] if runs else run_folders(runs_folder())
-    store, told = Store(address), []
+    store, outcomes = Store(address), []
     silent = 0  # runs in a row for which the storage did not answer: each takes up to minutes
     for folder in folders:
         try:
@@ -201,19 +204,19 @@ def upload(
             done = send(folder, store)
         except StorageSilent as problem:
             silent = min(silent + 1, _SILENT_RUNS)
-            told.append({"run": folder.name, "sent": 0, "there": 0, "problem": str(problem)})
+            outcomes.append({"run": folder.name, "sent": 0, "there": 0, "problem": str(problem)})
         except RigctlError as problem:
-            told.append({"run": folder.name, "sent": 0, "there": 0, "problem": str(problem)})
+            outcomes.append({"run": folder.name, "sent": 0, "there": 0, "problem": str(problem)})
         else:
             silent = 0
-            told.append({"run": done.run, "sent": done.sent, "there": done.there, "problem": None})
+            outcomes.append({"run": done.run, "sent": done.sent, "there": done.there, "problem": None})
         if not as_json:
-            last = told[-1]
-            said = last["problem"] or f"{last['sent']} files sent, {last['there']} were there"
-            echo(f"{folder.name}: {said}")
+            last = outcomes[-1]
+            outcome = last["problem"] or f"{last['sent']} files sent, {last['there']} were there"
+            echo(f"{folder.name}: {outcome}")
     if as_json:
-        _print_json({"address": address, "runs": told})
-    if any(one["problem"] for one in told):
+        _print_json({"address": address, "runs": outcomes})
+    if any(one["problem"] for one in outcomes):
         raise typer.Exit(ExitCode.FAILED)
 
 
@@ -290,8 +293,8 @@ def _print_rows(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> Non
     if len(rows) <= _SHOWN_ROWS or sys.stdout.isatty():
         _print_table(_table(columns, [[_cell(value) for value in row] for row in rows[:_SHOWN_ROWS]]))
         if len(rows) > _SHOWN_ROWS:
-            said = f"The first {_SHOWN_ROWS} of {len(rows)} rows are shown."
-            echo(f"{said} Redirect the output, or use '--json', to get all.", err=True)
+            message = f"The first {_SHOWN_ROWS} of {len(rows)} rows are shown."
+            echo(f"{message} Redirect the output, or use '--json', to get all.", err=True)
         return
     cells = ([_cell(value) for value in row] for row in rows)
     lines = [[printable(cell) for cell in row] for row in (columns, *cells)]
@@ -329,8 +332,8 @@ def _records_cell(run: RunSummary) -> str:
     """``27/28, 1 excluded``: complete ones of all."""
     if run.records is None:
         return ""
-    whole = run.complete_records == run.records
-    text = str(run.records) if whole else f"{run.complete_records}/{run.records}"
+    complete = run.complete_records == run.records
+    text = str(run.records) if complete else f"{run.complete_records}/{run.records}"
     return f"{text}, {run.excluded} excluded" if run.excluded else text
 
 
@@ -422,8 +425,8 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     from rich.text import Text
 
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
-    for place, column in enumerate(columns):
-        table.add_column(Text(printable(column)), overflow="fold", no_wrap=place == 0)
+    for index, column in enumerate(columns):
+        table.add_column(Text(printable(column)), overflow="fold", no_wrap=index == 0)
     for row in rows:
         table.add_row(*(Text(printable(cell, keep="\n")) for cell in row))
     return table

@@ -64,13 +64,13 @@ def serve(
     def started(address: str) -> None:
         base, _, token = address.partition("#")
         address = f"{base}{page}#{token}"
-        echo(f"{found.root.name} is shown at\n  {address}\nCtrl-C ends it; a run in progress goes on.")
+        echo(f"{target.root.name} is shown at\n  {address}\nCtrl-C ends it; a run in progress goes on.")
         if not no_browser and can_open():
             open_browser(address)
 
-    found = find_project(project)
+    target = find_project(project)
     settings = Settings(
-        found,
+        target,
         host,
         port,
         certificate=_file(certificate),

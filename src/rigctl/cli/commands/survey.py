@@ -114,7 +114,7 @@ def survey(
     """
     from rigctl.cli.analysis_page import require_page
     from rigctl.cli.commands.compare import open_models
-    from rigctl.cli.progress import telling
+    from rigctl.cli.progress import progress_display
     from rigctl.cli.tables import print_json
     from rigctl.cli.views.survey import show_survey
     from rigctl.dataset.outputs import require_output
@@ -127,10 +127,12 @@ def survey(
     if junit is not None:
         require_output(junit, force=force)
     (opened,) = open_models([model])
-    kept = "nothing was saved" if no_cache else "what was read is kept, and the same command goes on with it"
-    with telling(kept) as on_progress:
+    message = (
+        "nothing was saved" if no_cache else "what was read is kept, and the same command goes on with it"
+    )
+    with progress_display(message) as on_progress:
         measured, damaged = _opened(runs or ["all"], where)
-        found = surveyed(
+        result = surveyed(
             measured,
             opened,
             by=by,
@@ -147,16 +149,16 @@ def survey(
     if output is not None:
         from rigctl.report.analysis.survey import write_survey_page
 
-        write_survey_page(found, opened.rig.name if opened.rig else "", output, force=force)
+        write_survey_page(result, opened.rig.name if opened.rig else "", output, force=force)
     if junit is not None:
         from rigctl.monitoring.junit import write_junit
 
-        write_junit(found, junit)
+        write_junit(result, junit)
     if as_json:
-        print_json(found.document())
+        print_json(result.document())
     else:
-        show_survey(found, [path for path in (output, junit) if path is not None], verbose=verbose)
-    if alarm and found.verdict == "changed":
+        show_survey(result, [path for path in (output, junit) if path is not None], verbose=verbose)
+    if alarm and result.verdict == "changed":
         raise typer.Exit(int(ExitCode.FAILED))
 
 

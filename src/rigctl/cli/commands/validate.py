@@ -78,13 +78,13 @@ def validate(
     from rigctl.validation.tables import page
 
     chosen = Workers(workers, cluster=cluster)
-    found, path = _carried_out(tier, out, first, chosen, resume=resume)
+    figures, path = _carried_out(tier, out, first, chosen, resume=resume)
     command = f"rigctl validate --tier {tier.value}" + (f" --first {first}" if first is not None else "")
-    write_text(out / f"{tier.value}.md", page(found, command))
+    write_text(out / f"{tier.value}.md", page(figures, command))
     if as_json:
-        print_json({"command": command, "results": str(path), **found.document()})
+        print_json({"command": command, "results": str(path), **figures.document()})
     else:
-        _show(found, path)
+        _show(figures, path)
 
 
 def _carried_out(
@@ -137,38 +137,38 @@ def _outcomes(
             value=str(path),
             hint="'--resume' goes on with them, another '--out' begins anew",
         )
-    with _told() as progress:
+    with _trial_progress() as progress:
         return run_scenarios(trials, work, store, workers=workers, progress=progress)
 
 
 @contextmanager
-def _told() -> Iterator[Callable[[BenchmarkProgress], None]]:
+def _trial_progress() -> Iterator[Callable[[BenchmarkProgress], None]]:
     """Report progress: on a terminal one line that is rewritten, otherwise a line now and then."""
-    from rigctl.cli.progress import telling
+    from rigctl.cli.progress import progress_display
 
     often = 0.0 if sys.stderr.isatty() else _OFTEN
     last = -math.inf
-    with telling("every finished trial is kept, and '--resume' goes on") as tell:
+    with progress_display("every finished trial is kept, and '--resume' goes on") as report:
 
-        def told(standing: BenchmarkProgress) -> None:
+        def report_progress(standing: BenchmarkProgress) -> None:
             nonlocal last
             now = time.monotonic()
             if now - last >= often or standing.done == standing.total:
                 last = now
-                tell(str(standing))
+                report(str(standing))
 
-        yield told
+        yield report_progress
 
 
-def _show(found: Figures, path: Path) -> None:
+def _show(figures: Figures, path: Path) -> None:
     from rich.markup import escape
 
     from rigctl.cli.tables import console
     from rigctl.validation.tables import confusion_table, left_out_text, rates_table
 
     screen = console()
-    screen.print(rates_table(found))
-    screen.print(confusion_table(found))
-    for line in left_out_text(found):
+    screen.print(rates_table(figures))
+    screen.print(confusion_table(figures))
+    for line in left_out_text(figures):
         screen.print(escape(line), soft_wrap=True)
     screen.print(f"Every trial: {escape(str(path))}", soft_wrap=True)

@@ -35,8 +35,8 @@ def _say(before: Tally) -> None:
     from rigctl.engine.kept import RESULTS_VARIABLE, TALLY, results_folder
 
     folder = results_folder()
-    made = f"made and kept: {TALLY.made - before.made}, in {folder}"
-    where = f"none kept, as {RESULTS_VARIABLE} is 'off'" if folder is None else made
+    summary = f"made and kept: {TALLY.made - before.made}, in {folder}"
+    where = f"none kept, as {RESULTS_VARIABLE} is 'off'" if folder is None else summary
     echo(f"Results of earlier commands reused: {TALLY.reused - before.reused}; {where}", err=True)
 
 

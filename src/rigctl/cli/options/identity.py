@@ -41,9 +41,9 @@ def identified(plan: Plan, given: Mapping[str, str | None], *, demanded: bool = 
     from rigctl.cli.attended_run import typing_possible
     from rigctl.plan.identity import settled
 
-    found, missing = settled(plan.procedure.identity, given)
+    identity, missing = settled(plan.procedure.identity, given)
     if not demanded or not missing:
-        return found
+        return identity
     if not typing_possible():
         options = " and ".join(f"--{name.replace('_', '-')}" for name in missing)
         raise RigctlError(
@@ -51,7 +51,7 @@ def identified(plan: Plan, given: Mapping[str, str | None], *, demanded: bool = 
             expected=options,
             where=plan.root.where,
         )
-    return replace(found, **{name: _ask(plan, name) for name in missing})
+    return replace(identity, **{name: _ask(plan, name) for name in missing})
 
 
 def _ask(plan: Plan, name: str) -> str:
@@ -65,10 +65,10 @@ def _ask(plan: Plan, name: str) -> str:
             name.replace("_", " ").capitalize() + (f" [{pattern}]" if pattern else ""), err=True
         )
         try:
-            said = checked(demands, name, str(text))
+            answer = checked(demands, name, str(text))
         except RigctlError as error:
             echo(str(error), err=True)
         else:
-            if said:
-                return said
+            if answer:
+                return answer
     raise RigctlError(f"no {name.replace('_', ' ')} was given that fits", expected=pattern)

@@ -67,8 +67,8 @@ def read_quantities(text: str, unit: str) -> list[float]:
     shared = items[-1].lstrip("+-0123456789.eE:").strip()
     values: list[float] = []
     for item in items:
-        own = item.lstrip("+-0123456789.eE:").strip()
-        values += _read_item(item if own else f"{item} {shared}", unit)
+        own_unit = item.lstrip("+-0123456789.eE:").strip()
+        values += _read_item(item if own_unit else f"{item} {shared}", unit)
     return values
 
 

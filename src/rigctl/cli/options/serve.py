@@ -61,26 +61,26 @@ def _begin() -> subprocess.Popen[str] | None:
         creationflags=group,
         start_new_session=not group,
     )
-    said = _first_words(server)
+    first_words = _first_words(server)
     if server.poll() is not None:
-        echo(f"note: {said}", err=True)
+        echo(f"note: {first_words}", err=True)
         _end(server)
         return None
-    echo(f"Shown at {said}", err=True)
+    echo(f"Shown at {first_words}", err=True)
     return server
 
 
 def _first_words(server: subprocess.Popen[str]) -> str:
     """The address that a server prints, or the reason why there is none."""
     assert server.stdout is not None  # noqa: S101 - opened as a pipe
-    said: list[str] = []
+    lines: list[str] = []
     for line in server.stdout:
         if "#" in line and "://" in line:
             threading.Thread(target=_drain, args=(server.stdout,), name="server", daemon=True).start()
             return line.strip()
-        said.append(line.strip())
+        lines.append(line.strip())
     server.wait()
-    return " ".join(said).removeprefix("rigctl: ")
+    return " ".join(lines).removeprefix("rigctl: ")
 
 
 def _drain(stream: IO[str]) -> None:

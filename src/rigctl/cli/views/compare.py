@@ -56,24 +56,24 @@ def show_fmu_rivals(rivals: Sequence[FmuRival]) -> None:
         out.print(shown)
 
 
-def show_comparison(found: Comparison, *, verbose: bool = False) -> None:
+def show_comparison(comparison: Comparison, *, verbose: bool = False) -> None:
     """Show the statement on each model and the next command; with `verbose` the figures behind it."""
     if verbose:
-        _show_evidence(found)
+        _show_evidence(comparison)
         return
-    for model in found.models[:-1]:
+    for model in comparison.models[:-1]:
         show_statement(model)
-    last = found.models[-1]
+    last = comparison.models[-1]
     more = [
-        *counted(len(routine(found.notes)), "note on the data", "notes on the data"),
+        *counted(len(routine(comparison.notes)), "note on the data", "notes on the data"),
         "every test and place",
     ]
-    show_answer(models_answer(found.models), title="-", more=more)
-    for model in found.models:
+    show_answer(models_answer(comparison.models), title="-", more=more)
+    for model in comparison.models:
         show_departures(model.outside)
         for band in model.curve_bands:
             console().print(f"  {escape(band.statement)}.", soft_wrap=True)
-    show_unusual(found.notes)
+    show_unusual(comparison.notes)
     for finding in last.findings[:_MOST_FINDINGS]:
         console().print(f"  {escape(finding)}.", soft_wrap=True)
 
@@ -111,23 +111,23 @@ def show_unusual(notes: Sequence[str]) -> None:
             console().print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
 
 
-def _show_evidence(found: Comparison) -> None:
+def _show_evidence(comparison: Comparison) -> None:
     """Show the statement on each model, and every figure behind it."""
     out = console()
-    for model in found.models:
+    for model in comparison.models:
         show_statement(model)
         show_departures(model.outside)
         for band in model.curve_bands:
             out.print(f"  {escape(band.statement)}.", soft_wrap=True)
         for finding in model.findings:
             out.print(f"  {escape(finding)}.", soft_wrap=True)
-    show_notes(found.notes)
-    if found.held_out:
-        out.print(f"  held out: {len(found.held_out)} records ({escape(_few(found.held_out))})")
-    if len(found.models) > 1:
-        out.print(_side_by_side(found.models))
+    show_notes(comparison.notes)
+    if comparison.held_out:
+        out.print(f"  held out: {len(comparison.held_out)} records ({escape(_few(comparison.held_out))})")
+    if len(comparison.models) > 1:
+        out.print(_side_by_side(comparison.models))
         return
-    (model,) = found.models
+    (model,) = comparison.models
     if model.rows:
         show_rows(model)
     out.print(_channels(model))
@@ -146,9 +146,9 @@ def show_statement(model: ModelComparison) -> None:
     console().print(f"[bold {colour}]{escape(model.statement)}[/]", soft_wrap=True)
 
 
-def show_departures(found: Sequence[Departure]) -> None:
+def show_departures(departures: Sequence[Departure]) -> None:
     """Show a warning for each range of validity that the model leaves."""
-    for one in found:
+    for one in departures:
         console().print(f"  [yellow]warning:[/] {escape(one.statement)}.", soft_wrap=True)
 
 
@@ -157,15 +157,15 @@ def show_record_level(model: ModelComparison) -> None:
     out = console()
     if not model.record_level:
         return
-    made = table("record-level parameter", "prior", "lowest", "mean", "highest", "records")
-    for column in made.columns[2:]:
+    grid = table("record-level parameter", "prior", "lowest", "mean", "highest", "records")
+    for column in grid.columns[2:]:
         column.justify = "right"
     for one in model.record_level:
         values = one.values
         mark = "[red]" if one.statement else ""
         cells = [one.shown(float(value)) for value in (values.min(), values.mean(), values.max())]
-        made.add_row(f"{mark}{escape(one.meaning)}", escape(one.prior), *map(escape, cells), str(values.size))
-    out.print(made)
+        grid.add_row(f"{mark}{escape(one.meaning)}", escape(one.prior), *map(escape, cells), str(values.size))
+    out.print(grid)
     for one in model.record_level:
         if one.statement and one.statement not in model.statement:
             text = one.statement[0].upper() + one.statement[1:]
@@ -182,14 +182,14 @@ def _channels(model: ModelComparison) -> Table:
     channels = model.channels()
     held = any(one["heldout_rmse"] is not None for one in channels.values())
     heads = ("channel", "RMSE", *(["held out"] if held else []), "bias", "largest", "noise", "unit")
-    made = table(*heads, "RMSE/noise", "χ²", "R²", "noise from", "spikes masked")
-    for column in made.columns[1 : len(heads) - 1]:
+    grid = table(*heads, "RMSE/noise", "χ²", "R²", "noise from", "spikes masked")
+    for column in grid.columns[1 : len(heads) - 1]:
         column.justify = "right"
     titles = model.fit.problem.measurements.titles
     for name, one in channels.items():
         rest = [_shown(one["heldout_rmse"], ".4g")] if held else []
         share = one["noise_share"]
-        made.add_row(
+        grid.add_row(
             titles.get(name, name),
             significant(one["rmse"]),
             *rest,
@@ -203,7 +203,7 @@ def _channels(model: ModelComparison) -> Table:
             one["noise_source"],
             str(one["masked"] or ""),
         )
-    return made
+    return grid
 
 
 def _shown(value: float | None, form: str) -> str:
@@ -212,27 +212,27 @@ def _shown(value: float | None, form: str) -> str:
 
 def _side_by_side(models: Sequence[ModelComparison]) -> Table:
     """One column for each model."""
-    made = table("", *(escape(model.name) for model in models))
+    grid = table("", *(escape(model.name) for model in models))
     channels = [model.channels() for model in models]
-    for name in dict.fromkeys(name for own in channels for name in own):
-        made.add_row(f"[bold]{name}[/]")
+    for name in dict.fromkeys(name for by_name in channels for name in by_name):
+        grid.add_row(f"[bold]{name}[/]")
         for label, key in (("RMSE", "rmse"), ("held out", "heldout_rmse"), ("noise", "noise")):
-            cells = [own[name][key] if name in own else None for own in channels]
-            units = [own[name]["unit"] if name in own else "" for own in channels]
+            cells = [by_name[name][key] if name in by_name else None for by_name in channels]
+            units = [by_name[name]["unit"] if name in by_name else "" for by_name in channels]
             if any(cell is not None for cell in cells):
                 shown = [
                     "" if cell is None else f"{significant(cell)} {escape(unit)}"
                     for cell, unit in zip(cells, units, strict=True)
                 ]
-                made.add_row(f"  {label}", *shown)
-    made.add_row("reduced χ²", *(significant(model.fit.chi2_reduced) for model in models))
+                grid.add_row(f"  {label}", *shown)
+    grid.add_row("reduced χ²", *(significant(model.fit.chi2_reduced) for model in models))
     for test in _ASKS:
         tests = [model.adequacy.tests.get(test) for model in models]
         if any(tests):
-            made.add_row(f"p of {test} test", *("" if one is None else chance(one.p_value) for one in tests))
-    made.add_row("p of all", *(chance(model.adequacy.p_value) for model in models))
-    made.add_row("adequate", *map(_adequate, models))
-    return made
+            grid.add_row(f"p of {test} test", *("" if one is None else chance(one.p_value) for one in tests))
+    grid.add_row("p of all", *(chance(model.adequacy.p_value) for model in models))
+    grid.add_row("adequate", *map(_adequate, models))
+    return grid
 
 
 def _adequate(model: ModelComparison) -> str:
@@ -242,36 +242,36 @@ def _adequate(model: ModelComparison) -> str:
 
 
 def _tests(model: ModelComparison) -> Table:
-    made = table("test", "what it asks", "statistic", "dof", "p")
+    grid = table("test", "what it asks", "statistic", "dof", "p")
     for name, test in model.adequacy.tests.items():
         dof = str(test.dof) if test.dof else ""
-        made.add_row(name, _ASKS.get(name, ""), significant(test.statistic), dof, chance(test.p_value))
-    made.add_row(
+        grid.add_row(name, _ASKS.get(name, ""), significant(test.statistic), dof, chance(test.p_value))
+    grid.add_row(
         "all", "Holm: the smallest p, corrected for three tests", "", "", chance(model.adequacy.p_value)
     )
-    return made
+    return grid
 
 
 def _places(places: Sequence[Place]) -> Table:
     """Show where it fails, the worst of each kind first."""
-    made = table("where it fails", "share of the error", "", "error/noise", "p")
-    made.columns[2].justify = "right"
+    grid = table("where it fails", "share of the error", "", "error/noise", "p")
+    grid.columns[2].justify = "right"
     kinds = list(dict.fromkeys(place.by for place in places))
     if "phase" not in kinds:  # with a single phase, the channel names suffice
         kinds = [kind for kind in kinds if kind != "cell"]
     for kind in kinds:
-        own = [place for place in places if place.by == kind]
-        made.add_row(f"[dim]by {_KINDS[kind]}[/]")
-        for place in own[: _MOST.get(kind, len(own))]:
+        group = [place for place in places if place.by == kind]
+        grid.add_row(f"[dim]by {_KINDS[kind]}[/]")
+        for place in group[: _MOST.get(kind, len(group))]:
             share = max(place.share_of_error, 0.0)
-            made.add_row(
+            grid.add_row(
                 f"  {escape(place.label)}",
                 f"[cyan]{draw_bar(share, 1.0, width=_BAR)}[/]",
                 f"{100 * share:.0f} %",
                 f"{place.rmse:.2f}",
                 chance(place.p_value),
             )
-    return made
+    return grid
 
 
 def _show_trends(model: ModelComparison) -> None:

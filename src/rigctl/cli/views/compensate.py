@@ -19,17 +19,17 @@ from rigctl.units import parse_unit, show, with_uncertainty
 _POINTS = "operating points with what each comes to"
 
 
-def show_schedule(found: Schedule, written: Sequence[Path], *, verbose: bool = False) -> None:
+def show_schedule(schedule: Schedule, written: Sequence[Path], *, verbose: bool = False) -> None:
     """Show the set-points, their uncertainty and the measured range; with `verbose` also the table."""
     out = console()
-    more = [] if verbose else [*counted(len(found.rows), "operating point with what it comes to", _POINTS)]
-    show_answer(schedule_answer(found), more=more)
+    more = [] if verbose else [*counted(len(schedule.rows), "operating point with what it comes to", _POINTS)]
+    show_answer(schedule_answer(schedule), more=more)
     if verbose:
-        out.print(_rows(found))
-        if found.off:
-            off = show(found.off, found.unit, difference=True, digits=2)
+        out.print(_rows(schedule))
+        if schedule.off:
+            off = show(schedule.off, schedule.unit, difference=True, digits=2)
             out.print(f"  between two rows a straight line is off by {off} at most", soft_wrap=True)
-    for note in (*found.ends[1:], *found.notes):
+    for note in (*schedule.ends[1:], *schedule.notes):
         out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
     for path in written:
         out.print(f"  written: {escape(path.as_posix())}", soft_wrap=True)
@@ -41,44 +41,49 @@ def show_schedule(found: Schedule, written: Sequence[Path], *, verbose: bool = F
         )
 
 
-def schedule_answer(found: Schedule) -> Answer:
+def schedule_answer(schedule: Schedule) -> Answer:
     """The set-point at each operating point, its uncertainty, and the measured range."""
-    reached = found.reached
-    points = [f"{show(row.vary, found.vary_unit)} at {show(row.over, found.over_unit)}" for row in reached]
-    std = show(max(row.std for row in reached), found.vary_unit, difference=True, digits=2)
-    scatter = show(max(row.scatter for row in reached), found.unit, difference=True, digits=2)
-    box = ", ".join(f"{name} {show(low, u)} to {show(high, u)}" for name, low, high, u in found.valid)
+    reached = schedule.reached
+    points = [
+        f"{show(row.vary, schedule.vary_unit)} at {show(row.over, schedule.over_unit)}" for row in reached
+    ]
+    std = show(max(row.std for row in reached), schedule.vary_unit, difference=True, digits=2)
+    scatter = show(max(row.scatter for row in reached), schedule.unit, difference=True, digits=2)
+    box = ", ".join(f"{name} {show(low, u)} to {show(high, u)}" for name, low, high, u in schedule.valid)
     facts = (
         ("set", ", ".join(points)),
-        ("how sure", f"± {std} by the fit; {found.quantity} scatters by ± {scatter} from record to record"),
+        (
+            "how sure",
+            f"± {std} by the fit; {schedule.quantity} scatters by ± {scatter} from record to record",
+        ),
         ("measured", f"over {box}"),
     )
-    return Answer("warn" if found.notes else "good", "Schedule", found.statement, facts)
+    return Answer("warn" if schedule.notes else "good", "Schedule", schedule.statement, facts)
 
 
-def _rows(found: Schedule) -> Table:
-    left = f"left at {show(found.fixed, found.vary_unit)}"
-    made = table(found.over, found.vary, found.quantity, "scatter", left)
-    for column in made.columns:
+def _rows(schedule: Schedule) -> Table:
+    heading = f"left at {show(schedule.fixed, schedule.vary_unit)}"
+    grid = table(schedule.over, schedule.vary, schedule.quantity, "scatter", heading)
+    for column in grid.columns:
         column.justify = "right"
-    unit = parse_unit(found.vary_unit)
-    for row in found.rows:
-        unchanged = show(row.fixed, found.unit)
-        at = show(row.over, found.over_unit)
+    unit = parse_unit(schedule.vary_unit)
+    for row in schedule.rows:
+        unchanged = show(row.fixed, schedule.unit)
+        at = show(row.over, schedule.over_unit)
         if not row.reached:
-            made.add_row(at, "out of reach", "", "", unchanged)
+            grid.add_row(at, "out of reach", "", "", unchanged)
             continue
-        made.add_row(
+        grid.add_row(
             at,
-            with_uncertainty(unit.from_si(row.vary), row.std / unit.factor, found.vary_unit),
-            show(row.kept, found.unit),
-            f"± {show(row.scatter, found.unit, difference=True, digits=2)}",
+            with_uncertainty(unit.from_si(row.vary), row.std / unit.factor, schedule.vary_unit),
+            show(row.kept, schedule.unit),
+            f"± {show(row.scatter, schedule.unit, difference=True, digits=2)}",
             unchanged,
         )
-    return made
+    return grid
 
 
-def show_verdict(found: Verdict) -> None:
+def show_verdict(verdict: Verdict) -> None:
     """Show whether the schedule is accepted, and why."""
-    head = "[bold green]Accepted[/]" if found.accepted else "[bold yellow]Not accepted[/]"
-    console().print(f"{head}: {escape(found.statement)}.", soft_wrap=True)
+    head = "[bold green]Accepted[/]" if verdict.accepted else "[bold yellow]Not accepted[/]"
+    console().print(f"{head}: {escape(verdict.statement)}.", soft_wrap=True)

@@ -20,33 +20,35 @@ _WIDTH = 12
 _LIKELY = 0.5
 
 
-def show_design(found: DesignResult, *, verbose: bool = False) -> None:
+def show_design(result: DesignResult, *, verbose: bool = False) -> None:
     """Show the answer, the rivals and the records; with `verbose` also the predictions for each pair and the
     sensors."""
     if verbose:
-        _show_whole(found)
+        _show_whole(result)
         return
-    good = found.separable or (found.aim == "precision" and bool(found.records))
-    named = dict(found.explanations.values())
+    good = result.separable or (result.aim == "precision" and bool(result.records))
+    named = dict(result.explanations.values())
     facts = [("rivals", ", ".join(f"{name} {100.0 * weight:.0f} %" for name, weight in named.items()))]
-    facts += [(f"record {number}", _in_words(one)) for number, one in enumerate(found.records, start=1)]
-    probable = {one.name for one in found.rivals if one.weight > 1.0 / ODDS}
+    facts += [(f"record {number}", _in_words(one)) for number, one in enumerate(result.records, start=1)]
+    probable = {one.name for one in result.rivals if one.weight > 1.0 / ODDS}
     alike = {
         frozenset((one.truth, one.rival)): f"{one.truth} and {one.rival}"
-        for one in found.outlooks
+        for one in result.outlooks
         if one.after < _LIKELY and one.truth in probable
     }
-    if found.records and alike:
+    if result.records and alike:
         facts.append(("hardly", f"distinguished if one of them is right: {', '.join(alike.values())}"))
     more = [
-        *(["the predicted power for each pair"] if found.outlooks else []),
+        *(["the predicted power for each pair"] if result.outlooks else []),
         *counted(
-            len(found.sharpened), "parameter that becomes more certain", "parameters that become more certain"
+            len(result.sharpened),
+            "parameter that becomes more certain",
+            "parameters that become more certain",
         ),
-        *counted(len(found.sensors), "set of sensors", "sets of sensors"),
+        *counted(len(result.sensors), "set of sensors", "sets of sensors"),
     ]
     answer = Answer(
-        "good" if good else "warn", title(found), found.statement, tuple(f for f in facts if f[1])
+        "good" if good else "warn", title(result), result.statement, tuple(f for f in facts if f[1])
     )
     show_answer(answer, more=more)
 
@@ -60,47 +62,47 @@ def _in_words(one: ProposedRecord) -> str:
     return text if one.widest is None else f"{text}. {one.widest.statement}"
 
 
-def _show_whole(found: DesignResult) -> None:
+def _show_whole(result: DesignResult) -> None:
     """Show the answer, the rivals, the predictions for each pair, the records and the sensors."""
     out = console()
-    good = found.separable or (found.aim == "precision" and bool(found.records))
+    good = result.separable or (result.aim == "precision" and bool(result.records))
     out.print(
-        f"[bold {'green' if good else 'yellow'}]{title(found)}[/]: {escape(found.statement)}.",
+        f"[bold {'green' if good else 'yellow'}]{title(result)}[/]: {escape(result.statement)}.",
         soft_wrap=True,
     )
-    out.print(_rivals(found))
-    if found.outlooks:
-        out.print(_outlooks(found))
-    if found.sharpened:
-        out.print(_sharpened(found))
-    if found.records:
-        out.print(_records(found))
-    for number, one in enumerate(found.records, start=1):
+    out.print(_rivals(result))
+    if result.outlooks:
+        out.print(_outlooks(result))
+    if result.sharpened:
+        out.print(_sharpened(result))
+    if result.records:
+        out.print(_records(result))
+    for number, one in enumerate(result.records, start=1):
         _show_record(number, one)
-    if found.sensors:
-        out.print(_sensors(found))
-    for note in found.notes:
+    if result.sensors:
+        out.print(_sensors(result))
+    for note in result.notes:
         out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
 
 
-def _rivals(found: DesignResult) -> Table:
-    made = table("rival", "weight", "", "chi²/dof", "parameters")
-    made.columns[2].justify = made.columns[3].justify = "right"
-    for one in found.rivals:
+def _rivals(result: DesignResult) -> Table:
+    grid = table("rival", "weight", "", "chi²/dof", "parameters")
+    grid.columns[2].justify = grid.columns[3].justify = "right"
+    for one in result.rivals:
         values = ", ".join(f"{name.partition('.')[2]} {value}" for name, value in one.parameters.items())
         bar = f"[cyan]{draw_bar(one.weight, 1.0, width=_WIDTH)}[/]"
-        made.add_row(
+        grid.add_row(
             escape(one.name), bar, f"{100.0 * one.weight:.1f} %", f"{one.chi2_reduced:.3f}", escape(values)
         )
-    return made
+    return grid
 
 
-def _outlooks(found: DesignResult) -> Table:
-    made = table("if this is right", "rival", "margin so far", "D", "±", "P now", "P then")
-    for column in made.columns[2:]:
+def _outlooks(result: DesignResult) -> Table:
+    grid = table("if this is right", "rival", "margin so far", "D", "±", "P now", "P then")
+    for column in grid.columns[2:]:
         column.justify = "right"
-    for one in found.outlooks:
-        made.add_row(
+    for one in result.outlooks:
+        grid.add_row(
             escape(one.truth),
             escape(one.rival),
             f"{one.margin:+.1f}",
@@ -109,28 +111,28 @@ def _outlooks(found: DesignResult) -> Table:
             share(one.before),
             share(one.after),
         )
-    return made
+    return grid
 
 
-def _sharpened(found: DesignResult) -> Table:
-    made = table("parameter", "± now", "± then", "unit")
-    made.columns[1].justify = made.columns[2].justify = "right"
-    for one in found.sharpened:
-        made.add_row(
+def _sharpened(result: DesignResult) -> Table:
+    grid = table("parameter", "± now", "± then", "unit")
+    grid.columns[1].justify = grid.columns[2].justify = "right"
+    for one in result.sharpened:
+        grid.add_row(
             escape(one.name), significant(one.before, 3), significant(one.after, 3), escape(one.unit)
         )
-    return made
+    return grid
 
 
-def _records(found: DesignResult) -> Table:
-    precise = found.aim == "precision"
+def _records(result: DesignResult) -> Table:
+    precise = result.aim == "precision"
     gain = "ln ratio" if precise else "D"
-    made = table("record", "at", gain, "of a repeat", "P before", "P after", "rig time")
-    for column in made.columns[2:]:
+    grid = table("record", "at", gain, "of a repeat", "P before", "P after", "rig time")
+    for column in grid.columns[2:]:
         column.justify = "right"
-    for number, one in enumerate(found.records, start=1):
+    for number, one in enumerate(result.records, start=1):
         settings = ", ".join(f"{name} {value}" for name, value in one.settings.items())
-        made.add_row(
+        grid.add_row(
             str(number),
             escape(settings),
             significant(one.separation, 3),
@@ -139,7 +141,7 @@ def _records(found: DesignResult) -> Table:
             "" if precise else share(one.after),
             clock_time(one.duration) if one.duration else "",
         )
-    return made
+    return grid
 
 
 def _show_record(number: int, one: ProposedRecord) -> None:
@@ -150,19 +152,19 @@ def _show_record(number: int, one: ProposedRecord) -> None:
         out.print(f"     {escape(widest.statement)}", soft_wrap=True)
 
 
-def _sensors(found: DesignResult) -> Table:
-    made = table("sensors", "price", "pairs", "D", "P")
-    for column in made.columns[1:]:
+def _sensors(result: DesignResult) -> Table:
+    grid = table("sensors", "price", "pairs", "D", "P")
+    for column in grid.columns[1:]:
         column.justify = "right"
-    for one in found.sensors:
-        made.add_row(
+    for one in result.sensors:
+        grid.add_row(
             escape(" and ".join(one.channels)),
             price_text(one),
             f"{one.distinguished} of {one.of}",
             significant(one.separation, 3),
             share(one.probability),
         )
-    return made
+    return grid
 
 
 def price_text(one: SensorSet) -> str:

@@ -35,123 +35,125 @@ _MOST_SAID = 2
 _RANKED = 8
 
 
-def show_diagnosis(found: Diagnosis, *, verbose: bool = False) -> None:
+def show_diagnosis(diagnosis: Diagnosis, *, verbose: bool = False) -> None:
     """Show the verdict and the next command; with `verbose` also the ranking and the evidence for and
     against."""
     if verbose:
-        _show_whole(found)
+        _show_whole(diagnosis)
         return
-    show_answer(diagnosis_answer(found), title=_title(found), more=_left_out(found))
-    show_departures(found.outside)
-    for finding in found.before.findings[:_MOST_SAID]:
+    show_answer(diagnosis_answer(diagnosis), title=_title(diagnosis), more=_left_out(diagnosis))
+    show_departures(diagnosis.outside)
+    for finding in diagnosis.before.findings[:_MOST_SAID]:
         console().print(f"  {escape(finding)}.", soft_wrap=True)
-    for step in found.next_steps[:_MOST_SAID]:
+    for step in diagnosis.next_steps[:_MOST_SAID]:
         console().print(f"  {'next':<11} {escape(step)}", soft_wrap=True)
-    show_unusual(found.notes)
-    _show_intervals(found.bootstrap)
-    _show_files(found.laws)
+    show_unusual(diagnosis.notes)
+    _show_intervals(diagnosis.bootstrap)
+    _show_files(diagnosis.laws)
 
 
-def _left_out(found: Diagnosis) -> list[str]:
+def _left_out(diagnosis: Diagnosis) -> list[str]:
     """Lines shown only with ``-v``."""
-    against = sum(one.startswith("against ") for one in found.further_evidence)
+    against = sum(one.startswith("against ") for one in diagnosis.further_evidence)
     return [
-        *(["the ranking"] if found.ranking and found.verdict is not Verdict.ADEQUATE else []),
+        *(["the ranking"] if diagnosis.ranking and diagnosis.verdict is not Verdict.ADEQUATE else []),
         *counted(against, "thing against it", "things against it"),
         *counted(
-            len(found.untestable), "effect that these data cannot test", "effects that these data cannot test"
+            len(diagnosis.untestable),
+            "effect that these data cannot test",
+            "effects that these data cannot test",
         ),
-        *counted(len(routine(found.notes)), "note on the data", "notes on the data"),
+        *counted(len(routine(diagnosis.notes)), "note on the data", "notes on the data"),
     ]
 
 
-def _title(found: Diagnosis) -> str:
-    return found.title + (f" ({', '.join(found.effects)})" if found.effects else "")
+def _title(diagnosis: Diagnosis) -> str:
+    return diagnosis.title + (f" ({', '.join(diagnosis.effects)})" if diagnosis.effects else "")
 
 
-def _show_files(found: Sequence[LawAnswer]) -> None:
+def _show_files(laws: Sequence[LawAnswer]) -> None:
     """Show where the files of better laws are."""
-    for one in found:
+    for one in laws:
         if one.file is not None:
             console().print(f"  written: {escape(str(one.file))}", soft_wrap=True)
 
 
-def _show_whole(found: Diagnosis) -> None:
+def _show_whole(diagnosis: Diagnosis) -> None:
     """Show the verdict, the ranking, the evidence for and against, and what cannot be tested."""
     out = console()
-    _show_verdict(found)
-    show_departures(found.outside)
-    if found.remainder_text:
-        out.print(f"  {escape(found.remainder_text)}.", soft_wrap=True)
-    show_notes(found.notes)
-    for finding in found.before.findings:
+    _show_verdict(diagnosis)
+    show_departures(diagnosis.outside)
+    if diagnosis.remainder_text:
+        out.print(f"  {escape(diagnosis.remainder_text)}.", soft_wrap=True)
+    show_notes(diagnosis.notes)
+    for finding in diagnosis.before.findings:
         out.print(f"  {escape(finding)}.", soft_wrap=True)
-    if found.verdict is Verdict.ADEQUATE:  # the power of these data
-        for line in found.further_evidence:
+    if diagnosis.verdict is Verdict.ADEQUATE:  # the power of these data
+        for line in diagnosis.further_evidence:
             out.print(f"  {escape(line)}", soft_wrap=True)
     else:
-        if found.ranking:
-            out.print(_ranking(found))
-        _show_evidence(found.further_evidence)
-        _show_classes(found.classes)
-        for line in found.excluded_because:
+        if diagnosis.ranking:
+            out.print(_ranking(diagnosis))
+        _show_evidence(diagnosis.further_evidence)
+        _show_classes(diagnosis.classes)
+        for line in diagnosis.excluded_because:
             out.print(f"  {escape(line)}", soft_wrap=True)
-        if found.slot and not found.before.rows:
-            out.print(f"  the equation that most probably lacks a term: [bold]{escape(found.slot)}[/]")
-        if any(one.before for one in found.drift):
-            out.print(_drift(found.drift))
-    _show_laws(found.laws)
-    _show_intervals(found.bootstrap)
-    _show_untestable(found.untestable)
-    if found.next_steps:
+        if diagnosis.slot and not diagnosis.before.rows:
+            out.print(f"  the equation that most probably lacks a term: [bold]{escape(diagnosis.slot)}[/]")
+        if any(one.before for one in diagnosis.drift):
+            out.print(_drift(diagnosis.drift))
+    _show_laws(diagnosis.laws)
+    _show_intervals(diagnosis.bootstrap)
+    _show_untestable(diagnosis.untestable)
+    if diagnosis.next_steps:
         out.print("  [bold]what to measure next[/]")
-    for step in found.next_steps:
+    for step in diagnosis.next_steps:
         out.print(f"  {escape(step)}", soft_wrap=True)
 
 
-def _show_intervals(found: Bootstrap | None) -> None:
+def _show_intervals(bootstrap: Bootstrap | None) -> None:
     """Show the interval of each parameter over the repetitions, beside the standard deviation of the fit."""
-    if found is None:
+    if bootstrap is None:
         return
     out = console()
     shown = table("parameter", "unit", "value", "interval", "± repeated", "± of the fit")
-    for one in found.parameters:
+    for one in bootstrap.parameters:
         value, spread = known_digits(one.value, one.std)
         low, high = (known_digits(end, one.std)[0] for end in (one.low, one.high))
         fit = known_digits(one.value, one.fit_std)[1] if math.isfinite(one.fit_std) else ""
         shown.add_row(escape(one.name), escape(one.unit), value, f"{low} … {high}", spread, fit)
     out.print(shown)
-    out.print(f"  {escape(found.statement)}", soft_wrap=True)
+    out.print(f"  {escape(bootstrap.statement)}", soft_wrap=True)
 
 
-def _show_laws(found: Sequence[LawAnswer]) -> None:
+def _show_laws(laws: Sequence[LawAnswer]) -> None:
     """Show what the data show about the laws of the effects, and where the file of a better one is."""
     out = console()
-    if found:
+    if laws:
         out.print("  [bold]by which law[/]")
-    for one in found:
+    for one in laws:
         mark = "[yellow]![/] " if one.differs else "  "
         out.print(f"  {mark}{escape(one.statement)}", soft_wrap=True)
         if one.file is not None:
             out.print(f"    written: {escape(str(one.file))}", soft_wrap=True)
 
 
-def _show_verdict(found: Diagnosis) -> None:
-    colour = "yellow" if found.doubt else _COLOURS[found.verdict]
-    title = f"[bold {colour}]{escape(_title(found))}[/]"
-    console().print(f"{title}: {escape(found.statement)}.", soft_wrap=True)
+def _show_verdict(diagnosis: Diagnosis) -> None:
+    colour = "yellow" if diagnosis.doubt else _COLOURS[diagnosis.verdict]
+    title = f"[bold {colour}]{escape(_title(diagnosis))}[/]"
+    console().print(f"{title}: {escape(diagnosis.statement)}.", soft_wrap=True)
 
 
-def _ranking(found: Diagnosis) -> Table:
+def _ranking(diagnosis: Diagnosis) -> Table:
     """Effects by their probability."""
-    made = table(
+    grid = table(
         "effect", "probability", "", "p of score", "ΔmBIC", "unabsorbed", "error", "held out", "parameters"
     )
-    made.columns[2].justify = made.columns[4].justify = "right"
-    shown = [one for k, one in enumerate(found.ranking) if k < _RANKED or one.effect in found.effects]
+    grid.columns[2].justify = grid.columns[4].justify = "right"
+    shown = [one for k, one in enumerate(diagnosis.ranking) if k < _RANKED or one.effect in diagnosis.effects]
     for one in shown:
-        made.add_row(
-            f"[bold]{one.effect}[/]" if one.effect in found.effects else one.effect,
+        grid.add_row(
+            f"[bold]{one.effect}[/]" if one.effect in diagnosis.effects else one.effect,
             f"[cyan]{draw_bar(one.probability, 1.0, width=16)}[/]",
             f"{100 * one.probability:.1f} %",
             chance(one.score_p_value),
@@ -161,7 +163,7 @@ def _ranking(found: Diagnosis) -> Table:
             _held_out(one),
             escape(parameters_text(one.parameters)),
         )
-    return made
+    return grid
 
 
 def _held_out(one: Ranked) -> str:
@@ -185,10 +187,10 @@ def _show_classes(classes: Sequence[Sequence[str]]) -> None:
             console().print(f"  these data cannot tell apart: [bold]{escape(', '.join(names))}[/]")
 
 
-def _drift(found: Sequence[Drift]) -> Table:
+def _drift(drift: Sequence[Drift]) -> Table:
     """The fitted parameters, without and with the effects found."""
     made = table("fitted parameter", "without", "with it", "unit", "change")
-    for one in found:
+    for one in drift:
         before, after = known_digits(one.before, one.before_std)[0], known_digits(one.after, one.after_std)[0]
         made.add_row(one.parameter, before, after, escape(one.unit), _change(one))
     return made
@@ -201,11 +203,11 @@ def _change(one: Drift) -> str:
     return f"{100 * (one.after / one.before - 1):+.1f} %" if one.before else ""
 
 
-def _show_untestable(found: Sequence[tuple[str, str]]) -> None:
+def _show_untestable(effects: Sequence[tuple[str, str]]) -> None:
     """Show effects that are not testable with these data, by what would make them testable."""
     out = console()
     by_need: dict[str, list[str]] = {}
-    for name, needs in found:
+    for name, needs in effects:
         by_need.setdefault(needs, []).append(name)
     if by_need:
         out.print("  [bold]not testable with these data[/]")
@@ -232,45 +234,51 @@ def _subject(evidence: str) -> str:
     return evidence.partition(":")[0].partition(" ")[2]
 
 
-def show_improvement(found: Improvement, *, verbose: bool = False) -> None:
+def show_improvement(improvement: Improvement, *, verbose: bool = False) -> None:
     """Show how it ended, the additions and the change of the error; with `verbose` every step and its
     reason."""
     if verbose:
-        _show_steps(found)
+        _show_steps(improvement)
         return
-    if not found.steps:
-        show_diagnosis(found.last)
+    if not improvement.steps:
+        show_diagnosis(improvement.last)
         return
     show_answer(
-        improvement_answer(found), title="-", more=["every step with its reasons", *_left_out(found.last)]
+        improvement_answer(improvement),
+        title="-",
+        more=["every step with its reasons", *_left_out(improvement.last)],
     )
-    show_departures(found.last.outside)
-    _show_files(found.last.laws)
+    show_departures(improvement.last.outside)
+    _show_files(improvement.last.laws)
 
 
-def _show_steps(found: Improvement) -> None:
+def _show_steps(improvement: Improvement) -> None:
     """Show every step, how it ended, the whole decrease of the error, and what is left."""
     out = console()
-    for step in found.steps:
+    for step in improvement.steps:
         _show_step(step)
-    out.print(f"[bold]{escape(found.statement[0].upper() + found.statement[1:])}.[/]", soft_wrap=True)
-    if len(found.steps) > 1:
-        steps = [("before", found.steps[0].before)]
-        show_errors([*steps, *((f"with {' and '.join(one.effects)}", one.after) for one in found.steps)])
-    _show_unseen(found.unseen)
+    out.print(
+        f"[bold]{escape(improvement.statement[0].upper() + improvement.statement[1:])}.[/]", soft_wrap=True
+    )
+    if len(improvement.steps) > 1:
+        steps = [("before", improvement.steps[0].before)]
+        show_errors(
+            [*steps, *((f"with {' and '.join(one.effects)}", one.after) for one in improvement.steps)]
+        )
+    _show_unseen(improvement.unseen)
     out.print("[bold]The model as it is now[/]")
-    _show_whole(found.last)
-    if found.steps:
-        head = found.steps[-1].version.head
+    _show_whole(improvement.last)
+    if improvement.steps:
+        head = improvement.steps[-1].version.head
         out.print(f"  rigctl model history {escape(str(head))} shows every version")
 
 
-def _show_unseen(found: Sequence[HeldOutGroup]) -> None:
+def _show_unseen(groups: Sequence[HeldOutGroup]) -> None:
     """Show how good the model is on the records that were left out, and what it misses there."""
     out = console()
-    if found:
+    if groups:
         out.print("[bold]The records that no fit and no choice saw[/]")
-    for one in found:
+    for one in groups:
         mark = "[green]+[/]" if one.as_good else "[yellow]-[/]"
         first, *rest = one.sentences
         out.print(f"  {mark} {escape(first)}.", soft_wrap=True)

@@ -25,59 +25,59 @@ _PLACES, _LINES, _WIDTH = 6, 6, 56
 _FORMULAS = 3
 
 
-def show_discovery(found: Discovery, *, verbose: bool = False) -> None:
+def show_discovery(discovery: Discovery, *, verbose: bool = False) -> None:
     """Show the statement, the location, the size, and each formula in a line; with `verbose` the evidence."""
-    tone: Tone = "good" if found.gate.reason == "adequate" else "warn"
-    title, sentence = found.headed
-    left = [*counted(len(found.located[:_PLACES]), "place"), *counted(len(found.curves[:1]), "curve")]
-    left += [*counted(len(found.formulas), "formula"), *counted(len(found.notes), "note")]
-    show_answer(Answer(tone, title, sentence, tuple(_facts(found))), more=() if verbose else left)
+    tone: Tone = "good" if discovery.gate.reason == "adequate" else "warn"
+    title, sentence = discovery.headed
+    more = [*counted(len(discovery.located[:_PLACES]), "place"), *counted(len(discovery.curves[:1]), "curve")]
+    more += [*counted(len(discovery.formulas), "formula"), *counted(len(discovery.notes), "note")]
+    show_answer(Answer(tone, title, sentence, tuple(_facts(discovery))), more=() if verbose else more)
     if verbose:
-        _show_evidence(found)
+        _show_evidence(discovery)
         return
-    for one in found.formulas:
+    for one in discovery.formulas:
         if one.file is not None:
             console().print(f"  written to {escape(one.file.as_posix())}", soft_wrap=True)
 
 
-def _facts(found: Discovery) -> Iterator[tuple[str, str]]:
+def _facts(discovery: Discovery) -> Iterator[tuple[str, str]]:
     """The share of the misfit that a term at the best location explains, and each formula with its check."""
-    if found.located:
-        best = found.located[0]
+    if discovery.located:
+        best = discovery.located[0]
         yield "misfit", f"{100 * best.share:.0f} % of it, {best.size:.1f} sigma ({chance(best.p_value)})"
-    for one in found.formulas[:_FORMULAS]:
+    for one in discovery.formulas[:_FORMULAS]:
         held_out = f", error held out {_held_out(one)}" if _held_out(one) else ""
         accepted = "accepted" if one.accepted else "not accepted"
         sizes = ", ".join(f"{name} {value}" for name, value in one.parameters.items())
         yield "formula", f"{_written(one)}: {sizes}{held_out}; {accepted}"
 
 
-def _show_evidence(found: Discovery) -> None:
+def _show_evidence(discovery: Discovery) -> None:
     out = console()
-    for note in found.notes:
+    for note in discovery.notes:
         out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
-    if found.searched is None:
+    if discovery.searched is None:
         return
-    out.print(_places(found.located[:_PLACES]))
-    independent, tests = found.searched.independent, found.searched.tests
+    out.print(_places(discovery.located[:_PLACES]))
+    independent, tests = discovery.searched.independent, discovery.searched.tests
     out.print(
         f"  {tests} places and variables were searched, which behave as {independent:.0f} tests; "
-        f"{found.tried} formulas were tried.",
+        f"{discovery.tried} formulas were tried.",
         soft_wrap=True,
     )
-    for curve in found.curves[:1]:
+    for curve in discovery.curves[:1]:
         _show_curve(curve)
-    if found.formulas:
-        out.print(_formulas(found.formulas))
-    for one in found.formulas:
+    if discovery.formulas:
+        out.print(_formulas(discovery.formulas))
+    for one in discovery.formulas:
         _show_formula(one)
 
 
 def _places(located: Sequence[Located]) -> Table:
-    made = table("a term at", "over", "misfit", "", "sigma", "p of all searched", "or at")
-    made.columns[3].justify = made.columns[4].justify = "right"
+    grid = table("a term at", "over", "misfit", "", "sigma", "p of all searched", "or at")
+    grid.columns[3].justify = grid.columns[4].justify = "right"
     for one in located:
-        made.add_row(
+        grid.add_row(
             escape(one.slot.name),
             escape(" and ".join(driver.name for driver in one.over)),
             f"[cyan]{draw_bar(one.share, 1.0, width=12)}[/]",
@@ -86,7 +86,7 @@ def _places(located: Sequence[Located]) -> Table:
             chance(one.p_value),
             escape(", ".join(one.alike)),
         )
-    return made
+    return grid
 
 
 def _show_curve(curve: Curve) -> None:
@@ -103,25 +103,25 @@ def _show_curve(curve: Curve) -> None:
     for line in draw_curve(curve.value.tolist(), width=_WIDTH, height=_LINES, low=low, high=high):
         out.print(f"    [cyan]{line}[/]")
     out.print(f"    {show(float(curve.x[0]), curve.shown)} … {show(float(curve.x[-1]), curve.shown)}")
-    made = table(escape(curve.over), "term", "95 % band")
-    for place in range(0, curve.x.size, (curve.x.size - 1) // 4):
-        ends = (show(float(end[place]), unit, difference=True) for end in (curve.low, curve.high))
-        made.add_row(
-            show(float(curve.x[place]), curve.shown),
-            show(float(curve.value[place]), unit, difference=True),
+    grid = table(escape(curve.over), "term", "95 % band")
+    for index in range(0, curve.x.size, (curve.x.size - 1) // 4):
+        ends = (show(float(end[index]), unit, difference=True) for end in (curve.low, curve.high))
+        grid.add_row(
+            show(float(curve.x[index]), curve.shown),
+            show(float(curve.value[index]), unit, difference=True),
             " to ".join(ends),
         )
-    out.print(made)
+    out.print(grid)
 
 
 def _times(curve: Curve) -> str:
     return f" (times {escape(curve.times)})" if curve.times else ""
 
 
-def _formulas(found: Sequence[FoundFormula]) -> Table:
+def _formulas(formulas: Sequence[FoundFormula]) -> Table:
     made = table("formula", "Δ", "tier", "held out", "accepted", "parameters")
     made.columns[1].justify = "right"
-    for one in found:
+    for one in formulas:
         made.add_row(
             escape(one.name),
             f"{one.delta:.1f}",

@@ -74,8 +74,10 @@ def show_slots(documents: Sequence[Mapping[str, Any]]) -> None:
         out.print(f"[bold]{family['family']}[/]")
         slots = table("slot", "unit", "", "meaning", "its own variables")
         for slot in family["slots"]:
-            own = ", ".join(f"{local['name']} [{local['unit']}]" for local in slot["local"])
-            slots.add_row(slot["name"], slot["unit"], slot["combine"], escape(slot["meaning"]), escape(own))
+            local_variables = ", ".join(f"{local['name']} [{local['unit']}]" for local in slot["local"])
+            slots.add_row(
+                slot["name"], slot["unit"], slot["combine"], escape(slot["meaning"]), escape(local_variables)
+            )
         out.print(slots)
         variables = table("variable", "unit", "meaning")
         for item in family["variables"]:
@@ -117,17 +119,17 @@ def _points(curve: MeasuredCurve) -> Table:
     document = curve.document()
     banded = bool(document["low"])
     over, unit = (escape(f"[{document[name]}]") for name in ("over", "unit"))
-    made = table(f"{escape(curve.of)} {over}", f"value {unit}", *(["lowest", "highest"] if banded else []))
+    grid = table(f"{escape(curve.of)} {over}", f"value {unit}", *(["lowest", "highest"] if banded else []))
     rows = [document[name] for name in ("x", "y", *(("low", "high") if banded else ()))]
     for row in zip(*rows, strict=True):
-        made.add_row(*(significant(value, 5) for value in row))
-    return made
+        grid.add_row(*(significant(value, 5) for value in row))
+    return grid
 
 
 def _parameters(effect: Effect) -> Table:
-    made = table("parameter", "null", "start", "bounds", "sign", "meaning")
+    grid = table("parameter", "null", "start", "bounds", "sign", "meaning")
     for parameter in effect.parameters:
-        made.add_row(
+        grid.add_row(
             parameter.name,
             "shape" if parameter.null is None else _shown(parameter, parameter.null),
             _shown(parameter, parameter.start),
@@ -136,8 +138,8 @@ def _parameters(effect: Effect) -> Table:
             escape(parameter.meaning),
         )
     for way in effect.other_ways:
-        made.add_row(way.name, "", "", f"in {way.unit}", "", escape(f"sets {way.parameter}: {way.meaning}"))
-    return made
+        grid.add_row(way.name, "", "", f"in {way.unit}", "", escape(f"sets {way.parameter}: {way.meaning}"))
+    return grid
 
 
 def _bounds(parameter: EffectParameter) -> str:
@@ -150,77 +152,78 @@ def _shown(parameter: EffectParameter, si: float) -> str:
     return show(si, parameter.unit, difference=parameter.difference)
 
 
-def show_signature(seen: Signature, rig: Rig | None) -> None:
+def show_signature(signature: Signature, rig: Rig | None) -> None:
     """Show a small plot of the change of each reading by the effect."""
     out = console()
-    out.print(f"\nWhat it changes at its typical size. Standard record: {seen.record.description}.")
-    for index, name in enumerate(seen.output_names):
-        unit = shown_unit(name, seen.output_units[index], rig)
-        change = seen.difference[:, index] / parse_unit(unit).factor
-        if not _changes(seen, index):
+    out.print(f"\nWhat it changes at its typical size. Standard record: {signature.record.description}.")
+    for index, name in enumerate(signature.output_names):
+        unit = shown_unit(name, signature.output_units[index], rig)
+        change = signature.difference[:, index] / parse_unit(unit).factor
+        if not _changes(signature, index):
             out.print(f"  {name}: no change")
             continue
         peak = int(np.argmax(np.abs(change)))
         low, high = min(float(change.min()), 0.0), max(float(change.max()), 0.0)
-        said = f"{significant(change[peak], 3, sign=True)} {unit} at {seen.times[peak]:g} s"
-        out.print(f"  {name}: largest {said}{_in_noise(seen, index, rig)}")
+        size = f"{significant(change[peak], 3, sign=True)} {unit} at {signature.times[peak]:g} s"
+        out.print(f"  {name}: largest {size}{_in_noise(signature, index, rig)}")
         lines = draw_curve(change.tolist(), low=low, high=high)
         # values that are negligible in the picture are rounding errors of the integration
         top, bottom = (end if abs(end) > 1e-3 * (high - low) else 0.0 for end in (high, low))
         labels = [significant(top, 3), *[""] * (len(lines) - 2), significant(bottom, 3)]
         for label, line in zip(labels, lines, strict=True):
             out.print(f"  {label:>9} │{line}")
-    if seen.silent:
+    if signature.silent:
         out.print("  Alone it has no influence on any reading; try it --with another effect.")
 
 
-def _changes(seen: Signature, index: int) -> bool:
-    size = float(np.abs(seen.without[:, index]).max()) or 1.0
-    return bool(np.abs(seen.difference[:, index]).max() > _ROUNDING * size)
+def _changes(signature: Signature, index: int) -> bool:
+    size = float(np.abs(signature.without[:, index]).max()) or 1.0
+    return bool(np.abs(signature.difference[:, index]).max() > _ROUNDING * size)
 
 
-def _in_noise(seen: Signature, index: int, rig: Rig | None) -> str:
-    noise = rig.channels[seen.output_names[index]].noise if rig is not None else None
+def _in_noise(signature: Signature, index: int, rig: Rig | None) -> str:
+    noise = rig.channels[signature.output_names[index]].noise if rig is not None else None
     if not noise:
         return ""
-    return f", {significant(np.abs(seen.difference[:, index]).max() / noise, 2)} times the noise"
+    return f", {significant(np.abs(signature.difference[:, index]).max() / noise, 2)} times the noise"
 
 
-def signature_document(seen: Signature, rig: Rig | None) -> dict[str, Any]:
+def signature_document(signature: Signature, rig: Rig | None) -> dict[str, Any]:
     """The changes of the readings by an effect as data, in display units."""
     outputs = {}
-    for index, name in enumerate(seen.output_names):
-        unit = shown_unit(name, seen.output_units[index], rig)
-        change = seen.difference[:, index] / parse_unit(unit).factor
+    for index, name in enumerate(signature.output_names):
+        unit = shown_unit(name, signature.output_units[index], rig)
+        change = signature.difference[:, index] / parse_unit(unit).factor
         outputs[name] = {
             "unit": unit,
             "max": float(np.abs(change).max()),
-            "changes": _changes(seen, index),
+            "changes": _changes(signature, index),
             "difference": change,
         }
     return {
-        "record": seen.record.description,
-        "time": seen.times,
-        "silent": seen.silent,
-        "flat_at_null": seen.flat_at_null,
+        "record": signature.record.description,
+        "time": signature.times,
+        "silent": signature.silent,
+        "flat_at_null": signature.flat_at_null,
         "outputs": outputs,
     }
 
 
 def show_trial(trial: Trial, rig: Rig | None) -> None:
     """The verdict of a check."""
-    out, effect, seen = console(), trial.effect, trial.seen
+    out, effect, signature = console(), trial.effect, trial.seen
     family = effect.model_family
     out.print(f"[bold]{effect.name}[/] ({effect.family}, {effect.kind}) is sound")
     for slot in effect.slots:
         how = "a factor" if family.slot(slot).combine == "product" else f"a term in {family.slot(slot).unit}"
         out.print(f"  {slot}: {how}, exactly off at its null value, smooth along the standard record")
-    for index, name in enumerate(seen.output_names):
-        if _changes(seen, index):
-            unit = shown_unit(name, seen.output_units[index], rig)
-            largest = float(np.abs(seen.difference[:, index]).max()) / parse_unit(unit).factor
+    for index, name in enumerate(signature.output_names):
+        if _changes(signature, index):
+            unit = shown_unit(name, signature.output_units[index], rig)
+            largest = float(np.abs(signature.difference[:, index]).max()) / parse_unit(unit).factor
             out.print(
-                f"  changes {name} by up to {significant(largest, 3)} {unit}{_in_noise(seen, index, rig)}"
+                f"  changes {name} by up to {significant(largest, 3)} {unit}"
+                f"{_in_noise(signature, index, rig)}"
             )
     alike = ", ".join(f"{each.name} ({each.likeness:.3f})" for each in trial.alike[:_FEW])
     if alike:

@@ -25,8 +25,8 @@ _SLIGHT = 0.05
 
 def show_history(versions: Sequence[Version], current: Version, *, verbose: bool = False) -> None:
     """Show the changes, and how the error fell; with `verbose` also a table of the versions, and bars."""
-    found = version_errors(versions)
-    bars = sum(len(each.error.rmse) for each in found)
+    errors = version_errors(versions)
+    bars = sum(len(each.error.rmse) for each in errors)
     more = [*counted(len(versions), "version with when it was made", "versions with when they were made")]
     show_answer(
         history_answer(versions, current),
@@ -34,21 +34,21 @@ def show_history(versions: Sequence[Version], current: Version, *, verbose: bool
     )
     if verbose:
         _show_versions(versions, current)
-        if found:
-            show_errors([(_label(each), each.error) for each in found])
+        if errors:
+            show_errors([(_label(each), each.error) for each in errors])
 
 
 def history_answer(versions: Sequence[Version], current: Version) -> Answer:
     """The version of the file and its origin, the earlier changes, and the change of the error."""
-    kept = "" if current.kept or current.parent is None else ", not kept yet"
-    found = version_errors(versions)
-    facts = [("note", current.done.note), ("done", _done(versions)), *_fall(found)]
-    if len({_basis(each) for each in found}) > 1:
+    remark = "" if current.kept or current.parent is None else ", not kept yet"
+    errors = version_errors(versions)
+    facts = [("note", current.done.note), ("done", _done(versions)), *_fall(errors)]
+    if len({_basis(each) for each in errors}) > 1:
         facts.append(("beware", "not all were found on the same runs and held-out records"))
     return Answer(
         "good",
         str(current.head),
-        f"version {current.number} of {len(versions)}, {current.done}{kept}",
+        f"version {current.number} of {len(versions)}, {current.done}{remark}",
         tuple((head, text) for head, text in facts if text),
     )
 
@@ -58,8 +58,8 @@ def _done(versions: Sequence[Version]) -> str:
     if len(versions) == 1:
         return ""
     shown = [f"{one.number} {one.done}" for one in versions[-_NAMED:]]
-    left = len(versions) - len(shown)
-    return ", ".join([*([f"{left} before"] if left else []), *shown])
+    count = len(versions) - len(shown)
+    return ", ".join([*([f"{count} before"] if count else []), *shown])
 
 
 def _basis(each: VersionError) -> tuple[object, ...]:
@@ -67,12 +67,12 @@ def _basis(each: VersionError) -> tuple[object, ...]:
     return each.runs, each.hold_out, each.only, each.assume
 
 
-def _fall(found: Sequence[VersionError]) -> list[tuple[str, str]]:
+def _fall(errors: Sequence[VersionError]) -> list[tuple[str, str]]:
     """The error of the last version that has one, beside the first on the same records."""
-    if not found:
+    if not errors:
         return []
-    last = found[-1]
-    first = next((each for each in found if _basis(each) == _basis(last)), last)
+    last = errors[-1]
+    first = next((each for each in errors if _basis(each) == _basis(last)), last)
     if first is last:
         head = f"of version {last.version.number}"
         return [("error", f"{head}: {_errors(last.error)}{_chi2(last.error)}")]
@@ -86,16 +86,16 @@ def _fall(found: Sequence[VersionError]) -> list[tuple[str, str]]:
 def _beyond(error: ModelError, channel: str) -> str:
     """A channel's error without the noise; the whole error if the noise is not known."""
     rmse, noise = error.rmse[channel], error.noise.get(channel, 0.0)
-    left = math.sqrt(max(rmse**2 - noise**2, 0.0))
-    if noise and left < _SLIGHT * noise:
+    remainder = math.sqrt(max(rmse**2 - noise**2, 0.0))
+    if noise and remainder < _SLIGHT * noise:
         return "none"
-    return f"{number(left, 2)} {symbol(error.units.get(channel, ''))}".strip()
+    return f"{number(remainder, 2)} {symbol(error.units.get(channel, ''))}".strip()
 
 
 def _errors(error: ModelError) -> str:
     known = all(error.noise.get(channel) for channel in error.rmse)
-    said = ", ".join(f"{channel} {_beyond(error, channel)}" for channel in error.rmse)
-    return f"{said}{' beyond the noise' if known else ''}"
+    sizes = ", ".join(f"{channel} {_beyond(error, channel)}" for channel in error.rmse)
+    return f"{sizes}{' beyond the noise' if known else ''}"
 
 
 def error_change(before: ModelError, after: ModelError) -> str:
@@ -111,12 +111,12 @@ def error_change(before: ModelError, after: ModelError) -> str:
     }
     changed = [f"{channel} {old} to {new}" for channel, (old, new) in both.items() if old != new]
     known = all(after.noise.get(channel) for channel in both)
-    said = f"{'beyond the noise: ' if known else ''}{', '.join(changed)}" if changed else ""
+    changes = f"{'beyond the noise: ' if known else ''}{', '.join(changed)}" if changed else ""
     slight = "beside the noise of one reading no channel's error changes"
     if before.chi2_reduced is None or after.chi2_reduced is None:
-        return said or slight
+        return changes or slight
     chi2 = f"reduced χ² {significant(before.chi2_reduced)} to {significant(after.chi2_reduced)}"
-    return f"{chi2}; {said or slight}"
+    return f"{chi2}; {changes or slight}"
 
 
 def held_out_change(before: ModelError, after: ModelError) -> str:
@@ -133,10 +133,10 @@ def _chi2(error: ModelError) -> str:
 
 def _show_versions(versions: Sequence[Version], current: Version) -> None:
     out = console()
-    made = table("version", "from", "when (UTC)", "what was done", "fitted to", "held out", "χ²")
+    grid = table("version", "from", "when (UTC)", "what was done", "fitted to", "held out", "χ²")
     for version in versions:
         after = version.done.after
-        made.add_row(
+        grid.add_row(
             f"{version.number}{' (head)' if version.number == current.number else ''}",
             "" if version.parent is None else str(version.parent),
             f"{version.time:%Y-%m-%d %H:%M}",
@@ -145,7 +145,7 @@ def _show_versions(versions: Sequence[Version], current: Version) -> None:
             escape(version.done.hold_out),
             "" if after is None or after.chi2_reduced is None else significant(after.chi2_reduced),
         )
-    out.print(made)
+    out.print(grid)
     for version in versions:
         if version.done.note:
             out.print(f"  {version.number}: {escape(version.done.note)}.", soft_wrap=True)
@@ -158,5 +158,5 @@ def _fitted_to(done: Change) -> str:
     return runs + only + "".join(f", {text} assumed" for text in done.assume)
 
 
-def _label(found: VersionError) -> str:
-    return f"{found.version.number} {found.version.done}"
+def _label(error: VersionError) -> str:
+    return f"{error.version.number} {error.version.done}"

@@ -22,11 +22,11 @@ _LISTED: Final = 20
 def show_preview(preview: Preview) -> None:
     """Print the columns, their plots and the records."""
     out = console()
-    made = table("in the file", "read as", "values", "missing", "from", "to")
+    grid = table("in the file", "read as", "values", "missing", "from", "to")
     for column in preview.columns:
         theirs = f"{column.theirs} [{column.written}]" if column.written else column.theirs
         unit = "" if column.unit == "1" else f" [{column.unit}]"
-        made.add_row(
+        grid.add_row(
             escape(theirs),
             escape(f"{column.kind} {column.ours}{unit}" if column.kind != "time" else f"time{unit}"),
             str(column.values),
@@ -34,7 +34,7 @@ def show_preview(preview: Preview) -> None:
             "" if column.low is None else f"{column.low:.6g}",
             "" if column.high is None else f"{column.high:.6g}",
         )
-    out.print(made)
+    out.print(grid)
     for column in preview.columns:
         if column.kind in ("channel", "command"):
             _show_course(column)

@@ -45,21 +45,21 @@ def show_learned(learned: Learned, folder: Path, page: Path) -> None:
     )
     compared = [one for one in learned.rounds if one.predicted and one.predicted.aim != "precision"]
     if any(one.achieved for one in compared):
-        made = table("round", "D predicted", "D achieved", "P predicted", "distinguished")
-        for column in made.columns[1:4]:
+        grid = table("round", "D predicted", "D achieved", "P predicted", "distinguished")
+        for column in grid.columns[1:4]:
             column.justify = "right"
         for one in compared:
             if one.predicted is None or one.achieved is None:
                 continue
             gained = min(one.achieved.gains.values(), default=None)
-            made.add_row(
+            grid.add_row(
                 str(one.number),
                 significant(min(one.achieved.expected.values(), default=one.predicted.separation), 3),
                 "–" if gained is None else significant(gained, 3),
                 share(one.predicted.probability),
                 "yes" if one.achieved.distinguished else "no",
             )
-        out.print(made)
+        out.print(grid)
     for one in learned.rounds:
         if one.achieved is not None and one not in compared:
             out.print(f"  round {one.number}: {escape(one.achieved.statement)}", soft_wrap=True)

@@ -52,16 +52,16 @@ def show_model(model: Model, version: Version) -> None:
 
 def _which(version: Version) -> str:
     """Which version of which file, in words."""
-    kept = "" if version.kept or version.done.kind == "start" else ", not kept yet"
-    return f"({version.head}, version {version.number}{kept})"
+    remark = "" if version.kept or version.done.kind == "start" else ", not kept yet"
+    return f"({version.head}, version {version.number}{remark})"
 
 
 def _parameters(values: Sequence[StatedValue]) -> Table:
-    made = table("parameter", "value", "", "unit", "", "from", "meaning")
-    made.columns[1].justify = "right"
+    grid = table("parameter", "value", "", "unit", "", "from", "meaning")
+    grid.columns[1].justify = "right"
     for stated in values:
         value, spread = value_texts(stated)
-        made.add_row(
+        grid.add_row(
             stated.name,
             value,
             escape(spread),
@@ -70,7 +70,7 @@ def _parameters(values: Sequence[StatedValue]) -> Table:
             escape(stated.source or _SAID_BY[stated.origin]),
             escape(stated.meaning),
         )
-    return made
+    return grid
 
 
 def _whether_fitted(stated: StatedValue) -> str:
@@ -143,33 +143,35 @@ def value_document(stated: StatedValue) -> dict[str, Any]:
     }
 
 
-def show_difference(found: ModelDifference) -> None:
+def show_difference(difference: ModelDifference) -> None:
     """Effects and parameters that differ."""
     out = console()
-    out.print(f"[bold]{escape(str(found.before.path))}[/] to [bold]{escape(str(found.after.path))}[/]")
-    if found.same:
+    out.print(
+        f"[bold]{escape(str(difference.before.path))}[/] to [bold]{escape(str(difference.after.path))}[/]"
+    )
+    if difference.same:
         out.print("  They do not differ.")
         return
-    for name in found.added:
-        out.print(f"  [green]+[/] {name}: {escape(found.after.effect(name).equation)}")
-    for name in found.removed:
-        out.print(f"  [red]-[/] {name}: {escape(found.before.effect(name).equation)}")
-    for field, old, new in found.fields:
+    for name in difference.added:
+        out.print(f"  [green]+[/] {name}: {escape(difference.after.effect(name).equation)}")
+    for name in difference.removed:
+        out.print(f"  [red]-[/] {name}: {escape(difference.before.effect(name).equation)}")
+    for field, old, new in difference.fields:
         out.print(f"  {field}: {escape(old or 'none')} to {escape(new or 'none')}")
-    if found.values:
-        made = table("parameter", "A", "B", "unit", "change", "standard deviations")
-        for value in found.values:
-            made.add_row(*map(escape, _row(value)))
-        out.print(made)
+    if difference.values:
+        grid = table("parameter", "A", "B", "unit", "change", "standard deviations")
+        for value in difference.values:
+            grid.add_row(*map(escape, _row(value)))
+        out.print(grid)
 
 
-def _row(found: ValueDifference) -> tuple[str, ...]:
-    unit = next((stated.unit for stated in (found.after, found.before) if stated is not None), "")
-    change, deviations = found.change, found.deviations
+def _row(difference: ValueDifference) -> tuple[str, ...]:
+    unit = next((stated.unit for stated in (difference.after, difference.before) if stated is not None), "")
+    change, deviations = difference.change, difference.deviations
     return (
-        found.name,
-        _side(found.before),
-        _side(found.after),
+        difference.name,
+        _side(difference.before),
+        _side(difference.after),
         unit,
         "" if change is None else f"{significant(100.0 * change, 3, sign=True)} %",
         "" if deviations is None else significant(deviations, 2),
@@ -184,14 +186,14 @@ def _side(stated: StatedValue | None) -> str:
     return " ".join(part for part in parts if part)
 
 
-def difference_document(found: ModelDifference) -> dict[str, Any]:
+def difference_document(difference: ModelDifference) -> dict[str, Any]:
     """A difference as data."""
     return {
-        "before": str(found.before.path),
-        "after": str(found.after.path),
-        "same": found.same,
-        "effects": {"added": list(found.added), "removed": list(found.removed)},
-        "fields": [{"field": field, "before": old, "after": new} for field, old, new in found.fields],
+        "before": str(difference.before.path),
+        "after": str(difference.after.path),
+        "same": difference.same,
+        "effects": {"added": list(difference.added), "removed": list(difference.removed)},
+        "fields": [{"field": field, "before": old, "after": new} for field, old, new in difference.fields],
         "parameters": [
             {
                 "name": value.name,
@@ -200,7 +202,7 @@ def difference_document(found: ModelDifference) -> dict[str, Any]:
                 "change": value.change,
                 "deviations": value.deviations,
             }
-            for value in found.values
+            for value in difference.values
         ],
     }
 

@@ -24,95 +24,97 @@ _NOTES = 2
 _HEADS = {"changed": "Changed", "no_change_seen": "No change seen", "cannot_tell": "Cannot tell"}
 
 
-def show_survey(found: Survey, written: Sequence[Path], *, verbose: bool = False) -> None:
+def show_survey(survey: Survey, written: Sequence[Path], *, verbose: bool = False) -> None:
     """Show the answer; with `verbose` the values of the runs, and the tested quantities."""
     out = console()
-    notes = _notes_on_data(found)
+    notes = _notes_on_data(survey)
     more = [
-        *counted(len(found.lines), "run with what it says", "runs with what they say"),
-        *counted(len(found.judged.tested), "quantity's scatter and chance", "quantities' scatter and chance"),
-        *counted(max(len(found.failed) - 1, 0), "more failure", "more failures"),
-        *counted(len(found.data_notes) - len(notes), "note on the data", "notes on the data"),
+        *counted(len(survey.lines), "run with what it says", "runs with what they say"),
+        *counted(
+            len(survey.judged.tested), "quantity's scatter and chance", "quantities' scatter and chance"
+        ),
+        *counted(max(len(survey.failed) - 1, 0), "more failure", "more failures"),
+        *counted(len(survey.data_notes) - len(notes), "note on the data", "notes on the data"),
     ]
-    show_answer(survey_answer(found), more=[] if verbose else more)
+    show_answer(survey_answer(survey), more=[] if verbose else more)
     if verbose:
-        _show_runs(found)
-        _show_tests(found)
-        for line in found.failed:
+        _show_runs(survey)
+        _show_tests(survey)
+        for line in survey.failed:
             out.print(f"  [yellow]{escape(line.entry.label)}: {escape(line.failed)}[/]", soft_wrap=True)
-        notes = [found.note_text(note) for note in found.data_notes]
-    for note in (*found.named.remarks, *found.notes, *notes):
+        notes = [survey.note_text(note) for note in survey.data_notes]
+    for note in (*survey.named.remarks, *survey.notes, *notes):
         out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
     for path in written:
         out.print(f"  written: {escape(path.as_posix())}", soft_wrap=True)
 
 
-def _notes_on_data(found: Survey) -> list[str]:
+def _notes_on_data(survey: Survey) -> list[str]:
     """The notes on the data shown without ``-v``: not the routine ones, those of most runs first."""
-    usual = set(routine(list(found.data_notes)))
+    usual = set(routine(list(survey.data_notes)))
     unusual = sorted(
-        (one for one in found.data_notes.items() if one[0] not in usual), key=lambda one: -len(one[1])
+        (one for one in survey.data_notes.items() if one[0] not in usual), key=lambda one: -len(one[1])
     )
-    return [found.note_text(note) for note, _ in unusual[:_NOTES]]
+    return [survey.note_text(note) for note, _ in unusual[:_NOTES]]
 
 
-def survey_answer(found: Survey) -> Answer:
+def survey_answer(survey: Survey) -> Answer:
     """The changes, the number of runs behind them, and the runs without information."""
-    first, *others = [found.sentence(change) for change in found.changes] or [found.statement]
+    first, *others = [survey.sentence(change) for change in survey.changes] or [survey.statement]
     facts = [("and", sentence) for sentence in others[: _CHANGES - 1]]
-    rest = [change.quantity.name for change in found.changes[_CHANGES:]]
+    rest = [change.quantity.name for change in survey.changes[_CHANGES:]]
     if rest:
         facts.append(("and", f"{', '.join(rest)}"))
-    facts += [("the model", _agreement(found)), ("apart", _apart(found)), ("no answer", _failures(found))]
+    facts += [("the model", _agreement(survey)), ("apart", _apart(survey)), ("no answer", _failures(survey))]
     return Answer(
-        "good" if found.verdict == "no_change_seen" else "warn",
-        _HEADS[found.verdict],
+        "good" if survey.verdict == "no_change_seen" else "warn",
+        _HEADS[survey.verdict],
         first,
         tuple((head, text) for head, text in facts if text),
     )
 
 
-def _agreement(found: Survey) -> str:
-    agreeing = sum(line.reading is not None and line.reading.adequate for line in found.lines)
-    each = f"{plural(len(found.read), 'run')}" if len(found.read) != 1 else "one run"
-    return f"agrees with {agreeing} of {each}, each fitted by itself" if found.read else ""
+def _agreement(survey: Survey) -> str:
+    agreeing = sum(line.reading is not None and line.reading.adequate for line in survey.lines)
+    each = f"{plural(len(survey.read), 'run')}" if len(survey.read) != 1 else "one run"
+    return f"agrees with {agreeing} of {each}, each fitted by itself" if survey.read else ""
 
 
-def _apart(found: Survey) -> str:
+def _apart(survey: Survey) -> str:
     """Single runs that are outliers among their neighbours: possibly mistakes, but no change."""
-    said: dict[str, list[str]] = {}
-    for one in found.judged.tested:
+    quantities: dict[str, list[str]] = {}
+    for one in survey.judged.tested:
         for k in one.apart:
-            said.setdefault(found.read[k].entry.label, []).append(one.course.quantity.name)
-    shown = [f"{label} ({', '.join(names)})" for label, names in list(said.items())[:_NAMED]]
-    if len(said) > _NAMED:
-        shown.append(f"and {len(said) - _NAMED} more")
+            quantities.setdefault(survey.read[k].entry.label, []).append(one.course.quantity.name)
+    shown = [f"{label} ({', '.join(names)})" for label, names in list(quantities.items())[:_NAMED]]
+    if len(quantities) > _NAMED:
+        shown.append(f"and {len(quantities) - _NAMED} more")
     return ", ".join(shown)
 
 
-def _failures(found: Survey) -> str:
-    if not found.failed:
+def _failures(survey: Survey) -> str:
+    if not survey.failed:
         return ""
-    first = found.failed[0]
-    count = f"{plural(len(found.failed), 'run')} could not be read; " if len(found.failed) > 1 else ""
+    first = survey.failed[0]
+    count = f"{plural(len(survey.failed), 'run')} could not be read; " if len(survey.failed) > 1 else ""
     return f"{count}{first.entry.label}: {first.failed}"
 
 
-def _show_runs(found: Survey) -> None:
+def _show_runs(survey: Survey) -> None:
     out = console()
-    courses = found.shown()[:_COURSES]
+    courses = survey.shown()[:_COURSES]
     heads = [f"{one.quantity.name} [{one.quantity.unit}]" for one in courses]
-    made = table("run", found.axis.name, *map(escape, heads), "agrees")
-    for line in _shown(found.lines):
+    grid = table("run", survey.axis.name, *map(escape, heads), "agrees")
+    for line in _shown(survey.lines):
         if line is None:
-            made.add_row("…")
+            grid.add_row("…")
         elif line.reading is None:
-            made.add_row(line.entry.label, found.axis.text(line.entry), "[yellow]could not be read[/]")
+            grid.add_row(line.entry.label, survey.axis.text(line.entry), "[yellow]could not be read[/]")
         else:
-            values = [found.bare(c.quantity, c.values[line.index], c.std[line.index]) for c in courses]
+            values = [survey.bare(c.quantity, c.values[line.index], c.std[line.index]) for c in courses]
             agrees = "yes" if line.reading.adequate else "no"
-            made.add_row(line.entry.label, found.axis.text(line.entry), *values, agrees)
-    out.print(made)
+            grid.add_row(line.entry.label, survey.axis.text(line.entry), *values, agrees)
+    out.print(grid)
 
 
 def _shown(lines: Sequence[Line]) -> list[Line | None]:
@@ -123,16 +125,16 @@ def _shown(lines: Sequence[Line]) -> list[Line | None]:
     return [*lines[:half], None, *lines[-half:]]
 
 
-def _show_tests(found: Survey) -> None:
+def _show_tests(survey: Survey) -> None:
     out = console()
-    made = table("quantity", "scatter between runs", "chance", "stand apart")
-    for one in found.judged.tested[:_TESTS]:
+    grid = table("quantity", "scatter between runs", "chance", "stand apart")
+    for one in survey.judged.tested[:_TESTS]:
         quantity = one.course.quantity
-        between = "not known" if one.between is None else found.amount_difference(quantity, one.between)
+        between = "not known" if one.between is None else survey.amount_difference(quantity, one.between)
         chance = "not tested" if one.p_value is None else chance_text(one.p_value)
-        apart = ", ".join(found.read[k].entry.label for k in one.apart[:2])
-        made.add_row(quantity.name, between, chance, apart)
-    out.print(made)
-    rest = len(found.judged.tested) - _TESTS
+        apart = ", ".join(survey.read[k].entry.label for k in one.apart[:2])
+        grid.add_row(quantity.name, between, chance, apart)
+    out.print(grid)
+    rest = len(survey.judged.tested) - _TESTS
     if rest > 0:
         out.print(f"  and {rest} more, none of them surer", soft_wrap=True)

@@ -34,8 +34,8 @@ def _show_quantity(rows: Sequence[TableRow]) -> None:
     ]
     heads += ["model − measured", "in sigma", *(["as in its file", "in sigma"] if fitted else [])]
     heads += [escape(name.removeprefix(f"{rows[0].quantity}_")) for name in beside]
-    made = table(*heads)
-    for column in made.columns[1:]:
+    grid = table(*heads)
+    for column in grid.columns[1:]:
         column.justify = "right"
     for row in rows:
         cells = [
@@ -49,10 +49,10 @@ def _show_quantity(rows: Sequence[TableRow]) -> None:
         if fitted:
             unfitted = math.nan if row.unfitted is None else row.unfitted
             cells += [significant(unfitted, 5), _sigmas(row.z_unfitted or 0.0)]
-        made.add_row(
+        grid.add_row(
             *cells, *(significant(row.beside[name], 5) if name in row.beside else "" for name in beside)
         )
-    console().print(made)
+    console().print(grid)
 
 
 def _sigmas(z: float) -> str:

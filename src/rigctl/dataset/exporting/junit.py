@@ -85,8 +85,8 @@ def _case(suite: ET.Element, procedure: str, measure: Judged) -> None:
     step = f" at {value.path}" if value.path else ""
     case = element(suite, "testcase", classname=group, name=f"{value.name}{index}{step}", time="0.000")
     if not measure.passed:
-        said = measure.sentence()
-        element(case, "failure", type="limit", message=said).text = plain(said)
+        sentence = measure.sentence()
+        element(case, "failure", type="limit", message=sentence).text = plain(sentence)
 
 
 def _facts(info: Any) -> dict[str, str]:

@@ -18,12 +18,12 @@ def write(path: Path, table: pa.Table, names: Sequence[str], title: str) -> None
     import numpy as np
     from scipy.io import savemat
 
-    found = list(pieces(table, names, title))
+    parts = list(pieces(table, names, title))
     named = ["name"] if title == "samples" else []
-    fields = [*named, *dict.fromkeys(_field(column.name) for piece in found for column in piece.columns)]
-    data = np.empty(len(found), dtype=[(field, object) for field in fields])
+    fields = [*named, *dict.fromkeys(_field(column.name) for piece in parts for column in piece.columns)]
+    data = np.empty(len(parts), dtype=[(field, object) for field in fields])
     units: dict[str, str] = {}
-    for index, piece in enumerate(found):
+    for index, piece in enumerate(parts):
         for field in fields:
             data[index][field] = np.zeros((0, 0))
         if named:

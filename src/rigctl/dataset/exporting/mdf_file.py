@@ -33,9 +33,9 @@ def write(path: Path, table: pa.Table, names: Sequence[str], title: str) -> None
         raise missing_extra("mdf", "asammdf", path) from problem
 
     started = (table.schema.metadata or {}).get(b"started")
-    with path.open("wb") as file, MDF(version="4.10") as made:
+    with path.open("wb") as file, MDF(version="4.10") as mdf:
         if started is not None:  # the default is the time of writing
-            made.header.start_time = datetime.fromisoformat(started.decode("utf-8"))
+            mdf.header.start_time = datetime.fromisoformat(started.decode("utf-8"))
         for piece in pieces(table, names, title):
             times = {column.name: column.values for column in piece.columns}["time"]
             signals = [
@@ -43,5 +43,5 @@ def write(path: Path, table: pa.Table, names: Sequence[str], title: str) -> None
                 for column in piece.columns
                 if column.name != "time"
             ]
-            made.append(signals, acq_name=piece.name, comment=piece.name, common_timebase=True)
-        made.save(file)
+            mdf.append(signals, acq_name=piece.name, comment=piece.name, common_timebase=True)
+        mdf.save(file)

@@ -212,8 +212,8 @@ def _copied(folder: Path, run: Run) -> Iterable[Entity]:
         target = folder / run.id / name
         _fetch(run, name, target)
         facts = run_json.file_facts(target)
-        kept = run.info.get("files", {}).get(name)
-        if kept is not None and facts["sha256"] != kept["sha256"]:
+        recorded = run.info.get("files", {}).get(name)
+        if recorded is not None and facts["sha256"] != recorded["sha256"]:
             raise RigctlError(
                 "the file was changed since the run was closed",
                 value=f"{run.folder}/{name}",

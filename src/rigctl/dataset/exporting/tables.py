@@ -40,11 +40,11 @@ def observations(run: Run) -> pa.Table:
         for index, column in enumerate(table.schema)
         if (column.metadata or {}).get(b"kind") in (b"sweep", b"measure")
     ]
-    kept = table.select([field.name for field in fields])
-    kept = kept.rename_columns([field.metadata[b"variable"].decode("utf-8") for field in fields])
+    selection = table.select([field.name for field in fields])
+    selection = selection.rename_columns([field.metadata[b"variable"].decode("utf-8") for field in fields])
     if len(set(table["name"].to_pylist())) > 1:
-        kept = kept.add_column(0, "record", table["name"])
-    return kept
+        selection = selection.add_column(0, "record", table["name"])
+    return selection
 
 
 def unit_of(field: pa.Field) -> str:
@@ -78,12 +78,12 @@ def pieces(table: pa.Table, names: Sequence[str], title: str) -> Iterator[Piece]
     alike = len(set(names)) < len(names)
     for count, (start, stop) in enumerate(_equal(numbers)):
         record = int(numbers[start])
-        here = [Column(c.name, c.unit, c.values[start:stop]) for c in columns]
+        slices = [Column(c.name, c.unit, c.values[start:stop]) for c in columns]
         if record < 0:
-            yield Piece(f"between records, {count}", tuple(here))
+            yield Piece(f"between records, {count}", tuple(slices))
         else:
             name = f"{names[record]} {record}" if alike else names[record]
-            yield Piece(name, tuple(column for column in here if column.name != "record"))
+            yield Piece(name, tuple(column for column in slices if column.name != "record"))
 
 
 def _equal(numbers: NDArray[np.int32]) -> list[tuple[int, int]]:

@@ -67,9 +67,9 @@ def write(path: Path, table: pa.Table, names: Sequence[str], title: str) -> None
 def _sheet_name(name: str, taken: set[str]) -> str:
     """Return a valid, unique name for a sheet."""
     plain = (_FORBIDDEN.sub("_", name).strip("'") or "sheet")[:_LONGEST]
-    made, number = plain, 2
-    while made.casefold() in taken:
-        made = f"{plain[: _LONGEST - 5]} {number}"
+    candidate, number = plain, 2
+    while candidate.casefold() in taken:
+        candidate = f"{plain[: _LONGEST - 5]} {number}"
         number += 1
-    taken.add(made.casefold())
-    return made
+    taken.add(candidate.casefold())
+    return candidate

@@ -25,7 +25,7 @@ def assumed_values(assume: Mapping[str, str], rig: Rig | None, recorded: Collect
     RigctlError
         a name is misspelt or recorded, or a value is invalid, lacks its unit or has the wrong dimension.
     """
-    found: dict[str, float] = {}
+    values: dict[str, float] = {}
     for name, value in assume.items():
         ours = on_rig(name, rig) if rig is not None else name
         if ours in recorded:
@@ -38,8 +38,8 @@ def assumed_values(assume: Mapping[str, str], rig: Rig | None, recorded: Collect
             raise RigctlError("--assume: not a name", value=name, expected="a name such as heater")
         if rig is not None:
             _require_known(ours, rig)
-        found[ours] = assumed_value(ours, value, rig)
-    return found
+        values[ours] = assumed_value(ours, value, rig)
+    return values
 
 
 def _require_known(name: str, rig: Rig) -> None:

@@ -82,9 +82,9 @@ def import_file(
     RigctlError
         the file cannot be read, a column is unknown, or a row is bad; nothing was imported.
     """
-    said = options or Options()
-    said = replace(said, columns={**said.columns, **read_mapping(columns)})
-    return import_files([path], rig, runs, said, keep_good=keep_good, name=name, operator=operator)
+    merged = options or Options()
+    merged = replace(merged, columns={**merged.columns, **read_mapping(columns)})
+    return import_files([path], rig, runs, merged, keep_good=keep_good, name=name, operator=operator)
 
 
 def import_files(
@@ -106,22 +106,22 @@ def import_files(
     """
     before = [_state(path) for path in paths]
     taken = take(paths, rig, options, keep_good=keep_good)
-    found = taken.found
-    if found.bad_rows and not keep_good:
-        raise refuse(paths[0], found.faults, found.bad_rows)
+    result = taken.found
+    if result.bad_rows and not keep_good:
+        raise refuse(paths[0], result.faults, result.bad_rows)
     if not taken.rows:
         raise RigctlError("there is nothing to import", expected="rows of values", where=Location(paths[0]))
-    said = remarks_of(taken, rig, options)
-    for left in reversed(range(_TRIES)):
+    remarks = remarks_of(taken, rig, options)
+    for remaining in reversed(range(_TRIES)):
         header = _header(paths, rig, taken, runs, operator, options)
         try:
-            folder, records = _write(taken, header, runs, paths, before, said, name)
+            folder, records = _write(taken, header, runs, paths, before, remarks, name)
             break
         except NameTakenError:  # by an import at the same time
-            if not left:
+            if not remaining:
                 raise
     upload_if_wanted(folder)
-    return Imported(folder.name, folder, records, taken.rows, found.bad_rows, tuple(found.faults), said)
+    return Imported(folder.name, folder, records, taken.rows, result.bad_rows, tuple(result.faults), remarks)
 
 
 def _write(
@@ -130,18 +130,18 @@ def _write(
     runs: Path,
     paths: Sequence[Path],
     before: Sequence[object],
-    said: Sequence[str],
+    remarks: Sequence[str],
     name: str | None,
 ) -> tuple[Path, int]:
     """Write the run, and return its folder and the number of records; after a failure there is none."""
     with staged(runs) as hidden:
         writer = RunWriter.create(hidden, header)
         try:
-            _say(writer, said, taken.found, paths[0])
+            _say(writer, remarks, taken.found, paths[0])
             records = taken.write(writer, name, stem_of(paths[0]))
-            whole = writer.close("finished")
+            complete = writer.close("finished")
             _check_unchanged(paths, before)
-            return publish(whole, runs), records
+            return publish(complete, runs), records
         except BaseException as problem:
             writer.discard()
             if isinstance(problem, Exception):
@@ -151,12 +151,12 @@ def _write(
 
 def remarks_of(taken: Samples | Observations, rig: Rig | None, options: Options) -> tuple[str, ...]:
     """Return remarks on the data, one sentence each."""
-    said = taken.source.remarks
+    remarks = taken.source.remarks
     if isinstance(taken, Samples) and rig is not None:
         assumed = assumed_values(options.assume, rig, taken.layout.columns)
-        said += tuple(taken.stages.remarks)
-        said += tuple(notes(taken.found, taken.layout, rig, assumed))
-    return said
+        remarks += tuple(taken.stages.remarks)
+        remarks += tuple(notes(taken.found, taken.layout, rig, assumed))
+    return remarks
 
 
 def _check_unchanged(paths: Sequence[Path], before: Sequence[object], cause: Exception | None = None) -> None:
@@ -182,14 +182,14 @@ def _changed(path: Path) -> RigctlError:
     )
 
 
-def _say(writer: RunWriter, notes: Iterable[str], found: Survey, path: Path) -> None:
+def _say(writer: RunWriter, notes: Iterable[str], result: Survey, path: Path) -> None:
     """Store the remarks and the omitted rows with the run."""
     for sentence in notes:
         writer.event(0.0, "note", message=sentence)
-    for fault in found.faults:
+    for fault in result.faults:
         writer.event(0.0, "gap", message=str(fault.error(Path(path.name))))
-    if found.bad_rows > KEPT_FAULTS:
-        more = found.bad_rows - KEPT_FAULTS
+    if result.bad_rows > KEPT_FAULTS:
+        more = result.bad_rows - KEPT_FAULTS
         writer.event(0.0, "gap", message=f"{path.name}: {more} more rows were left out")
 
 

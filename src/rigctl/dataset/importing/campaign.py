@@ -38,12 +38,12 @@ class Campaign:
     def parts(self, wanted: Collection[int], record: int | None) -> Iterator[Part]:
         """Yield the rows of one file after the other."""
         for source, name in zip(self.sources, self.names, strict=True):
-            there = {self._ours(heading): index for index, heading in enumerate(source.headings)}
-            indices = {index: there.get(self._ours(self.headings[index])) for index in wanted}
-            own = None if record is None else there.get(self._ours(self.headings[record]))
-            here = [index for index in indices.values() if index is not None]
+            positions = {self._ours(heading): index for index, heading in enumerate(source.headings)}
+            indices = {index: positions.get(self._ours(self.headings[index])) for index in wanted}
+            label_index = None if record is None else positions.get(self._ours(self.headings[record]))
+            present = [index for index in indices.values() if index is not None]
             shift = self._shift(source)
-            for part in source.parts(here, own):
+            for part in source.parts(present, label_index):
                 yield self._part(part, source, indices, name, shift)
 
     @property
@@ -68,13 +68,13 @@ class Campaign:
         import numpy as np
 
         columns = {}
-        for index, own in indices.items():
-            if own is None:
+        for index, source_index in indices.items():
+            if source_index is None:
                 columns[index] = np.full(len(part.lines), np.nan)
             elif self.headings[index].seconds and shift:
-                columns[index] = part.columns[own] + shift
+                columns[index] = part.columns[source_index] + shift
             else:
-                columns[index] = part.columns[own]
+                columns[index] = part.columns[source_index]
         faults = tuple(replace(fault, path=source.path) for fault in part.faults)
         return replace(part, columns=columns, labels=_labels(part, name), faults=faults, path=source.path)
 
@@ -112,12 +112,12 @@ def _names(paths: Sequence[Path]) -> list[str]:
 
 
 def _headings(sources: Sequence[Source], options: Options) -> tuple[Heading, ...]:
-    found: dict[str, Heading] = {}
+    headings: dict[str, Heading] = {}
     for source in sources:
         for heading in source.headings:
             if not heading.name:
                 continue
-            first = found.setdefault(options.ours(heading.name), heading)
+            first = headings.setdefault(options.ours(heading.name), heading)
             given = options.unit_of(heading.name) or heading.unit
             wanted = options.unit_of(first.name) or first.unit
             if (wanted, first.seconds) != (given, heading.seconds):
@@ -127,7 +127,7 @@ def _headings(sources: Sequence[Source], options: Options) -> tuple[Heading, ...
                     expected=f"{wanted or 'no unit'} as in {first.where.file}",
                     where=heading.where,
                 )
-    return tuple(found.values())
+    return tuple(headings.values())
 
 
 def _labels(part: Part, name: str) -> Labels:

@@ -106,16 +106,18 @@ class Checker:
         time = values["time"]
         bad.add(np.flatnonzero(np.isnan(time)), "time: the value is missing")
         far = np.flatnonzero(np.isfinite(time) & (np.abs(time) > LATEST))
-        said = [f"{value:.3g} s" for value in time[far].tolist()]
-        bad.add(far, "time: too far away", said, repeat(f"within {LATEST:g} s of zero"))
+        texts = [f"{value:.3g} s" for value in time[far].tolist()]
+        bad.add(far, "time: too far away", texts, repeat(f"within {LATEST:g} s of zero"))
         for column in self._columns:
-            found = values[column.name]
-            bad.add(np.flatnonzero(np.isinf(found)), f"{column.name}: not a finite number")
+            column_values = values[column.name]
+            bad.add(np.flatnonzero(np.isinf(column_values)), f"{column.name}: not a finite number")
             if column.positions is not None:
-                wrong = np.flatnonzero(~np.isnan(found) & ~np.isin(found, list(column.positions)))
+                wrong = np.flatnonzero(
+                    ~np.isnan(column_values) & ~np.isin(column_values, list(column.positions))
+                )
                 expected = ", ".join(f"{value:g}" for value in sorted(column.positions))
-                said = [f"{value:g}" for value in found[wrong].tolist()]
-                bad.add(wrong, f"{column.name}: no such position", said, repeat(expected))
+                texts = [f"{value:g}" for value in column_values[wrong].tolist()]
+                bad.add(wrong, f"{column.name}: no such position", texts, repeat(expected))
 
     def _ids(self, part: Part, bad: _InvalidRows) -> NDArray[np.int64]:
         """Return the record of each row; one for all rows if the file has none."""
@@ -141,27 +143,27 @@ class Checker:
         found = []
         rows = np.flatnonzero((np.abs(time) <= LATEST) & (ids != IMPOSSIBLE))
         for first, last in _equal(ids[rows]):
-            here = rows[first:last]
-            label = int(ids[here[0]])
+            rows_of_label = rows[first:last]
+            label = int(ids[rows_of_label[0]])
             begins = label != self._open
             if begins and label != BETWEEN and label in self._ended:
-                said = describe_label(self.book.labels[label]).removeprefix("record ")
-                bad.add(here, "record: it has ended before", repeat(said))
+                name = describe_label(self.book.labels[label]).removeprefix("record ")
+                bad.add(rows_of_label, "record: it has ended before", repeat(name))
                 continue
             if begins:
                 self._begin(label)
-            times = np.maximum.accumulate(np.concatenate([[self._latest], time[here]]))
+            times = np.maximum.accumulate(np.concatenate([[self._latest], time[rows_of_label]]))
             # between records, where the rate changes, two samples may have the same time
-            stands = (time[here] == times[:-1]) & (label != BETWEEN)
-            back = np.flatnonzero((time[here] < times[:-1]) | stands)
+            stands = (time[rows_of_label] == times[:-1]) & (label != BETWEEN)
+            back = np.flatnonzero((time[rows_of_label] < times[:-1]) | stands)
             bad.add(
-                here[back],
+                rows_of_label[back],
                 NOT_INCREASING,
-                [f"{value:.9g} s" for value in time[here[back[:KEPT_FAULTS]]].tolist()],
+                [f"{value:.9g} s" for value in time[rows_of_label[back[:KEPT_FAULTS]]].tolist()],
                 [f"more than {value:.9g} s, or a new record" for value in times[back[:KEPT_FAULTS]].tolist()],
             )
             self._latest = float(times[-1])
-            found.append((label, int(here[0]), int(here[-1]) + 1))
+            found.append((label, int(rows_of_label[0]), int(rows_of_label[-1]) + 1))
         return found
 
     def _begin(self, label: int) -> None:

@@ -116,7 +116,7 @@ def assign(headings: Sequence[Heading], rig: Rig | None, options: Options) -> li
         if theirs not in {heading.name for heading in headings}:
             raise unknown_name("column", theirs, (heading.name for heading in headings if heading.name))
     samples = any(heading.name == "time" for heading in renamed)
-    found: dict[str, Assigned] = {}
+    assigned: dict[str, Assigned] = {}
     unknown: list[UnknownColumn] = []
     for index, heading in enumerate(renamed):
         if heading.spent or heading.name in ("", LEAVE_OUT):
@@ -127,13 +127,13 @@ def assign(headings: Sequence[Heading], rig: Rig | None, options: Options) -> li
             unknown.append(error)
             continue
         key = heading.name if column.kind == "clock" else column.name
-        if key in found:
+        if key in assigned:
             raise RigctlError("the column is there twice", value=heading.name, where=heading.where)
-        found[key] = column
+        assigned[key] = column
     if unknown:
-        _suggest(unknown, rig, found)
+        _suggest(unknown, rig, assigned)
         raise unknown[0] if len(unknown) == 1 else _several_unknown(unknown, rig, samples=samples)
-    return list(found.values())
+    return list(assigned.values())
 
 
 class UnknownColumn(RigctlError):
@@ -142,12 +142,12 @@ class UnknownColumn(RigctlError):
     unit: str | None = None  #: in the file
 
 
-def _suggest(errors: Sequence[UnknownColumn], rig: Rig | None, found: Mapping[str, Assigned]) -> None:
+def _suggest(errors: Sequence[UnknownColumn], rig: Rig | None, assigned: Mapping[str, Assigned]) -> None:
     """Suggest the most likely name for each unknown column, or none if that would be a guess.
 
     A likely name is spelt similarly, or is the bench's only remaining name with the column's dimension.
     """
-    free = [name for name in _names(rig) if name not in found]
+    free = [name for name in _names(rig) if name not in assigned]
     for error in errors:
         name, unit = error.value or "", error.unit
         fitting = [known for known in free if unit is None or _fits(known, unit, rig)]
@@ -200,14 +200,14 @@ def _alike(one: str, other: str) -> bool:
 
 def _several_unknown(errors: Sequence[UnknownColumn], rig: Rig | None, *, samples: bool) -> RigctlError:
     """Make the error for several unknown columns: their names, and how to map them."""
-    said = [f"{one.value} ({one.nearest}?)" if one.nearest else f"{one.value}" for one in errors]
+    names = [f"{one.value} ({one.nearest}?)" if one.nearest else f"{one.value}" for one in errors]
     near = [_with_unit(one.nearest, one.unit, rig) if one.nearest else LEAVE_OUT for one in errors[:4]]
     if not samples and not any(name.startswith("time") for name in near):
         near[0] = "time [s]"
     pairs = [f"{one.value}={ours}" for one, ours in zip(errors, near, strict=False)]
     listed = ",".join(pairs) + (",…" if len(errors) > 4 else "")
     return RigctlError(
-        f"{len(errors)} columns are unknown: {', '.join(said)}",
+        f"{len(errors)} columns are unknown: {', '.join(names)}",
         expected=f"some of {', '.join(sorted(_names(rig)))}",
         hint=f"Say what each of them is: --columns '{listed}', where '{LEAVE_OUT}' leaves one out",
         where=errors[0].where,
@@ -365,8 +365,8 @@ def layout_of(assigned: Sequence[Assigned], rig: Rig) -> Layout:
     order = [*rig.channels, *rig.actuators]
 
     def of(kind: str) -> list[Assigned]:
-        found = [column for column in assigned if column.kind == kind]
-        return sorted(found, key=lambda c: order.index(c.name) if c.name in order else len(order))
+        columns = [column for column in assigned if column.kind == kind]
+        return sorted(columns, key=lambda c: order.index(c.name) if c.name in order else len(order))
 
     channels, commands = of("channel"), of("command")
     return Layout(

@@ -147,10 +147,10 @@ def labels_of_dictionary(column: pa.ChunkedArray) -> Labels:
     import numpy as np
     import pyarrow.compute as pc
 
-    whole = column.unify_dictionaries()
-    texts = tuple(whole.chunk(0).dictionary.to_pylist()) if whole.num_chunks else ()
+    unified = column.unify_dictionaries()
+    texts = tuple(unified.chunk(0).dictionary.to_pylist()) if unified.num_chunks else ()
     codes: list[NDArray[np.int32]] = [
-        pc.fill_null(chunk.indices, len(texts)).to_numpy(zero_copy_only=False) for chunk in whole.chunks
+        pc.fill_null(chunk.indices, len(texts)).to_numpy(zero_copy_only=False) for chunk in unified.chunks
     ]
     together = np.concatenate(codes) if codes else np.zeros(0, dtype=np.int32)
     return Labels(together.astype(np.int64), (*texts, ""))
@@ -165,8 +165,8 @@ def open_csv(path: Path, options: Options) -> CsvFile:
         the file cannot be read, has no heading, or its times are ambiguous.
     """
     form = find_form(path, options.encoding)
-    head, whole = _head(path, form)
-    dialect = find_dialect(path, head, options, whole=whole)
+    head, complete = _head(path, form)
+    dialect = find_dialect(path, head, options, complete=complete)
     remarks = list(dialect.remarks)
     if form.guessed:
         remarks.append("the file is not UTF-8; it is read as Windows-1252 (--encoding says otherwise)")
@@ -185,16 +185,16 @@ def open_csv(path: Path, options: Options) -> CsvFile:
 
 def _head(path: Path, form: TextForm) -> tuple[str, bool]:
     """Return the first lines of the file, and whether they are all."""
-    found: list[bytes] = []
+    lines_read: list[bytes] = []
     size = 0
     with opened(path) as file:
         lines = Lines(path, file, form)
         while line := lines.next():
-            found.append(line)
+            lines_read.append(line)
             size += len(line)
-            if size > HEAD or len(found) > _MOST_LINES:
-                return b"".join(found).decode("utf-8", "replace"), False
-    return b"".join(found).decode("utf-8", "replace"), True
+            if size > HEAD or len(lines_read) > _MOST_LINES:
+                return b"".join(lines_read).decode("utf-8", "replace"), False
+    return b"".join(lines_read).decode("utf-8", "replace"), True
 
 
 def _find_time(

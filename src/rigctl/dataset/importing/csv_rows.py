@@ -60,8 +60,8 @@ def read_rows(
     times: list[str] = []
     faults: list[Fault] = []
     bad = 0
-    for at, found in _rows(text, line, cells.delimiter):
-        row = _read_row(at, found, headings, cells, numbers)
+    for at, row_cells in _rows(text, line, cells.delimiter):
+        row = _read_row(at, row_cells, headings, cells, numbers)
         if isinstance(row, Fault):
             bad += 1
             if len(faults) < KEPT_FAULTS:
@@ -69,8 +69,8 @@ def read_rows(
             continue
         rows.append(row)
         lines.append(at)
-        texts.append("" if record is None else found[record].strip())
-        times.append(" ".join(found[index].strip() for index in cells.time))
+        texts.append("" if record is None else row_cells[record].strip())
+        times.append(" ".join(row_cells[index].strip() for index in cells.time))
     table = np.array(rows, dtype=np.float64).reshape(len(rows), len(numbers))
     columns = {index: np.ascontiguousarray(table[:, k]) for k, index in enumerate(numbers)}
     labels = None if record is None else labels_of_texts(texts)
@@ -133,25 +133,25 @@ def _rows(text: str, first: int, delimiter: str) -> Iterator[tuple[int, list[str
 
 
 def _read_row(
-    line: int, found: list[str], headings: Sequence[Heading], cells: Cells, wanted: Collection[int]
+    line: int, row_cells: list[str], headings: Sequence[Heading], cells: Cells, wanted: Collection[int]
 ) -> list[float] | Fault:
-    while len(found) > len(headings) and not found[-1].strip():
-        found.pop()  # a row that ends with a delimiter
-    if len(found) != len(headings):
+    while len(row_cells) > len(headings) and not row_cells[-1].strip():
+        row_cells.pop()  # a row that ends with a delimiter
+    if len(row_cells) != len(headings):
         return Fault(
             line,
             "wrong number of cells",
-            value=f"{len(found)} cells" if len(found) > 1 else found[0],
+            value=f"{len(row_cells)} cells" if len(row_cells) > 1 else row_cells[0],
             expected=f"{len(headings)} as in the heading",
         )
     row = []
     for index in wanted:
-        cell = found[index].strip(" \t")
+        cell = row_cells[index].strip(" \t")
         if "\n" in cell:
             return Fault(line, f"{headings[index].name}: a quote is not closed", cell, "one on each side")
         value = read_number(cell, cells.decimal, cells.missing, stated=cells.stated)
         if value is None:
-            column = cell_place(cells.delimiter.join(found), cells.delimiter, index + 1)
+            column = cell_place(cells.delimiter.join(row_cells), cells.delimiter, index + 1)
             return Fault(line, f"{headings[index].name}: not a number", cell, _expected(cell, cells), column)
         row.append(value)
     return row

@@ -70,12 +70,12 @@ class Dialect:
         return [row.cells[index].strip() for row in self.sample if len(row.cells) == len(self.headings)]
 
 
-def find_dialect(path: Path, head: str, options: Options, *, whole: bool) -> Dialect:
+def find_dialect(path: Path, head: str, options: Options, *, complete: bool) -> Dialect:
     """Detect the form of a table from the first part of its text.
 
     Parameters
     ----------
-    whole: `head` is the whole file; otherwise its last line may be incomplete.
+    complete: `head` is the whole file; otherwise its last line may be incomplete.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def find_dialect(path: Path, head: str, options: Options, *, whole: bool) -> Dia
         there is no heading, or a column has no name.
     """
     text = _BARE_RETURN.sub(" ", head)
-    best = _divide(text, options, whole=whole)
+    best = _divide(text, options, complete=complete)
     if best is None:
         raise RigctlError(
             "the file has no heading",
@@ -138,43 +138,43 @@ def split_row(line: str, delimiter: str) -> list[str]:
     return next(csv.reader([line], delimiter=delimiter), [])
 
 
-def _rows(text: str, delimiter: str, *, whole: bool) -> list[Row]:
+def _rows(text: str, delimiter: str, *, complete: bool) -> list[Row]:
     """Yield the rows that are neither blank nor a comment."""
     if delimiter == " ":
         lines = text.splitlines()[: _ROWS + 1]
-        found = [
+        rows = [
             Row(number, number, tuple(cell.strip('"') for cell in split_row(line, " ")))
             for number, line in enumerate(lines, start=1)
             if line.strip() and not line.startswith("#")
         ]
     else:
-        found = []
+        rows = []
         reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
         try:
             before = 0
             for cells in reader:
                 line, before = before + 1, reader.line_num
                 if any(cell.strip() for cell in cells) and not cells[0].startswith(("#", "sep=")):
-                    found.append(Row(line, before, tuple(cells)))
-                if len(found) > _ROWS:
+                    rows.append(Row(line, before, tuple(cells)))
+                if len(rows) > _ROWS:
                     break
         except csv.Error:
             pass
-    cut = not whole and len(found) > 1 and len(found) <= _ROWS
-    return found[:-1] if cut else found
+    cut = not complete and len(rows) > 1 and len(rows) <= _ROWS
+    return rows[:-1] if cut else rows
 
 
-def _divide(text: str, options: Options, *, whole: bool) -> tuple[str, list[Row], int] | None:
+def _divide(text: str, options: Options, *, complete: bool) -> tuple[str, list[Row], int] | None:
     """Return the delimiter that gives most rows equally many cells, the rows, and the first of those."""
-    said = checked_delimiter(options.delimiter)
+    delimiter_option = checked_delimiter(options.delimiter)
     best: tuple[float, str, list[Row], int] | None = None
-    for delimiter in (said,) if said else DELIMITERS:
-        rows = _rows(text, delimiter, whole=whole)
+    for delimiter in (delimiter_option,) if delimiter_option else DELIMITERS:
+        rows = _rows(text, delimiter, complete=complete)
         if not rows:
             continue
         counts = Counter(len(row.cells) for row in rows)
         usual = max(counts, key=lambda size: (counts[size] * (size > 1), size))
-        share = counts[usual] / len(rows) if usual > 1 or said else 0.0
+        share = counts[usual] / len(rows) if usual > 1 or delimiter_option else 0.0
         if delimiter == " " and best is not None and (best[0] > 0.0 or share < _MOST_ROWS):
             break  # spaces are delimiters only if no other one fits and most rows agree
         if best is None or share > best[0] + 0.25:
@@ -183,7 +183,7 @@ def _divide(text: str, options: Options, *, whole: bool) -> tuple[str, list[Row]
     if best is None:
         return None
     _, delimiter, rows, first = best
-    return ("," if best[0] == 0.0 and not said else delimiter), rows, first
+    return ("," if best[0] == 0.0 and not delimiter_option else delimiter), rows, first
 
 
 def _is_data(row: Row) -> bool:
@@ -219,7 +219,7 @@ def _below_padding(rows: Sequence[Row], index: int) -> tuple[list[str], int]:
     that are missing in one row are taken from the row below it, or above it.
     """
     cells = list(rows[index].cells)
-    for place, below in enumerate(rows[index + 1 :], start=index + 1):
+    for number, below in enumerate(rows[index + 1 :], start=index + 1):
         if all(cell.strip() for cell in cells) or len(below.cells) != len(cells) or _is_data(below):
             break
         if _filled(below.cells) < _filled(cells):
@@ -229,7 +229,7 @@ def _below_padding(rows: Sequence[Row], index: int) -> tuple[list[str], int]:
         if _unit_row(cells, [below])[0]:
             break
         pairs = zip(below.cells, cells, strict=True)
-        cells, index = [own if own.strip() else above for own, above in pairs], place
+        cells, index = [lower if lower.strip() else above for lower, above in pairs], number
     return cells, index
 
 
@@ -245,8 +245,8 @@ def _unit_row(cells: Sequence[str], sample: list[Row]) -> tuple[list[str | None]
     """Return the units from a separate row below the heading, and the rows after it."""
     if not sample or len(sample[0].cells) != len(cells) or any("[" in cell for cell in cells):
         return [], sample
-    found = [_UNIT_ROW.fullmatch(cell.strip()) for cell in sample[0].cells]
-    units = [match["unit"] if match else "?" for match in found]
+    matches = [_UNIT_ROW.fullmatch(cell.strip()) for cell in sample[0].cells]
+    units = [match["unit"] if match else "?" for match in matches]
     filled = [unit for unit in units if unit]
     if not filled or not all(is_unit(unit) or ":" in unit for unit in filled) or _is_data(sample[0]):
         return [], sample
@@ -263,7 +263,7 @@ def _headings(
     sample: Sequence[Row],
 ) -> tuple[Heading, ...]:
     written = text.splitlines()[line - 1] if line else ""
-    found = []
+    headings = []
     for number, cell in enumerate(cells, start=1):
         where = Location(path, line or None, cell_place(written, delimiter, number) if line else None)
         name, unit = split_heading(cell)
@@ -273,7 +273,7 @@ def _headings(
                 and sample
                 and not any("".join(row.cells[number - 1 :]) for row in sample)
             ):
-                found.append(Heading("", None, where))  # rows end with a delimiter
+                headings.append(Heading("", None, where))  # rows end with a delimiter
                 continue
             raise RigctlError(
                 f"column {number} has no name",
@@ -281,8 +281,8 @@ def _headings(
                 expected="a name and its unit: name [unit]",
                 where=where,
             )
-        found.append(Heading(name, (units[number - 1] if units else None) or unit, where))
-    return tuple(found)
+        headings.append(Heading(name, (units[number - 1] if units else None) or unit, where))
+    return tuple(headings)
 
 
 def cell_place(line: str, delimiter: str, number: int) -> int | None:

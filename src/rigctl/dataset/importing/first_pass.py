@@ -81,27 +81,27 @@ def survey(
     keep_good: bool = True,
 ) -> Survey:
     """Read through a file; without `keep_good`, only until too many rows are bad."""
-    found = Survey(spans={name: Span() for name in layout.channels})
+    result = Survey(spans={name: Span() for name in layout.channels})
     open_record: _Gathered | None = None
     for part in parts:
-        found.rows += len(part.block)
-        found.bad_rows += part.bad_rows
-        found.faults += part.faults[: KEPT_FAULTS - len(found.faults)]
-        if found.bad_rows > MOST_BAD and not keep_good:
+        result.rows += len(part.block)
+        result.bad_rows += part.bad_rows
+        result.faults += part.faults[: KEPT_FAULTS - len(result.faults)]
+        if result.bad_rows > MOST_BAD and not keep_good:
             break
-        for name, span in found.spans.items():
+        for name, span in result.spans.items():
             span.add(part.block[:, layout.columns.index(name)])
         for stretch in part.stretches:
             if stretch.begins and open_record is not None:
-                found.records.append(open_record.facts(checker))
+                result.records.append(open_record.facts(checker))
                 open_record = None
             if stretch.record >= 0:
                 open_record = open_record or _Gathered(stretch.record, layout, conditions)
                 open_record.add(part.block, stretch)
     if open_record is not None:
-        found.records.append(open_record.facts(checker))
-    found.records = _alike(found.records, conditions)
-    return found
+        result.records.append(open_record.facts(checker))
+    result.records = _alike(result.records, conditions)
+    return result
 
 
 class _Gathered:
@@ -116,13 +116,13 @@ class _Gathered:
         }
 
     def add(self, block: NDArray[np.float64], stretch: Stretch) -> None:
-        for name, kept in self._kept.items():
+        for name, pieces in self._kept.items():
             values = block[stretch.start : stretch.stop, self._layout.columns.index(name)]
             if name in self._conditions.starts:
                 values = values[~np.isnan(values)][:_FIRST]
             elif name in self._conditions.levels:
                 values = np.unique(values[~np.isnan(values)])
-            kept.append(values.copy())
+            pieces.append(values.copy())
 
     def facts(self, checker: Checker) -> RecordFacts:
         values = {}

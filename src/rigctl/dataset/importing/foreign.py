@@ -152,8 +152,8 @@ def read(task: Mapping[str, Any]) -> NoReturn:
     folder = Path(task["folder"])
     try:
         limit_process(task["memory"], task["seconds"])
-        said = {**task["options"], "may_lack": frozenset(task["options"]["may_lack"])}
-        options = Options(**{**said, "missing": tuple(said["missing"])})
+        fields = {**task["options"], "may_lack": frozenset(task["options"]["may_lack"])}
+        options = Options(**{**fields, "missing": tuple(fields["missing"])})
         reader: Reader = getattr(import_module(task["module"]), task["function"])
         facts = _hand_over(reader(Path(task["path"]), options), folder)
     except RigctlError as problem:
@@ -171,10 +171,10 @@ def _as_data(problem: RigctlError) -> dict[str, Any]:
     return {**{name: getattr(problem, name) for name in names}, **where}
 
 
-def _hand_over(found: GroupedFile, folder: Path) -> dict[str, Any]:
+def _hand_over(file: GroupedFile, folder: Path) -> dict[str, Any]:
     """Write the data, group by group, and return the other facts."""
     groups = []
-    with found.reading() as opened:
+    with file.reading() as opened:
         for number, group in enumerate(opened):
             rows = max(_PIECE_VALUES // max(len(group.columns), 1), 1)
             _write_group(folder / f"{number}.arrow", group, rows)
@@ -183,13 +183,13 @@ def _hand_over(found: GroupedFile, folder: Path) -> dict[str, Any]:
             groups.append({**facts, "columns": columns})
     return {
         "groups": groups,
-        "headings": [[one.name, one.unit, one.seconds, one.spent] for one in found.headings],
-        "noun": found.noun,
-        "remarks": list(found.remarks),
-        "damage": list(found.damage),
-        "clock": None if found.clock is None else [found.clock.origin, found.clock.epoch],
-        "began": found.began,
-        "merged": found.merged,
+        "headings": [[one.name, one.unit, one.seconds, one.spent] for one in file.headings],
+        "noun": file.noun,
+        "remarks": list(file.remarks),
+        "damage": list(file.damage),
+        "clock": None if file.clock is None else [file.clock.origin, file.clock.epoch],
+        "began": file.began,
+        "merged": file.merged,
     }
 
 
@@ -231,9 +231,9 @@ def _opened(path: Path, folder: Path) -> GroupedFile:
     """Return the file from its reader's `folder`, which exists as long as the result does."""
     facts = json.loads((folder / _FACTS).read_text(encoding="utf-8"))
     if "error" in facts:
-        said = facts["error"]
-        where = Location(path, said.pop("line"), said.pop("column"))
-        raise RigctlError(**said, where=where)
+        error = facts["error"]
+        where = Location(path, error.pop("line"), error.pop("column"))
+        raise RigctlError(**error, where=where)
     described = facts["groups"]
 
     @contextmanager
@@ -248,7 +248,7 @@ def _opened(path: Path, folder: Path) -> GroupedFile:
                 pieces.close()
 
     clock = facts["clock"]
-    found = GroupedFile(
+    file = GroupedFile(
         path,
         tuple(Heading(name, unit, Location(path), *marks) for name, unit, *marks in facts["headings"]),
         reading,
@@ -259,8 +259,8 @@ def _opened(path: Path, folder: Path) -> GroupedFile:
         facts["began"],
         facts["merged"],
     )
-    weakref.finalize(found, shutil.rmtree, folder, ignore_errors=True)
-    return found
+    weakref.finalize(file, shutil.rmtree, folder, ignore_errors=True)
+    return file
 
 
 def _group(facts: Mapping[str, Any], pieces: _Pieces) -> Group:
@@ -288,8 +288,8 @@ class _Pieces:
         parts = []
         for number in range(start // self._rows, -(-stop // self._rows)):
             begin = number * self._rows
-            here = slice(max(start - begin, 0), min(stop - begin, self._rows))
-            column = self._piece(number).column(index)[here]
+            span = slice(max(start - begin, 0), min(stop - begin, self._rows))
+            column = self._piece(number).column(index)[span]
             parts.append(np.asarray(column.to_numpy(zero_copy_only=False)))
         return np.concatenate(parts) if parts else np.zeros(0)
 

@@ -72,11 +72,11 @@ class Group:
 def held(group: Group) -> Group:
     """Return the group with its values in memory."""
 
-    def kept(column: Column) -> Column:
+    def in_memory(column: Column) -> Column:
         values = column.read(0, group.rows)
         return replace(column, read=lambda start, stop: values[start:stop])
 
-    return Group(group.name, group.rows, tuple(kept(column) for column in group.columns))
+    return Group(group.name, group.rows, tuple(in_memory(column) for column in group.columns))
 
 
 #: opens the file and returns its groups, as often as it is called
@@ -181,8 +181,8 @@ def open_groups(
     RigctlError
         the file is empty, a column has two units, or the groups are not records.
     """
-    with reading() as found:
-        groups, remarks = _with_time(found, options, noun)
+    with reading() as all_groups:
+        groups, remarks = _with_time(all_groups, options, noun)
         if not groups:
             raise RigctlError("the file has no data", where=Location(path))
         merged = _check_alike(path, groups, options, noun)
@@ -235,10 +235,10 @@ def _with_time(groups: Sequence[Group], options: Options, noun: str) -> tuple[li
 
 def _check_alike(path: Path, groups: Sequence[Group], options: Options, noun: str) -> bool:
     """Return whether the groups are parts of one measurement: they have no channel in common."""
-    own = [
+    names = [
         {options.ours(column.name) for column in group.columns} - {"time", "record", "-"} for group in groups
     ]
-    parts = len(groups) > 1 and not set.intersection(*own)
+    parts = len(groups) > 1 and not set.intersection(*names)
     if parts and options.resample is None:
         listed = ", ".join(f"'{group.name}'" for group in groups[:5]) + (", …" if len(groups) > 5 else "")
         raise RigctlError(
@@ -338,12 +338,12 @@ def _as_text(value: object) -> str:
 
 
 @contextmanager
-def overheard(library: str, said: list[str]) -> Iterator[None]:
-    """Collect a library's log messages about a file in `said` instead of printing them."""
+def overheard(library: str, messages: list[str]) -> Iterator[None]:
+    """Collect a library's log messages about a file in `messages` instead of printing them."""
     names = [library, *(name for name in logging.root.manager.loggerDict if name.startswith(f"{library}."))]
     loggers = [logging.getLogger(name) for name in names]
     before = [(logger.handlers, logger.propagate) for logger in loggers]
-    listener = _Listener(said)
+    listener = _Listener(messages)
     for logger in loggers:
         logger.handlers, logger.propagate = [listener], False
     try:
@@ -356,17 +356,17 @@ def overheard(library: str, said: list[str]) -> Iterator[None]:
 class _Listener(logging.Handler):
     """Stores the text of every warning."""
 
-    def __init__(self, said: list[str]) -> None:
+    def __init__(self, messages: list[str]) -> None:
         super().__init__(logging.WARNING)
-        self._said = said
+        self._messages = messages
 
     def emit(self, record: logging.LogRecord) -> None:
         """Store a warning."""
-        self._said.append(record.getMessage())
+        self._messages.append(record.getMessage())
 
 
 @contextmanager
-def telling(path: Path, kind: str) -> Iterator[None]:
+def clear_errors(path: Path, kind: str) -> Iterator[None]:
     """Turn a library's errors about a damaged or wrong file into clear ones."""
     try:
         yield

@@ -64,9 +64,9 @@ def split_heading(text: str) -> tuple[str, str | None]:
     if match["unit"] is not None:
         return match["name"], unit_of(match["unit"])
     for form in _BESIDE:
-        found = form.fullmatch(written)
-        if found and is_unit(found["unit"]):
-            return found["name"], unit_of(found["unit"])
+        parts = form.fullmatch(written)
+        if parts and is_unit(parts["unit"]):
+            return parts["name"], unit_of(parts["unit"])
     return match["name"], None
 
 

@@ -60,7 +60,7 @@ def spread(times: NDArray[np.float64]) -> NDArray[np.float64]:
     if len(times) < 2:
         return times
     edges = [0, *(np.flatnonzero(times[1:] != times[:-1]) + 1).tolist(), len(times)]
-    found = times.copy()
+    spaced = times.copy()
     forward = np.diff(times[edges[:-1]])
     usual = float(np.median(forward[forward > 0.0])) if (forward > 0.0).any() else 0.0
     step = 0.0
@@ -70,7 +70,7 @@ def spread(times: NDArray[np.float64]) -> NDArray[np.float64]:
         if ahead > GAP * usual > 0.0:  # a pause of the logger, over which its last samples do not extend
             ahead = step * count or usual
         if count > 1 and ahead > 0.0:
-            found[start:stop] = times[start] + ahead * np.arange(count) / count
+            spaced[start:stop] = times[start] + ahead * np.arange(count) / count
         if ahead > 0.0:
             step = ahead / count
-    return found
+    return spaced

@@ -33,10 +33,10 @@ def _limit_by_system(memory: int, seconds: float) -> None:
     import resource
 
     darwin = platform.system() == "Darwin"
-    whole = max(int(seconds), 1)
+    whole_seconds = max(int(seconds), 1)
     for kind, low, high in (
         (resource.RLIMIT_CORE, 0, 0),
-        (resource.RLIMIT_CPU, whole, whole + 1),
+        (resource.RLIMIT_CPU, whole_seconds, whole_seconds + 1),
         (resource.RLIMIT_DATA, memory, memory),
     ):
         _, most = resource.getrlimit(kind)

@@ -38,10 +38,10 @@ class LocalTime:
 
         if self.zone is UTC:
             return stamps
-        whole = stamps.astype("datetime64[ns]")
-        good = ~np.isnat(whole)
-        since = np.where(good, whole.astype(np.int64), 0) // 1_000_000_000
-        return np.asarray(whole - self.offsets(since, good).astype("timedelta64[s]"))
+        nanoseconds = stamps.astype("datetime64[ns]")
+        good = ~np.isnat(nanoseconds)
+        since = np.where(good, nanoseconds.astype(np.int64), 0) // 1_000_000_000
+        return np.asarray(nanoseconds - self.offsets(since, good).astype("timedelta64[s]"))
 
     def offsets(self, since: NDArray[np.int64], good: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Return the offsets from UTC, in s, of the next local times, in s since 1970, shape (n,) each.
@@ -51,23 +51,23 @@ class LocalTime:
         """
         import numpy as np
 
-        found = np.zeros(len(since), dtype=np.int64)
+        offsets = np.zeros(len(since), dtype=np.int64)
         times = since[good]
         if self.zone is UTC or not len(times):
-            return found
+            return offsets
         quarters, inverse = np.unique(times // _QUARTER, return_inverse=True)
         early, late = (_of_quarters(self.zone, quarters.tolist(), fold)[inverse] for fold in (0, 1))
         twice = early > late
         if twice.any():
             second = self._second(times, twice, early - late)
-            found[good] = np.where(second, late, early)
+            offsets[good] = np.where(second, late, early)
         else:
             second = twice
-            found[good] = early
+            offsets[good] = early
         latest = int(times[-1])
         before = int(times[-2]) if len(times) > 1 else self.state.latest
         self.state = LocalState(latest, before, bool(twice[-1]), bool(second[-1]))
-        return found
+        return offsets
 
     def _second(
         self, times: NDArray[np.int64], twice: NDArray[np.bool_], shift: NDArray[np.int64]
@@ -93,8 +93,8 @@ def _of_quarters(zone: tzinfo, quarters: list[int], fold: int) -> NDArray[np.int
 
     start = datetime(1970, 1, 1)  # noqa: DTZ001 - local times have no zone yet
     moments = [start + timedelta(seconds=quarter * _QUARTER) for quarter in quarters]
-    found = [moment.replace(tzinfo=zone, fold=fold).utcoffset() for moment in moments]
-    return np.array([int(offset.total_seconds()) if offset else 0 for offset in found], dtype=np.int64)
+    offsets = [moment.replace(tzinfo=zone, fold=fold).utcoffset() for moment in moments]
+    return np.array([int(offset.total_seconds()) if offset else 0 for offset in offsets], dtype=np.int64)
 
 
 def zone_info(name: str | None) -> tzinfo:

@@ -87,16 +87,19 @@ def open_long(source: Source, options: Options) -> LongFile:
     names.pop("", None)
     every = np.concatenate(times) if times else np.zeros(0)
     which = np.concatenate(codes) if codes else np.zeros(0, dtype=np.int64)
-    found = np.concatenate(values) if values else np.zeros(0)
+    all_values = np.concatenate(values) if values else np.zeros(0)
     where = np.concatenate(lines) if lines else np.zeros(0, dtype=np.int64)
     remarks = list(source.remarks)
     rising = []
     for name, code in names.items():
-        here = np.flatnonzero((which == code) & ~np.isnan(found) & ~np.isnan(every))
-        order = order_of(every[here], options.times)
-        every[here] = order.times
-        rising.append(here[order.rising])
-        back, again = here[order.back].tolist(), here[~order.rising & ~order.back].tolist()
+        rows_of_channel = np.flatnonzero((which == code) & ~np.isnan(all_values) & ~np.isnan(every))
+        order = order_of(every[rows_of_channel], options.times)
+        every[rows_of_channel] = order.times
+        rising.append(rows_of_channel[order.rising])
+        back, again = (
+            rows_of_channel[order.back].tolist(),
+            rows_of_channel[~order.rising & ~order.back].tolist(),
+        )
         if again:
             remarks.append(repeated(name, len(again), line=int(where[again[0]])))
         if back and options.times == "drop":
@@ -108,15 +111,15 @@ def open_long(source: Source, options: Options) -> LongFile:
     table = []
     for rows in rising:
         column = np.full(len(moments), np.nan)
-        column[inverse[rows]] = found[rows]
+        column[inverse[rows]] = all_values[rows]
         table.append(column)
     faults.sort(key=lambda fault: fault.line)
     heading = source.headings[time]
     unit = options.unit_of(source.headings[value].name) or source.headings[value].unit
     headings = [heading]
     for name in names:
-        plain, own = split_heading(name)
-        headings.append(Heading(plain or name, own or unit, Location(source.path)))
+        plain, own_unit = split_heading(name)
+        headings.append(Heading(plain or name, own_unit or unit, Location(source.path)))
     return LongFile(
         source.path,
         tuple(headings),

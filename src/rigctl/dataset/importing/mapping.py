@@ -78,9 +78,9 @@ def load_mapping(path: Path) -> Options:
     document = read_document(path)
     if not isinstance(document.data, Mapping):
         raise RigctlError("not a mapping", expected="columns, missing, dates, …", where=document.locate())
-    found = validate(document, ImportMapping)
+    mapping = validate(document, ImportMapping)
     try:
-        return found.options()
+        return mapping.options()
     except RigctlError as problem:
         raise problem.at(document.locate()) from None
 

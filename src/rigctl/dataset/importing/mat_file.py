@@ -18,10 +18,10 @@ from rigctl.dataset.importing.groups import (
     Group,
     GroupedFile,
     as_numbers,
+    clear_errors,
     common_length,
     is_text,
     open_groups,
-    telling,
 )
 from rigctl.dataset.importing.headings import split_heading, unit_of
 from rigctl.dataset.importing.options import Options
@@ -52,34 +52,34 @@ def open_mat(path: Path, options: Options) -> GroupedFile:
     RigctlError
         the file cannot be read, is of version 7.3, or contains no table.
     """
-    found = _Found()
+    content = _Found()
     variables = _load(path)
     units = _units(variables.pop("units", None))
     vectors: dict[str, Any] = {}
     for name, value in variables.items():
         if _is_structure(value):
-            _take_structures(path, name, value, units, options, found)
+            _take_structures(path, name, value, units, options, content)
         else:
             vectors[name] = value
-    if not found.groups:
-        found.groups += _group(path, "", vectors, units, options, found.remarks)
+    if not content.groups:
+        content.groups += _group(path, "", vectors, units, options, content.remarks)
     else:
-        found.remarks += [f"variable '{name}' is not a structure and is left out" for name in vectors]
-    if not found.groups:
+        content.remarks += [f"variable '{name}' is not a structure and is left out" for name in vectors]
+    if not content.groups:
         raise RigctlError(
-            "; ".join(["nothing in it is a table", *found.remarks]),
+            "; ".join(["nothing in it is a table", *content.remarks]),
             expected="vectors of equal length, or structures of them",
             where=Location(path),
         )
-    read = open_groups(path, lambda: nullcontext(found.groups), options, noun="structure")
-    return replace(read, remarks=(*read.remarks, *found.remarks))
+    read = open_groups(path, lambda: nullcontext(content.groups), options, noun="structure")
+    return replace(read, remarks=(*read.remarks, *content.remarks))
 
 
 def _load(path: Path) -> dict[str, Any]:
     """Load the variables of a file, one-element and empty dimensions removed."""
     from scipy.io import loadmat
 
-    with telling(path, "MAT"):
+    with clear_errors(path, "MAT"):
         with path.open("rb") as file:
             if file.read(len(_NEWEST)) == _NEWEST:
                 raise RigctlError(
@@ -102,8 +102,8 @@ def _structures(value: Any) -> list[Any]:
     if isinstance(value, mat_struct):
         return [value]
     if getattr(getattr(value, "dtype", None), "kind", "") == "O" and value.ndim == 1:
-        found = [item for item in value if isinstance(item, mat_struct)]
-        return found if len(found) == len(value) else []
+        structures = [item for item in value if isinstance(item, mat_struct)]
+        return structures if len(structures) == len(value) else []
     return []
 
 
@@ -119,35 +119,35 @@ def _units(value: Any) -> dict[str, str]:
 
 
 def _take_structures(
-    path: Path, name: str, value: Any, units: Mapping[str, str], options: Options, found: _Found
+    path: Path, name: str, value: Any, units: Mapping[str, str], options: Options, content: _Found
 ) -> None:
     """Add each structure of a variable as a group."""
     several = _structures(value)
     for number, structure in enumerate(several, start=1):
         fields = _fields(structure)
-        own = {**units, **_units(fields.pop("units", None))}
+        own_units = {**units, **_units(fields.pop("units", None))}
         named = next((fields.pop(key) for key in _NAMES if isinstance(fields.get(key), str)), "")
         label = named or (f"{name}({number})" if len(several) > 1 else name)
-        if any(group.name == label for group in found.groups):
+        if any(group.name == label for group in content.groups):
             label = f"{label} ({number})"
         if "signals" in fields and "time" in fields:
             fields = {"time": fields["time"], **_signals(fields["signals"])}
-        found.groups += _group(path, label, fields, own, options, found.remarks)
+        content.groups += _group(path, label, fields, own_units, options, content.remarks)
 
 
 def _signals(value: Any) -> dict[str, Any]:
     """Return the signals of a Simulink "structure with time"."""
-    found: dict[str, Any] = {}
+    signals: dict[str, Any] = {}
     for number, signal in enumerate(_structures(value), start=1):
         fields = _fields(signal)
         label = fields.get("label")
         name = label if isinstance(label, str) and label else f"signal_{number}"
         values: Any = fields.get("values")
         if getattr(values, "ndim", 0) == 2:
-            found |= {f"{name}_{index}": column for index, column in enumerate(values.T, start=1)}
+            signals |= {f"{name}_{index}": column for index, column in enumerate(values.T, start=1)}
         else:
-            found[name] = values
-    return found
+            signals[name] = values
+    return signals
 
 
 def _group(

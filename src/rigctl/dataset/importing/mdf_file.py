@@ -14,11 +14,11 @@ from rigctl.dataset.importing.groups import (
     Column,
     Group,
     GroupedFile,
+    clear_errors,
     held,
     missing_extra,
     open_groups,
     overheard,
-    telling,
 )
 from rigctl.dataset.importing.headings import split_heading, unit_of
 from rigctl.dataset.importing.local_time import LocalTime
@@ -41,30 +41,35 @@ def open_mdf(path: Path, options: Options) -> GroupedFile:
     except ImportError as problem:
         raise missing_extra("mdf", "asammdf", path) from problem
 
-    said: list[str] = []
+    messages: list[str] = []
     origins: list[int | None] = []
     remarks: list[str] = []
 
     @contextmanager
     def reading() -> Iterator[Sequence[Group]]:
         # opened here, since the library creates a missing file and leaves damaged ones open
-        with telling(path, "MDF"), overheard("asammdf", said), path.open("rb") as raw, MDF(raw) as file:
+        with (
+            clear_errors(path, "MDF"),
+            overheard("asammdf", messages),
+            path.open("rb") as raw,
+            MDF(raw) as file,
+        ):
             origins.append(_started(file, options, remarks))
             yield _groups(file, remarks)
 
-    with telling(path, "MDF"):
+    with clear_errors(path, "MDF"):
         small = path.stat().st_size <= LARGE
     if small:
         with reading() as groups:
-            kept = [held(group) for group in groups]
-        found = open_groups(path, lambda: nullcontext(kept), options, "channel group", said)
+            in_memory = [held(group) for group in groups]
+        grouped = open_groups(path, lambda: nullcontext(in_memory), options, "channel group", messages)
     else:
-        found = open_groups(path, reading, options, "channel group", said)
-    return replace(found, began=origins[0], remarks=(*found.remarks, *dict.fromkeys(remarks)))
+        grouped = open_groups(path, reading, options, "channel group", messages)
+    return replace(grouped, began=origins[0], remarks=(*grouped.remarks, *dict.fromkeys(remarks)))
 
 
 def _groups(file: Any, remarks: list[str]) -> list[Group]:
-    found: list[Group] = []
+    result: list[Group] = []
     for index, group in enumerate(file.groups):
         rows = int(group.channel_group.cycles_nr)
         if not rows:
@@ -73,7 +78,7 @@ def _groups(file: Any, remarks: list[str]) -> list[Group]:
         columns = [
             _column(file, index, channel) for channel in range(len(group.channels)) if channel != master
         ]
-        name = _name(group, index, {other.name for other in found})
+        name = _name(group, index, {other.name for other in result})
         if master is not None:
             others = [column for column in columns if column.name != "time"]
             if len(others) < len(columns):
@@ -81,8 +86,8 @@ def _groups(file: Any, remarks: list[str]) -> list[Group]:
                     f"channel group '{name}': the channel 'time' is left out, its master channel is the time"
                 )
             columns = [Column("time", "s", _master(file, index)), *others]
-        found.append(Group(name, rows, tuple(columns)))
-    return found
+        result.append(Group(name, rows, tuple(columns)))
+    return result
 
 
 def _name(group: Any, index: int, taken: set[str]) -> str:
@@ -111,12 +116,12 @@ def _reader(file: Any, group: int, channel: int) -> Callable[[int, int], NDArray
             record_offset=start,
             record_count=stop - start,
         )
-        found = np.asarray(values)
+        array = np.asarray(values)
         if (
-            invalid is not None and found.dtype.kind in "fiub"
+            invalid is not None and array.dtype.kind in "fiub"
         ):  # values marked as invalid in the file are missing
-            return np.where(np.asarray(invalid, dtype=bool), np.nan, found)
-        return found
+            return np.where(np.asarray(invalid, dtype=bool), np.nan, array)
+        return array
 
     return read
 

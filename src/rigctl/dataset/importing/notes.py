@@ -32,17 +32,17 @@ _MARKS: Final = (
 _MANY: Final = 10
 
 
-def notes(found: Survey, layout: Layout, rig: Rig, assumed: Mapping[str, float]) -> Iterator[str]:
+def notes(result: Survey, layout: Layout, rig: Rig, assumed: Mapping[str, float]) -> Iterator[str]:
     """Return remarks on channels that are absent, constant or incomplete, and on gaps in time."""
     yield from _absent(layout, rig, assumed)
-    for name, span in found.spans.items():
-        yield from _channel_notes(name, span, found.rows, layout)
-    broken = [record for record in found.records if record.gap is not None]
+    for name, span in result.spans.items():
+        yield from _channel_notes(name, span, result.rows, layout)
+    broken = [record for record in result.records if record.gap is not None]
     if broken:
         worst = max(broken, key=lambda record: record.gap.length if record.gap else 0.0)
         assert worst.gap is not None  # noqa: S101 - of those that have one
         yield (
-            f"gaps in time in {len(broken)} of {len(found.records)} records; the longest: "
+            f"gaps in time in {len(broken)} of {len(result.records)} records; the longest: "
             f"{worst.gap.length:.4g} s from {worst.gap.start:.6g} s on in "
             f"{describe_label(worst.label)}. '--split gap' makes a record of each stretch"
         )

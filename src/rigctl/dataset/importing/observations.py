@@ -80,7 +80,7 @@ def take_observations(
 ) -> Observations:
     """Turn a table without ``time`` into observations; `missing` are numbers that mark missing values."""
     marks = marks_of(missing)
-    found = Survey()
+    result = Survey()
     parts = []
     more = 0
     for part in source.parts(*places_of(assigned)):
@@ -90,12 +90,12 @@ def take_observations(
         labels = part.labels and type(part.labels)(part.labels.codes[good], part.labels.texts)
         columns = {index: without_marks(column[good], marks) for index, column in part.columns.items()}
         parts.append(Part(columns, part.lines[good], labels, group=part.group))
-        found.rows += int(good.sum())
-        found.faults += [*part.faults, *faults]
+        result.rows += int(good.sum())
+        result.faults += [*part.faults, *faults]
         more += part.more_faults
-    found.faults.sort(key=lambda fault: fault.line)
-    found.bad_rows = len(found.faults) + more
-    return Observations(source, assigned, parts, found)
+    result.faults.sort(key=lambda fault: fault.line)
+    result.bad_rows = len(result.faults) + more
+    return Observations(source, assigned, parts, result)
 
 
 def _is_condition(column: Assigned) -> bool:

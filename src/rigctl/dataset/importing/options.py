@@ -53,7 +53,7 @@ class Options:
     def over(self, other: Options) -> Options:
         """Return these options, with those of `other` where they are not set."""
         usual = Options()
-        said = {
+        changes = {
             item.name: value
             for item in fields(self)
             if (value := getattr(self, item.name)) != getattr(usual, item.name)
@@ -61,7 +61,7 @@ class Options:
         return replace(
             other,
             **{
-                **said,
+                **changes,
                 "columns": {**other.columns, **self.columns},
                 "may_lack": other.may_lack - set(self.columns),
                 "assume": {**other.assume, **self.assume},
@@ -101,8 +101,8 @@ def checked_choices(choices: Mapping[str, str | None]) -> dict[str, Any]:
     RigctlError
         a value is not allowed for its option.
     """
-    said = {name: value for name, value in choices.items() if value is not None}
-    for name, value in said.items():
+    values = {name: value for name, value in choices.items() if value is not None}
+    for name, value in values.items():
         known = _CHOICES.get(name)
         if known is not None and value not in known:
             raise RigctlError(
@@ -111,4 +111,4 @@ def checked_choices(choices: Mapping[str, str | None]) -> dict[str, Any]:
                 expected=f"one of {' '.join(known)}" if name == "decimal" else f"one of {', '.join(known)}",
                 nearest=nearest_name(value, known),
             )
-    return said
+    return values

@@ -108,8 +108,8 @@ def preview_files(paths: Sequence[Path], rig: Rig | None, options: Options) -> P
         a file cannot be read, or a column is unknown.
     """
     taken = take(paths, rig, options, keep_good=True)
-    found = taken.found
-    said = remarks_of(taken, rig, options)
+    result = taken.found
+    remarks = remarks_of(taken, rig, options)
     origin = taken.source.origin
     started = None if origin is None else instant(origin, options.zone)
     columns: tuple[ColumnPreview, ...]
@@ -122,14 +122,14 @@ def preview_files(paths: Sequence[Path], rig: Rig | None, options: Options) -> P
     elapsed = not np.any(np.diff(times) <= 0.0)
     if not elapsed:  # time restarts with a record
         times = np.asarray(
-            (np.arange(len(times)) + 0.5) * max(found.rows / len(times), 1.0), dtype=np.float64
+            (np.arange(len(times)) + 0.5) * max(result.rows / len(times), 1.0), dtype=np.float64
         )
-    faults = tuple(found.faults)
-    return Preview(columns, records, found.rows, started, found.bad_rows, faults, said, times, elapsed)
+    faults = tuple(result.faults)
+    return Preview(columns, records, result.rows, started, result.bad_rows, faults, remarks, times, elapsed)
 
 
 def _observed(taken: Observations) -> tuple[ColumnPreview, ...]:
-    made = []
+    previews = []
     for column in taken.assigned:
         if column.unit is None:
             continue
@@ -137,10 +137,10 @@ def _observed(taken: Observations) -> tuple[ColumnPreview, ...]:
         values = np.concatenate(written) if written else np.zeros(0)
         si = values * column.unit.factor + (0.0 if column.difference else column.unit.offset)
         shown = _shown(si, column.shown, difference=column.difference)
-        made.append(
+        previews.append(
             _column(column.heading.name, column.heading.unit, column.name, column.kind, column.shown, shown)
         )
-    return tuple(made)
+    return tuple(previews)
 
 
 def _sampled(
@@ -157,9 +157,9 @@ def _sampled(
     for part in taken.kept or checked(taken.source, taken.stages, taken.checker()):
         bins = (row + np.arange(len(part.block))) // width
         for index in np.unique(bins).tolist():
-            here = part.block[bins == index]
-            lows[index] = np.fmin(lows[index], np.fmin.reduce(here, axis=0))
-            highs[index] = np.fmax(highs[index], np.fmax.reduce(here, axis=0))
+            block = part.block[bins == index]
+            lows[index] = np.fmin(lows[index], np.fmin.reduce(block, axis=0))
+            highs[index] = np.fmax(highs[index], np.fmax.reduce(block, axis=0))
         counts += (~np.isnan(part.block)).sum(axis=0)
         row += len(part.block)
         for stretch in part.stretches:
@@ -167,7 +167,7 @@ def _sampled(
                 times = part.block[stretch.start : stretch.stop, 0]
                 span = spans.setdefault(stretch.record, [float(times[0]), float(times[-1]), 0.0])
                 span[1], span[2] = float(times[-1]), span[2] + len(times)
-    made = []
+    previews = []
     for column in taken.assigned:
         if column.kind in ("record", "clock"):
             continue
@@ -177,14 +177,14 @@ def _sampled(
         heading = headings[column.index]
         entry = _column(heading.name, heading.unit, column.name, column.kind, column.shown, shown)
         count = int(counts[index])
-        made.append(ColumnPreview(**{**vars(entry), "values": count, "missing": taken.rows - count}))
+        previews.append(ColumnPreview(**{**vars(entry), "values": count, "missing": taken.rows - count}))
     middle = 0.5 * (lows[:, 0] + highs[:, 0])
     stem = stem_of(taken.source.path)
     records = tuple(
         RecordPreview(_name(facts, stem), span[0], span[1], int(span[2]))
         for facts, span in zip(taken.found.records, [spans[key] for key in sorted(spans)], strict=True)
     )
-    return tuple(made), middle, records
+    return tuple(previews), middle, records
 
 
 def _name(facts: RecordFacts, stem: str) -> str:

@@ -73,8 +73,8 @@ def read_table(path: Path, options: Options | None = None, *, keep_good: bool = 
     RigctlError
         the file cannot be read, a row is bad, or the file is empty.
     """
-    said = options or Options()
-    return table_of(open_source(path, said), path, said, keep_good=keep_good)
+    settings = options or Options()
+    return table_of(open_source(path, settings), path, settings, keep_good=keep_good)
 
 
 def table_of(

@@ -114,7 +114,7 @@ def resample(
         Fault(line, GOES_BACK, f"{moment:.9g} s", group=part.group, path=part.path)
         for line, moment in (() if drop else sorted(back.items())[:KEPT_FAULTS])
     )
-    made = replace(
+    resampled = replace(
         part,
         faults=(*part.faults, *faults),
         more_faults=part.more_faults + (0 if drop else len(back) - len(faults)),
@@ -130,14 +130,14 @@ def resample(
             f"{len(back)} rows whose time goes back were dropped, the first of them on line {min(back)}"
         )
     remarks += [repeated(name, len(rows), line=rows[0]) for name, rows in again.items() if rows]
-    return made, remarks
+    return resampled, remarks
 
 
 def _leading(to: str, known: Sequence[Assigned]) -> Assigned | None:
     """Return the column whose times are used; None if `to` is a step."""
-    found = next((column for column in known if to in (column.name, column.heading.name)), None)
-    if found is not None:
-        return found
+    match = next((column for column in known if to in (column.name, column.heading.name)), None)
+    if match is not None:
+        return match
     try:
         parse_quantity(to)
     except RigctlError:
@@ -192,13 +192,13 @@ def _at(grid: NDArray[np.float64], series: _Series, *, hold: bool) -> NDArray[np
     before = np.searchsorted(series.times, grid, side="right") - 1
     if hold:
         return np.where(before >= 0, series.values[np.maximum(before, 0)], np.nan)
-    found = np.interp(grid, series.times, series.values, left=np.nan, right=np.nan)
+    values = np.interp(grid, series.times, series.values, left=np.nan, right=np.nan)
     inside = (before >= 0) & (before < len(series.times) - 1)
     at = np.minimum(np.maximum(before, 0), max(len(series.times) - 2, 0))
     if len(series.times) > 1:
         wide = (series.times[at + 1] - series.times[at]) > _GAP * series.step
-        found = np.where(inside & wide & (grid > series.times[at]), np.nan, found)
-    return np.asarray(found)
+        values = np.where(inside & wide & (grid > series.times[at]), np.nan, values)
+    return np.asarray(values)
 
 
 def _lines_at(grid: NDArray[np.float64], series: Mapping[str, _Series]) -> NDArray[np.int64]:

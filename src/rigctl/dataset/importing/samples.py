@@ -87,8 +87,8 @@ def take_samples(
     kept: list[Checked] = []
     stages = Stages(options, assigned)
     parts = _keeping(checked(source, stages, checker), kept)
-    found = survey(parts, checker, layout, conditions_of(layout, rig), keep_good=keep_good)
-    return Samples(source, assigned, layout, found, options, stages, kept)
+    result = survey(parts, checker, layout, conditions_of(layout, rig), keep_good=keep_good)
+    return Samples(source, assigned, layout, result, options, stages, kept)
 
 
 def checked(source: Source, stages: Stages, checker: Checker) -> Iterator[Checked]:
@@ -147,14 +147,14 @@ class _Recorder:
         self._told = {}
 
     def _open(self, time: float, facts: RecordFacts) -> None:
-        own = facts.label if isinstance(facts.label, str) else self._stem
+        label = facts.label if isinstance(facts.label, str) else self._stem
         sweep = {
             name: (value, self._layout.unit(name))
             for name, value in facts.values.items()
             if not np.isnan(value)
         }
         path = describe_label(facts.label)
-        self._index = self._writer.open_record(time, self._name or own, sweep, path, facts.rate)
+        self._index = self._writer.open_record(time, self._name or label, sweep, path, facts.rate)
         if facts.gap is not None:
             gap = facts.gap
             more = f", the longest of {gap.count} gaps" if gap.count > 1 else ""

@@ -106,13 +106,13 @@ def begin_records(part: Part, find: Callable[[slice], NDArray[np.bool_]]) -> Par
             codes[start:stop] = len(texts)
             texts.append("")
             continue
-        found = find(slice(start, stop))
-        found[0] = False
-        edges = [start, *(start + np.flatnonzero(found)).tolist(), stop]
+        starts = find(slice(start, stop))
+        starts[0] = False
+        edges = [start, *(start + np.flatnonzero(starts)).tolist(), stop]
         for number, (first, last) in enumerate(pairwise(edges), start=1):
             codes[first:last] = len(texts)
-            whole = len(edges) == 2
-            texts.append(f"{number - 1}" if text is None else text if whole else f"{text} {number}")
+            undivided = len(edges) == 2
+            texts.append(f"{number - 1}" if text is None else text if undivided else f"{text} {number}")
     return replace(part, labels=Labels(codes, tuple(texts)))
 
 
@@ -136,14 +136,14 @@ def _after_gaps(times: NDArray[np.float64], longest: float | None) -> NDArray[np
     """Return rows before which time goes back, or steps by over `longest` or `GAP` times the usual step."""
     import numpy as np
 
-    found = np.zeros(len(times), dtype=bool)
+    starts = np.zeros(len(times), dtype=bool)
     known = np.flatnonzero(~np.isnan(times))
     steps = np.diff(times[known])
     if longest is None:
         forward = steps[steps > 0.0]
         longest = GAP * float(np.median(forward)) if len(forward) else float("inf")
-    found[known[1:]] = (steps < 0.0) | (steps > longest)
-    return found
+    starts[known[1:]] = (steps < 0.0) | (steps > longest)
+    return starts
 
 
 def _at_commands(commands: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
@@ -161,13 +161,13 @@ def _at_commands(commands: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
         known = held[~np.isnan(held)]
         if len(known):
             moved |= ~np.isnan(held) & (held != known[0])
-    found = np.zeros(rows, dtype=bool)
+    starts = np.zeros(rows, dtype=bool)
     leaves = np.flatnonzero(moved[1:] & ~moved[:-1]) + 1
     comes = np.flatnonzero(~moved[1:] & moved[:-1]) + 1
     for row in leaves[1:].tolist():
         quiet = row - int(comes[comes < row][-1])
-        found[row - min(LEAD, max(quiet // 2, 1))] = True
-    return found
+        starts[row - min(LEAD, max(quiet // 2, 1))] = True
+    return starts
 
 
 def _held(values: NDArray[np.float64]) -> NDArray[np.float64]:

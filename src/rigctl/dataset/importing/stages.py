@@ -37,8 +37,8 @@ class Stages:
     @property
     def needed(self) -> bool:
         """Whether any stage is required."""
-        said = self.options
-        return said.times != "refuse" or said.split is not None or said.resample is not None
+        options = self.options
+        return options.times != "refuse" or options.split is not None or options.resample is not None
 
     def parts(self, source: Source) -> Iterator[Part]:
         """Yield the rows of a file, ready to be checked."""
@@ -90,9 +90,9 @@ class Stages:
             if to is None:
                 yield whole
                 continue
-            made, remarks = resample(whole, self.assigned, to, self.options.times)
+            resampled, remarks = resample(whole, self.assigned, to, self.options.times)
             self.remarks += [remark for remark in remarks if remark not in self.remarks]
-            yield made
+            yield resampled
 
     def _mended(self, part: Part, time: int) -> Part:
         """Drop rows whose time does not increase, or spread equal times."""
@@ -101,18 +101,18 @@ class Stages:
         times = part.columns[time].copy()
         good = np.ones(len(times), dtype=bool)
         for start, stop, _ in stretches(part):
-            here = slice(start, stop)
+            span = slice(start, stop)
             if self.options.times == "spread":
-                times[here] = spread(times[here])
-            before = np.fmax.accumulate(np.concatenate([[-np.inf], times[here]]))[:-1]
-            good[here] = ~(times[here] <= before)
-        moved, left = int((times != part.columns[time])[good].sum()), int((~good).sum())
+                times[span] = spread(times[span])
+            before = np.fmax.accumulate(np.concatenate([[-np.inf], times[span]]))[:-1]
+            good[span] = ~(times[span] <= before)
+        moved, dropped = int((times != part.columns[time])[good].sum()), int((~good).sum())
         if self.options.times == "spread" and moved:
             self.remarks.append(f"{moved} rows had the time of the row before them, and were spread evenly")
-        if left and self.options.times == "drop":
+        if dropped and self.options.times == "drop":
             line = int(part.lines[np.flatnonzero(~good)[0]])
             self.remarks.append(
-                f"{left} rows whose time does not increase were dropped, the first of them on line {line}"
+                f"{dropped} rows whose time does not increase were dropped, the first of them on line {line}"
             )
             part = cut(part, good)
             times = times[good]

@@ -63,19 +63,19 @@ def publish(folder: Path, runs: Path) -> Path:
     RigctlError
         the run cannot be moved there.
     """
-    place = folder_for(runs, folder.name) / folder.name
+    target = folder_for(runs, folder.name) / folder.name
     try:
-        place.parent.mkdir(exist_ok=True)
-        if place.exists():  # an empty folder would be replaced
-            raise FileExistsError(place)
-        return folder.rename(place)
+        target.parent.mkdir(exist_ok=True)
+        if target.exists():  # an empty folder would be replaced
+            raise FileExistsError(target)
+        return folder.rename(target)
     except OSError as problem:
-        if not place.exists():
+        if not target.exists():
             raise RigctlError(
-                f"cannot put the run in its place: {problem.strerror}", where=Location(place)
+                f"cannot put the run in its place: {problem.strerror}", where=Location(target)
             ) from problem
         raise NameTakenError(
-            "another import took this name in the same second", where=Location(place), hint="Try again"
+            "another import took this name in the same second", where=Location(target), hint="Try again"
         ) from problem
 
 

@@ -16,11 +16,11 @@ from rigctl.dataset.importing.groups import (
     Column,
     Group,
     GroupedFile,
+    clear_errors,
     common_length,
     missing_extra,
     open_groups,
     overheard,
-    telling,
 )
 from rigctl.dataset.importing.headings import split_heading, unit_of
 from rigctl.dataset.importing.options import Options
@@ -50,25 +50,25 @@ def open_tdms(path: Path, options: Options) -> GroupedFile:
     except ImportError as problem:
         raise missing_extra("tdms", "npTDMS", path) from problem
 
-    said: list[str] = []
+    messages: list[str] = []
 
     @contextmanager
     def reading() -> Iterator[Sequence[Group]]:
         with (
-            telling(path, "TDMS"),
-            overheard("nptdms", said),
+            clear_errors(path, "TDMS"),
+            overheard("nptdms", messages),
             path.open("rb") as raw,
             TdmsFile.open(raw) as file,
         ):
-            yield [_group(path, group, options, said) for group in file.groups()]
+            yield [_group(path, group, options, messages) for group in file.groups()]
 
-    with telling(path, "TDMS"), overheard("nptdms", said):
+    with clear_errors(path, "TDMS"), overheard("nptdms", messages):
         if path.stat().st_size > LARGE:
-            return open_groups(path, reading, options, damage=said)
+            return open_groups(path, reading, options, damage=messages)
         # read whole, since the library searches all previous pieces for each piece of a file
         with path.open("rb") as raw:
-            groups = [_group(path, group, options, said) for group in TdmsFile.read(raw).groups()]
-    return open_groups(path, lambda: nullcontext(groups), options, damage=said)
+            groups = [_group(path, group, options, messages) for group in TdmsFile.read(raw).groups()]
+    return open_groups(path, lambda: nullcontext(groups), options, damage=messages)
 
 
 def _group(path: Path, group: Any, options: Options, damage: Sequence[str]) -> Group:

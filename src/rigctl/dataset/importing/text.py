@@ -60,10 +60,10 @@ def find_form(path: Path, encoding: str | None) -> TextForm:
     """
     with opened(path) as file:
         head = file.read(HEAD)
-    mark, found = next(((len(mark), name) for mark, name in _MARKS if head.startswith(mark)), (0, None))
-    said = _checked(encoding, path) if encoding else None
+    mark, marked = next(((len(mark), name) for mark, name in _MARKS if head.startswith(mark)), (0, None))
+    option = _checked(encoding, path) if encoding else None
     # a mark gives the byte order, which 'utf-16' does not
-    name = found if found and (said or found).startswith(found[:6]) else said or _without_mark(head)
+    name = marked if marked and (option or marked).startswith(marked[:6]) else option or _without_mark(head)
     text = head[mark:].decode(name, "replace")
     returns = "\r" in text and "\n" not in text
     return TextForm(name, mark, returns, guessed=name == "cp1252" and not encoding)

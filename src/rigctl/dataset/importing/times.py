@@ -142,10 +142,10 @@ class TimeReader:
             seconds = self._past_midnight(seconds, good)
         else:
             epoch = self.form.kind == "epoch"
-            found, good = _epoch(texts, self.form) if epoch else _dates(texts, self.form, self._local)
+            instants, good = _epoch(texts, self.form) if epoch else _dates(texts, self.form, self._local)
             if self.origin is None and good.any():
-                self.origin = int(found[good][0])
-            seconds = (found - (self.origin or 0)) / 1e9
+                self.origin = int(instants[good][0])
+            seconds = (instants - (self.origin or 0)) / 1e9
         return np.where(good, seconds, np.nan), ~good & ~missing
 
     def _past_midnight(self, seconds: NDArray[np.float64], good: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -201,12 +201,12 @@ def array_clock(first: Sequence[NDArray[Any]], unit: str | None) -> ArrayClock |
     if not known or any(values.dtype.kind not in "fiu" for values in known):
         return None
     numbers = np.concatenate([values.astype(np.float64) for values in known])
-    found = epoch_of(numbers[np.isfinite(numbers)].tolist(), unit)
-    if found is None:
+    epoch = epoch_of(numbers[np.isfinite(numbers)].tolist(), unit)
+    if epoch is None:
         return None
     everything = np.concatenate(known)
     absent = ~np.isfinite(everything.astype(np.float64))
-    return ArrayClock(int(_nanoseconds(everything, absent, found[1:])[~absent].min()), found[1:])
+    return ArrayClock(int(_nanoseconds(everything, absent, epoch[1:])[~absent].min()), epoch[1:])
 
 
 def _nanoseconds(
@@ -219,9 +219,9 @@ def _nanoseconds(
         return np.where(absent, 0, values.astype("datetime64[ns]").astype(np.int64))
     scale, offset = epoch
     present = np.where(absent, 0, values)
-    whole = np.floor(present).astype(np.int64)
-    behind = np.round((present - whole).astype(np.float64) * scale).astype(np.int64)
-    return (whole + offset) * scale + behind
+    integers = np.floor(present).astype(np.int64)
+    behind = np.round((present - integers).astype(np.float64) * scale).astype(np.int64)
+    return (integers + offset) * scale + behind
 
 
 def find_format(
@@ -291,32 +291,32 @@ def epoch_of(values: Sequence[float], unit: str | None) -> tuple[str, int, int] 
 def _length_of(unit: str) -> int | None:
     """Return the nanoseconds of a unit of time in any spelling, ``µs`` or ``usec``; None for others."""
     try:
-        found = parse_unit(unit)
+        parsed = parse_unit(unit)
     except RigctlError:
         return None
-    return round(found.factor * _SECOND) if found.dimension == parse_unit("s").dimension else None
+    return round(parsed.factor * _SECOND) if parsed.dimension == parse_unit("s").dimension else None
 
 
 def _number_format(cells: Sequence[str], unit: str | None) -> TimeFormat:
     decimal = "," if any("," in cell for cell in cells) else "."
-    found = epoch_of([float(cell.replace(",", ".", 1)) for cell in cells], unit)
-    if found is None:
+    epoch = epoch_of([float(cell.replace(",", ".", 1)) for cell in cells], unit)
+    if epoch is None:
         return TimeFormat("number")
-    return TimeFormat("epoch", epoch=found[1:], decimal=decimal)
+    return TimeFormat("epoch", epoch=epoch[1:], decimal=decimal)
 
 
 def _clock_format(cells: Sequence[str], unit: str | None, where: Location) -> TimeFormat:
-    whole = [cell for cell in cells if cell.count(":") >= 2 or "m" in cell.casefold()]
+    unambiguous = [cell for cell in cells if cell.count(":") >= 2 or "m" in cell.casefold()]
     minutes = _CLOCK_UNITS.get((unit or "").casefold().replace(" ", "")) is not None
     fraction = any("." in cell or "," in cell for cell in cells)
-    if not whole and not minutes and not fraction and ":" not in (unit or ""):
+    if not unambiguous and not minutes and not fraction and ":" not in (unit or ""):
         raise RigctlError(
             "time: hours and minutes, or minutes and seconds?",
             value=cells[0],
             hint="Say which in the unit: --columns 'NAME=time [h:min]', or 'NAME=time [min:s]'",
             where=where,
         )
-    return TimeFormat("clock", minutes=not whole and (minutes or fraction))
+    return TimeFormat("clock", minutes=not unambiguous and (minutes or fraction))
 
 
 def _zone_of(cell: str) -> str | None:
@@ -339,15 +339,15 @@ def _date_order(cells: Sequence[str], wanted: DateOrder | None, where: Location)
         return "dmy"  # 21-Mar-2026
     first, second = (max(int(match[group]) for match in split) for group in (1, 3))
     certain = "dmy" if first > 12 >= second else "mdy" if second > 12 >= first else None
-    said = {"day-first": "dmy", "month-first": "mdy"}.get(wanted or "")
-    if certain and said and certain != said:
+    option = {"day-first": "dmy", "month-first": "mdy"}.get(wanted or "")
+    if certain and option and certain != option:
         raise RigctlError(
             f"time: {wanted} does not fit",
             value=cells[0],
             expected="--dates " + ("day-first" if certain == "dmy" else "month-first"),
             where=where,
         )
-    order = said or certain or ("dmy" if split[0][2] == "." else None)
+    order = option or certain or ("dmy" if split[0][2] == "." else None)
     if order is None or wanted == "iso":
         day, month = split[0][1], split[0][3]
         raise RigctlError(
@@ -365,12 +365,12 @@ def _groups(texts: pa.Array, pattern: str, names: str) -> dict[str, Any]:
     import pyarrow as pa
     import pyarrow.compute as pc
 
-    found = pc.extract_regex(texts, pattern)
-    if isinstance(found, pa.ChunkedArray):
-        found = found.combine_chunks()
-    matched = np.asarray(pc.is_valid(found).to_numpy(zero_copy_only=False), dtype=bool)
+    matches = pc.extract_regex(texts, pattern)
+    if isinstance(matches, pa.ChunkedArray):
+        matches = matches.combine_chunks()
+    matched = np.asarray(pc.is_valid(matches).to_numpy(zero_copy_only=False), dtype=bool)
     # flattened, so that the groups of texts that did not match are null too
-    parts = dict(zip([item.name for item in found.type], found.flatten(), strict=True))
+    parts = dict(zip([item.name for item in matches.type], matches.flatten(), strict=True))
     empty = pa.nulls(len(texts), pa.string())
     groups = {name: pc.fill_null(parts.get(name, empty), "") for name in names}
     return {**groups, "matched": matched}
@@ -427,16 +427,16 @@ def _epoch(texts: pa.Array, form: TimeFormat) -> tuple[NDArray[np.int64], NDArra
     good = part["matched"]
     scale, offset = form.epoch
     with np.errstate(over="ignore"):
-        whole = (_whole(_short(part["w"])) + offset) * scale
+        nanoseconds = (_whole(_short(part["w"])) + offset) * scale
     behind = np.array([float(f"0.{text}") if text else 0.0 for text in _sparse(part["d"])])
     exponents = np.asarray(part["e"].to_numpy(zero_copy_only=False), dtype=object) != ""
     if exponents.any():
         written = texts.to_pylist()
         for index in np.flatnonzero(exponents).tolist():
             count = float(str(written[index]).replace(form.decimal, ".")) + offset
-            whole[index] = round(count * scale)
+            nanoseconds[index] = round(count * scale)
             behind[index] = 0.0
-    return whole + np.round(behind * scale).astype(np.int64), good
+    return nanoseconds + np.round(behind * scale).astype(np.int64), good
 
 
 def _short(texts: pa.Array) -> pa.Array:
@@ -527,9 +527,9 @@ def _offsets(texts: pa.Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     codes = np.asarray(encoded.indices.to_numpy(zero_copy_only=False))
     for code, text in enumerate(encoded.dictionary.to_pylist()):
         if text:
-            here = codes == code
-            named[here] = True
-            shifts[here] = _offset(text)
+            rows = codes == code
+            named[rows] = True
+            shifts[rows] = _offset(text)
     return shifts, named
 
 

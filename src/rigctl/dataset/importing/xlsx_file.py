@@ -13,7 +13,14 @@ from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from rigctl.dataset.importing.groups import Column, Group, GroupedFile, missing_extra, open_groups, telling
+from rigctl.dataset.importing.groups import (
+    Column,
+    Group,
+    GroupedFile,
+    clear_errors,
+    missing_extra,
+    open_groups,
+)
 from rigctl.dataset.importing.headings import is_unit, split_heading, unit_of
 from rigctl.dataset.importing.local_time import LocalTime
 from rigctl.dataset.importing.missing_values import NO_VALUE
@@ -56,7 +63,7 @@ def open_xlsx(path: Path, options: Options) -> GroupedFile:
     except ImportError as problem:
         raise missing_extra("xlsx", "openpyxl", path) from problem
 
-    with telling(path, "XLSX"), path.open("rb") as raw:
+    with clear_errors(path, "XLSX"), path.open("rb") as raw:
         book = load_workbook(raw, read_only=True, data_only=True, keep_links=False)
         sheets = [_read(sheet) for sheet in book.worksheets]
     tables = [sheet for sheet in sheets if sheet is not None]
@@ -67,8 +74,8 @@ def open_xlsx(path: Path, options: Options) -> GroupedFile:
             where=Location(path),
         )
     groups = [_group(path, sheet, options, alone=len(tables) == 1) for sheet in tables]
-    found = open_groups(path, lambda: nullcontext(groups), options, noun="sheet")
-    return replace(found, remarks=(*found.remarks, *(said for sheet in tables for said in _unnamed(sheet))))
+    file = open_groups(path, lambda: nullcontext(groups), options, noun="sheet")
+    return replace(file, remarks=(*file.remarks, *(remark for sheet in tables for remark in _unnamed(sheet))))
 
 
 def _read(sheet: Any) -> _Sheet | None:
@@ -128,15 +135,15 @@ def _are_units(cells: Sequence[str]) -> bool:
 
 
 def _names(heading: Mapping[int, Any], units: Sequence[Any]) -> dict[int, tuple[str, str | None]]:
-    found = {}
+    names = {}
     for index, cell in sorted(heading.items()):
         name, unit = split_heading(str(cell))
         below = units[index] if index < len(units) and not _blank(units[index]) else None
-        found[index] = (
+        names[index] = (
             name or str(cell).strip(),
             unit or unit_of(str(below).strip("[]() ") if below else None),
         )
-    return found
+    return names
 
 
 def _below(rows: list[Sequence[Any]]) -> list[Sequence[Any]]:
@@ -169,8 +176,8 @@ def _group(path: Path, sheet: _Sheet, options: Options, *, alone: bool) -> Group
                     columns[day] = Column(*sheet.names[day], unread, spent=True)
                 continue
         if index not in columns:
-            values, found = _values(path, sheet, index, name, cells, options)
-            columns[index] = Column(name, found or unit, _reader(values))
+            values, own_unit = _values(path, sheet, index, name, cells, options)
+            columns[index] = Column(name, own_unit or unit, _reader(values))
     ordered = tuple(columns[index] for index in sheet.names)
     return Group("" if alone else sheet.name, len(sheet.rows), ordered, sheet.first)
 

@@ -45,9 +45,9 @@ def stored_index_path(address: str) -> Path:
     return _path_of(address.encode())
 
 
-def _path_of(place: bytes) -> Path:
+def _path_of(location: bytes) -> Path:
     """The index file of the runs in one folder or storage."""
-    return cache_folder() / "catalogue" / f"{hashlib.sha256(place).hexdigest()[:24]}.sqlite"
+    return cache_folder() / "catalogue" / f"{hashlib.sha256(location).hexdigest()[:24]}.sqlite"
 
 
 def is_indexed(runs: Path) -> bool:
@@ -183,8 +183,8 @@ def _prepare(index: sqlite3.Connection, path: Path) -> None:
 
 
 def _clear(index: sqlite3.Connection) -> None:
-    found = index.execute("SELECT type, name FROM sqlite_master WHERE type IN ('table', 'view')").fetchall()
-    for kind, name in sorted(found, reverse=True):  # views before the tables that they use
+    objects = index.execute("SELECT type, name FROM sqlite_master WHERE type IN ('table', 'view')").fetchall()
+    for kind, name in sorted(objects, reverse=True):  # views before the tables that they use
         index.execute(f'DROP {kind} IF EXISTS "{name}"')
 
 

@@ -70,14 +70,14 @@ def refresh(index: sqlite3.Connection, runs: Path, *, channels: bool = True) -> 
     """
     known: dict[str, int] = dict(index.execute("SELECT name, mtime FROM shard"))
     changes = _Changes()
-    here = _folders(runs, known)
-    for name in here:
+    present = _folders(runs, known)
+    for name in present:
         _compare(index, runs, name, known.get(name), changes)
-    changes.gone_folders = [name for name in known if name not in here]
+    changes.gone_folders = [name for name in known if name not in present]
     for name in changes.gone_folders:
         rows = index.execute("SELECT shard, id FROM run WHERE shard = ?", [name])
         changes.gone += rows.fetchall()
-    settled = {name for name in here if name not in changes.times}
+    settled = {name for name in present if name not in changes.times}
     if settled and _changed_unseen(index, runs, settled):
         for name in settled:
             _compare(index, runs, name, None, changes)
@@ -200,15 +200,13 @@ def _rows(
                     task.cancel()
 
 
-def remove_rows(index: sqlite3.Connection, places: Iterable[tuple[str, str]]) -> None:
+def remove_rows(index: sqlite3.Connection, locations: Iterable[tuple[str, str]]) -> None:
     """Remove runs, by the folder's name and the id."""
-    for place in places:
-        found = index.execute("SELECT key FROM run WHERE shard = ? AND id = ?", place).fetchone()
-        if found is not None:
-            index.execute(
-                "DELETE FROM channel WHERE run = ? AND name IN (SELECT key FROM channel_name)", found
-            )
-            index.execute("DELETE FROM run WHERE key = ?", found)
+    for location in locations:
+        key = index.execute("SELECT key FROM run WHERE shard = ? AND id = ?", location).fetchone()
+        if key is not None:
+            index.execute("DELETE FROM channel WHERE run = ? AND name IN (SELECT key FROM channel_name)", key)
+            index.execute("DELETE FROM run WHERE key = ?", key)
 
 
 def insert_rows(index: sqlite3.Connection, rows: Sequence[Row]) -> None:

@@ -87,7 +87,7 @@ def stored_row(folder: StoredFolder, info: Mapping[str, Any] | None, state: tupl
 
 def facts_of(info: Mapping[str, Any]) -> dict[str, Any]:
     """Return the index columns of a run from its ``run.json``, except the status."""
-    said = [Annotation(**statement) for statement in info.get("annotations", ())]
+    annotations = [Annotation(**statement) for statement in info.get("annotations", ())]
     same = ("source", "operator", "seed", "duration", "records", "complete_records", "rows")
     return {
         **{name: info.get(name) for name in same},
@@ -97,8 +97,8 @@ def facts_of(info: Mapping[str, Any]) -> dict[str, Any]:
         "started": _utc(info["started"]),
         "started_as": info["started"],
         "ended": _utc(info.get("ended")),
-        "notes": sum(statement.kind == "note" for statement in said),
-        "excluded": len(excluded_records(said)),
+        "notes": sum(statement.kind == "note" for statement in annotations),
+        "excluded": len(excluded_records(annotations)),
         **{name: info.get("device", {}).get(name, "") for name in ("serial_number", "part")},
         "test": info.get("test", {}).get("result", ""),
         **{name: info.get("test", {}).get(name) for name in ("passed", "missed")},
@@ -137,7 +137,7 @@ def _read_ranges(folder: Path | StoredFolder, info: Mapping[str, Any]) -> tuple[
         zip(("time", "record", *layout["channels"], *layout["commands"]), layout["units"], strict=False)
     )
     channels = set(layout["channels"])
-    found = []
+    ranges = []
     with open_parquet(folder / samples_file.NAME) as file:
         about = file.metadata
         groups = [about.row_group(number) for number in range(about.num_row_groups)]
@@ -152,5 +152,5 @@ def _read_ranges(folder: Path | StoredFolder, info: Mapping[str, Any]) -> tuple[
                     highs.append(facts.max)
             kind = "time" if name == "time" else "channel" if name in channels else "command"
             low, high = min(lows, default=None), max(highs, default=None)
-            found.append(ChannelRange(name, str(units.get(name, "")), kind, low, high))
-    return tuple(found)
+            ranges.append(ChannelRange(name, str(units.get(name, "")), kind, low, high))
+    return tuple(ranges)

@@ -97,9 +97,9 @@ def select_page(
     sql = f"SELECT {quoted(_COLUMNS)} FROM run {chosen} ORDER BY {missing}{order} LIMIT ? OFFSET ?"  # noqa: S608
     with _guarded(index, where):
         rows = index.execute(sql, [*words, count, first]).fetchall()
-        (found,) = index.execute(f"SELECT count(*) FROM run {chosen}", words).fetchone()  # noqa: S608
+        (matching,) = index.execute(f"SELECT count(*) FROM run {chosen}", words).fetchone()  # noqa: S608
     (every,) = index.execute("SELECT count(*) FROM run").fetchone()
-    return Page([dict(zip(_COLUMNS, row, strict=True)) for row in rows], found, every)
+    return Page([dict(zip(_COLUMNS, row, strict=True)) for row in rows], matching, every)
 
 
 @contextmanager

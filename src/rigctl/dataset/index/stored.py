@@ -93,6 +93,6 @@ def _look_at_samples(index: sqlite3.Connection, store: Store) -> None:
     for start in range(0, len(lacking), _BATCH):
         batch = lacking[start : start + _BATCH]
         with ThreadPoolExecutor(_READERS, thread_name_prefix="rigctl-index") as pool:
-            found = list(pool.map(ranges, batch))
+            rows = list(pool.map(ranges, batch))
         with transaction(index):
-            insert_channels(index, [(key, row) for (key, _), row in zip(batch, found, strict=True)])
+            insert_channels(index, [(key, row) for (key, _), row in zip(batch, rows, strict=True)])

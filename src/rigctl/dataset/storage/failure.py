@@ -23,8 +23,8 @@ def describe(problem: BaseException) -> tuple[str, str]:
             f"the clock of this computer is {_duration(abs(skew))} {ahead} the server's",
             "Set the clock: storage refuses requests of another time. Nothing that was recorded here is lost",
         )
-    said = problem.strerror if isinstance(problem, OSError) and problem.strerror else str(problem)
-    text = next(iter(said.strip().splitlines()), "").rstrip(".")
+    message = problem.strerror if isinstance(problem, OSError) and problem.strerror else str(problem)
+    text = next(iter(message.strip().splitlines()), "").rstrip(".")
     if isinstance(problem, (LookupError, TypeError)):
         # raised by the library for an answer that it cannot parse
         return f"its answer is incomplete, or not a storage's ({type(problem).__name__}: {text})", _HINT
@@ -49,12 +49,12 @@ def _clock_skew(problem: BaseException) -> float | None:
 
 def _answers(problem: BaseException | None) -> Iterator[Mapping[str, Any]]:
     """Yield the server's answers that S3's library attached to an error or to its causes."""
-    seen = 0
-    while problem is not None and seen < 10:
+    depth = 0
+    while problem is not None and depth < 10:
         answer = getattr(problem, "response", None)
         if isinstance(answer, Mapping):
             yield answer
-        problem, seen = problem.__cause__ or problem.__context__, seen + 1
+        problem, depth = problem.__cause__ or problem.__context__, depth + 1
 
 
 def _duration(seconds: float) -> str:

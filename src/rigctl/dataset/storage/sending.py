@@ -51,13 +51,13 @@ def upload(folder: Path, store: Store) -> Uploaded:
         different data. The local run is unchanged.
     """
     info = _closed(folder)
-    there = store.folder(folder.name)
-    if not _require_same(info, there):
-        _reserve(info, there)
+    stored = store.folder(folder.name)
+    if not _require_same(info, stored):
+        _reserve(info, stored)
     files = sorted(path for path in folder.iterdir() if path.is_file() and _belongs(path.name))
     files.sort(key=lambda path: path.name == run_json.NAME)
-    sent = sum(_send(path, there / path.name, info) for path in files)
-    return Uploaded(folder.name, str(there), sent, len(files) - sent)
+    sent = sum(_send(path, stored / path.name, info) for path in files)
+    return Uploaded(folder.name, str(stored), sent, len(files) - sent)
 
 
 def _belongs(name: str) -> bool:
@@ -75,50 +75,50 @@ def _closed(folder: Path) -> dict[str, Any]:
     return info
 
 
-def _require_same(info: dict[str, Any], there: StoredFolder) -> bool:
+def _require_same(info: dict[str, Any], stored: StoredFolder) -> bool:
     """Refuse to overwrite another run, since each computer assigns ids independently.
 
     Returns whether this run is there already.
     """
-    found = there.store.infos([there.name])
-    _, known = found.get(there.name, (0, None))
-    if there.name in found and known is None:
+    infos = stored.store.infos([stored.name])
+    _, known = infos.get(stored.name, (0, None))
+    if stored.name in infos and known is None:
         return False  # damaged in transit: sent again
     if known is not None and any(known.get(key) != info.get(key) for key in _SAME):
-        raise _another(there)
+        raise _another(stored)
     return known is not None
 
 
-def _reserve(info: dict[str, Any], there: StoredFolder) -> None:
+def _reserve(info: dict[str, Any], stored: StoredFolder) -> None:
     """Reserve the name for this run: two that are sent at once would overwrite each other's files."""
-    own = _identity(info)
-    found = (there / _RESERVED).create(own)
-    if re.fullmatch(rb"[0-9a-f]{64}", found) is None:
+    identity = _identity(info)
+    reservation = (stored / _RESERVED).create(identity)
+    if re.fullmatch(rb"[0-9a-f]{64}", reservation) is None:
         raise StorageSilent(
             f"storage has other data than were sent as {_RESERVED}",
             hint="Is it a storage that answers, or the login page of a network? The run is whole here",
-            where=Location(str(there)),
+            where=Location(str(stored)),
             exit_code=ExitCode.FAILED,
         )
-    if found != own:
-        raise _another(there)
+    if reservation != identity:
+        raise _another(stored)
 
 
 def _identity(info: dict[str, Any]) -> bytes:
-    own = {key: info.get(key) for key in _SAME}
-    return hashlib.sha256(json.dumps(own, sort_keys=True).encode("utf-8")).hexdigest().encode("ascii")
+    facts = {key: info.get(key) for key in _SAME}
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode("utf-8")).hexdigest().encode("ascii")
 
 
-def _another(there: StoredFolder) -> RigctlError:
+def _another(stored: StoredFolder) -> RigctlError:
     return RigctlError(
         "storage has another run of this name",
-        value=str(there),
+        value=str(stored),
         hint="Recorded runs are never overwritten; give this bench a separate address",
         exit_code=ExitCode.FAILED,
     )
 
 
-def _send(path: Path, there: StoredFile, info: dict[str, Any]) -> bool:
+def _send(path: Path, stored: StoredFile, info: dict[str, Any]) -> bool:
     """Send a file unless it exists; return whether it was sent."""
     known = run_json.file_facts(path)
     if info["files"].get(path.name, known) != known:
@@ -128,23 +128,23 @@ def _send(path: Path, there: StoredFile, info: dict[str, Any]) -> bool:
             hint=f"'rigctl runs verify {path.parent.name}' says what is broken",
             exit_code=ExitCode.FAILED,
         )
-    if there.size() == known["bytes"] and there.facts() == known:
+    if stored.size() == known["bytes"] and stored.facts() == known:
         return False
     problem: RigctlError | None = None
     for attempt in range(_ATTEMPTS):
         if attempt:
             time.sleep(_PAUSE * 2.0 ** (attempt - 1))
         try:
-            there.send(str(path))
-            found = there.facts()
+            stored.send(str(path))
+            facts = stored.facts()
         except RigctlError as error:
             problem = error
             continue
-        if found == known:
+        if facts == known:
             return True
         problem = RigctlError(
             f"storage has different data than were sent as {path.name}",
-            value="nothing" if found is None else f"{found['bytes']} bytes",
+            value="nothing" if facts is None else f"{facts['bytes']} bytes",
             expected=f"{known['bytes']} bytes, SHA-256 {known['sha256'][:12]}…",
             hint="The run is whole here; 'rigctl runs upload' tries again",
             exit_code=ExitCode.FAILED,

@@ -92,10 +92,10 @@ class Store:
         """
         with self.answering("list the runs"):
             try:
-                found = self.files.ls(self._root, detail=True)
+                entries = self.files.ls(self._root, detail=True)
             except FileNotFoundError:
                 return []
-        folders = [facts["name"] for facts in found if facts["type"] == "directory"]
+        folders = [facts["name"] for facts in entries if facts["type"] == "directory"]
         names = [path.rstrip("/").rpartition("/")[2] for path in folders]
         return sorted(name for name in names if name and not name.startswith(".") and not is_shard(name))
 
@@ -120,12 +120,12 @@ class Store:
         """
         with self.answering("list the runs"):
             try:
-                found = self.files.find(self._root, detail=True)
+                objects = self.files.find(self._root, detail=True)
             except (FileNotFoundError, NotADirectoryError):
                 return {}
         states: dict[str, tuple[int, str]] = {}
         depth = len(_parts(self._root))
-        for path, facts in found.items():
+        for path, facts in objects.items():
             run_id, *rest = _parts(path)[depth:] or [""]
             if rest == [run_json.NAME] and not run_id.startswith(".") and not is_shard(run_id):
                 mark = next((f"{name} {facts[name]}" for name in _MARKS if facts.get(name)), "")
@@ -149,7 +149,7 @@ class Store:
         with self.answering("read the runs"):
             # 'cat' of several paths would interpret '[' and '*' in them as patterns
             answers = self.files.cat_ranges(paths, None, None, on_error="return")
-        found: dict[str, tuple[int, dict[str, Any] | None]] = {}
+        infos: dict[str, tuple[int, dict[str, Any] | None]] = {}
         for run_id, content in zip(names, answers, strict=True):
             if isinstance(content, FileNotFoundError | NotADirectoryError):
                 continue  # incomplete upload: not a run yet
@@ -160,8 +160,8 @@ class Store:
                 info = run_json.read_text(content.decode("utf-8"), self.folder(run_id))
             except (RigctlError, UnicodeDecodeError):
                 info = None
-            found[run_id] = (len(content), info)
-        return found
+            infos[run_id] = (len(content), info)
+        return infos
 
     def find(self, ref: str) -> StoredFolder:
         """Return the run with an id or an unambiguous start of one; ``latest`` for the newest.

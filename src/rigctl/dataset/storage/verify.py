@@ -21,11 +21,11 @@ def verify_stored(folder: StoredFolder) -> Verification:
         return Verification(folder.name, folder, Condition.BROKEN, tuple(str(problem).splitlines()))
     problems = []
     for name, facts in known.items():
-        found = (folder / name).facts()
-        if found is None:
+        actual = (folder / name).facts()
+        if actual is None:
             problems.append(f"{folder / name}: the object is missing")
-        elif found != facts:
-            said = f"{facts['bytes']} bytes then, {found['bytes']} now"
-            problems.append(f"{folder / name}: the object is not what the run was closed with ({said})")
+        elif actual != facts:
+            sizes = f"{facts['bytes']} bytes then, {actual['bytes']} now"
+            problems.append(f"{folder / name}: the object is not what the run was closed with ({sizes})")
     condition = Condition.BROKEN if problems else Condition.WHOLE
     return Verification(folder.name, folder, condition, tuple(problems))

@@ -36,11 +36,13 @@ def comparison_sections(comparison: Comparison, *, answered: bool = False) -> li
     """
     first = comparison.models[0]
     tables = table_parts(comparison)
-    told = named_models(comparison.models)
-    top = [] if answered else [_answer(comparison.models, told)]
-    seen = told.record if top and top[0].plots else None
+    named = named_models(comparison.models)
+    top = [] if answered else [_answer(comparison.models, named)]
+    drawn_record = named.record if top and top[0].plots else None
     where = _where(first, several=len(comparison.models) > 1) if not first.adequate else None
-    measured = _table(tables, () if answered else first.findings) if tables else _measured(comparison, seen)
+    measured = (
+        _table(tables, () if answered else first.findings) if tables else _measured(comparison, drawn_record)
+    )
     numbers = _numbers(comparison)
     return [*top, *([] if where is None else [where]), measured, numbers]
 
@@ -53,17 +55,17 @@ def named_models(models: Sequence[ModelComparison]) -> NamedModels:
 
 def page_name(model: ModelComparison) -> str:
     """The name of a model on the page: the given one, or its file and version."""
-    own = model.fit.problem.model
-    return model_title(own) if model.name == own.name else model.name
+    definition = model.fit.problem.model
+    return model_title(definition) if model.name == definition.name else model.name
 
 
-def _answer(models: Sequence[ModelComparison], told: NamedModels) -> Section:
+def _answer(models: Sequence[ModelComparison], named: NamedModels) -> Section:
     answer, last = models_answer(models), models[-1]
-    own = last.fit.problem.model
+    definition = last.fit.problem.model
     sentence = plain_statement(last)
-    if sentence.startswith(f"{own.name} "):
-        sentence = model_title(own) + sentence.removeprefix(own.name)
-    top = answer_section(answer, told, about=model_title(last.fit.problem.model), sentence=sentence)
+    if sentence.startswith(f"{definition.name} "):
+        sentence = model_title(definition) + sentence.removeprefix(definition.name)
+    top = answer_section(answer, named, about=model_title(last.fit.problem.model), sentence=sentence)
     outside = [one.statement for model in models for one in model.outside]
     remarks = render("table_remarks.html", findings=(), steps=(), outside=outside)
     return replace(top, body=top.body + remarks)
@@ -84,8 +86,8 @@ def _where(model: ModelComparison, *, several: bool) -> Section | None:
     return Section("where", title, body, maps, folded=True, hint=hint)
 
 
-def _measured(comparison: Comparison, seen: int | None) -> Section:
-    """Records with the models' predictions; `seen` is already drawn."""
+def _measured(comparison: Comparison, drawn_record: int | None) -> Section:
+    """Records with the models' predictions; `drawn_record` is already drawn."""
     first = comparison.models[0]
     plots = [
         overlay_plot(
@@ -96,7 +98,7 @@ def _measured(comparison: Comparison, seen: int | None) -> Section:
             first.curve_bands,
         )
         for number, (name, k) in enumerate(typical_records(first.fit))
-        if k != seen
+        if k != drawn_record
     ]
     named = [replace(model, name=page_name(model)) for model in comparison.models]
     stroke = stroke_plot(named)
@@ -145,7 +147,7 @@ def _model(model: ModelComparison) -> dict[str, object]:
         "tests": tests,
         "curve_bands": [one.statement for one in model.curve_bands],
         "held_out": bool(model.fit.held_out),
-        "own": [_own(one) for one in model.record_level],
+        "own": [_record_quantity(one) for one in model.record_level],
         "suspicious": [
             one.statement
             for one in model.record_level
@@ -154,7 +156,7 @@ def _model(model: ModelComparison) -> dict[str, object]:
     }
 
 
-def _own(one: RecordQuantity) -> dict[str, object]:
+def _record_quantity(one: RecordQuantity) -> dict[str, object]:
     values = one.values
     return {
         "meaning": one.meaning,
@@ -173,7 +175,7 @@ _TESTS = {
 
 def _places(model: ModelComparison) -> list[Markup]:
     """Shares of the systematic error by channel, phase and condition."""
-    found = []
+    blocks = []
     for by, title in (
         ("phase", "Systematic error by phase of a record"),
         ("channel", "… by channel"),
@@ -194,8 +196,8 @@ def _places(model: ModelComparison) -> list[Markup]:
             for place in places
         ]
         if shown:
-            found.append(bars("Systematic error by condition" if model.rows else title, shown))
-    return found
+            blocks.append(bars("Systematic error by condition" if model.rows else title, shown))
+    return blocks
 
 
 def _slots(model: ModelComparison) -> Markup | None:

@@ -15,65 +15,67 @@ from rigctl.units import parse_unit, show, with_uncertainty
 _BAND = 1.96
 
 
-def compensation_sections(found: Schedule) -> list[Section]:
+def compensation_sections(schedule: Schedule) -> list[Section]:
     """The statement, the schedule as a picture and as a table, and what was measured."""
-    plot = _plot(found)
+    plot = _plot(schedule)
     body = render(
         "compensation.html",
-        found=found,
+        schedule=schedule,
         plot=plot_slot(plot),
-        rows=[_row(found, row) for row in found.rows],
-        heads=[plain_name(name) for name in (found.over, found.vary, found.quantity)],
-        fixed=show(found.fixed, found.vary_unit),
-        off=show(found.off, found.unit, difference=True, digits=2),
-        remarks=[f"{one[0].upper()}{one[1:]}" for one in (*found.ends[1:], *found.notes)],
+        rows=[_row(schedule, row) for row in schedule.rows],
+        heads=[plain_name(name) for name in (schedule.over, schedule.vary, schedule.quantity)],
+        fixed=show(schedule.fixed, schedule.vary_unit),
+        off=show(schedule.off, schedule.unit, difference=True, digits=2),
+        remarks=[f"{one[0].upper()}{one[1:]}" for one in (*schedule.ends[1:], *schedule.notes)],
         valid=[
-            (plain_name(name), show(low, unit), show(high, unit)) for name, low, high, unit in found.valid
+            (plain_name(name), show(low, unit), show(high, unit)) for name, low, high, unit in schedule.valid
         ],
     )
     return [Section("schedule", "A set-point schedule", body, (plot,))]
 
 
-def _row(found: Schedule, row: Row) -> dict[str, str]:
-    shown = {"over": show(row.over, found.over_unit), "fixed": show(row.fixed, found.unit)}
+def _row(schedule: Schedule, row: Row) -> dict[str, str]:
+    shown = {"over": show(row.over, schedule.over_unit), "fixed": show(row.fixed, schedule.unit)}
     if not row.reached:
         return shown | {"vary": "out of reach", "kept": "", "scatter": ""}
-    unit = parse_unit(found.vary_unit)
+    unit = parse_unit(schedule.vary_unit)
     return shown | {
-        "vary": with_uncertainty(unit.from_si(row.vary), row.std / unit.factor, found.vary_unit),
-        "kept": show(row.kept, found.unit),
-        "scatter": f"± {show(row.scatter, found.unit, difference=True, digits=2)}",
+        "vary": with_uncertainty(unit.from_si(row.vary), row.std / unit.factor, schedule.vary_unit),
+        "kept": show(row.kept, schedule.unit),
+        "scatter": f"± {show(row.scatter, schedule.unit, difference=True, digits=2)}",
     }
 
 
-def _plot(found: Schedule) -> Plot:
-    over, vary, kept = (parse_unit(unit) for unit in (found.over_unit, found.vary_unit, found.unit))
-    x = np.array([over.from_si(row.over) for row in found.rows])
-    wide = _BAND * np.array([row.std for row in found.rows]) / vary.factor
-    set_point = np.array([vary.from_si(row.vary) for row in found.rows])
-    scatter = _BAND * np.array([row.scatter for row in found.rows]) / kept.factor
-    quantity = np.array([kept.from_si(row.kept) for row in found.rows])
-    unchanged = np.array([kept.from_si(row.fixed) for row in found.rows])
-    v, q = symbol(found.vary_unit), symbol(found.unit)
+def _plot(schedule: Schedule) -> Plot:
+    over, vary, quantity_unit = (
+        parse_unit(unit) for unit in (schedule.over_unit, schedule.vary_unit, schedule.unit)
+    )
+    x = np.array([over.from_si(row.over) for row in schedule.rows])
+    wide = _BAND * np.array([row.std for row in schedule.rows]) / vary.factor
+    set_point = np.array([vary.from_si(row.vary) for row in schedule.rows])
+    scatter = _BAND * np.array([row.scatter for row in schedule.rows]) / quantity_unit.factor
+    quantity = np.array([quantity_unit.from_si(row.kept) for row in schedule.rows])
+    unchanged = np.array([quantity_unit.from_si(row.fixed) for row in schedule.rows])
+    v, q = symbol(schedule.vary_unit), symbol(schedule.unit)
     upper = (
         Trace("set-point", x, set_point, Look.MARKED, 0, v),
         Trace("its 95 % band", x, set_point - wide, Look.LINE, 0, v, faint=True),
         Trace("", x, set_point + wide, Look.LINE, 0, v, faint=True, in_legend=False),
     )
-    left = f"left at {show(found.fixed, found.vary_unit)}"
+    label = f"left at {show(schedule.fixed, schedule.vary_unit)}"
     lower = (
         Trace("with the schedule", x, quantity, Look.LINE, 0, q),
         Trace("19 of 20 records", x, quantity - scatter, Look.LINE, 0, q, faint=True),
         Trace("", x, quantity + scatter, Look.LINE, 0, q, faint=True, in_legend=False),
-        Trace(left, x, unchanged, Look.LINE, 1, q),
+        Trace(label, x, unchanged, Look.LINE, 1, q),
     )
     return Plot(
         "schedule",
-        f"{plain_name(found.vary)} over {plain_name(found.over)}, and {plain_name(found.quantity)} with it "
-        "and without, as predicted by the model",
-        f"{plain_name(found.over)} [{symbol(found.over_unit)}]",
+        f"{plain_name(schedule.vary)} over {plain_name(schedule.over)}, and {plain_name(schedule.quantity)} "
+        "with it and without, as predicted by the model",
+        f"{plain_name(schedule.over)} [{symbol(schedule.over_unit)}]",
         (
-            Panel(f"{plain_name(found.vary)} [{v}]", upper, 1.2),
-            Panel(f"{plain_name(found.quantity)} [{q}]", lower, 1.2),
+            Panel(f"{plain_name(schedule.vary)} [{v}]", upper, 1.2),
+            Panel(f"{plain_name(schedule.quantity)} [{q}]", lower, 1.2),
         ),
     )

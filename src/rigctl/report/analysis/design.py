@@ -20,21 +20,21 @@ _DRAWN = 4
 _SHOWS = 0.5
 
 
-def design_sections(found: DesignResult) -> list[Section]:
+def design_sections(result: DesignResult) -> list[Section]:
     """The answer, the rivals, the records with what each rival predicts, the sensors, the procedure."""
     plots = [
-        record_plot(found, number) if record.predictions else None  # a row of a table has no time series
-        for number, record in enumerate(found.records)
+        record_plot(result, number) if record.predictions else None  # a row of a table has no time series
+        for number, record in enumerate(result.records)
     ]
-    chart = sensor_plot(found.sensors)
+    chart = sensor_plot(result.sensors)
     body = render(
         "design.html",
-        found=found,
-        title=title(found),
-        good=found.separable or found.aim == "precision",
-        chances=_chances(found),
-        rivals=[_rival(one) for one in found.rivals],
-        outlooks=found.outlooks,
+        result=result,
+        title=title(result),
+        good=result.separable or result.aim == "precision",
+        chances=_chances(result),
+        rivals=[_rival(one) for one in result.rivals],
+        outlooks=result.outlooks,
         share=share,
         clock=clock_time,
         records=[
@@ -44,23 +44,23 @@ def design_sections(found: DesignResult) -> list[Section]:
                 "plot": plot and plot_slot(plot),
                 "caption": plot and plot.caption,
             }
-            for number, (one, plot) in enumerate(zip(found.records, plots, strict=True))
+            for number, (one, plot) in enumerate(zip(result.records, plots, strict=True))
         ],
-        sensors=[_sensor(one) for one in found.sensors],
+        sensors=[_sensor(one) for one in result.sensors],
         chart=None if chart is None else plot_slot(chart),
     )
     drawn = tuple(plot for plot in (*plots, chart) if plot is not None)
     return [Section("next-experiment", "What to measure next", body, drawn)]
 
 
-def _chances(found: DesignResult) -> Markup:
+def _chances(result: DesignResult) -> Markup:
     """The probability so far, and after each record."""
-    if found.aim == "precision" or not found.records:
+    if result.aim == "precision" or not result.records:
         return Markup()
-    shown = [Bar("now", found.before, share(found.before), "", 7)]
+    shown = [Bar("now", result.before, share(result.before), "", 7)]
     shown += [
         Bar(f"with record {number}", one.after, share(one.after), "", 0)
-        for number, one in enumerate(found.records, start=1)
+        for number, one in enumerate(result.records, start=1)
     ]
     return bars("Probability that a diagnosis names the right rival alone", shown)
 
@@ -76,10 +76,10 @@ def _rival(one: DesignRival) -> dict[str, object]:
     }
 
 
-def record_plot(found: DesignResult, number: int) -> Plot:
+def record_plot(result: DesignResult, number: int) -> Plot:
     """The rivals' predictions of a record, with the noise of a reading around the first."""
-    record = found.records[number]
-    names = [one.name for one in found.rivals][:_DRAWN]
+    record = result.records[number]
+    names = [one.name for one in result.rivals][:_DRAWN]
     shown = [one for one in record.predictions if _differs(one, names)] or list(record.predictions[-1:])
     panels = [_panel(one, names, named=k == 0) for k, one in enumerate(shown)]
     if len(names) > 1:

@@ -64,11 +64,11 @@ def diagnosis_sections(diagnosis: Diagnosis, *, added: bool = False) -> list[Sec
 def _answer(diagnosis: Diagnosis) -> list[Section]:
     model, best = diagnosis.before.fit, diagnosis.best
     names = ("as it is", f"with {' and '.join(map(plain_name, best.effects))}")
-    found = (model, best.fit) if best.candidates else (model,)
-    told = NamedModels(names if len(found) > 1 else ("model",), found, left_of_diagnosis(diagnosis))
+    fits = (model, best.fit) if best.candidates else (model,)
+    named = NamedModels(names if len(fits) > 1 else ("model",), fits, left_of_diagnosis(diagnosis))
     about = model_title(model.problem.model)
     answer = diagnosis_answer(diagnosis)
-    top = answer_section(answer, told, about=about, sentence=_sentence(diagnosis, answer, about))
+    top = answer_section(answer, named, about=about, sentence=_sentence(diagnosis, answer, about))
     remarks = render(
         "table_remarks.html",
         findings=diagnosis.before.findings,
@@ -84,8 +84,8 @@ def _sentence(diagnosis: Diagnosis, answer: Answer, about: str) -> str:
         return answer.sentence
     if diagnosis.verdict is Verdict.ADEQUATE:
         name = diagnosis.before.fit.problem.model.name
-        said = plain_statement(diagnosis.before)
-        return about + said.removeprefix(name) if said.startswith(f"{name} ") else said
+        statement = plain_statement(diagnosis.before)
+        return about + statement.removeprefix(name) if statement.startswith(f"{name} ") else statement
     if diagnosis.verdict is Verdict.MISSING_EFFECT:
         names = " and ".join(diagnosis.effects)
         is_missing = "is" if len(diagnosis.effects) == 1 else "are"
@@ -158,10 +158,10 @@ def signature_plot(diagnosis: Diagnosis) -> Plot | None:
 
 def _candidates(diagnosis: Diagnosis) -> list[RefittedSet]:
     """The best set, then the other refitted sets in the order of their misfit; each set once."""
-    found: dict[tuple[str, ...], RefittedSet] = {}
+    sets: dict[tuple[str, ...], RefittedSet] = {}
     if diagnosis.best.candidates:
-        found[tuple(sorted(diagnosis.best.effects))] = diagnosis.best
+        sets[tuple(sorted(diagnosis.best.effects))] = diagnosis.best
     for trial in sorted(diagnosis.trials, key=lambda one: one.chi2):
         if len(trial.candidates) == max(1, len(diagnosis.best.candidates)):
-            found.setdefault(tuple(sorted(trial.effects)), trial)
-    return list(found.values())[:_SIGNATURES]
+            sets.setdefault(tuple(sorted(trial.effects)), trial)
+    return list(sets.values())[:_SIGNATURES]

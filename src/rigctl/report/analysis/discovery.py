@@ -27,24 +27,24 @@ _PLACES = 8
 _DRAWN = 4
 
 
-def discovery_sections(found: Discovery) -> list[Section]:
+def discovery_sections(discovery: Discovery) -> list[Section]:
     """The gate, the slots of the family, the curves, and the set of formulas."""
-    plots = [_curve_plot(k, curve, found.formulas) for k, curve in enumerate(found.curves)]
-    family = found.diagnosis.before.fit.problem.model.family
+    plots = [_curve_plot(k, curve, discovery.formulas) for k, curve in enumerate(discovery.curves)]
+    family = discovery.diagnosis.before.fit.problem.model.family
     shares: dict[str, float] = {}
-    for one in found.located:
+    for one in discovery.located:
         for name in (one.slot.name, *one.alike):
             shares[name] = max(shares.get(name, 0.0), one.share)
-    head, sentence = found.headed
+    head, sentence = discovery.headed
     body = render(
         "discovery.html",
-        found=found,
+        discovery=discovery,
         head=head,
         sentence=sentence,
-        slots=_slots(family, shares) if found.located else Markup(),
-        places=found.located[:_PLACES],
+        slots=_slots(family, shares) if discovery.located else Markup(),
+        places=discovery.located[:_PLACES],
         curves=[plot_slot(plot) for plot in plots],
-        formulas=[_row(one) for one in found.formulas],
+        formulas=[_row(one) for one in discovery.formulas],
     )
     return [Section("discovery", "A formula for what is missing", body, tuple(plots))]
 
@@ -76,13 +76,13 @@ def _curve_plot(number: int, curve: Curve, formulas: tuple[FoundFormula, ...]) -
         Trace("95 % band", x, curve.low, Look.LINE, 0, unit, faint=True),
         Trace("95 % band, upper end", x, curve.high, Look.LINE, 0, unit, faint=True, in_legend=False),
     ]
-    for place, one in enumerate(formulas[:_DRAWN], start=1):
+    for colour, one in enumerate(formulas[:_DRAWN], start=1):
         (factor, *others) = one.fitted.formula.factors
         same = (one.slot, factor.argument.driver.name) == (curve.slot.name, curve.over)
         if not same or bool(others) != bool(curve.times):
             continue
         values = np.asarray(one.fitted.formula.size * factor.of(curve.x))
-        traces.append(Trace(plain_name(one.name), x, values, Look.LINE, place, unit))
+        traces.append(Trace(plain_name(one.name), x, values, Look.LINE, colour, unit))
     return Plot(
         f"curve-{number + 1}",
         f"The term at {plain_name(curve.slot.name)} over {plain_name(curve.over)}"

@@ -16,11 +16,11 @@ from rigctl.report.signals import plain_name
 from rigctl.units import significant
 
 
-def unseen_sections(found: Sequence[HeldOutGroup]) -> list[Section]:
+def unseen_sections(groups: Sequence[HeldOutGroup]) -> list[Section]:
     """A statement; if the model misses something, also bars and the record that shows it most."""
-    if not found:
+    if not groups:
         return []
-    plots = [None if one.as_good else _worst(one, number) for number, one in enumerate(found)]
+    plots = [None if one.as_good else _worst(one, number) for number, one in enumerate(groups)]
     parts = [
         {
             "good": one.as_good,
@@ -29,10 +29,10 @@ def unseen_sections(found: Sequence[HeldOutGroup]) -> list[Section]:
             "plot": None if plot is None else plot_slot(plot),
             "caption": "" if plot is None else plot.caption,
         }
-        for one, plot in zip(found, plots, strict=True)
+        for one, plot in zip(groups, plots, strict=True)
     ]
     drawn = tuple(plot for plot in plots if plot is not None)
-    good = all(one.as_good for one in found)
+    good = all(one.as_good for one in groups)
     body = render("unseen.html", parts=parts)
     hint = "as good as where it was fitted" if good else ""
     return [Section("unseen", "Records that no fit saw", body, drawn, folded=good, hint=hint)]
@@ -54,6 +54,6 @@ def _bars(name: str, values: dict[str, object]) -> object:
 def _worst(one: HeldOutGroup, number: int) -> Plot:
     """The record with the largest error."""
     fit = one.fit
-    k = max(fit.fitted, key=lambda place: float(np.nanmean(fit.normalised_error(place) ** 2)))
+    k = max(fit.fitted, key=lambda index: float(np.nanmean(fit.normalised_error(index) ** 2)))
     label = one.called(fit.problem.records[k].label)
     return overlay_plot([("model", fit)], k, f"unseen-{number}", f"The worst of these records, {label}")

@@ -36,8 +36,8 @@ def history_sections(path: Path, compared: Sequence[ModelComparison] = ()) -> li
     compared: versions of the model in order, named as such, all compared with the same data: their strokes
         are drawn together, and the error maps of the first and the last side by side.
     """
-    found = version_errors(versions(path))
-    steps = [(f"{one.version.number}: {one.version.done}", one.error) for one in found]
+    errors = version_errors(versions(path))
+    steps = [(f"{one.version.number}: {one.version.done}", one.error) for one in errors]
     if len(steps) < 2:
         return []
     channels = [
@@ -95,7 +95,7 @@ def _waterfall(channel: str, steps: Sequence[tuple[str, ModelError]]) -> Markup:
         Bar(
             label,
             size / largest,
-            _told(size, noise, unit),
+            _size_text(size, noise, unit),
             f"{what}; RMSE {significant(rmse, 3)} {unit}".rstrip(),
             colour,
         )
@@ -104,10 +104,10 @@ def _waterfall(channel: str, steps: Sequence[tuple[str, ModelError]]) -> Markup:
     if not noise:
         return bars(f"{plain_name(channel)}: error by version (RMSE)", shown)
     size = f"{significant(noise, 3)} {unit}".rstrip()
-    said = f"systematic error by version; the noise of {size} is taken off"
-    return bars(f"{plain_name(channel)}: {said}", shown)
+    heading = f"systematic error by version; the noise of {size} is taken off"
+    return bars(f"{plain_name(channel)}: {heading}", shown)
 
 
-def _told(size: float, noise: float, unit: str) -> str:
+def _size_text(size: float, noise: float, unit: str) -> str:
     """A size as text, or a note that it is within the noise."""
     return "within the noise" if size < _WITHIN * noise else f"{significant(size, 2)} {unit}".rstrip()

@@ -62,16 +62,19 @@ def _versions(compared: Comparison, improved: Improvement) -> list[ModelComparis
     if not improved.steps:
         return []
     before = improved.steps[0].version.parent
-    found = [(before, compared.models[0]), *((one.version.number, one.comparison) for one in improved.steps)]
-    return [replace(comparison, name=f"version {number}") for number, comparison in found]
+    numbered = [
+        (before, compared.models[0]),
+        *((one.version.number, one.comparison) for one in improved.steps),
+    ]
+    return [replace(comparison, name=f"version {number}") for number, comparison in numbered]
 
 
 def _answer(versions: Sequence[ModelComparison], improved: Improvement, path: Path) -> Section:
     """The additions, each with its reason, and the change of the error."""
     first, last = versions[0], versions[-1]
-    told = NamedModels((first.name, last.name), (first.fit, last.fit), left_of(improved.last.before))
+    named = NamedModels((first.name, last.name), (first.fit, last.fit), left_of(improved.last.before))
     about = f"{path.name}, {versions[-1].name}"
-    top = answer_section(improvement_answer(improved), told, about=about)
+    top = answer_section(improvement_answer(improved), named, about=about)
     reasons = render(
         "improvement.html",
         steps=[

@@ -29,12 +29,12 @@ _DRAWN = 6
 _PROBABLE = 0.01
 
 
-def learning_sections(learned: Learned, model: Path, told: NamedModels | None = None) -> list[Section]:
+def learning_sections(learned: Learned, model: Path, named: NamedModels | None = None) -> list[Section]:
     """How it ended; then the rounds, and the resulting versions of the model.
 
     Parameters
     ----------
-    told: the original and the current model, on all measurements.
+    named: the original and the current model, on all measurements.
     """
     plot = rounds_plot(learned)
     body = render(
@@ -49,9 +49,11 @@ def learning_sections(learned: Learned, model: Path, told: NamedModels | None = 
     hint = "round by round: what was measured, what was predicted, what was achieved"
     drawn = () if plot is None else (plot,)
     story = Section("learning", "What was learnt", body, drawn, folded=True, hint=hint)
-    answer = learning_answer(learned, () if told is None else told.fits, None if told is None else told.left)
+    answer = learning_answer(
+        learned, () if named is None else named.fits, None if named is None else named.left
+    )
     about = f"{model.name}, version {learned.version}"
-    return [answer_section(answer, told, about=about), story, *history_sections(model)]
+    return [answer_section(answer, named, about=about), story, *history_sections(model)]
 
 
 def hidden_section(hidden: str, found: str, *, right: bool) -> Section:
@@ -62,10 +64,10 @@ def hidden_section(hidden: str, found: str, *, right: bool) -> Section:
     hidden, found: effects with their parameters as ``name:parameter=value``.
     """
 
-    def said(text: str) -> str:
+    def as_text(text: str) -> str:
         return words(text.replace(":", ", ").replace("=", " "))
 
-    body = render("hidden.html", hidden=said(hidden), found=said(found), right=right)
+    body = render("hidden.html", hidden=as_text(hidden), found=as_text(found), right=right)
     return Section("hidden", "Was it right?", body, closes=True)
 
 

@@ -43,14 +43,14 @@ def channel_maps(
     grid = _grid(model)
     if grid is None:
         return ()
-    found = [
+    pairs = [
         (channel, _maps_of(model, grid, c, f"{key}-{channel}", title))
         for c, channel in enumerate(model.fit.problem.measurements.outputs)
         if channels is None or channel in channels
     ]
     if channels is None:
-        found = [one for one in found if any(any(row) for row in one[1][1].strong)]
-    return tuple(one for _, pair in found for one in pair)
+        pairs = [one for one in pairs if any(any(row) for row in one[1][1].strong)]
+    return tuple(one for _, pair in pairs for one in pair)
 
 
 @dataclass(frozen=True)
@@ -93,19 +93,21 @@ def _maps_of(model: ModelComparison, grid: _Grid, c: int, key: str, title: str) 
     The size is ``√(max(⟨(e/σ)²⟩ − 1, 0))``: it also shows an error that changes its sign within a record, so
     that its mean is zero. Conditions whose whitened residuals exceed chance are marked.
     """
-    places = range(len(grid.points))
+    indices = range(len(grid.points))
     name = plain_name(model.fit.problem.measurements.outputs[c])
-    errors = _pooled([model.fit.normalised_error(k)[:, c] for k in places], grid)
-    whitened = _pooled([whitened_errors(model.fit, k)[:, c] for k in places], grid)
+    errors = _pooled([model.fit.normalised_error(k)[:, c] for k in indices], grid)
+    whitened = _pooled([whitened_errors(model.fit, k)[:, c] for k in indices], grid)
     strong = tuple(tuple(map(_stands_out, row)) for row in whitened)
     biased = tuple(tuple(map(_bias_stands_out, row)) for row in whitened)
     bias = tuple(tuple(float(one.mean()) if one.size else math.nan for one in row) for row in errors)
     size = tuple(tuple(map(_size, row)) for row in errors)
 
-    def drawn(kind: str, said: str, values: Values, marks: Marks, limit: float, *, signed: bool) -> HeatMap:
+    def drawn(
+        kind: str, description: str, values: Values, marks: Marks, limit: float, *, signed: bool
+    ) -> HeatMap:
         return HeatMap(
             id=f"{key}-{kind}",
-            caption=f"{title}{name}: {said}; * more than chance",
+            caption=f"{title}{name}: {description}; * more than chance",
             row_title=grid.row_title,
             column_title=grid.column_title,
             rows=grid.row_names,

@@ -85,18 +85,18 @@ def running_mean(values: Floats, phase: NDArray[np.intp], count: int) -> Floats:
     """(n) the mean of `count` present values around each, within its phase."""
     if count < 2:
         return values
-    found = np.full(values.shape, np.nan)
+    means = np.full(values.shape, np.nan)
     window = np.ones(count)
     for number in np.unique(phase):
         inside = phase == number
-        here = values[inside]
-        known = np.isfinite(here)
-        sums = np.convolve(np.where(known, here, 0.0), window)
+        segment = values[inside]
+        known = np.isfinite(segment)
+        sums = np.convolve(np.where(known, segment, 0.0), window)
         counts = np.convolve(known.astype(float), window)
-        middle = slice(count // 2, count // 2 + here.size)
+        middle = slice(count // 2, count // 2 + segment.size)
         with np.errstate(invalid="ignore"):
-            found[inside] = np.where(counts[middle] > 0.0, sums[middle] / counts[middle], np.nan)
-    return found
+            means[inside] = np.where(counts[middle] > 0.0, sums[middle] / counts[middle], np.nan)
+    return means
 
 
 #: root mean square in sigmas from which residuals are visible without averaging
@@ -123,8 +123,8 @@ def _curves(
     measured = np.where(problem.ok[k][rows, c], (value - unit.offset) / unit.factor, np.nan)
     traces = [Trace("measured", times, measured, colour=7, unit=shown, in_legend=named)]
     for (name, fit), colour in zip(models, _OF_MODELS, strict=False):
-        said = (fit.outputs[k][rows, c] - unit.offset) / unit.factor
-        traces.append(Trace(name, times, said, colour=colour, unit=shown, in_legend=named))
+        prediction = (fit.outputs[k][rows, c] - unit.offset) / unit.factor
+        traces.append(Trace(name, times, prediction, colour=colour, unit=shown, in_legend=named))
     return Panel(f"{plain_name(measurements.outputs[c])} [{shown}]", tuple(traces), height=1.1)
 
 
@@ -147,9 +147,9 @@ def _left(
         traces.append(Trace(f"{name} − measured", times, error, Look.LINE, colour, "sigma", in_legend=False))
     ends = np.array([float(times[0]), float(times[-1])])
     band = 2.0 * _spread_of_mean(noise, count)
-    for side, said in ((band, "19 of 20 of noise alone"), (-band, "")):
+    for side, label in ((band, "19 of 20 of noise alone"), (-band, "")):
         level = np.full(2, side)
-        traces.append(Trace(said, ends, level, Look.LINE, 7, "sigma", True, named and bool(said)))
+        traces.append(Trace(label, ends, level, Look.LINE, 7, "sigma", True, named and bool(label)))
     return Panel("model − measured [σ]", tuple(traces), height=1.2)
 
 
@@ -174,12 +174,12 @@ def overlay_plot(
     problem = models[0][1].problem
     record = problem.records[k]
     rows = np.unique(np.linspace(0, record.times.size - 1, min(record.times.size, _MOST_POINTS)).astype(int))
-    seen = [c for c in range(len(problem.measurements.outputs)) if problem.ok[k][rows, c].any()]
+    columns = [c for c in range(len(problem.measurements.outputs)) if problem.ok[k][rows, c].any()]
     times = record.times[rows]  # computed once, so that the page contains data shared by traces only once
-    extra = [combined(curve_bands, problem.measurements.outputs[c], k) for c in seen]
+    extra = [combined(curve_bands, problem.measurements.outputs[c], k) for c in columns]
     panels = [
-        _channel_panel(models, k, c, rows, times, None if more is None else more[rows], named=c == seen[0])
-        for c, more in zip(seen, extra, strict=True)
+        _channel_panel(models, k, c, rows, times, None if more is None else more[rows], named=c == columns[0])
+        for c, more in zip(columns, extra, strict=True)
     ]
     error = models[0][1].normalised_error(k)[rows]
     residuals = [
@@ -190,7 +190,7 @@ def overlay_plot(
             colour=c + _AFTER_MODELS,
             unit="sigma",
         )
-        for c in seen
+        for c in columns
     ]
     panels.append(Panel("model − measured [sigma]", tuple(residuals), height=1.2))
     return Plot(key, caption, "time in the record [s]", tuple(panels), _spans(record.times, record.phase))
@@ -217,21 +217,21 @@ def _channel_panel(
         band = np.hypot(band, extra / unit.factor)
     traces = [Trace("measured", times, value, colour=7, unit=shown, in_legend=named)]
     for number, (called, fit) in enumerate(models):
-        said = (fit.outputs[k][rows, c] - unit.offset) / unit.factor
+        prediction = (fit.outputs[k][rows, c] - unit.offset) / unit.factor
         name = called if len(models) > 1 else "model"
-        traces.append(Trace(name, times, said, colour=number, unit=shown, in_legend=named))
+        traces.append(Trace(name, times, prediction, colour=number, unit=shown, in_legend=named))
         if number == 0:
             noise = "model ± 2 sigma of the noise" + (" and its curve's band" if extra is not None else "")
-            traces.append(Trace(noise, times, said + band, unit=shown, faint=True, in_legend=named))
-            traces.append(Trace("", times, said - band, unit=shown, faint=True, in_legend=False))
+            traces.append(Trace(noise, times, prediction + band, unit=shown, faint=True, in_legend=named))
+            traces.append(Trace("", times, prediction - band, unit=shown, faint=True, in_legend=False))
     return Panel(f"{plain_name(measurements.outputs[c])} [{shown}]", tuple(traces), height=1.2)
 
 
 def _spans(times: Floats, phase: NDArray[np.intp]) -> tuple[Span, ...]:
     """Shaded spans, one for every second phase."""
-    found = []
+    spans = []
     for number in np.unique(phase):
         inside = times[phase == number]
         if number % 2:
-            found.append(Span(float(inside[0]), float(inside[-1])))
-    return tuple(found)
+            spans.append(Span(float(inside[0]), float(inside[-1])))
+    return tuple(spans)

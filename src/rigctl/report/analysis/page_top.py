@@ -60,29 +60,29 @@ def _mean_square(error: Floats) -> float:
     return float(np.mean(present**2)) if present.size else 0.0
 
 
-def answer_section(answer: Answer, told: NamedModels | None, *, about: str, sentence: str = "") -> Section:
+def answer_section(answer: Answer, named: NamedModels | None, *, about: str, sentence: str = "") -> Section:
     """The beginning of the page.
 
     Parameters
     ----------
-    told: the models of the answer; with None nothing is drawn.
+    named: the models of the answer; with None nothing is drawn.
     about: the model after which the page is named.
     sentence: replaces that of the answer, if that contains statistics.
     """
-    found = falls(told.fits, told.left) if told is not None else ()
-    shown = [one for one in found if _shows(one)]
+    channel_falls = falls(named.fits, named.left) if named is not None else ()
+    shown = [one for one in channel_falls if _shows(one)]
     plot = None
-    if told is not None and told.timed:
+    if named is not None and named.timed:
         most = max((max(one.sizes) for one in shown), default=0.0)
         drawn_most = [one.channel for one in shown if max(one.sizes) > _DRAWN * most]
-        plot = _overlay(told, drawn_most[:_MOST_CHANNELS])
+        plot = _overlay(named, drawn_most[:_MOST_CHANNELS])
     body = render(
         "answer.html",
         answer=answer,
         sentence=words(without_chance(sentence or answer.sentence)),
         facts=[(words(head), words(text)) for head, text in answer.facts if head not in _ELSEWHERE],
-        falls=None if told is None else _chart(shown, told),
-        quiet=_unchanged(found, shown),
+        falls=None if named is None else _chart(shown, named),
+        quiet=_unchanged(channel_falls, shown),
         plot=None if plot is None else plot_slot(plot),
         caption="" if plot is None else plot.caption,
     )
@@ -95,55 +95,55 @@ def _shows(one: ChannelFall) -> bool:
     return one.changed if len(one.sizes) > 1 else not one.within(0)
 
 
-def _chart(shown: Sequence[ChannelFall], told: NamedModels) -> Markup | None:
+def _chart(shown: Sequence[ChannelFall], named: NamedModels) -> Markup | None:
     """A bar for each channel and model, in sigmas of one reading; the noise of one reading beside them."""
     if not shown:
         return None
     largest = max(size for one in shown for size in one.sizes) or 1.0
-    count = len(told.names)
+    count = len(named.names)
     entries = [
-        _bar(one, place, one.title if count == 1 else f"{one.title}, {name}", largest)
+        _bar(one, index, one.title if count == 1 else f"{one.title}, {name}", largest)
         for one in shown
-        for place, name in enumerate(told.names)
+        for index, name in enumerate(named.names)
     ]
     title = "Systematic error" if count == 1 else "How the systematic error falls"
     return bars(f"{title}: by how much it stands out from the noise, all readings together", entries)
 
 
-def _bar(one: ChannelFall, place: int, label: str, largest: float) -> Bar:
-    within, last = one.within(place), place == len(one.sizes) - 1 > 0
-    length = 0.0 if within else one.sizes[place] / largest
-    return Bar(words(label), length, one.sigmas(place), _beside(one, place), 0 if last else 1)
+def _bar(one: ChannelFall, index: int, label: str, largest: float) -> Bar:
+    within, last = one.within(index), index == len(one.sizes) - 1 > 0
+    length = 0.0 if within else one.sizes[index] / largest
+    return Bar(words(label), length, one.sigmas(index), _beside(one, index), 0 if last else 1)
 
 
-def _beside(one: ChannelFall, place: int) -> str:
-    amount = one.amount(place)
-    noise = f"; one reading has {one.noise_text} of noise" if place == 0 else ""
+def _beside(one: ChannelFall, index: int) -> str:
+    amount = one.amount(index)
+    noise = f"; one reading has {one.noise_text} of noise" if index == 0 else ""
     return f"{amount}{noise}" if amount else ""
 
 
-def _unchanged(found: Sequence[ChannelFall], shown: Sequence[ChannelFall]) -> str:
+def _unchanged(channel_falls: Sequence[ChannelFall], shown: Sequence[ChannelFall]) -> str:
     """A sentence on the channels that are not drawn."""
-    rest = [one for one in found if one not in shown]
+    rest = [one for one in channel_falls if one not in shown]
     if not rest:
         return ""
     beyond = [one for one in rest if not one.within(-1)]
     within = [one.title for one in rest if one.within(-1)]
     parts = [f"{', '.join(within)}: within the noise"] if within else []
     parts += [f"{one.title}: {one.sigmas(-1)} beyond the noise" for one in beyond]
-    same = " before and after" if len(found[0].sizes) > 1 else ""
+    same = " before and after" if len(channel_falls[0].sizes) > 1 else ""
     return words(f"{'; '.join(parts)}{same}")
 
 
-def _overlay(told: NamedModels, channels: Sequence[str]) -> Plot | None:
+def _overlay(named: NamedModels, channels: Sequence[str]) -> Plot | None:
     """The most telling record, measured and modelled, with the residuals of the first and the last model."""
     if not channels:
         return None
-    first, last = told.fits[0], told.fits[-1]
-    models = [(told.names[0], first)]
-    if len(told.fits) > 1:
-        models.append((told.names[-1], last))
-    k = told.record
+    first, last = named.fits[0], named.fits[-1]
+    models = [(named.names[0], first)]
+    if len(named.fits) > 1:
+        models.append((named.names[-1], last))
+    k = named.record
     which = "where the two differ most" if len(models) > 1 else "the worst record"
     caption = f"Measured and modelled, {which}: {words(condition_of(first, k))}"
     return fall_plot(models, k, "answer-overlay", caption, channels)

@@ -25,11 +25,11 @@ def stroke_plot(models: Sequence[ModelComparison], key: str = "model-stroke") ->
     column = problem.measurements.outputs.index("position")
     unit = problem.measurements.units[column]
     traces: list[Trace] = []
-    for number, (label, places) in enumerate(_groups(problem, hot, units)):
-        points = [parse_unit(units[hot]).from_si(problem.records[k].condition[hot]) for k in places]
+    for number, (label, indices) in enumerate(_groups(problem, hot, units)):
+        points = [parse_unit(units[hot]).from_si(problem.records[k].condition[hot]) for k in indices]
         x, order = np.array(points), np.argsort(points)
 
-        def line(model: ModelComparison, *, measured: bool, at: Sequence[int] = places) -> np.ndarray:
+        def line(model: ModelComparison, *, measured: bool, at: Sequence[int] = indices) -> np.ndarray:
             values = [_stroke(model, k, column, measured=measured) for k in at]
             return np.array(values) / parse_unit(unit).factor
 
@@ -37,9 +37,11 @@ def stroke_plot(models: Sequence[ModelComparison], key: str = "model-stroke") ->
         traces.append(Trace(label, x[order], measured, Look.POINTS, number, symbol(unit)))
         for model in models:
             name, faint = model.name if len(models) > 1 else "model", model is not models[-1]
-            said = line(model, measured=False)[order]
+            prediction = line(model, measured=False)[order]
             # the legend names each model once; pressures are labelled at their marks
-            traces.append(Trace(name, x[order], said, Look.LINE, number, symbol(unit), faint, not number))
+            traces.append(
+                Trace(name, x[order], prediction, Look.LINE, number, symbol(unit), faint, not number)
+            )
     x_title = f"{plain_name(hot)} [{symbol(units[hot])}]"
     caption = "Stroke against temperature: marks measured, lines the model"
     panel = Panel(f"stroke [{symbol(unit)}]", tuple(traces), height=2.4)
@@ -59,9 +61,9 @@ def _groups(problem: Problem, hot: str, units: dict[str, str]) -> list[tuple[str
                 f"{significant(parse_unit(units[name]).from_si(value))} {symbol(units[name])}"
                 for name, value in zip(rest, key, strict=True)
             ),
-            places,
+            indices,
         )
-        for key, places in sorted(groups.items())
+        for key, indices in sorted(groups.items())
     ]
 
 

@@ -30,32 +30,32 @@ _DRAWN = 12
 _DAY = 86_400.0
 
 
-def survey_sections(found: Survey) -> list[Section]:
+def survey_sections(survey: Survey) -> list[Section]:
     """The statement with a chart of what changed and of the parameters, and the table of runs."""
-    courses = found.shown()
-    plots = [_plot(found, course, k) for k, course in enumerate(courses[:_DRAWN])]
-    first = plots[: max(1, len(found.changes))]
+    courses = survey.shown()
+    plots = [_plot(survey, course, k) for k, course in enumerate(courses[:_DRAWN])]
+    first = plots[: max(1, len(survey.changes))]
     body = render(
         "survey.html",
-        found=found,
+        survey=survey,
         heading={"changed": "Changed", "no_change_seen": "No change seen", "cannot_tell": "Cannot tell"}[
-            found.verdict
+            survey.verdict
         ],
         plots=[plot_slot(plot) for plot in first],
-        changes=[_change(found, k) for k in range(len(found.changes))],
+        changes=[_change(survey, k) for k in range(len(survey.changes))],
         level=f"{100 * SURVEY_ALPHA:g}",
-        tests=[_test(found, k) for k in range(len(found.judged.tested))],
-        remarks=[*found.named.remarks, *found.notes, *map(found.note_text, found.data_notes)],
+        tests=[_test(survey, k) for k in range(len(survey.judged.tested))],
+        remarks=[*survey.named.remarks, *survey.notes, *map(survey.note_text, survey.data_notes)],
     )
     others = render("survey_courses.html", plots=[plot_slot(plot) for plot in plots[len(first) :]])
     return [
         Section("survey", "What has changed", body, tuple(first)),
         Section("courses", "Every quantity over the runs", others, tuple(plots[len(first) :])),
-        Section("runs", "The runs", _runs(found, courses[:4]), ()),
+        Section("runs", "The runs", _runs(survey, courses[:4]), ()),
     ]
 
 
-def write_survey_page(found: Survey, rig: str, output: Path, *, force: bool = False) -> None:
+def write_survey_page(survey: Survey, rig: str, output: Path, *, force: bool = False) -> None:
     """Write one self-contained page of a survey.
 
     Raises
@@ -65,36 +65,36 @@ def write_survey_page(found: Survey, rig: str, output: Path, *, force: bool = Fa
     """
     require_output(output, replaces=is_page, force=force)
     about = {
-        "procedure": {"name": f"Survey of {plural(len(found.lines), 'run')}"},
+        "procedure": {"name": f"Survey of {plural(len(survey.lines), 'run')}"},
         "rig": {"name": rig},
     }
     nothing = np.empty(0)
     shown = RunData("survey", about, nothing, {}, (), (), (), None)
-    write_text(output, page([shown], survey_sections(found)))
+    write_text(output, page([shown], survey_sections(survey)))
 
 
-def _places(found: Survey) -> tuple[NDArray[np.float64], str]:
+def _places(survey: Survey) -> tuple[NDArray[np.float64], str]:
     """The positions of the runs on the chart, and the title of that axis."""
-    places = np.array([line.entry.place for line in found.read])
-    if found.axis.name == DATE:
-        start = datetime.fromtimestamp(float(places[0]), UTC) if places.size else datetime.now(UTC)
-        return (places - float(places[0])) / _DAY, f"days since {start:%Y-%m-%d}"
-    if found.axis.name == ORDER:
-        return places, "number of the run"
-    unit = parse_unit(found.axis.unit)
+    positions = np.array([line.entry.place for line in survey.read])
+    if survey.axis.name == DATE:
+        start = datetime.fromtimestamp(float(positions[0]), UTC) if positions.size else datetime.now(UTC)
+        return (positions - float(positions[0])) / _DAY, f"days since {start:%Y-%m-%d}"
+    if survey.axis.name == ORDER:
+        return positions, "number of the run"
+    unit = parse_unit(survey.axis.unit)
     return (
-        np.array([unit.from_si(float(place)) for place in places]),
-        f"{plain_name(found.axis.name)} [{symbol(found.axis.unit)}]",
+        np.array([unit.from_si(float(position)) for position in positions]),
+        f"{plain_name(survey.axis.name)} [{symbol(survey.axis.unit)}]",
     )
 
 
-def _plot(found: Survey, course: Course, number: int) -> Plot:
+def _plot(survey: Survey, course: Course, number: int) -> Plot:
     """The values of one quantity with their 95 % intervals, and where the change was first significant."""
     quantity = course.quantity
     unit = parse_unit(quantity.unit)
     values = np.array([unit.from_si(float(v), difference=quantity.difference) for v in course.values])
     wide = INTERVAL * course.std / unit.factor
-    x, title = _places(found)
+    x, title = _places(survey)
     bars_x, bars_y = np.repeat(x, 3), np.full(3 * x.size, np.nan)
     bars_y[0::3], bars_y[1::3] = values - wide, values + wide
     shown = symbol(quantity.unit)
@@ -102,11 +102,11 @@ def _plot(found: Survey, course: Course, number: int) -> Plot:
         Trace("95 % interval, by the run alone", bars_x, bars_y, Look.LINE, 0, shown),
         Trace("value", x, values, Look.POINTS, 0, shown),
     ]
-    change = next((one for one in found.changes if one.quantity.name == quantity.name), None)
+    change = next((one for one in survey.changes if one.quantity.name == quantity.name), None)
     marks = []
     if change is not None:
         marks.append(Mark(float(x[min(change.first_sure, x.size) - 1]), "first sure"))
-        traces.append(Trace("as it changed", *_shape(found, number, x), Look.LINE, 1, shown))
+        traces.append(Trace("as it changed", *_shape(survey, number, x), Look.LINE, 1, shown))
     label = f"{plain_name(quantity.name)} [{shown}]" if shown not in ("", "1") else plain_name(quantity.name)
     return Plot(
         f"course-{number + 1}",
@@ -118,10 +118,10 @@ def _plot(found: Survey, course: Course, number: int) -> Plot:
 
 
 def _shape(
-    found: Survey, number: int, x: NDArray[np.float64]
+    survey: Survey, number: int, x: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The fitted change: a ramp from its onset, or steps."""
-    change = found.changes[number]
+    change = survey.changes[number]
     quantity, unit = change.quantity, parse_unit(change.quantity.unit)
 
     def shown(si: float) -> float:
@@ -131,7 +131,7 @@ def _shape(
         edges = [0, *change.steps, x.size]
         levels = [shown(level) for level in change.levels]
         pairs = [(first, last) for first, last in pairwise(edges) if last > first]
-        xs = [place for first, last in pairs for place in (x[first], x[last - 1], np.nan)]
+        xs = [position for first, last in pairs for position in (x[first], x[last - 1], np.nan)]
         ys = [value for level in levels for value in (level, level, np.nan)]
         return np.array(xs), np.array(ys)
     begins = max(change.shape.begins - 1, 0)
@@ -139,24 +139,24 @@ def _shape(
     return np.array([x[0], x[begins], x[-1]]), np.array([before, before, after])
 
 
-def _change(found: Survey, number: int) -> dict[str, str]:
-    change = found.changes[number]
-    early, late = found.between(change)
+def _change(survey: Survey, number: int) -> dict[str, str]:
+    change = survey.changes[number]
+    early, late = survey.between(change)
     return {
         "name": plain_name(change.quantity.name),
-        "before": found.amount(change.quantity, change.shape.before, change.shape.before_std),
-        "after": found.amount(change.quantity, change.shape.after, change.shape.after_std),
+        "before": survey.amount(change.quantity, change.shape.before, change.shape.before_std),
+        "after": survey.amount(change.quantity, change.shape.after, change.shape.after_std),
         "between": f"{early} to {late}",
-        "first": found.read[min(change.first_sure, len(found.read)) - 1].entry.label,
+        "first": survey.read[min(change.first_sure, len(survey.read)) - 1].entry.label,
         "chance": chance_text(change.p_value),
         "alike": ", ".join(plain_name(name) for name in change.alike),
     }
 
 
-def _test(found: Survey, number: int) -> dict[str, str]:
-    one = found.judged.tested[number]
-    quantity, read = one.course.quantity, found.read
-    between = "not known" if one.between is None else found.amount_difference(quantity, one.between)
+def _test(survey: Survey, number: int) -> dict[str, str]:
+    one = survey.judged.tested[number]
+    quantity, read = one.course.quantity, survey.read
+    between = "not known" if one.between is None else survey.amount_difference(quantity, one.between)
     return {
         "name": plain_name(quantity.name),
         "kind": {"parameter": "of each run", "held": "shared", "effect": "effect"}[quantity.kind],
@@ -166,22 +166,22 @@ def _test(found: Survey, number: int) -> dict[str, str]:
     }
 
 
-def _runs(found: Survey, courses: tuple[Course, ...]) -> Markup:
-    lines, left_out = cut(found.lines)
+def _runs(survey: Survey, courses: tuple[Course, ...]) -> Markup:
+    lines, left_out = cut(survey.lines)
     return render(
         "survey_runs.html",
-        over=plain_name(found.axis.name),
+        over=plain_name(survey.axis.name),
         heads=[f"{plain_name(c.quantity.name)} [{symbol(c.quantity.unit)}]" for c in courses],
         rows=[
             {
                 "label": line.entry.label,
-                "over": found.axis.text(line.entry),
+                "over": survey.axis.text(line.entry),
                 "failed": line.failed,
                 "agrees": "" if line.reading is None else "yes" if line.reading.adequate else "no",
                 "values": [
                     ""
                     if line.reading is None
-                    else found.bare(course.quantity, course.values[line.index], course.std[line.index])
+                    else survey.bare(course.quantity, course.values[line.index], course.std[line.index])
                     for course in courses
                 ],
             }

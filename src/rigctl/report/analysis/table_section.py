@@ -59,32 +59,32 @@ class _Curve:
 def table_parts(comparison: Comparison) -> list[TablePart]:
     """The views of all quantities of a table; none for time series."""
     first = comparison.models[0]
-    found = []
+    parts = []
     for number, quantity in enumerate(dict.fromkeys(row.quantity for row in first.rows)):
         plot = table_plot(comparison.models, quantity, f"table-{number}")
         head, rows = _text(comparison.models, quantity)
-        found.append(TablePart(plain_name(quantity), plot, plot_slot(plot), head, rows))
-    return found
+        parts.append(TablePart(plain_name(quantity), plot, plot_slot(plot), head, rows))
+    return parts
 
 
 def table_plot(models: Sequence[ModelComparison], quantity: str, key: str) -> Plot:
     """Measured values and the predictions of every model, with the residuals below."""
-    own = _rows(models[0], quantity)
-    x, drawn, x_title = _curves(models[0], own)
-    unit, relative = symbol(own[0].unit), _relative(models[0], own)
-    left = "%" if relative else unit
+    rows = _rows(models[0], quantity)
+    x, drawn, x_title = _curves(models[0], rows)
+    unit, relative = symbol(rows[0].unit), _relative(models[0], rows)
+    residual_unit = "%" if relative else unit
     upper: list[Trace] = []
     lower: list[Trace] = []
     for curve in drawn:
         measured = np.array([row.measured for row in curve.rows])
         upper.append(Trace(f"{curve.prefix}measured", curve.at, measured, Look.POINTS, curve.hue, unit))
         upper += [*_laws(models, curve, unit), *_others(curve, unit)]
-        lower += _residuals(models, curve, left, relative=relative)
-    lower += _noise_band(own, x, left, relative=relative)
+        lower += _residuals(models, curve, residual_unit, relative=relative)
+    lower += _noise_band(rows, x, residual_unit, relative=relative)
     title = plain_name(quantity)
     panels = (
         Panel(f"{title} [{unit}]", tuple(upper), height=1.9),
-        Panel(f"model − measured [{left}]", tuple(lower), height=1.5),
+        Panel(f"model − measured [{residual_unit}]", tuple(lower), height=1.5),
     )
     return Plot(key, f"{title} over {x_title}: marks measured, lines the model", x_title, panels)
 
@@ -112,7 +112,7 @@ def _curves(model: ModelComparison, rows: Sequence[TableRow]) -> tuple[Floats, l
         unit = parse_unit(units[name])
         x = np.array([unit.from_si(record.condition.get(name, np.nan)) for record in measurements.records])
         x_title = f"{plain_name(name)} [{symbol(units[name])}]"
-    found = []
+    result = []
     for number in np.unique(series):
         joined = sorted((row for row in rows if series[row.record] == number), key=lambda row: x[row.record])
         if not joined:
@@ -121,8 +121,8 @@ def _curves(model: ModelComparison, rows: Sequence[TableRow]) -> tuple[Floats, l
         others = {key: value for key, value in condition.items() if key != name}
         label = "" if name is None else prose(short_condition(others, units))
         at = np.array([x[row.record] for row in joined])
-        found.append(_Curve(label, int(number), tuple(joined), at))
-    return x, found, x_title
+        result.append(_Curve(label, int(number), tuple(joined), at))
+    return x, result, x_title
 
 
 def _of_models(
@@ -134,7 +134,7 @@ def _of_models(
     what: str = "",
 ) -> list[Trace]:
     """For each model one line through `shown` of its rows; all but the last are faint."""
-    found = []
+    traces = []
     for number, model in enumerate(models):
         by_record = {row.record: row for row in _rows(model, curve.rows[0].quantity)}
         values = np.array([shown(by_record[row.record]) for row in curve.rows])
@@ -142,8 +142,8 @@ def _of_models(
         colour, faint = curve.hue if curve.label else number, model is not models[-1]
         # for several curves the legend of the traces above identifies the colours
         named = not (what and curve.label)
-        found.append(Trace(name, curve.at, values, look, colour, unit, faint, named))
-    return found
+        traces.append(Trace(name, curve.at, values, look, colour, unit, faint, named))
+    return traces
 
 
 def _laws(models: Sequence[ModelComparison], curve: _Curve, unit: str) -> list[Trace]:
@@ -179,12 +179,14 @@ def _residuals(models: Sequence[ModelComparison], curve: _Curve, unit: str, *, r
             return np.nan
         return 100.0 * row.share(value) if relative else value - row.measured
 
-    found = _of_models(models, curve, lambda row: error(row, row.predicted), Look.MARKED, unit, " − measured")
+    traces = _of_models(
+        models, curve, lambda row: error(row, row.predicted), Look.MARKED, unit, " − measured"
+    )
     if not curve.label and len(models) == 1 and shows_unfitted(curve.rows):
         values = np.array([error(row, row.unfitted) for row in curve.rows])
         name = "the same with the constants of its file"
-        found.append(Trace(name, curve.at, values, Look.MARKED, 1, unit, faint=True))
-    return found
+        traces.append(Trace(name, curve.at, values, Look.MARKED, 1, unit, faint=True))
+    return traces
 
 
 def _noise_band(rows: Sequence[TableRow], x: Floats, unit: str, *, relative: bool) -> list[Trace]:
@@ -203,22 +205,28 @@ def _text(
     models: Sequence[ModelComparison], quantity: str
 ) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
     """The rows of the table as text."""
-    own = _rows(models[0], quantity)
-    beside = list(dict.fromkeys(name for row in own for name in row.beside))
-    fitted = shows_unfitted(own)
-    head = ["at", f"measured [{symbol(own[0].unit)}]", "noise"]
+    table_rows = _rows(models[0], quantity)
+    beside = list(dict.fromkeys(name for row in table_rows for name in row.beside))
+    fitted = shows_unfitted(table_rows)
+    head = ["at", f"measured [{symbol(table_rows[0].unit)}]", "noise"]
     for model in models:
-        name = model.name if len(models) > 1 else "model, fitted" if own[0].unfitted is not None else "model"
+        name = (
+            model.name
+            if len(models) > 1
+            else "model, fitted"
+            if table_rows[0].unfitted is not None
+            else "model"
+        )
         head += [name, "model − measured", "in sigma"]
     head += ["as in its file", "in sigma"] if fitted and len(models) == 1 else []
     head += [plain_name(name.removeprefix(f"{quantity}_")) for name in beside]
     by_model = [{row.record: row for row in _rows(model, quantity)} for model in models]
     rows = []
-    for row in own:
+    for row in table_rows:
         cells = [prose(row.condition) + ("" if row.fitted else ", held out")]
         cells += [significant(row.measured, 5), significant(row.noise, 2)]
-        for found in by_model:
-            one = found[row.record]
+        for by_record in by_model:
+            one = by_record[row.record]
             share = _shown(100.0 * one.share(one.predicted), "+.2f", " %")
             cells += [significant(one.predicted, 5), share, f"{one.z:+.1f}"]
         if fitted and len(models) == 1:

@@ -49,10 +49,10 @@ def build(runs: Sequence[RunData]) -> Section | None:
 
 def sentence(response: Response) -> str:
     """The largest change over x in words."""
-    found = response.largest_change()
-    if found is None:
+    largest = response.largest_change()
+    if largest is None:
         return ""
-    one, first, last = found
+    one, first, last = largest
     change = last.mean - first.mean
     if change == 0.0:
         return f"The {plain_name(response.name)} does not change with {response.x_title}."
@@ -69,20 +69,20 @@ def sentence(response: Response) -> str:
 def table(response: Response) -> list[tuple[str, list[Cell]]]:
     """One row per x, one cell per series."""
     means = [point.mean for one in response.series for point in one.points]
-    places = decimals(means)
+    digits = decimals(means)
     firsts = [one.points[0] for one in response.series]
     return [
         (
             setting(x),
-            [_cell(one.at(x), first, places) for one, first in zip(response.series, firsts, strict=True)],
+            [_cell(one.at(x), first, digits) for one, first in zip(response.series, firsts, strict=True)],
         )
         for x in response.xs
     ]
 
 
-def _cell(point: Point | None, first: Point, places: int) -> Cell:
+def _cell(point: Point | None, first: Point, digits: int) -> Cell:
     if point is None:
         return Cell(MISSING, "", "")
-    spread = "" if point.spread is None else f"± {fixed(point.spread, places)} (n = {len(point.values)})"
-    change = "" if point.x == first.x else fixed(point.mean - first.mean, places, sign=True)
-    return Cell(fixed(point.mean, places), spread, change)
+    spread = "" if point.spread is None else f"± {fixed(point.spread, digits)} (n = {len(point.values)})"
+    change = "" if point.x == first.x else fixed(point.mean - first.mean, digits, sign=True)
+    return Cell(fixed(point.mean, digits), spread, change)

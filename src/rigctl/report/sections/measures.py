@@ -69,5 +69,5 @@ def _place(measured: Measured) -> float | None:
     """0 at the lower limit, 1 at the upper; outside them at most a fifth of the width away."""
     if measured.low is None or measured.high is None or measured.high <= measured.low:
         return None
-    place = (measured.value - measured.low) / (measured.high - measured.low)
-    return round(min(max(place, -0.2), 1.2), 4) if place == place else None  # noqa: PLR0124 - not for NaN
+    position = (measured.value - measured.low) / (measured.high - measured.low)
+    return round(min(max(position, -0.2), 1.2), 4) if position == position else None  # noqa: PLR0124 - not for NaN

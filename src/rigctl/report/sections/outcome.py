@@ -115,10 +115,10 @@ def _known_safe(run: RunData) -> bool:
 
 def readable(reason: str) -> str:
     """A reason with its location in a file moved to the end."""
-    found = _PLACE.match(reason)
-    if found is None:
+    match = _PLACE.match(reason)
+    if match is None:
         return reason.rstrip(".")
-    return f"{found['what'].rstrip('.')} ({found['file']}, line {found['line']})"
+    return f"{match['what'].rstrip('.')} ({match['file']}, line {match['line']})"
 
 
 def _complete(run: RunData) -> int:
@@ -162,20 +162,20 @@ def _figures(run: RunData, missed: int) -> list[tuple[str, str]]:
     """The key figures of a run."""
     complete, total = _complete(run), len(run.records)
     open_ended = run.info.get("status") != "finished" and complete == total
-    found = [("records complete", str(complete) if open_ended else f"{complete} of {total}")]
+    figures = [("records complete", str(complete) if open_ended else f"{complete} of {total}")]
     timed = bool(len(run.time)) or not total  # the rows of a table are not time series
     if timed:
-        found += [("duration", duration(_length(run))), ("samples", whole(len(run.time)))]
+        figures += [("duration", duration(_length(run))), ("samples", whole(len(run.time)))]
     excluded = sum(record.excluded is not None for record in run.records)
     if excluded:
-        found.append(("records excluded", str(excluded)))
+        figures.append(("records excluded", str(excluded)))
     limited = sum(measured.limited for measured in run.all_measures())
     if limited:
-        found.append(("values within limits", f"{limited - missed} of {limited}"))
+        figures.append(("values within limits", f"{limited - missed} of {limited}"))
     alarms = sum(event.kind in ALARMS for event in run.events)
     if timed or alarms:
-        found.append(("alarms and faults", str(alarms) if alarms else "none"))
-    return found
+        figures.append(("alarms and faults", str(alarms) if alarms else "none"))
+    return figures
 
 
 def _length(run: RunData) -> float:
@@ -224,11 +224,11 @@ def _test(info: Mapping[str, Any]) -> str:
 
 def _notes(run: RunData) -> list[str]:
     """Notes that people added to the run afterwards."""
-    said = [item for item in run.info.get("annotations") or () if item.get("kind") == "note"]
+    notes = [item for item in run.info.get("annotations") or () if item.get("kind") == "note"]
     return [
         f"{item.get('text', '')} ({', '.join(filter(None, (item.get('by'), moment(item.get('when')))))})"
         + (f", record {item['record']}" if item.get("record") is not None else "")
-        for item in said
+        for item in notes
     ]
 
 

@@ -98,12 +98,12 @@ def _run_records(run: RunData, key: str, points: int) -> tuple[RunRecords, list[
 def _strokes(run: RunData, records: Sequence[RecordData]) -> tuple[list[str], str | None]:
     """The stroke of each record as text, and the column's heading; None if no record has one."""
     motion = find_motion(run)
-    found = [None if motion is None else stroke(run, record, motion) for record in records]
-    present = [value for value in found if value is not None]
+    strokes = [None if motion is None else stroke(run, record, motion) for record in records]
+    present = [value for value in strokes if value is not None]
     if motion is None or not present:
         return [""] * len(records), None
-    places = decimals(present)
-    return [fixed(value, places) for value in found], _head("stroke", motion.position.unit)
+    digits = decimals(present)
+    return [fixed(value, digits) for value in strokes], _head("stroke", motion.position.unit)
 
 
 def _head(name: str, unit: str) -> str:

@@ -1,7 +1,7 @@
 // The frame of a part: authenticates the browser, shows the project, and starts the part's script.
 import { api, button, command, complain, h, settle, wait, work } from "./lib.js";
 
-const place = document.getElementById("part");
+const container = document.getElementById("part");
 
 // The printed address ends with the token, which is exchanged for a cookie and removed from the address.
 const enter = async () => {
@@ -29,7 +29,7 @@ const offer = () => {
     await work(jobs, await api("/api/project", { method: "POST", body: { minimal } }));
     location.reload();
   };
-  place.before(h("section", { class: "panel beginning", "aria-label": "New project" },
+  container.before(h("section", { class: "panel beginning", "aria-label": "New project" },
     h("p", { class: "finding" }, "This folder holds no project yet."),
     h("p", {}, "Fill it with the shipped benches, their procedures, models and measured data, all of which run on a simulated bench; or make an empty project for your own."),
     h("div", { class: "toolbar" }, button("Fill it with examples", fill(false), { class: "primary", title: "rigctl init" }), button("Make an empty project", fill(true), { title: "rigctl init --minimal" }), jobs),
@@ -55,7 +55,7 @@ const begin = async () => {
     showProject(status);
     if (status.empty) offer();
   } catch (problem) {
-    place.replaceChildren(
+    container.replaceChildren(
       h("p", { class: "statement warn" }, problem.status === 401 ? "This browser has not been let in yet." : problem.message),
       h("p", {}, "Open the address that ", h("code", {}, "rigctl serve"), " has printed, with what follows its #; it changes with every start."),
     );
@@ -64,8 +64,8 @@ const begin = async () => {
   follow();
   try {
     const part = await import(`./${document.body.dataset.part}.js`);
-    await part.show(place);
-    place.dataset.ready = "yes";
+    await part.show(container);
+    container.dataset.ready = "yes";
   } catch (problem) {
     complain(problem);
   }

@@ -1,14 +1,14 @@
 // The documentation site in a frame, with its own navigation and search.
 import { api, h } from "./lib.js";
 
-export const show = async (place) => {
+export const show = async (container) => {
   const { there } = await api("/api/docs");
   if (!there) {
-    place.replaceChildren(
+    container.replaceChildren(
       h("p", { class: "statement warn" }, "This installation has no documentation in it."),
       h("p", {}, "In a checkout ", h("code", {}, "make site"), " builds it; a wheel that ", h("code", {}, "make wheel"), " has made carries it."),
     );
     return;
   }
-  place.replaceChildren(h("iframe", { class: "docs", src: "/docs/index.html", title: "Documentation" }));
+  container.replaceChildren(h("iframe", { class: "docs", src: "/docs/index.html", title: "Documentation" }));
 };

@@ -28,27 +28,27 @@ export const api = async (path, { method = "GET", body = null, query = null } = 
   const answer = await fetch(address, { method, headers, body: body === null ? null : JSON.stringify(body), credentials: "same-origin" });
   if (answer.status === 204) return null;
   const text = await answer.text();
-  let found = null;
+  let content = null;
   try {
-    found = JSON.parse(text);
+    content = JSON.parse(text);
   } catch {
     throw new Refusal(answer.status, { message: "the server's answer cannot be read" });
   }
-  if (!answer.ok) throw new Refusal(answer.status, found.error ?? { message: `the server answers ${answer.status}` });
-  return found;
+  if (!answer.ok) throw new Refusal(answer.status, content.error ?? { message: `the server answers ${answer.status}` });
+  return content;
 };
 
 // An element. Texts are always shown as text: nothing here parses HTML.
 export const h = (tag, attributes = {}, ...inside) => {
-  const made = document.createElement(tag);
+  const element = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
     if (value === null || value === undefined || value === false) continue;
-    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
-    else if (name === "value" || name === "checked" || name === "disabled") made[name] = value;
-    else made.setAttribute(name, value === true ? "" : String(value));
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (name === "value" || name === "checked" || name === "disabled") element[name] = value;
+    else element.setAttribute(name, value === true ? "" : String(value));
   }
-  made.append(...inside.flat(3).filter((one) => one !== null && one !== undefined && one !== false));
-  return made;
+  element.append(...inside.flat(3).filter((one) => one !== null && one !== undefined && one !== false));
+  return element;
 };
 
 // A scrollable region for wide content, also operable by keyboard.
@@ -86,9 +86,9 @@ export const say = (text, kind = "") => {
 // A state that is announced once, and removed when it ends.
 const states = new Map();
 export const settle = (name, text) => {
-  const there = states.get(name);
-  if (there && there.isConnected && text && there.dataset.text === text) return;
-  there?.remove();
+  const line = states.get(name);
+  if (line && line.isConnected && text && line.dataset.text === text) return;
+  line?.remove();
   states.delete(name);
   if (text) {
     const box = say(text, "warn");
@@ -104,18 +104,18 @@ export const complain = (problem) => {
 
 // Run an action on a click; errors are shown, and the button is disabled meanwhile.
 export const button = (label, work, attributes = {}) => {
-  const made = h("button", { type: "button", ...attributes }, label);
-  made.addEventListener("click", async () => {
-    made.disabled = true;
+  const element = h("button", { type: "button", ...attributes }, label);
+  element.addEventListener("click", async () => {
+    element.disabled = true;
     try {
-      await work(made);
+      await work(element);
     } catch (problem) {
       complain(problem);
     } finally {
-      made.disabled = false;
+      element.disabled = false;
     }
   });
-  return made;
+  return element;
 };
 
 // The command equivalent to a view, for copying.
@@ -138,8 +138,8 @@ export const tag = (text) => h("span", { class: `tag ${kinds[text] ?? ""}` }, te
 // 1:02:03, or 2:03
 export const clock = (seconds) => {
   if (seconds === null || seconds === undefined || !Number.isFinite(seconds)) return "–";
-  const whole = Math.max(Math.round(seconds), 0);
-  const [hours, minutes, rest] = [Math.floor(whole / 3600), Math.floor((whole % 3600) / 60), whole % 60];
+  const total = Math.max(Math.round(seconds), 0);
+  const [hours, minutes, rest] = [Math.floor(total / 3600), Math.floor((total % 3600) / 60), total % 60];
   const two = (number) => String(number).padStart(2, "0");
   return hours ? `${hours}:${two(minutes)}:${two(rest)}` : `${minutes}:${two(rest)}`;
 };
@@ -156,12 +156,12 @@ export const follow = async (job, look = () => {}) => {
 };
 
 // Progress of a job with a stop button; resolves with its result, or throws its error.
-export const work = async (place, job) => {
+export const work = async (container, job) => {
   const bar = h("progress", { max: 1, "aria-label": job.name });
   const text = h("span", { role: "status" });
   const stop = button("Stop", () => api(`/api/jobs/${job.id}`, { method: "DELETE" }), { class: "small" });
   const box = h("div", { class: "job" }, h("strong", {}, job.name), bar, text, stop);
-  place.append(box);
+  container.append(box);
   try {
     const ended = await follow(job, (state) => {
       if (state.share === null) bar.removeAttribute("value");

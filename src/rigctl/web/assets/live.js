@@ -112,14 +112,14 @@ class Line {
         this.hear({ kind: "lease", lease });
         const { run, window, width } = this.wanted();
         if (run) {
-          const found = await api(`/api/live/${encodeURIComponent(run)}`, { query: { after, window, width } });
-          if (run !== known) this.hear({ kind: "run", run: found.run });
+          const snapshot = await api(`/api/live/${encodeURIComponent(run)}`, { query: { after, window, width } });
+          if (run !== known) this.hear({ kind: "run", run: snapshot.run });
           known = run;
-          this.hear({ kind: "rows", rows: found.rows });
-          if (found.rows.length) after = found.rows[found.rows.length - 1][0];
-          this.hear({ kind: "events", events: found.events, whole: true });
-          this.hear({ kind: "state", state: found.state });
-          this.hear({ kind: "set_points", set_points: found.set_points });
+          this.hear({ kind: "rows", rows: snapshot.rows });
+          if (snapshot.rows.length) after = snapshot.rows[snapshot.rows.length - 1][0];
+          this.hear({ kind: "events", events: snapshot.events, whole: true });
+          this.hear({ kind: "state", state: snapshot.state });
+          this.hear({ kind: "set_points", set_points: snapshot.set_points });
         }
       } catch (problem) {
         if (problem.status === 401) throw problem;
@@ -129,7 +129,7 @@ class Line {
   }
 }
 
-export const show = async (place) => {
+export const show = async (container) => {
   const samples = new Samples();
   let window_ = 60;
   let run = new URLSearchParams(location.search).get("run");
@@ -197,8 +197,8 @@ export const show = async (place) => {
     if (done.confirmed) setTimeout(() => settle("off", null), 8000);
   }, { class: "danger solid", title: "rigctl off: all outputs to their safe state, now, by any window" });
   const leaseText = h("span", { class: "note", role: "status" });
-  const take = button("Take the controls", () => api("/api/live/lease", { method: "POST", body: { over: true } }).then(told), { class: "small" });
-  const give = button("Give them back", () => api("/api/live/lease", { method: "POST", body: { give: true } }).then(told), { class: "small" });
+  const take = button("Take the controls", () => api("/api/live/lease", { method: "POST", body: { over: true } }).then(showLease), { class: "small" });
+  const give = button("Give them back", () => api("/api/live/lease", { method: "POST", body: { give: true } }).then(showLease), { class: "small" });
   const chooser = h("select", { "aria-label": "Run in progress", onchange: () => watch(chooser.value) });
   const span = h("select", { id: "span", onchange: () => { window_ = Number(span.value); line.want(); } }, WINDOWS.map(([seconds, text]) => h("option", { value: String(seconds), selected: seconds === window_ }, text)));
 
@@ -221,10 +221,10 @@ export const show = async (place) => {
   const idle = h("div", { class: "panel idle" });
   const body = h("div", { class: "split live", hidden: true },
     h("div", {}, h("div", { class: "toolbar" }, h("label", { for: "span" }, "Shown"), span), plots), beside);
-  place.replaceChildren(head, idle, body);
+  container.replaceChildren(head, idle, body);
 
-  const told = (found) => {
-    lease = found;
+  const showLease = (granted) => {
+    lease = granted;
     const many = lease.viewers > 1 ? `, ${lease.viewers} windows watch` : "";
     const one = lease.window === null ? "" : ` (this is window ${lease.window}${many})`;
     leaseText.textContent = lease.mine ? `This window has the controls${many}` : lease.holder === null ? `Nobody has the controls${one}` : `Window ${lease.holder} has the controls${one}`;
@@ -308,7 +308,7 @@ export const show = async (place) => {
     return values.length ? [Math.min(...values), Math.max(...values)] : null;
   };
 
-  const asked = (panel) => {
+  const target = (panel) => {
     const one = setPoints.findLast((each) => each.channel === panel.channel.name && each.end === null);
     if (!one) return "";
     const within = one.within === null ? "" : ` ± ${Number(one.within.toPrecision(2))}`;
@@ -358,7 +358,7 @@ export const show = async (place) => {
       const data = [samples.columns[0], samples.columns[panel.index] ?? []];
       if (panel.follows >= 0) data.push(samples.columns[panel.follows] ?? []);
       panel.plot.set(data);
-      panel.wanted.textContent = asked(panel);
+      panel.wanted.textContent = target(panel);
       panel.value.textContent = shown(samples.columns[panel.index]?.[last], panel.unit, panel.channel.places);
     }
     about.commands.forEach((one, index) => {
@@ -409,10 +409,10 @@ export const show = async (place) => {
     buttons();
   };
 
-  const showEvents = (found, whole) => {
-    const lines = found.map((event) => h("li", { class: `event ${event.kind}${event.passed === false ? " missed" : ""}` },
+  const showEvents = (list, complete) => {
+    const lines = list.map((event) => h("li", { class: `event ${event.kind}${event.passed === false ? " missed" : ""}` },
       h("span", { class: "when" }, clock(event.time)), h("span", { class: "kind" }, event.kind), h("span", {}, event.text)));
-    if (whole) events.replaceChildren();
+    if (complete) events.replaceChildren();
     events.prepend(...lines.reverse());
     while (events.children.length > 300) events.lastElementChild.remove();
   };
@@ -432,8 +432,8 @@ export const show = async (place) => {
     line.want();
   };
 
-  const showRuns = (found) => {
-    running = found;
+  const showRuns = (ids) => {
+    running = ids;
     chooser.hidden = running.length < 2;
     chooser.replaceChildren(...running.map((id) => h("option", { value: id, selected: id === run }, id)));
     // a finished run remains visible until the next one starts
@@ -455,31 +455,31 @@ export const show = async (place) => {
       dirty = true;
       return;
     }
-    const said = typeof data === "string" ? JSON.parse(data) : data;
-    if (said.kind === "runs") showRuns(said.runs);
-    else if (said.kind === "lease") told(said.lease);
-    else if (said.kind === "run") {
-      about = said.run;
+    const message = typeof data === "string" ? JSON.parse(data) : data;
+    if (message.kind === "runs") showRuns(message.runs);
+    else if (message.kind === "lease") showLease(message.lease);
+    else if (message.kind === "run") {
+      about = message.run;
       body.hidden = false;
       idle.hidden = true;
       build();
-    } else if (said.kind === "state" && said.state.state) {
-      state = said.state;
+    } else if (message.kind === "state" && message.state.state) {
+      state = message.state;
       showState();
-    } else if (said.kind === "set_points") {
-      setPoints = said.set_points;
+    } else if (message.kind === "set_points") {
+      setPoints = message.set_points;
       dirty = true;
-    } else if (said.kind === "events") showEvents(said.events, said.whole);
-    else if (said.kind === "rows") {
-      samples.takeRows(said.rows, window_);
+    } else if (message.kind === "events") showEvents(message.events, message.whole);
+    else if (message.kind === "rows") {
+      samples.takeRows(message.rows, window_);
       dirty = true;
-    } else if (said.kind === "dropped") {
+    } else if (message.kind === "dropped") {
       settle("dropped", "This window is too slow for all that comes: some of it is left out here, and none of it in the run.");
       setTimeout(() => settle("dropped", null), 5000);
-    } else if (said.kind === "refused") settle("refused", said.refused);
+    } else if (message.kind === "refused") settle("refused", message.refused);
   };
 
-  const width = () => Math.round(panels[0]?.plot.element.clientWidth || place.clientWidth / 2 || 600);
+  const width = () => Math.round(panels[0]?.plot.element.clientWidth || container.clientWidth / 2 || 600);
   const line = new Line(hear, () => ({ run, window: window_, width: width() }));
   let resized = null;
   addEventListener("resize", () => {
@@ -487,6 +487,6 @@ export const show = async (place) => {
     resized = setTimeout(() => line.want(), 300);
   });
   document.addEventListener("visibilitychange", () => !document.hidden && line.want());
-  told(lease);
+  showLease(lease);
   showRuns([]);
 };

@@ -33,7 +33,7 @@ const axis = (label, more = {}) => ({
 // options: { height, series: [{ label, colour: 0, dash, width, points, size, unlisted }], bands: [{ between: [2, 3] }], xLabel, yLabel, yRange, ySpace, hooks, legend, sync, describe }
 // Returns { element, set(data), remove() }; data as uPlot has it: [x, y1, y2 …].
 export const plot = (options) => {
-  const place = h("figure", { class: "curves", role: "img", "aria-label": options.describe ?? options.yLabel ?? "plot" });
+  const figure = h("figure", { class: "curves", role: "img", "aria-label": options.describe ?? options.yLabel ?? "plot" });
   let drawn = null;
   let data = null;
 
@@ -53,7 +53,7 @@ export const plot = (options) => {
     }));
     drawn = new uPlot(
       {
-        width: Math.max(place.clientWidth, 200),
+        width: Math.max(figure.clientWidth, 200),
         height: options.height ?? 220,
         scales: { x: { time: false, range: options.xRange }, y: { range: options.yRange } },
         axes: [axis(options.xLabel, { size: options.xLabel ? 26 : 24, values: options.xValues ?? marks }), axis(options.yLabel, { size: 56, values: marks, ...(options.ySpace ? { space: options.ySpace } : {}) })],
@@ -65,7 +65,7 @@ export const plot = (options) => {
         padding: [8, 10, 0, 0],
       },
       data,
-      place,
+      figure,
     );
     const listed = drawn.root.querySelectorAll(".u-legend .u-series");
     const first = listed.length - options.series.length; // a static legend has no row for x
@@ -75,21 +75,21 @@ export const plot = (options) => {
   const set = (next) => {
     data = next;
     if (!drawn) {
-      if (place.isConnected && place.clientWidth) make();
+      if (figure.isConnected && figure.clientWidth) make();
       return;
     }
     drawn.setData(data);
   };
 
   const observer = new ResizeObserver(() => {
-    if (!place.clientWidth || !data) return;
+    if (!figure.clientWidth || !data) return;
     if (!drawn) make();
-    else if (Math.abs(drawn.width - place.clientWidth) > 1) drawn.setSize({ width: place.clientWidth, height: drawn.height });
+    else if (Math.abs(drawn.width - figure.clientWidth) > 1) drawn.setSize({ width: figure.clientWidth, height: drawn.height });
   });
-  observer.observe(place);
+  observer.observe(figure);
   onTheme(() => drawn && make());
   return {
-    element: place,
+    element: figure,
     set,
     get drawn() {
       return drawn;
@@ -98,7 +98,7 @@ export const plot = (options) => {
       observer.disconnect();
       drawn?.destroy();
       drawn = null;
-      place.remove();
+      figure.remove();
     },
   };
 };

@@ -3,10 +3,10 @@ import { api, button, clock, command, complain, h, say, scrolling, seldom, tag, 
 
 const SVG = "http://www.w3.org/2000/svg";
 const svg = (name, attributes, ...inside) => {
-  const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, String(value));
-  made.append(...inside);
-  return made;
+  const element = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, String(value));
+  element.append(...inside);
+  return element;
 };
 
 // Completions at the caret: names with descriptions, and the length of the typed part.
@@ -15,29 +15,29 @@ export const suggestions = (known, text, caret) => {
   const line = before.slice(before.lastIndexOf("\n") + 1);
   const typed = /[\w]*$/.exec(line)[0];
   const head = line.slice(0, line.length - typed.length);
-  const named = (found) => Object.entries(found ?? {}).filter(([name]) => name.startsWith(typed) && name !== typed);
+  const named = (names) => Object.entries(names ?? {}).filter(([name]) => name.startsWith(typed) && name !== typed);
   // inside braces on this line: the fields of the key before them
   let depth = 0;
   for (let at = head.length - 1; at >= 0; at--) {
     if (head[at] === "}") depth += 1;
     else if (head[at] === "{" && depth-- === 0) {
-      if (!/[{,]\s*$/.test(head)) return { typed, found: [] };
+      if (!/[{,]\s*$/.test(head)) return { typed, entries: [] };
       const key = /(\w+)\s*:\s*$/.exec(head.slice(0, at))?.[1];
-      return { typed, found: named(known.fields[key]) };
+      return { typed, entries: named(known.fields[key]) };
     }
   }
-  if (!/^\s*(- )?\s*$/.test(head)) return { typed, found: [] };
-  if (/^\s*- \s*$/.test(head)) return { typed, found: named(known.steps) };
+  if (!/^\s*(- )?\s*$/.test(head)) return { typed, entries: [] };
+  if (/^\s*- \s*$/.test(head)) return { typed, entries: named(known.steps) };
   const indent = head.length;
   for (const above of before.slice(0, before.length - line.length).split("\n").reverse()) {
     if (!above.trim() || above.trim().startsWith("#")) continue;
     const [, spaces, dash, key] = /^(\s*)(- )?(\w+)\s*:/.exec(above) ?? [];
     if (key === undefined) continue;
     const column = spaces.length + (dash ? dash.length : 0);
-    if (column === indent && dash) return { typed, found: named(known.beside[key]) };
-    if (column < indent) return { typed, found: named(known.fields[key]) };
+    if (column === indent && dash) return { typed, entries: named(known.beside[key]) };
+    if (column < indent) return { typed, entries: named(known.fields[key]) };
   }
-  return { typed, found: named(indent ? {} : known.fields[""]) };
+  return { typed, entries: named(indent ? {} : known.fields[""]) };
 };
 
 // A drawing of the plan: time to the right, nesting downwards.
@@ -67,8 +67,8 @@ const timeline = (plan, room, jump) => {
   const x = (seconds) => (seconds / total) * width;
   const shapes = boxes.filter((box) => box.depth <= deepest).slice(0, 3000).map(({ node, start, end, depth }) => {
     const wide = Math.max(x(end) - x(start) - 0.6, 0.4);
-    const told = `${node.label}: ${clock(node.duration)}${node.basis === "timed" ? "" : ", estimated"}`;
-    const box = svg("g", { class: `box ${node.kind}` }, svg("title", {}, told), svg("rect", { x: x(start), y: depth * row, width: wide, height: row - 2, rx: Math.min(3, wide / 2) }));
+    const title = `${node.label}: ${clock(node.duration)}${node.basis === "timed" ? "" : ", estimated"}`;
+    const box = svg("g", { class: `box ${node.kind}` }, svg("title", {}, title), svg("rect", { x: x(start), y: depth * row, width: wide, height: row - 2, rx: Math.min(3, wide / 2) }));
     const letters = Math.floor(wide / 6.4) - 1;
     if (letters > 3) box.append(svg("text", { x: x(start) + 4, y: depth * row + 14.5 }, node.label.length > letters ? `${node.label.slice(0, letters - 1)}…` : node.label));
     box.addEventListener("click", () => jump(Number(/:(\d+):\d+$/.exec(node.where)?.[1])));
@@ -82,7 +82,7 @@ const timeline = (plan, room, jump) => {
     svg("svg", { viewBox: `0 0 ${width} ${height + 18}`, width, height: height + 18 }, ...marks, ...shapes));
 };
 
-export const show = async (place) => {
+export const show = async (container) => {
   const [{ files }, known] = await Promise.all([api("/api/procedure"), api("/api/procedure/completion")]);
   let file = { path: "", text: "", sha256: "" };
   let checked = null;
@@ -97,15 +97,15 @@ export const show = async (place) => {
   const begin = h("section", { class: "panel begin", "aria-label": "Start" });
 
   const save = button("Save", async () => {
-    const found = await api("/api/procedure/save", { method: "POST", body: { path: file.path, text: area.value, sha256: file.sha256 } });
-    file = { ...file, text: area.value, sha256: found.sha256 };
+    const saved = await api("/api/procedure/save", { method: "POST", body: { path: file.path, text: area.value, sha256: file.sha256 } });
+    file = { ...file, text: area.value, sha256: saved.sha256 };
     status();
   });
   const saveAs = button("Save as…", async () => {
     const name = window.prompt("The new file, under procedures/", file.path.replace(/\.yaml$/, "-copy.yaml"));
     if (!name) return;
-    const found = await api("/api/procedure/save", { method: "POST", body: { path: name, text: area.value, sha256: "" } });
-    file = { path: name, text: area.value, sha256: found.sha256 };
+    const saved = await api("/api/procedure/save", { method: "POST", body: { path: name, text: area.value, sha256: "" } });
+    file = { path: name, text: area.value, sha256: saved.sha256 };
     choose.append(h("option", { value: name, selected: true }, name));
     address();
     status();
@@ -135,26 +135,26 @@ export const show = async (place) => {
     gutter.scrollTop = area.scrollTop;
   };
 
-  let asked = 0;
+  let latest = 0;
   const check = async () => {
-    const now = ++asked;
-    let found;
+    const now = ++latest;
+    let outcome;
     try {
-      found = await api("/api/procedure/check", { method: "POST", body: { path: file.path, text: area.value } });
+      outcome = await api("/api/procedure/check", { method: "POST", body: { path: file.path, text: area.value } });
     } catch (problem) {
-      if (now === asked) wrong.replaceChildren(h("li", {}, problem.message));
+      if (now === latest) wrong.replaceChildren(h("li", {}, problem.message));
       return;
     }
-    if (now !== asked) return;
-    checked = found;
-    const here = (error) => (error.line && (!error.file || error.file.endsWith(file.path)) ? error.line : null);
+    if (now !== latest) return;
+    checked = outcome;
+    const lineOf = (error) => (error.line && (!error.file || error.file.endsWith(file.path)) ? error.line : null);
     const text = (error) => [error.what, error.value === null ? "" : `got '${error.value}'`, error.expected ? `expected ${error.expected}` : "", error.nearest ? `did you mean '${error.nearest}'?` : "", error.hint ?? ""].filter(Boolean).join("; ");
-    const bad = new Map(found.errors.filter(here).map((error) => [here(error), text(error)]));
+    const bad = new Map(outcome.errors.filter(lineOf).map((error) => [lineOf(error), text(error)]));
     number(bad);
-    wrong.replaceChildren(...found.errors.map((error) => h("li", {}, here(error) ? h("button", { type: "button", class: "sort", onclick: () => jump(error.line, error.column ?? 1) }, `Line ${error.line}`) : h("span", {}, error.file ?? "file"), ` ${text(error)}`)));
-    area.setAttribute("aria-invalid", String(found.errors.length > 0));
-    if (found.plan) showPlan(found.plan);
-    plan.classList.toggle("stale", !found.plan);
+    wrong.replaceChildren(...outcome.errors.map((error) => h("li", {}, lineOf(error) ? h("button", { type: "button", class: "sort", onclick: () => jump(error.line, error.column ?? 1) }, `Line ${error.line}`) : h("span", {}, error.file ?? "file"), ` ${text(error)}`)));
+    area.setAttribute("aria-invalid", String(outcome.errors.length > 0));
+    if (outcome.plan) showPlan(outcome.plan);
+    plan.classList.toggle("stale", !outcome.plan);
     showBegin();
   };
   const checkSoon = seldom(check, 350);
@@ -167,20 +167,20 @@ export const show = async (place) => {
     return h("tr", {}, h("th", {}, one.name.replaceAll("_", " ")), h("td", { class: "words" }, `${one.channel.replaceAll("_", " ")} ${one.above === undefined ? "below" : "above"} ${Number(bound?.toPrecision(4))} ${one.unit}: ${one.action}s`), h("td", {}, one.closest === null ? "–" : `${Number(one.closest.toPrecision(4))} ${one.unit}`), h("td", {}, state));
   };
 
-  const showPlan = (found) => {
-    const facts = [[clock(found.duration), found.open_ended ? "at least" : found.duration_basis === "timed" ? "long" : "long, estimated"], [String(found.records), found.records === 1 ? "record" : "records"], [found.samples.toLocaleString("en"), "samples"], [found.rig, "rig"]];
+  const showPlan = (forecast) => {
+    const facts = [[clock(forecast.duration), forecast.open_ended ? "at least" : forecast.duration_basis === "timed" ? "long" : "long, estimated"], [String(forecast.records), forecast.records === 1 ? "record" : "records"], [forecast.samples.toLocaleString("en"), "samples"], [forecast.rig, "rig"]];
     plan.replaceChildren(
       h("ul", { class: "figures" }, facts.map(([value, name]) => h("li", {}, h("b", {}, value), name))),
-      timeline(found, plan.clientWidth, jump),
-      h("ul", { class: "warnings" }, found.warnings.map((warning) => h("li", {}, warning.message))),
-      h("details", { open: true }, h("summary", {}, "Limits, and how near the plan comes"), scrolling("Limits", h("table", { class: "numbers" }, h("thead", {}, h("tr", {}, ["Limit", "Trips", "Nearest", "Plan"].map((title) => h("th", {}, title)))), h("tbody", {}, found.limits.map(limit))))),
+      timeline(forecast, plan.clientWidth, jump),
+      h("ul", { class: "warnings" }, forecast.warnings.map((warning) => h("li", {}, warning.message))),
+      h("details", { open: true }, h("summary", {}, "Limits, and how near the plan comes"), scrolling("Limits", h("table", { class: "numbers" }, h("thead", {}, h("tr", {}, ["Limit", "Trips", "Nearest", "Plan"].map((title) => h("th", {}, title)))), h("tbody", {}, forecast.limits.map(limit))))),
       command(`rigctl check ${word(file.path)}`),
     );
   };
 
-  const kept = { bench: "simulated", speed: "1x", seed: "", rig: "", operator: "", serial_number: "", part: "" };
+  const inputs = { bench: "simulated", speed: "1x", seed: "", rig: "", operator: "", serial_number: "", part: "" };
   const field = (name, label, more = {}) => {
-    const input = h("input", { type: "text", id: `start-${name}`, value: kept[name], autocomplete: "off", oninput: () => { kept[name] = input.value; ready(); }, ...more });
+    const input = h("input", { type: "text", id: `start-${name}`, value: inputs[name], autocomplete: "off", oninput: () => { inputs[name] = input.value; ready(); }, ...more });
     return [h("label", { for: `start-${name}` }, label), input];
   };
   let ready = () => {};
@@ -188,14 +188,14 @@ export const show = async (place) => {
     const rig = checked?.plan?.rig ?? "";
     const demands = checked?.demands ?? [];
     const usable = Boolean(checked?.plan) && area.value === file.text;
-    const real = kept.bench === "real";
-    const radio = (value, label) => h("label", { class: "radio" }, h("input", { type: "radio", name: "bench", value, checked: kept.bench === value, onchange: () => { kept.bench = value; showBegin(); } }), ` ${label}`);
+    const real = inputs.bench === "real";
+    const radio = (value, label) => h("label", { class: "radio" }, h("input", { type: "radio", name: "bench", value, checked: inputs.bench === value, onchange: () => { inputs.bench = value; showBegin(); } }), ` ${label}`);
     const go = button(real ? `Start on ${rig || "the bench"}` : "Simulate", async () => {
-      const found = await api("/api/procedure/start", { method: "POST", body: { path: file.path, ...kept, seed: kept.seed === "" ? null : kept.seed } });
-      location.assign(kept.bench === "simulated" && kept.speed === "max" ? `/runs?run=${encodeURIComponent(found.run)}` : `/live?run=${encodeURIComponent(found.run)}`);
+      const launch = await api("/api/procedure/start", { method: "POST", body: { path: file.path, ...inputs, seed: inputs.seed === "" ? null : inputs.seed } });
+      location.assign(inputs.bench === "simulated" && inputs.speed === "max" ? `/runs?run=${encodeURIComponent(launch.run)}` : `/live?run=${encodeURIComponent(launch.run)}`);
     }, { class: real ? "danger solid" : "primary" });
     ready = () => {
-      go.disabled = !usable || (real && (kept.rig.trim() !== rig || demands.some((name) => !kept[name]?.trim())));
+      go.disabled = !usable || (real && (inputs.rig.trim() !== rig || demands.some((name) => !inputs[name]?.trim())));
     };
     const identity = ["operator", "serial_number", "part"].flatMap((name) => field(name, `${name.replaceAll("_", " ")}${demands.includes(name) ? " (demanded)" : ""}`));
     const focused = document.activeElement?.id;
@@ -206,11 +206,11 @@ export const show = async (place) => {
         ? h("div", { class: "fields" }, h("p", { class: "note" }, "Outputs will move. Questions are answered on the page Live."), ...field("rig", `Type the rig's name, ${rig}`), ...identity)
         : h("div", { class: "fields" },
             h("label", { for: "speed" }, "Speed"),
-            h("select", { id: "speed", onchange: (event) => { kept.speed = event.target.value; showBegin(); } }, [["1x", "in real time"], ["10x", "ten times as fast"], ["max", "as fast as it computes"]].map(([value, label]) => h("option", { value, selected: kept.speed === value }, label))),
+            h("select", { id: "speed", onchange: (event) => { inputs.speed = event.target.value; showBegin(); } }, [["1x", "in real time"], ["10x", "ten times as fast"], ["max", "as fast as it computes"]].map(([value, label]) => h("option", { value, selected: inputs.speed === value }, label))),
             ...field("seed", "Seed of the noise", { inputmode: "numeric", placeholder: "the rig file's" })),
       h("p", { class: "note" }, usable ? "" : checked && !checked.plan ? "Not while something is wrong in the text." : area.value === file.text ? "" : "Save the text first: what is carried out is the file."),
       go,
-      command(real ? `rigctl run ${word(file.path)}` : `rigctl simulate ${word(file.path)} --speed ${kept.speed}${kept.seed === "" ? "" : ` --seed ${kept.seed}`}`),
+      command(real ? `rigctl run ${word(file.path)}` : `rigctl simulate ${word(file.path)} --speed ${inputs.speed}${inputs.seed === "" ? "" : ` --seed ${inputs.seed}`}`),
     );
     if (focused) document.getElementById(focused)?.focus();
     ready();
@@ -225,11 +225,11 @@ export const show = async (place) => {
     area.removeAttribute("aria-activedescendant");
   };
   const offer = (always) => {
-    const { typed, found } = suggestions(known, area.value, area.selectionStart);
-    if (area.selectionStart !== area.selectionEnd || !found.length || (!always && !typed)) return hide();
-    offered = found.slice(0, 12).map(([name]) => ({ name, typed }));
+    const { typed, entries } = suggestions(known, area.value, area.selectionStart);
+    if (area.selectionStart !== area.selectionEnd || !entries.length || (!always && !typed)) return hide();
+    offered = entries.slice(0, 12).map(([name]) => ({ name, typed }));
     marked = 0;
-    offers.replaceChildren(...found.slice(0, 12).map(([name, about], at) => h("li", { id: `offer-${at}`, role: "option", onmousedown: (event) => { event.preventDefault(); accept(at); } }, h("code", {}, name), h("span", { class: "note" }, about))));
+    offers.replaceChildren(...entries.slice(0, 12).map(([name, about], at) => h("li", { id: `offer-${at}`, role: "option", onmousedown: (event) => { event.preventDefault(); accept(at); } }, h("code", {}, name), h("span", { class: "note" }, about))));
     const before = area.value.slice(0, area.selectionStart).split("\n");
     const style = getComputedStyle(area);
     const letter = h("span", { class: "letter" }, "0".repeat(20));
@@ -243,7 +243,7 @@ export const show = async (place) => {
   };
   const mark = (at) => {
     marked = (at + offered.length) % offered.length;
-    [...offers.children].forEach((one, place) => one.setAttribute("aria-selected", String(place === marked)));
+    [...offers.children].forEach((one, index) => one.setAttribute("aria-selected", String(index === marked)));
     area.setAttribute("aria-activedescendant", `offer-${marked}`);
   };
   const accept = (at) => {
@@ -298,14 +298,14 @@ export const show = async (place) => {
     await check();
   };
 
-  place.replaceChildren(
+  container.replaceChildren(
     h("div", { class: "toolbar" }, h("label", { for: "file" }, "File"), choose, save, saveAs, saved, h("span", { class: "note push keys" }, "Ctrl Space completes, Ctrl S saves")),
     h("div", { class: "procedure" },
       h("div", {}, h("div", { class: "editor" }, gutter, area, offers), wrong),
       h("div", { class: "right-side" }, h("section", { class: "panel", "aria-label": "Plan" }, h("h2", {}, "Plan"), plan), begin)),
   );
   if (!files.length) {
-    place.replaceChildren(h("p", { class: "empty" }, "There are no procedures yet: a file procedures/NAME.yaml is one, and 'rigctl init' writes some."));
+    container.replaceChildren(h("p", { class: "empty" }, "There are no procedures yet: a file procedures/NAME.yaml is one, and 'rigctl init' writes some."));
     return;
   }
   const wanted = new URLSearchParams(location.search).get("file");

@@ -1,21 +1,21 @@
 // The report of one or more runs, in a sandboxed frame.
 import { api, button, command, h, wait, word, work } from "./lib.js";
 
-export const show = async (place) => {
-  const asked = new URLSearchParams(location.search);
-  let runs = asked.getAll("run");
+export const show = async (container) => {
+  const query = new URLSearchParams(location.search);
+  let runs = query.getAll("run");
   const { models } = await api("/api/report/models");
   const names = h("p", { class: "note chosen-runs" });
-  const model = h("select", { id: "model" }, h("option", { value: "" }, "no model"), models.map((name) => h("option", { value: name, selected: asked.get("model") === name }, name)));
-  const diagnose = h("input", { type: "checkbox", id: "diagnose", checked: asked.has("diagnose") });
+  const model = h("select", { id: "model" }, h("option", { value: "" }, "no model"), models.map((name) => h("option", { value: name, selected: query.get("model") === name }, name)));
+  const diagnose = h("input", { type: "checkbox", id: "diagnose", checked: query.has("diagnose") });
   const progress = h("div");
   const standsFor = h("div");
   const frame = h("div", { class: "made" });
 
   const make = async () => {
     const body = { runs, models: model.value ? [model.value] : [], diagnose: diagnose.checked && Boolean(model.value) };
-    const told = ["rigctl report", ...runs, ...(model.value ? ["--model", word(model.value)] : []), ...(body.diagnose ? ["--diagnose"] : [])].join(" ");
-    standsFor.replaceChildren(command(told));
+    const line = ["rigctl report", ...runs, ...(model.value ? ["--model", word(model.value)] : []), ...(body.diagnose ? ["--diagnose"] : [])].join(" ");
+    standsFor.replaceChildren(command(line));
     progress.replaceChildren();
     const job = await api("/api/report", { method: "POST", body });
     try {
@@ -30,7 +30,7 @@ export const show = async (place) => {
 
   model.addEventListener("change", () => (diagnose.disabled = !model.value));
   diagnose.disabled = !model.value;
-  place.replaceChildren(
+  container.replaceChildren(
     h("div", { class: "toolbar" }, names, h("label", { for: "model" }, "Compared with"), model,
       h("label", {}, diagnose, " and say what it lacks"), button("Make it again", make, { class: "primary" })),
     standsFor, progress, frame);

@@ -19,8 +19,8 @@ const apart = (value) => figure(value, 3);
 const bench = ({ kind, name, seed, ...rest }) => [kind, ...Object.entries(rest).map(([key, value]) => `${key.replaceAll("_", " ")} ${value}`)].filter(Boolean).join(", ");
 const moment = (text) => (text ? text.replace("T", " ").slice(0, 16) : "");
 
-export const show = async (place) => {
-  const asked = { search: "", where: "", sort: "started", order: "down", first: 0 };
+export const show = async (container) => {
+  const query = { search: "", where: "", sort: "started", order: "down", first: 0 };
   const chosen = new Set();
 
   const search = h("input", { type: "search", id: "search", placeholder: "Name, rig, person, serial number", oninput: () => ask({ search: search.value, first: 0 }) });
@@ -35,7 +35,7 @@ export const show = async (place) => {
   const below = h("div", { class: "below" });
   const standsFor = h("div");
 
-  place.replaceChildren(
+  container.replaceChildren(
     h("div", { class: "toolbar" },
       h("span", { class: "labelled" }, h("label", { for: "search" }, "Find"), search),
       h("span", { class: "labelled" }, h("label", { for: "where" }, "Where"), where),
@@ -52,10 +52,10 @@ export const show = async (place) => {
     head.replaceChildren(
       h("th", { class: "pick" }, h("span", { class: "hidden" }, "Choose")),
       ...COLUMNS.map(([key, title]) => {
-        const sorted = asked.sort === key;
-        const turn = () => load({ sort: key, order: sorted && asked.order === "down" ? "up" : "down", first: 0 });
-        const arrow = sorted ? (asked.order === "down" ? " ↓" : " ↑") : "";
-        return h("th", { "aria-sort": sorted ? (asked.order === "down" ? "descending" : "ascending") : "none" }, h("button", { type: "button", class: "sort", onclick: turn }, title + arrow));
+        const sorted = query.sort === key;
+        const turn = () => load({ sort: key, order: sorted && query.order === "down" ? "up" : "down", first: 0 });
+        const arrow = sorted ? (query.order === "down" ? " ↓" : " ↑") : "";
+        return h("th", { "aria-sort": sorted ? (query.order === "down" ? "descending" : "ascending") : "none" }, h("button", { type: "button", class: "sort", onclick: turn }, title + arrow));
       }),
     );
 
@@ -86,8 +86,8 @@ export const show = async (place) => {
         showActions();
       },
     });
-    const whole = run.complete_records === run.records;
-    const records = run.records === null ? "" : `${whole ? run.records : `${run.complete_records} of ${run.records}`}${run.excluded ? `, ${run.excluded} excluded` : ""}`;
+    const complete = run.complete_records === run.records;
+    const records = run.records === null ? "" : `${complete ? run.records : `${run.complete_records} of ${run.records}`}${run.excluded ? `, ${run.excluded} excluded` : ""}`;
     return h("tr", { "data-run": run.id },
       h("td", { class: "pick" }, box),
       h("td", {}, h("a", { href: `?run=${encodeURIComponent(run.id)}`, onclick: (event) => open(event, run.id) }, run.id), h("span", { class: "change" }, [moment(run.started), run.serial_number, run.operator].filter(Boolean).join(" · "))),
@@ -99,33 +99,33 @@ export const show = async (place) => {
 
   let latest = 0;
   const load = async (change = {}) => {
-    Object.assign(asked, change);
+    Object.assign(query, change);
     const number = ++latest;
-    let found;
+    let listing;
     try {
-      found = await api("/api/runs", { query: { ...asked, count: PAGE } });
+      listing = await api("/api/runs", { query: { ...query, count: PAGE } });
     } catch (problem) {
       if (number === latest) say(problem.message, "bad");
       return;
     }
     if (number !== latest) return; // a later request was answered first
     showHead();
-    body.replaceChildren(...found.runs.map(line));
-    if (!found.runs.length) body.append(h("tr", {}, h("td", { class: "empty", colspan: COLUMNS.length + 1 }, found.all ? "No run meets this." : "There are no runs yet: a simulation on the page Procedure makes one.")));
-    stated.textContent = found.found === found.all ? count(found.all, "run") : `${found.found.toLocaleString("en")} of ${count(found.all, "run")}`;
-    elsewhere.replaceChildren(...(found.store ? [h("p", { class: "note" }, `These are the runs on this computer. Those that lie in ${found.store} alone are listed, and analysed, by commands.`), command("rigctl runs list")] : []));
-    const last = Math.min(asked.first + PAGE, found.found);
+    body.replaceChildren(...listing.runs.map(line));
+    if (!listing.runs.length) body.append(h("tr", {}, h("td", { class: "empty", colspan: COLUMNS.length + 1 }, listing.all ? "No run meets this." : "There are no runs yet: a simulation on the page Procedure makes one.")));
+    stated.textContent = listing.found === listing.all ? count(listing.all, "run") : `${listing.found.toLocaleString("en")} of ${count(listing.all, "run")}`;
+    elsewhere.replaceChildren(...(listing.store ? [h("p", { class: "note" }, `These are the runs on this computer. Those that lie in ${listing.store} alone are listed, and analysed, by commands.`), command("rigctl runs list")] : []));
+    const last = Math.min(query.first + PAGE, listing.found);
     pager.replaceChildren(
-      ...(found.found > PAGE
+      ...(listing.found > PAGE
         ? [
-            button("Newer", () => load({ first: Math.max(asked.first - PAGE, 0) }), { disabled: asked.first === 0 }),
-            h("span", { class: "note" }, `${(asked.first + 1).toLocaleString("en")} to ${last.toLocaleString("en")}`),
-            button("Older", () => load({ first: asked.first + PAGE }), { disabled: last >= found.found }),
+            button("Newer", () => load({ first: Math.max(query.first - PAGE, 0) }), { disabled: query.first === 0 }),
+            h("span", { class: "note" }, `${(query.first + 1).toLocaleString("en")} to ${last.toLocaleString("en")}`),
+            button("Older", () => load({ first: query.first + PAGE }), { disabled: last >= listing.found }),
           ]
         : []),
     );
-    if (asked.order === "up" && pager.children.length) [pager.children[0].textContent, pager.children[2].textContent] = ["Back", "On"];
-    standsFor.replaceChildren(command(`rigctl runs list${asked.where ? ` --where ${word(asked.where)}` : ""}`));
+    if (query.order === "up" && pager.children.length) [pager.children[0].textContent, pager.children[2].textContent] = ["Back", "On"];
+    standsFor.replaceChildren(command(`rigctl runs list${query.where ? ` --where ${word(query.where)}` : ""}`));
     mark();
   };
   const ask = seldom(load, 150);
@@ -176,7 +176,7 @@ export const show = async (place) => {
         run.records.length ? records(run, id) : null,
         h("h3", {}, "Notes"),
         run.annotations.length
-          ? h("ul", { class: "notes" }, run.annotations.map((said) => h("li", {}, said.text, h("span", { class: "change" }, `${said.kind}${said.record === null ? "" : ` of record ${said.record}`}, ${said.by}, ${moment(said.when)}`))))
+          ? h("ul", { class: "notes" }, run.annotations.map((note) => h("li", {}, note.text, h("span", { class: "change" }, `${note.kind}${note.record === null ? "" : ` of record ${note.record}`}, ${note.by}, ${moment(note.when)}`))))
           : null,
         h("form", { class: "inline", onsubmit: (event) => { event.preventDefault(); note().catch((problem) => say(problem.message, "bad")); } },
           h("label", { class: "hidden", for: "note" }, "A note"), text, h("button", { type: "submit" }, "Add")),
@@ -216,8 +216,8 @@ export const show = async (place) => {
 
   const compare = async ([one, other]) => {
     const [first, second] = one < other ? [one, other] : [other, one];
-    const found = await api("/api/runs/difference", { query: { first, second } });
-    const names = Object.keys(found.channels);
+    const difference = await api("/api/runs/difference", { query: { first, second } });
+    const names = Object.keys(difference.channels);
     const channel = h("select", { id: "channel" }, names.map((name) => h("option", { value: name }, name)));
     const numbers = h("tbody");
     const caption = h("p", { class: "lead", role: "status" });
@@ -225,31 +225,31 @@ export const show = async (place) => {
     let at = 0;
     const draw = () => {
       const name = channel.value;
-      const unit = found.channels[name];
-      numbers.replaceChildren(...found.conditions.map((condition, index) => {
-        const told = condition.channels[name];
-        const ratio = told && told.scatter ? told.rms / told.scatter : null;
+      const unit = difference.channels[name];
+      numbers.replaceChildren(...difference.conditions.map((condition, index) => {
+        const values = condition.channels[name];
+        const ratio = values && values.scatter ? values.rms / values.scatter : null;
         return h("tr", { class: index === at ? "chosen" : "" },
           h("th", {}, h("button", { type: "button", class: "sort", onclick: () => { at = index; draw(); } }, condition.label)),
           h("td", {}, condition.records.join(" and ")),
-          h("td", {}, told ? apart(told.bias) : "–"), h("td", {}, told ? apart(told.rms) : "–"),
-          h("td", {}, told?.scatter ? apart(told.scatter) : "–"), h("td", {}, ratio === null ? "–" : ratio.toFixed(1)));
+          h("td", {}, values ? apart(values.bias) : "–"), h("td", {}, values ? apart(values.rms) : "–"),
+          h("td", {}, values?.scatter ? apart(values.scatter) : "–"), h("td", {}, ratio === null ? "–" : ratio.toFixed(1)));
       }));
-      const told = found.conditions[at].channels[name];
-      caption.textContent = `${found.conditions[at].label}: ${name}${told ? `, ${apart(told.rms)} ${unit} apart (root mean square)` : ": nothing measured"}`;
+      const values = difference.conditions[at].channels[name];
+      caption.textContent = `${difference.conditions[at].label}: ${name}${values ? `, ${apart(values.rms)} ${unit} apart (root mean square)` : ": nothing measured"}`;
       curves.replaceChildren();
-      if (!told) return;
-      const drawn = plot({ height: 260, xLabel: "time [s]", yLabel: `${name} [${unit}]`, describe: caption.textContent, series: [{ label: found.first }, { label: found.second, colour: 1 }] });
+      if (!values) return;
+      const drawn = plot({ height: 260, xLabel: "time [s]", yLabel: `${name} [${unit}]`, describe: caption.textContent, series: [{ label: difference.first }, { label: difference.second, colour: 1 }] });
       const below = plot({ height: 150, xLabel: "time [s]", yLabel: `difference [${unit}]`, describe: `the difference of the two curves of ${name}`, series: [{ label: "second minus first", colour: 2 }] });
       curves.append(drawn.element, below.element);
-      drawn.set([told.time, ...told.curves]);
-      below.set([told.time, told.curves[0].map((value, index) => (value === null || told.curves[1][index] === null ? null : told.curves[1][index] - value))]);
+      drawn.set([values.time, ...values.curves]);
+      below.set([values.time, values.curves[0].map((value, index) => (value === null || values.curves[1][index] === null ? null : values.curves[1][index] - value))]);
     };
     channel.addEventListener("change", draw);
-    const more = [found.only_first ? `${found.only_first} conditions in the first alone` : "", found.only_second ? `${found.only_second} in the second alone` : ""].filter(Boolean).join(", ");
+    const more = [difference.only_first ? `${difference.only_first} conditions in the first alone` : "", difference.only_second ? `${difference.only_second} in the second alone` : ""].filter(Boolean).join(", ");
     below.replaceChildren(
       h("section", { class: "panel", id: "difference" },
-        h("h2", {}, `${found.second} minus ${found.first}`),
+        h("h2", {}, `${difference.second} minus ${difference.first}`),
         h("div", { class: "toolbar" }, h("label", { for: "channel" }, "Channel"), channel, more ? h("span", { class: "note" }, more) : null, button("Close", () => below.replaceChildren(), { class: "push small" })),
         h("div", { class: "pair" },
           scrolling("Differences", h("table", { class: "numbers" }, h("thead", {}, h("tr", {}, ["Condition", "Records", "Mean", "Rms", "Scatter", "Rms / scatter"].map((title) => h("th", {}, title)))), numbers)),

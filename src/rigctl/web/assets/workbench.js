@@ -52,9 +52,9 @@ const connect = (hear) => {
 };
 
 // Measured data of the project that have not been imported.
-const importer = (found, imported) => {
+const importer = (choices, imported) => {
   const file = h("input", { type: "text", id: "import-file", list: "import-files", placeholder: "data/unknown-bench.csv", spellcheck: "false", autocomplete: "off" });
-  const rig = h("select", { id: "import-rig" }, ...found.rigs.map((path) => h("option", { value: path }, path)), h("option", { value: "" }, "no bench: a table"));
+  const rig = h("select", { id: "import-rig" }, ...choices.rigs.map((path) => h("option", { value: path }, path)), h("option", { value: "" }, "no bench: a table"));
   const assume = h("input", { type: "text", id: "import-assume", placeholder: "heater=off", spellcheck: "false" });
   const jobs = h("div", { class: "jobs", "aria-live": "polite" });
   const bring = button("Import", async () => {
@@ -65,25 +65,25 @@ const importer = (found, imported) => {
   });
   return h("details", { class: "import" }, h("summary", {}, "Bring in measured data"),
     h("div", { class: "fields" },
-      h("div", { class: "field" }, h("label", { for: "import-file" }, "File"), file, h("datalist", { id: "import-files" }, ...found.files.map((path) => h("option", { value: path })))),
+      h("div", { class: "field" }, h("label", { for: "import-file" }, "File"), file, h("datalist", { id: "import-files" }, ...choices.files.map((path) => h("option", { value: path })))),
       h("div", { class: "field" }, h("label", { for: "import-rig" }, "Bench"), rig),
       h("div", { class: "field" }, h("label", { for: "import-assume" }, "Assume"), assume),
       bring, jobs));
 };
 
 const chooser = async (open, again) => {
-  const found = await api("/api/workbench/choices");
-  const asked = new URLSearchParams(location.search);
+  const choices = await api("/api/workbench/choices");
+  const query = new URLSearchParams(location.search);
   const before = remembered() ?? {};
-  const wanted = asked.getAll("run").length ? asked.getAll("run") : (before.runs ?? found.runs.slice(0, 1).map((run) => run.id));
-  const boxes = found.runs.map((run) => {
+  const wanted = query.getAll("run").length ? query.getAll("run") : (before.runs ?? choices.runs.slice(0, 1).map((run) => run.id));
+  const boxes = choices.runs.map((run) => {
     const box = h("input", { type: "checkbox", value: run.id, checked: wanted.includes(run.id) });
     return h("label", { class: "pickrun" }, box, h("span", {}, run.id), h("span", { class: "note" }, ` ${records(run.records)}, ${run.status}`));
   });
-  const model = h("select", { id: "choose-model" }, ...found.models.map(({ path }) => h("option", { value: path }, path)));
-  const known = (path) => found.models.some((one) => one.path === path);
-  const rigs = new Set(found.runs.filter((run) => wanted.includes(run.id)).map((run) => run.rig));
-  const named = asked.get("model") ?? before.model ?? found.models.find((one) => rigs.has(one.rig) && /textbook/.test(one.path))?.path ?? found.models.find((one) => rigs.has(one.rig))?.path;
+  const model = h("select", { id: "choose-model" }, ...choices.models.map(({ path }) => h("option", { value: path }, path)));
+  const known = (path) => choices.models.some((one) => one.path === path);
+  const rigs = new Set(choices.runs.filter((run) => wanted.includes(run.id)).map((run) => run.rig));
+  const named = query.get("model") ?? before.model ?? choices.models.find((one) => rigs.has(one.rig) && /textbook/.test(one.path))?.path ?? choices.models.find((one) => rigs.has(one.rig))?.path;
   if (named && known(named)) model.value = named;
   const field = (id, label, placeholder, value) => {
     const input = h("input", { type: "text", id, placeholder, spellcheck: "false", value: value ?? "" });
@@ -96,15 +96,15 @@ const chooser = async (open, again) => {
     runs: boxes.map((one) => one.querySelector("input")).filter((one) => one.checked).map((one) => one.value),
     model: model.value, hold_out: holdOut.value.trim(), only: only.value.trim(), assume: assume.value.split(/\s+/).filter(Boolean),
   });
-  const empty = !found.runs.length || !found.models.length;
+  const empty = !choices.runs.length || !choices.models.length;
   const element = h("form", { class: "panel chooser", onsubmit: (event) => event.preventDefault() },
-    h("fieldset", {}, h("legend", {}, "Runs"), h("div", { class: "picks", tabindex: 0 }, ...boxes), importer(found, again)),
+    h("fieldset", {}, h("legend", {}, "Runs"), h("div", { class: "picks", tabindex: 0 }, ...boxes), importer(choices, again)),
     h("div", { class: "fields" },
       h("div", { class: "field" }, h("label", { for: "choose-model" }, "Model"), model),
       holdOutField, onlyField, assumeField,
       button("Open", () => open(choice()), { class: "primary", disabled: empty })));
-  if (empty) element.append(h("p", { class: "empty" }, found.runs.length ? "There is no model in this project's models folder." : "There is no run yet: record one, simulate one, or bring in data."));
-  return { element, auto: () => (before.runs && !empty && before.runs.every((id) => found.runs.some((run) => run.id === id)) && known(before.model) ? before : null) };
+  if (empty) element.append(h("p", { class: "empty" }, choices.runs.length ? "There is no model in this project's models folder." : "There is no run yet: record one, simulate one, or bring in data."));
+  return { element, auto: () => (before.runs && !empty && before.runs.every((id) => choices.runs.some((run) => run.id === id)) && known(before.model) ? before : null) };
 };
 
 // The buttons: each runs its command in a separate process, and shows the result.
@@ -133,21 +133,21 @@ const makeDesk = (current) => {
   const card = (name, job, inside, { version = current().version, quiet = false } = {}) => {
     found.querySelector(`[data-verb="${name}"]`)?.remove();
     const close = () => {
-      made.remove();
+      panel.remove();
       unlist(job.id);
     };
-    const made = h("section", { class: "panel result", "data-verb": name, tabindex: -1 },
+    const panel = h("section", { class: "panel result", "data-verb": name, tabindex: -1 },
       h("h2", {}, h("span", {}, job.name, version ? h("span", { class: "mark" }, ` of version ${version}`) : ""), button("×", close, { class: "small close", "aria-label": `Close ${job.name}` })),
       command(job.command), ...inside.filter(Boolean));
-    found.prepend(made);
-    if (version !== current().version) stripped(made);
+    found.prepend(panel);
+    if (version !== current().version) stripped(panel);
     if (quiet) return;
-    made.scrollIntoView({ block: "nearest" });
-    made.focus({ preventScroll: true });
+    panel.scrollIntoView({ block: "nearest" });
+    panel.focus({ preventScroll: true });
   };
   // Results of an earlier version remain readable, without their buttons.
-  const stripped = (place) => {
-    for (const one of place.querySelectorAll(".buttons, .toolbar")) one.remove();
+  const stripped = (container) => {
+    for (const one of container.querySelectorAll(".buttons, .toolbar")) one.remove();
   };
   // Results from before a reload, as far as the server still has them.
   const restore = async () => {
@@ -219,18 +219,18 @@ const makeDesk = (current) => {
   return {
     changing, found, jobs,
     toolbar: h("div", { class: "toolbar verbs", role: "toolbar", "aria-label": "Analyses" }, ...Object.values(buttons)),
-    tell: (kept, commands) => {
-      for (const [verb, one] of Object.entries(buttons)) one.title = [verb === "history" ? "" : kept, commands[verb]].filter(Boolean).join(" && ");
+    tell: (command, commands) => {
+      for (const [verb, one] of Object.entries(buttons)) one.title = [verb === "history" ? "" : command, commands[verb]].filter(Boolean).join(" && ");
     },
     restore,
     retire: () => stripped(found),
   };
 };
 
-const bench = (place, told, { send, asked, desk }) => {
-  const start = told.state;
+const bench = (container, opened, { send, asked, desk }) => {
+  const start = opened.state;
   const state = { values: { ...start.values }, on: new Set(start.on) };
-  let shownRecord = told.shown[0];
+  let shownRecord = opened.shown[0];
   let channel = null;
   let sequence = 0;
   let waiting = false;
@@ -240,16 +240,16 @@ const bench = (place, told, { send, asked, desk }) => {
   let present = null;
   let before = null; // a refused step does not count
 
-  const said = () => ({
+  const choice = () => ({
     values: Object.fromEntries(Object.entries(state.values).filter(([name, value]) => value !== start.values[name])),
     on: [...state.on],
   });
   const counts = (name) => !name.includes(".") || state.on.has(name.split(".")[0]);
-  const changed = () => Object.keys(said().values).some(counts) || [...state.on].sort().join() !== [...start.on].sort().join();
+  const changed = () => Object.keys(choice().values).some(counts) || [...state.on].sort().join() !== [...start.on].sort().join();
   // One picture is requested at a time; only the latest of later moves counts.
   const followNow = () => {
     sequence += 1;
-    const message = { do: "follow", seq: sequence, sent: performance.now(), ...said() };
+    const message = { do: "follow", seq: sequence, sent: performance.now(), ...choice() };
     if (waiting) again = message;
     else {
       waiting = true;
@@ -270,19 +270,19 @@ const bench = (place, told, { send, asked, desk }) => {
     mood("fitting");
     sequence += 1;
     again = null;
-    send({ do: "settle", seq: sequence, sent: performance.now(), ...said() });
+    send({ do: "settle", seq: sequence, sent: performance.now(), ...choice() });
     stepped();
   };
   const same = (one, other) => JSON.stringify([one.values, [...one.on].sort()]) === JSON.stringify([other.values, [...other.on].sort()]);
   const stepped = () => {
     before = { steps, present };
-    if (same(said(), present)) return;
+    if (same(choice(), present)) return;
     steps = { past: [...steps.past, present].slice(-MOST_STEPS), future: [] };
     noted();
   };
   const noted = () => {
-    present = said();
-    remember({ ...remembered(), state: present, steps, version: told.version });
+    present = choice();
+    remember({ ...remembered(), state: present, steps, version: opened.version });
   };
   const moved = (name, value) => {
     clearTimeout(resting);
@@ -304,37 +304,37 @@ const bench = (place, told, { send, asked, desk }) => {
     exact: "exact: the numbers of compare --no-fit",
   };
   const mood = (name) => {
-    if (name !== "exact") place.dataset.exact = "no";
+    if (name !== "exact") container.dataset.exact = "no";
     if (status.dataset.mood === name) return;
     status.dataset.mood = name;
     status.textContent = MOODS[name];
   };
 
-  const curves = makeCurves(told);
+  const curves = makeCurves(opened);
   const title = h("h2", { class: "record" });
-  const channelChoice = h("select", { id: "map-channel", onchange: () => ((channel = Number(channelChoice.value)), showChannel()) }, ...told.channels.map((one, k) => h("option", { value: k }, one.title)));
-  const map = makeMap(told, (k) => {
+  const channelChoice = h("select", { id: "map-channel", onchange: () => ((channel = Number(channelChoice.value)), showChannel()) }, ...opened.channels.map((one, k) => h("option", { value: k }, one.title)));
+  const map = makeMap(opened, (k) => {
     shownRecord = k;
     send({ do: "show", records: [k], seq: (sequence += 1) });
   });
-  const kept = { size: null, bias: null };
+  const errors = { size: null, bias: null };
   const showChannel = () => {
     curves.choose(channel);
     drawMap();
   };
-  const drawMap = () => kept.size && map.set(channel, told.channels[channel].title, kept.size, kept.bias, shownRecord);
+  const drawMap = () => errors.size && map.set(channel, opened.channels[channel].title, errors.size, errors.bias, shownRecord);
 
-  const worst = (header) => told.channels.reduce((best, one, k) => ((header.channels[one.name]?.nrmse ?? 0) > (header.channels[told.channels[best].name]?.nrmse ?? 0) ? k : best), 0);
+  const worst = (header) => opened.channels.reduce((best, one, k) => ((header.channels[one.name]?.nrmse ?? 0) > (header.channels[opened.channels[best].name]?.nrmse ?? 0) ? k : best), 0);
 
   const numbers = h("ul", { class: "figures now", "aria-label": "Error of each channel" });
   const showNumbers = (header) => {
-    numbers.replaceChildren(...told.channels.map((one) => {
+    numbers.replaceChildren(...opened.channels.map((one) => {
       const error = header.channels[one.name];
       const held = header.heldout[one.name];
       if (!error) return h("li", {}, h("b", {}, "–"), one.title);
       return h("li", {}, h("b", {}, `${figure(error.rmse)} ${error.unit}`), `${one.title}: ${figure(error.nrmse, 3)} σ`, held ? h("span", { class: "note" }, ` held out ${figure(held.nrmse, 3)} σ`) : "");
     }));
-    for (const [c, one] of told.channels.entries()) {
+    for (const [c, one] of opened.channels.entries()) {
       const error = header.channels[one.name];
       curves.says[c].textContent = error ? `noise ${figure(error.noise, 3)} ${error.unit}` : "";
     }
@@ -354,8 +354,8 @@ const bench = (place, told, { send, asked, desk }) => {
   const commandPlace = h("div", { class: "standsfor" });
   const showCommand = (text) => {
     keep.disabled = !text;
-    commandPlace.replaceChildren(text ? command(text) : h("p", { class: "note" }, `as ${told.model}${told.version ? `, version ${told.version}` : ""}, has it`));
-    desk.tell(text, told.commands);
+    commandPlace.replaceChildren(text ? command(text) : h("p", { class: "note" }, `as ${opened.model}${opened.version ? `, version ${opened.version}` : ""}, has it`));
+    desk.tell(text, opened.commands);
   };
   const showSteps = (header) => {
     undo.disabled = !header.undo;
@@ -376,13 +376,13 @@ const bench = (place, told, { send, asked, desk }) => {
       send({ do: "reload" });
     });
 
-  const sliders = told.sliders.map((one) => makeSlider(one, { moved, rested }));
+  const sliders = opened.sliders.map((one) => makeSlider(one, { moved, rested }));
   const effectButtons = (effect, on) => [
     effect.base ? null : on === effect.on && on
       ? button("Remove", () => desk.changing("remove", effect.name), { class: "small", "aria-label": `Remove ${effect.title} and fit the rest` })
       : !effect.on ? button("Fit in", () => desk.changing("add", effect.name), { class: "small", "aria-label": `Add ${effect.title} and fit it` }) : null,
   ].filter(Boolean);
-  const switches = told.switches.map((one) => makeSwitch(one, { moved, rested, switched, actions: effectButtons }));
+  const switches = opened.switches.map((one) => makeSwitch(one, { moved, rested, switched, actions: effectButtons }));
   const look = (other) => {
     for (const [name, value] of Object.entries(other.values)) if (name in state.values) state.values[name] = value;
     for (const name of other.on) state.on.add(name);
@@ -398,13 +398,13 @@ const bench = (place, told, { send, asked, desk }) => {
     const text = find.value.trim().toLowerCase();
     for (const one of switches) one.element.hidden = Boolean(text) && !`${one.effect.title} ${one.effect.summary} ${one.effect.looks_like}`.toLowerCase().includes(text);
   } });
-  const fitted = sliders.filter((_, k) => told.sliders[k].fit);
-  const others = sliders.filter((_, k) => !told.sliders[k].fit);
+  const fitted = sliders.filter((_, k) => opened.sliders[k].fit);
+  const others = sliders.filter((_, k) => !opened.sliders[k].fit);
   const base = switches.filter((one) => one.effect.base);
   const first = switches.filter((one) => one.effect.on && !one.effect.base);
   const rest = switches.filter((one) => !one.effect.on && !one.effect.base);
 
-  place.replaceChildren(
+  container.replaceChildren(
     h("div", { class: "bench" },
       h("div", { class: "sight", tabindex: 0, role: "region", "aria-label": "Curves" }, numbers, h("div", { class: "toolbar about" }, title, h("label", { for: "map-channel" }, "Channel"), channelChoice, status), curves.element),
       h("aside", { class: "panel hands", "aria-label": "Sliders and switches" },
@@ -415,12 +415,12 @@ const bench = (place, told, { send, asked, desk }) => {
         h("h2", {}, "Effects"), h("div", { class: "field" }, h("label", { for: "find-effect" }, "Find"), find),
         h("ul", { class: "effects" }, ...first.map((one) => one.element), ...rest.map((one) => one.element)),
         base.length ? h("details", {}, h("summary", {}, "Base physics"), h("ul", { class: "effects" }, ...base.map((one) => one.element))) : null),
-      h("div", { class: "panel spread" }, h("div", { class: "toolbar" }, h("h2", {}, told.over ? "Every row" : "Every record")), map.element)),
+      h("div", { class: "panel spread" }, h("div", { class: "toolbar" }, h("h2", {}, opened.over ? "Every row" : "Every record")), map.element)),
   );
 
   const drawn = (header) => {
-    place.dataset.seq = header.seq ?? 0;
-    place.dataset.exact = header.exact ? "yes" : "no";
+    container.dataset.seq = header.seq ?? 0;
+    container.dataset.exact = header.exact ? "yes" : "no";
     requestAnimationFrame(() => document.dispatchEvent(new CustomEvent("workbench-drawn", { detail: { seq: header.seq, sent: header.sent, exact: header.exact, records: header.records.length, server: header.seconds } })));
   };
   const hear = (header, arrays) => {
@@ -429,15 +429,15 @@ const bench = (place, told, { send, asked, desk }) => {
       // also the first one, when steps are restored after a reload
       const stale = header.exact && (header.seq ?? 0) < sequence;
       if (!stale) {
-        kept.size = arrays.size;
-        kept.bias = arrays.bias;
+        errors.size = arrays.size;
+        errors.bias = arrays.bias;
         if (channel === null) {
           channelChoice.value = channel = worst(header);
           curves.choose(channel);
         }
         if (header.shown.includes(shownRecord)) curves.setPicture(arrays[`model ${shownRecord}`], arrays[`error ${shownRecord}`]);
-        const one = told.records[shownRecord];
-        const which = told.over ? [one.series, `over ${told.over.title}`] : [one.label, one.condition];
+        const one = opened.records[shownRecord];
+        const which = opened.over ? [one.series, `over ${opened.over.title}`] : [one.label, one.condition];
         title.textContent = [...which, one.held_out ? "held out" : ""].filter(Boolean).join(" · ");
         drawMap();
         showNumbers(header);
@@ -489,11 +489,11 @@ const bench = (place, told, { send, asked, desk }) => {
   };
   document.addEventListener("keydown", keys);
   const restore = (saved) => {
-    if (!saved?.state?.on || (saved.version && saved.version !== told.version)) return;
+    if (!saved?.state?.on || (saved.version && saved.version !== opened.version)) return;
     // names missing in this model are from another version
     const known = (one) => ({
       values: Object.fromEntries(Object.entries(one.values).filter(([name]) => name in start.values)),
-      on: one.on.filter((name) => told.switches.some((each) => each.name === name)),
+      on: one.on.filter((name) => opened.switches.some((each) => each.name === name)),
     });
     const now = known(saved.state);
     Object.assign(state.values, now.values);
@@ -501,16 +501,16 @@ const bench = (place, told, { send, asked, desk }) => {
     steps = { past: (saved.steps?.past ?? []).map(known), future: (saved.steps?.future ?? []).map(known) };
     showState();
     mood("fitting");
-    send({ do: "retrace", seq: (sequence += 1), ...said(), ...steps });
+    send({ do: "retrace", seq: (sequence += 1), ...choice(), ...steps });
     noted();
   };
-  present = said();
+  present = choice();
   return {
     hear, restore, look, reload, asked,
     keep: keepNow,
     changed: () => (flush(), changed()),
-    commands: told.commands,
-    version: told.version,
+    commands: opened.commands,
+    version: opened.version,
     // The next version is open: continue with it.
     close: () => {
       document.removeEventListener("keydown", keys);
@@ -522,7 +522,7 @@ const bench = (place, told, { send, asked, desk }) => {
   };
 };
 
-export const show = async (place) => {
+export const show = async (container) => {
   document.head.append(h("link", { rel: "stylesheet", href: "/assets/workbench/workbench.css" }));
   const area = h("div", { class: "area" });
   const progress = h("p", { class: "note", role: "status" });
@@ -584,7 +584,7 @@ export const show = async (place) => {
   const { element, auto } = await chooser(open, imported);
   const summary = h("span", {}, "Choose runs and a model");
   const choosing = h("details", { class: "choosing", open: true }, h("summary", {}, summary), element);
-  place.replaceChildren(choosing, progress, tools, area, desk.found);
+  container.replaceChildren(choosing, progress, tools, area, desk.found);
   const before = auto();
   if (before && !location.search) await open(before);
 };

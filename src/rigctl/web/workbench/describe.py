@@ -169,12 +169,12 @@ def _drawn(problem: Problem, k: int, of: Callable[[int], Floats]) -> Floats:
 
 def _reading(problem: Problem, row: int, values: Floats) -> Floats:
     """(channels) the value that belongs to each channel's reading, which is its last sample."""
-    here = problem.records[row].here
-    last = [int(np.flatnonzero(one)[-1]) if one.any() else -1 for one in here.T]
+    present = problem.records[row].here
+    last = [int(np.flatnonzero(one)[-1]) if one.any() else -1 for one in present.T]
     return values[last, np.arange(len(last))]
 
 
-def _places(problem: Problem, k: int) -> Floats:
+def _positions(problem: Problem, k: int) -> Floats:
     """(points) times, s; for rows of a table the variable of the x axis, in its unit."""
     measured = problem.measurements
     if not measured.table:
@@ -194,7 +194,7 @@ def record_frame(bench: Workbench, k: int) -> bytes:
     return frame(
         {"kind": "record", "record": k},
         [
-            ("times", _places(problem, k)),
+            ("times", _positions(problem, k)),
             ("measured", _in_units(_drawn(problem, k, lambda at: records[at].values), units).T),
             ("sigma", (_drawn(problem, k, lambda at: sigma[at]) / _factors(units)).T),
             ("counts", _drawn(problem, k, lambda at: counts[at].astype(float)).T),

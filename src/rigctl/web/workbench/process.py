@@ -67,7 +67,7 @@ class _Session:
         self._waiting: deque[Mapping[str, Any]] = deque()
         self._moving: Mapping[str, Any] | None = None
         self._shown: tuple[int, ...] = (0,)
-        self._there = threading.Condition()
+        self._arrival = threading.Condition()
         self._do: dict[str, Callable[[Mapping[str, Any]], None]] = {
             "open": self._open,
             "show": self._show,
@@ -87,60 +87,62 @@ class _Session:
     def read(self, message: bytes) -> None:
         """Handle a message of a page; anything but a JSON object is refused without further effect."""
         try:
-            asked = json.loads(message)
+            request = json.loads(message)
         except (ValueError, RecursionError):
-            asked = None
-        if isinstance(asked, dict):
-            self.take(asked)
+            request = None
+        if isinstance(request, dict):
+            self.take(request)
         else:
             self._problem({}, RigctlError("the message is not a JSON object").as_dict())
 
-    def take(self, asked: Mapping[str, Any]) -> None:
+    def take(self, request: Mapping[str, Any]) -> None:
         """Put a message into the queue of its worker; it is refused if too many wait already."""
-        with self._there:
-            follows = asked.get("do") == "follow"
+        with self._arrival:
+            follows = request.get("do") == "follow"
             refused = not follows and len(self._waiting) >= _MOST_WAITING
             if follows:
-                self._moving = asked
+                self._moving = request
             elif not refused:
-                self._waiting.append(asked)
-            self._there.notify_all()
+                self._waiting.append(request)
+            self._arrival.notify_all()
         if refused:
-            self._problem(asked, RigctlError(f"{_MOST_WAITING} requests are waiting already").as_dict())
+            self._problem(request, RigctlError(f"{_MOST_WAITING} requests are waiting already").as_dict())
 
     def _follow_always(self) -> None:
         while True:
-            with self._there:
-                self._there.wait_for(lambda: self._moving is not None and self._bench is not None)
-                asked, self._moving = self._moving, None
-            self._tried(self._follow, asked or {})
+            with self._arrival:
+                self._arrival.wait_for(lambda: self._moving is not None and self._bench is not None)
+                request, self._moving = self._moving, None
+            self._tried(self._follow, request or {})
 
     def _work_loop(self) -> None:
         while True:
-            with self._there:
-                self._there.wait_for(lambda: bool(self._waiting))
-                asked = self._waiting.popleft()
-            self._tried(self._carry_out, asked)
+            with self._arrival:
+                self._arrival.wait_for(lambda: bool(self._waiting))
+                request = self._waiting.popleft()
+            self._tried(self._carry_out, request)
 
-    def _tried(self, work: Callable[[Mapping[str, Any]], None], asked: Mapping[str, Any]) -> None:
+    def _tried(self, work: Callable[[Mapping[str, Any]], None], request: Mapping[str, Any]) -> None:
         try:
-            work(asked)
+            work(request)
         except RigctlError as error:
-            self._problem(asked, error.as_dict())
+            self._problem(request, error.as_dict())
         except Exception as fault:
-            logger.exception("workbench: %s", asked.get("do"))
-            self._problem(asked, RigctlError(f"a fault of rigctl itself: {fault!r}").as_dict())
+            logger.exception("workbench: %s", request.get("do"))
+            self._problem(request, RigctlError(f"a fault of rigctl itself: {fault!r}").as_dict())
 
-    def _carry_out(self, asked: Mapping[str, Any]) -> None:
-        work = self._do.get(str(asked.get("do")))
+    def _carry_out(self, request: Mapping[str, Any]) -> None:
+        work = self._do.get(str(request.get("do")))
         if work is None:
-            raise RigctlError("the workbench knows no such thing to do", value=str(asked.get("do")))
-        work(asked)
+            raise RigctlError("the workbench knows no such thing to do", value=str(request.get("do")))
+        work(request)
 
-    def _problem(self, asked: Mapping[str, Any], error: Mapping[str, Any]) -> None:
-        self._tell({"kind": "problem", "do": asked.get("do"), "seq": asked.get("seq"), "error": error})
+    def _problem(self, request: Mapping[str, Any], error: Mapping[str, Any]) -> None:
+        self._send_document(
+            {"kind": "problem", "do": request.get("do"), "seq": request.get("seq"), "error": error}
+        )
 
-    def _tell(self, document: Mapping[str, Any]) -> None:
+    def _send_document(self, document: Mapping[str, Any]) -> None:
         from rigctl.files.write import to_json
 
         self._send(TEXT + to_json(document, indent=None).encode("utf-8"))
@@ -153,7 +155,7 @@ class _Session:
                 os._exit(0)
 
     def _progress(self, text: str) -> None:
-        self._tell({"kind": "progress", "text": text})
+        self._send_document({"kind": "progress", "text": text})
 
     @property
     def _open_bench(self) -> Workbench:
@@ -161,18 +163,18 @@ class _Session:
             raise RigctlError("no model is open yet")
         return self._bench
 
-    def _open(self, asked: Mapping[str, Any]) -> None:
+    def _open(self, request: Mapping[str, Any]) -> None:
         from rigctl.dataset import open_run
         from rigctl.model import load_model
         from rigctl.model.measured.assumed import assuming
         from rigctl.project import find_file
 
-        named = str(asked.get("model", ""))
+        named = str(request.get("model", ""))
         path = find_file(Path(named))
-        assume = tuple(map(str, asked.get("assume") or ()))
-        choice = DataOptions(asked.get("only") or None, asked.get("hold_out") or None, assume)
+        assume = tuple(map(str, request.get("assume") or ()))
+        choice = DataOptions(request.get("only") or None, request.get("hold_out") or None, assume)
         self._progress("Reading the records")
-        runs = list({run.id: run for run in map(open_run, map(str, asked.get("runs") or ()))}.values())
+        runs = list({run.id: run for run in map(open_run, map(str, request.get("runs") or ()))}.values())
         if not runs:
             raise RigctlError("choose a run")
         if assume:
@@ -183,59 +185,59 @@ class _Session:
 
     def _begin_with(self, bench: Workbench) -> None:
         self._shown = tuple(k for k in self._shown if k < len(bench.problem.records)) or (0,)
-        with self._there:
+        with self._arrival:
             self._bench = bench
-            self._there.notify_all()
-        self._tell(opened_document(bench) | {"shown": list(self._shown)})
+            self._arrival.notify_all()
+        self._send_document(opened_document(bench) | {"shown": list(self._shown)})
         for k in self._shown:
             self._send(BYTES + record_frame(bench, k))
         header = self._header({}, bench.track.present)
         self._send(BYTES + picture_frame(bench, bench.exact, self._shown, header))
 
-    def _show(self, asked: Mapping[str, Any]) -> None:
+    def _show(self, request: Mapping[str, Any]) -> None:
         bench = self._open_bench
         count = len(bench.problem.records)
-        shown = tuple(int(k) for k in asked.get("records") or () if 0 <= int(k) < count)
+        shown = tuple(int(k) for k in request.get("records") or () if 0 <= int(k) < count)
         self._shown = shown or (0,)
         for k in self._shown:
             self._send(BYTES + record_frame(bench, k))
         self._send(
-            BYTES + picture_frame(bench, bench.exact, self._shown, self._header(asked, bench.track.present))
+            BYTES + picture_frame(bench, bench.exact, self._shown, self._header(request, bench.track.present))
         )
 
-    def _follow(self, asked: Mapping[str, Any]) -> None:
+    def _follow(self, request: Mapping[str, Any]) -> None:
         bench = self._open_bench
-        state = _state_of(bench, asked)
+        state = _state_of(bench, request)
         picture = bench.follow(state, self._drawn(bench))
-        self._send(BYTES + picture_frame(bench, picture, self._shown, self._header(asked, state)))
+        self._send(BYTES + picture_frame(bench, picture, self._shown, self._header(request, state)))
 
     def _drawn(self, bench: Workbench) -> list[int]:
         """The records behind the curves that are shown; of a table all rows of a curve."""
         return [row for k in self._shown for row in series_of(bench.problem, k)]
 
-    def _settle(self, asked: Mapping[str, Any]) -> None:
-        self._open_bench.step(_state_of(self._open_bench, asked))
-        self._picture_now(asked)
+    def _settle(self, request: Mapping[str, Any]) -> None:
+        self._open_bench.step(_state_of(self._open_bench, request))
+        self._picture_now(request)
 
-    def _retrace(self, asked: Mapping[str, Any]) -> None:
+    def _retrace(self, request: Mapping[str, Any]) -> None:
         """Restore the steps of a reloaded page."""
         bench = self._open_bench
         past, future = (
-            [_state_of(bench, one) for one in list(asked.get(name) or ())[-_RETRACED:]]
+            [_state_of(bench, one) for one in list(request.get(name) or ())[-_RETRACED:]]
             for name in ("past", "future")
         )
-        bench.retrace(_state_of(bench, asked), past, future)
-        self._picture_now(asked)
+        bench.retrace(_state_of(bench, request), past, future)
+        self._picture_now(request)
 
-    def _undo(self, asked: Mapping[str, Any]) -> None:
+    def _undo(self, request: Mapping[str, Any]) -> None:
         self._open_bench.undo()
-        self._picture_now(asked, moved=True)
+        self._picture_now(request, moved=True)
 
-    def _redo(self, asked: Mapping[str, Any]) -> None:
+    def _redo(self, request: Mapping[str, Any]) -> None:
         self._open_bench.redo()
-        self._picture_now(asked, moved=True)
+        self._picture_now(request, moved=True)
 
-    def _picture_now(self, asked: Mapping[str, Any], *, moved: bool = False) -> None:
+    def _picture_now(self, request: Mapping[str, Any], *, moved: bool = False) -> None:
         """All records of the present state, quickly and then exactly; skipped if a newer request waits.
 
         After undo the page also needs the state.
@@ -243,8 +245,8 @@ class _Session:
         bench = self._open_bench
         state = bench.track.present
         if moved:
-            self._tell({"kind": "state", "state": state_document(state)})
-        header = self._header(asked, state)
+            self._send_document({"kind": "state", "state": state_document(state)})
+        header = self._header(request, state)
         at_once = bench.follow(state, self._drawn(bench), budget=math.inf)
         self._send(BYTES + picture_frame(bench, at_once, self._shown, header))
         try:
@@ -257,23 +259,23 @@ class _Session:
 
     def _idle(self) -> bool:
         """Whether no waiting request can change the state."""
-        with self._there:
+        with self._arrival:
             return self._moving is None and not self._waiting
 
-    def _header(self, asked: Mapping[str, Any], state: State) -> dict[str, Any]:
+    def _header(self, request: Mapping[str, Any], state: State) -> dict[str, Any]:
         bench = self._open_bench
         return {
-            "seq": asked.get("seq"),
-            "sent": asked.get("sent"),
+            "seq": request.get("seq"),
+            "sent": request.get("sent"),
             "command": bench.command(state),
             "undo": len(bench.track.past),
             "redo": len(bench.track.future),
         }
 
-    def _keep(self, asked: Mapping[str, Any]) -> None:
+    def _keep(self, request: Mapping[str, Any]) -> None:
         bench = self._open_bench
         changed = bench.keep(bench.track.present, on_progress=self._progress)
-        self._tell({"kind": "kept", **changed.document()})
+        self._send_document({"kind": "kept", **changed.document()})
         self._begin_with(bench.reopened(on_progress=self._progress))
 
     def _reload(self, _: Mapping[str, Any]) -> None:
@@ -281,7 +283,7 @@ class _Session:
         self._begin_with(self._open_bench.reopened(on_progress=self._progress))
 
 
-def _state_of(bench: Workbench, asked: Mapping[str, Any]) -> State:
+def _state_of(bench: Workbench, request: Mapping[str, Any]) -> State:
     """The state from a page: the values that differ from the model's, and the effects that are on.
 
     Raises
@@ -290,12 +292,12 @@ def _state_of(bench: Workbench, asked: Mapping[str, Any]) -> State:
         a name is unknown, or a value no finite number.
     """
     values = {}
-    for name, value in dict(asked.get("values") or {}).items():
+    for name, value in dict(request.get("values") or {}).items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise RigctlError(f"{name}: a finite number is needed", value=str(value))
         values[str(name)] = float(value)
     known = {switch.name for switch in bench.switches}
-    on = {str(name) for name in asked.get("on") or ()}
+    on = {str(name) for name in request.get("on") or ()}
     if on - known:
         raise RigctlError("there is no such effect", value=", ".join(sorted(on - known)))
     return State(bench.start.moved(values).values, frozenset(on))

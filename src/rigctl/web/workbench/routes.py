@@ -41,11 +41,11 @@ def workbench_routes(site: Site) -> Sequence[BaseRoute]:
 
     return (
         get("/api/workbench/choices", lambda _: choices(site)),
-        get("/api/workbench/history", lambda asked: history(site, asked)),
-        post("/api/workbench/work", lambda asked: begin(site, asked)),
-        post("/api/workbench/import", lambda asked: bring_in(site, asked)),
-        post("/api/workbench/approve", lambda asked: approve(site, asked)),
-        post("/api/workbench/procedure", lambda asked: write_procedure(site, asked)),
+        get("/api/workbench/history", lambda request: history(site, request)),
+        post("/api/workbench/work", lambda request: begin(site, request)),
+        post("/api/workbench/import", lambda request: bring_in(site, request)),
+        post("/api/workbench/approve", lambda request: approve(site, request)),
+        post("/api/workbench/procedure", lambda request: write_procedure(site, request)),
         WebSocketRoute("/api/workbench/session", session_endpoint(site)),
     )
 
@@ -101,34 +101,34 @@ def _rig_of(path: Path) -> str:
     return rig.name if rig is not None else ""
 
 
-def history(site: Site, asked: PageRequest) -> dict[str, Any]:
+def history(site: Site, request: PageRequest) -> dict[str, Any]:
     """The answer of ``rigctl model history M``."""
     from rigctl.files.version_suffix import split_version
     from rigctl.model import current_version, versions
     from rigctl.model.history.document import history_document
 
-    head = split_version(site.project.resolve(asked.text("model")))[0]
+    head = split_version(site.project.resolve(request.text("model")))[0]
     return history_document(versions(head), current_version(head))
 
 
-def subject_of(asked: PageRequest) -> Subject:
+def subject_of(request: PageRequest) -> Subject:
     """The subject of the request, as typed on the command line."""
-    runs = asked.texts("runs")
+    runs = request.texts("runs")
     if not runs:
         raise RigctlError("choose a run")
     choice = DataOptions(
-        asked.text("only", "") or None, asked.text("hold_out", "") or None, tuple(asked.texts("assume"))
+        request.text("only", "") or None, request.text("hold_out", "") or None, tuple(request.texts("assume"))
     )
-    return Subject(tuple(runs), asked.text("model"), choice)
+    return Subject(tuple(runs), request.text("model"), choice)
 
 
-def begin(site: Site, asked: PageRequest) -> dict[str, Any]:
+def begin(site: Site, request: PageRequest) -> dict[str, Any]:
     """Start the job of a button."""
     from rigctl.web.workbench import work
 
     site.require_project()
-    verb, subject, effect = asked.text("verb"), subject_of(asked), asked.text("effect", "")
-    beside = asked.text("beside", "") if verb == "compare" else ""
+    verb, subject, effect = request.text("verb"), subject_of(request), request.text("effect", "")
+    beside = request.text("beside", "") if verb == "compare" else ""
     if verb not in _VERBS:
         raise unknown_name("work", verb, _VERBS)
     given = {
@@ -158,29 +158,29 @@ def command_of(verb: str, subject: Subject, effect: str = "", beside: str = "") 
     return subject.analysis(verb)
 
 
-def approve(site: Site, asked: PageRequest) -> dict[str, Any]:
+def approve(site: Site, request: PageRequest) -> dict[str, Any]:
     """Carry out a designed procedure on the simulated bench; the page of procedures does so on a real one."""
     from rigctl.web.workbench import work
 
     root = site.require_project()
     file = _free_name(root / "procedures")
-    effects = asked.texts("effects")
+    effects = request.texts("effects")
     written = file.relative_to(root).as_posix()
     words = ["simulate", written, *(word for one in effects for word in ("--with", one)), "--speed", "max"]
     given = {
-        "procedure": asked.text("procedure"),
+        "procedure": request.text("procedure"),
         "file": str(file),
         "effects": effects,
-        "seed": asked.whole("seed", 0, 0, 2**31 - 1),
+        "seed": request.whole("seed", 0, 0, 2**31 - 1),
     }
     return site.jobs.start("Simulated bench", command(words), work.approve, given).document()
 
 
-def bring_in(site: Site, asked: PageRequest) -> dict[str, Any]:
+def bring_in(site: Site, request: PageRequest) -> dict[str, Any]:
     """Make a run of a file of the project: ``rigctl import FILE``."""
     from rigctl.web.workbench import work
 
-    root, written, rig = site.require_project(), asked.text("file"), asked.text("rig", "")
+    root, written, rig = site.require_project(), request.text("file"), request.text("rig", "")
     path = (root / written).resolve()
     if not path.is_relative_to(root.resolve()):
         raise RigctlError(
@@ -188,7 +188,7 @@ def bring_in(site: Site, asked: PageRequest) -> dict[str, Any]:
             value=written,
             hint="Copy it into the project's folder; 'rigctl import' takes it from anywhere",
         )
-    assume = asked.texts("assume")
+    assume = request.texts("assume")
     words = [
         "import",
         written,
@@ -199,14 +199,14 @@ def bring_in(site: Site, asked: PageRequest) -> dict[str, Any]:
     return site.jobs.start(f"Import {path.name}", command(words), work.bring_in, given).document()
 
 
-def write_procedure(site: Site, asked: PageRequest) -> dict[str, Any]:
+def write_procedure(site: Site, request: PageRequest) -> dict[str, Any]:
     """Keep a designed procedure in the project, for the real bench, without starting it."""
     from rigctl.files.write import write_new
 
     root = site.require_project()
     file = _free_name(root / "procedures")
     file.parent.mkdir(exist_ok=True)
-    write_new(file, asked.text("procedure").encode("utf-8"))
+    write_new(file, request.text("procedure").encode("utf-8"))
     return {"file": file.relative_to(root).as_posix()}
 
 

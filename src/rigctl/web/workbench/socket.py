@@ -59,14 +59,17 @@ async def _through(socket: WebSocket, folder: str) -> None:
     process = context.Process(target=attend, args=(theirs, folder), name="rigctl workbench", daemon=True)
     await loop.run_in_executor(None, process.start)
     theirs.close()
-    said: asyncio.Queue[bytes | None] = asyncio.Queue()
+    messages: asyncio.Queue[bytes | None] = asyncio.Queue()
     room = threading.Semaphore(_MOST_WAITING)
     over = threading.Event()
     reader = threading.Thread(
-        target=_read, args=(ours, loop, said, room, over), name="workbench", daemon=True
+        target=_read, args=(ours, loop, messages, room, over), name="workbench", daemon=True
     )
     reader.start()
-    tasks = [asyncio.create_task(_to_page(socket, said, room)), asyncio.create_task(_from_page(socket, ours))]
+    tasks = [
+        asyncio.create_task(_to_page(socket, messages, room)),
+        asyncio.create_task(_from_page(socket, ours)),
+    ]
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
@@ -83,7 +86,7 @@ async def _through(socket: WebSocket, folder: str) -> None:
 def _read(
     pipe: Connection,
     loop: asyncio.AbstractEventLoop,
-    said: asyncio.Queue[bytes | None],
+    messages: asyncio.Queue[bytes | None],
     room: threading.Semaphore,
     over: threading.Event,
 ) -> None:
@@ -93,14 +96,16 @@ def _read(
             room.acquire()
             if over.is_set():
                 return
-            loop.call_soon_threadsafe(said.put_nowait, pipe.recv_bytes())
+            loop.call_soon_threadsafe(messages.put_nowait, pipe.recv_bytes())
     with suppress(RuntimeError):
-        loop.call_soon_threadsafe(said.put_nowait, None)
+        loop.call_soon_threadsafe(messages.put_nowait, None)
 
 
-async def _to_page(socket: WebSocket, said: asyncio.Queue[bytes | None], room: threading.Semaphore) -> None:
+async def _to_page(
+    socket: WebSocket, messages: asyncio.Queue[bytes | None], room: threading.Semaphore
+) -> None:
     while True:
-        message = await said.get()
+        message = await messages.get()
         if message is None:
             error = RigctlError(
                 "the process behind this workbench has ended",

@@ -34,106 +34,106 @@ _POINTS = 600
 _DRAWN = 4
 
 
-def compare(report: Report, asked: WorkArguments) -> dict[str, Any]:
+def compare(report: Report, arguments: WorkArguments) -> dict[str, Any]:
     """The answer of ``rigctl compare``; for two versions of the model, also their residuals in a record."""
-    found = _compared(report, asked)
-    if len(found.models) == 1:
-        return found.document()
-    names = [str(asked["beside"]), str(asked["model"])]
-    return found.document() | {"names": names, "residuals": _residuals(found, names)}
+    comparison = _compared(report, arguments)
+    if len(comparison.models) == 1:
+        return comparison.document()
+    names = [str(arguments["beside"]), str(arguments["model"])]
+    return comparison.document() | {"names": names, "residuals": _residuals(comparison, names)}
 
 
-def diagnose(report: Report, asked: WorkArguments) -> dict[str, Any]:
+def diagnose(report: Report, arguments: WorkArguments) -> dict[str, Any]:
     """The answer of ``rigctl diagnose``, with the candidates' curves and differences of similar ones."""
     from rigctl.analysis.diagnosis import diagnose_comparison
     from rigctl.analysis.fitting import require_free_parameters
 
-    require_free_parameters(_model(asked))
-    compared = _compared(report, asked)
-    found = diagnose_comparison(
+    require_free_parameters(_model(arguments))
+    compared = _compared(report, arguments)
+    diagnosis = diagnose_comparison(
         compared.models[0], compared.runs, compared.held_out, compared.notes, on_progress=report
     )
-    return found.document() | {
-        "title": found.title,
-        "signatures": _signatures(found),
-        "alike": [_alike(found, names) for names in found.classes if len(names) > 1],
-        "states": {"+".join(one.effects): _state(one) for one in found.trials},
-        "titles": {name: plain_name(name) for name in _effect_names(found)},
+    return diagnosis.document() | {
+        "title": diagnosis.title,
+        "signatures": _signatures(diagnosis),
+        "alike": [_alike(diagnosis, names) for names in diagnosis.classes if len(names) > 1],
+        "states": {"+".join(one.effects): _state(one) for one in diagnosis.trials},
+        "titles": {name: plain_name(name) for name in _effect_names(diagnosis)},
     }
 
 
-def design(report: Report, asked: WorkArguments) -> dict[str, Any]:
+def design(report: Report, arguments: WorkArguments) -> dict[str, Any]:
     """The answer of ``rigctl design``, with the prediction of every rival for every record."""
     from rigctl.design.design import design_experiment
 
-    found = design_experiment(
-        _runs(asked),
-        _model(asked),
-        hold_out=asked.get("hold_out") or None,
-        only=asked.get("only") or None,
+    result = design_experiment(
+        _runs(arguments),
+        _model(arguments),
+        hold_out=arguments.get("hold_out") or None,
+        only=arguments.get("only") or None,
         on_progress=report,
     )
-    names = [one.name for one in found.rivals]
-    return found.as_json() | {
-        "predictions": [_predictions(found, number) for number in range(len(found.records))],
+    names = [one.name for one in result.rivals]
+    return result.as_json() | {
+        "predictions": [_predictions(result, number) for number in range(len(result.records))],
         "titles": {name: plain_name(name) for name in names},
     }
 
 
-def discover(report: Report, asked: WorkArguments) -> dict[str, Any]:
+def discover(report: Report, arguments: WorkArguments) -> dict[str, Any]:
     """The answer of ``rigctl discover``."""
     from rigctl.discovery.discover import discover as discovered
 
-    found = discovered(
-        _runs(asked),
-        _model(asked),
-        hold_out=asked.get("hold_out") or None,
-        only=asked.get("only") or None,
+    discovery = discovered(
+        _runs(arguments),
+        _model(arguments),
+        hold_out=arguments.get("hold_out") or None,
+        only=arguments.get("only") or None,
         on_progress=report,
     )
-    return found.document()
+    return discovery.document()
 
 
-def fit(report: Report, asked: WorkArguments) -> dict[str, Any]:
+def fit(report: Report, arguments: WorkArguments) -> dict[str, Any]:
     """The answer of ``rigctl model fit``."""
-    return _changed(report, asked, "fit")
+    return _changed(report, arguments, "fit")
 
 
-def add(report: Report, asked: WorkArguments) -> dict[str, Any]:
+def add(report: Report, arguments: WorkArguments) -> dict[str, Any]:
     """The answer of ``rigctl model add M EFFECT --fit RUN``."""
-    return _changed(report, asked, "add")
+    return _changed(report, arguments, "add")
 
 
-def remove(report: Report, asked: WorkArguments) -> dict[str, Any]:
+def remove(report: Report, arguments: WorkArguments) -> dict[str, Any]:
     """The answer of ``rigctl model remove M EFFECT --fit RUN``."""
-    return _changed(report, asked, "remove")
+    return _changed(report, arguments, "remove")
 
 
-def improve(report: Report, asked: WorkArguments) -> dict[str, Any]:
+def improve(report: Report, arguments: WorkArguments) -> dict[str, Any]:
     """The answer of ``rigctl diagnose --apply``."""
     from rigctl.analysis.fitting import require_free_parameters
     from rigctl.analysis.improve import improve as improved
     from rigctl.project import own_model
 
-    path = own_model(Path(str(asked["model"])))
-    require_free_parameters(_model(asked))
-    return improved(_compared(report, asked), path, on_progress=report).document()
+    path = own_model(Path(str(arguments["model"])))
+    require_free_parameters(_model(arguments))
+    return improved(_compared(report, arguments), path, on_progress=report).document()
 
 
-def approve(report: Report, asked: WorkArguments) -> dict[str, Any]:
+def approve(report: Report, arguments: WorkArguments) -> dict[str, Any]:
     """Write the designed procedure, and carry it out on the simulated bench: ``rigctl simulate FILE``."""
     from rigctl.files.write import write_new
     from rigctl.runner.simulation import simulate
 
-    path = Path(str(asked["file"]))
+    path = Path(str(arguments["file"]))
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_new(path, str(asked["procedure"]).encode("utf-8"))
+    write_new(path, str(arguments["procedure"]).encode("utf-8"))
     report("Carrying it out on the simulated bench")
-    done = simulate(path, effects=tuple(asked.get("effects") or ()), seed=asked.get("seed"))
+    done = simulate(path, effects=tuple(arguments.get("effects") or ()), seed=arguments.get("seed"))
     return {"run": done.run.id, "status": done.result.status, "procedure": path.as_posix()}
 
 
-def bring_in(report: Report, asked: WorkArguments) -> dict[str, Any]:
+def bring_in(report: Report, arguments: WorkArguments) -> dict[str, Any]:
     """The answer of ``rigctl import FILE``."""
     from rigctl.dataset.assumptions import read_assumptions
     from rigctl.dataset.importing import import_files
@@ -141,73 +141,73 @@ def bring_in(report: Report, asked: WorkArguments) -> dict[str, Any]:
     from rigctl.project import find_file, find_project
     from rigctl.rig import load_rig
 
-    bench = load_rig(find_file(Path(str(asked["rig"])))) if asked.get("rig") else None
-    options = Options(assume=read_assumptions(asked.get("assume") or ()))
+    bench = load_rig(find_file(Path(str(arguments["rig"])))) if arguments.get("rig") else None
+    options = Options(assume=read_assumptions(arguments.get("assume") or ()))
     report("Reading the file")
-    done = import_files([Path(str(asked["file"]))], bench, find_project().runs, options)
+    done = import_files([Path(str(arguments["file"]))], bench, find_project().runs, options)
     return {"run": done.run, "records": done.records, "rows": done.rows, "notes": list(done.notes)}
 
 
-def _changed(report: Report, asked: WorkArguments, kind: str) -> dict[str, Any]:
+def _changed(report: Report, arguments: WorkArguments, kind: str) -> dict[str, Any]:
     from rigctl.analysis.model_change import Wanted, change_model
     from rigctl.project import own_model
 
-    path = own_model(Path(str(asked["model"])))
-    effect = str(asked.get("effect") or "")
+    path = own_model(Path(str(arguments["model"])))
+    effect = str(arguments.get("effect") or "")
 
-    def made(model: Model) -> Model:
+    def change(model: Model) -> Model:
         if kind == "add":
             return model.with_effect(effect, {})
         return model.without_effect(effect) if kind == "remove" else model
 
     wanted = Wanted(
         kind,  # type: ignore[arg-type]
-        made,
+        change,
         True,
-        asked.get("hold_out") or None,
-        asked.get("only") or None,
-        tuple(asked.get("assume") or ()),
+        arguments.get("hold_out") or None,
+        arguments.get("only") or None,
+        tuple(arguments.get("assume") or ()),
         effect=effect,
     )
-    return change_model(path, wanted, _runs(asked), on_progress=report).document()
+    return change_model(path, wanted, _runs(arguments), on_progress=report).document()
 
 
-def _model(asked: WorkArguments) -> Model:
+def _model(arguments: WorkArguments) -> Model:
     from rigctl.model import load_model
     from rigctl.project import find_file
 
-    return load_model(find_file(Path(str(asked["model"]))))
+    return load_model(find_file(Path(str(arguments["model"]))))
 
 
-def _runs(asked: WorkArguments) -> list[Run]:
+def _runs(arguments: WorkArguments) -> list[Run]:
     from rigctl.dataset import open_run
     from rigctl.model.measured.assumed import assuming
 
-    runs = list({run.id: run for run in map(open_run, asked["runs"])}.values())
-    assume = tuple(asked.get("assume") or ())
+    runs = list({run.id: run for run in map(open_run, arguments["runs"])}.values())
+    assume = tuple(arguments.get("assume") or ())
     if not assume:
         return runs
-    model = _model(asked)
+    model = _model(arguments)
     return [assuming(run, model, assume) for run in runs]
 
 
-def _compared(report: Report, asked: WorkArguments) -> Comparison:
+def _compared(report: Report, arguments: WorkArguments) -> Comparison:
     from rigctl.analysis.comparison import compare as compared
 
-    other = str(asked.get("beside") or "")
-    models = [*([_model({"model": other})] if other else []), _model(asked)]
+    other = str(arguments.get("beside") or "")
+    models = [*([_model({"model": other})] if other else []), _model(arguments)]
     return compared(
-        _runs(asked),
+        _runs(arguments),
         models,
-        hold_out=asked.get("hold_out") or None,
-        only=asked.get("only") or None,
+        hold_out=arguments.get("hold_out") or None,
+        only=arguments.get("only") or None,
         on_progress=report,
     )
 
 
-def _effect_names(found: Diagnosis) -> list[str]:
-    names = [one.effect for one in found.ranking]
-    names += [name for group in found.classes for name in group]
+def _effect_names(diagnosis: Diagnosis) -> list[str]:
+    names = [one.effect for one in diagnosis.ranking]
+    names += [name for group in diagnosis.classes for name in group]
     return list(dict.fromkeys(names))
 
 
@@ -217,16 +217,16 @@ def _state(trial: RefittedSet) -> dict[str, Any]:
     return {"on": list(trial.effects), "values": {name: model.values[name] for name in model.fitted}}
 
 
-def _signatures(found: Diagnosis) -> dict[str, Any] | None:
+def _signatures(diagnosis: Diagnosis) -> dict[str, Any] | None:
     """The change by each refitted candidate, over the residual of the worst record."""
     from rigctl.report.analysis.overlay import typical_records
 
-    best = [found.best] if found.best.candidates else []
-    singles = sorted((one for one in found.trials if one.candidates), key=lambda one: one.chi2)
+    best = [diagnosis.best] if diagnosis.best.candidates else []
+    singles = sorted((one for one in diagnosis.trials if one.candidates), key=lambda one: one.chi2)
     trials = list({one.effects: one for one in (*best, *singles)}.values())[:_DRAWN]
-    if not trials or found.before.rows:
+    if not trials or diagnosis.before.rows:
         return None
-    before = found.before.fit
+    before = diagnosis.before.fit
     k = typical_records(before)[0][1]
     curves = {
         " and ".join(map(plain_name, one.effects)): (one.fit.outputs[k] - before.outputs[k])
@@ -236,9 +236,9 @@ def _signatures(found: Diagnosis) -> dict[str, Any] | None:
     return _curves(before.problem, k, {"measured − model": -before.normalised_error(k), **curves})
 
 
-def _residuals(found: Comparison, names: Sequence[str]) -> dict[str, Any] | None:
+def _residuals(comparison: Comparison, names: Sequence[str]) -> dict[str, Any] | None:
     """The residuals of two versions in the record in which they differ most, in sigmas."""
-    fits = [model.fit for model in found.models]
+    fits = [model.fit for model in comparison.models]
     problem = fits[-1].problem
     if problem.measurements.table:
         return None
@@ -248,13 +248,13 @@ def _residuals(found: Comparison, names: Sequence[str]) -> dict[str, Any] | None
     return _curves(problem, k, {name: each[k] for name, each in zip(names, errors, strict=True)})
 
 
-def _alike(found: Diagnosis, names: Sequence[str]) -> dict[str, Any]:
+def _alike(diagnosis: Diagnosis, names: Sequence[str]) -> dict[str, Any]:
     """A group that the data cannot distinguish, and the members less the first where they differ most."""
-    trials = {one.effects: one for one in found.trials}
+    trials = {one.effects: one for one in diagnosis.trials}
     present = [name for name in names if (name,) in trials]
     drawn = None
-    if len(present) > 1 and not found.before.rows:
-        sigma = found.before.fit.problem.sigma
+    if len(present) > 1 and not diagnosis.before.rows:
+        sigma = diagnosis.before.fit.problem.sigma
         first = trials[(present[0],)].fit
         apart = {
             name: [(trials[(name,)].fit.outputs[k] - first.outputs[k]) / sigma[k] for k in range(len(sigma))]
@@ -264,7 +264,7 @@ def _alike(found: Diagnosis, names: Sequence[str]) -> dict[str, Any]:
             range(len(sigma)), key=lambda at: max(float(np.abs(each[at]).max()) for each in apart.values())
         )
         named = {f"{plain_name(name)} − {plain_name(present[0])}": each[k] for name, each in apart.items()}
-        drawn = _curves(found.before.fit.problem, k, named)
+        drawn = _curves(diagnosis.before.fit.problem, k, named)
     return {"names": list(names), "titles": [plain_name(name) for name in names], "difference": drawn}
 
 
@@ -288,12 +288,12 @@ def _curves(problem: Problem, k: int, named: Mapping[str, Floats]) -> dict[str, 
     }
 
 
-def _predictions(found: DesignResult, number: int) -> list[dict[str, Any]]:
+def _predictions(result: DesignResult, number: int) -> list[dict[str, Any]]:
     """The predictions of the rivals for a proposed record, by channel, in the channel's unit."""
     from rigctl.report.numbers import symbol
 
     drawn = []
-    for one in found.records[number].predictions:
+    for one in result.records[number].predictions:
         at = slice(None, None, max(1, -(-one.times.size // _POINTS)))
         drawn.append(
             {

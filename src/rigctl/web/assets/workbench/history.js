@@ -4,10 +4,10 @@ import { figure, plain } from "./numbers.js";
 
 const NS = "http://www.w3.org/2000/svg";
 const svg = (tag, attributes, ...inside) => {
-  const made = document.createElementNS(NS, tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  made.append(...inside);
-  return made;
+  const element = document.createElementNS(NS, tag);
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  element.append(...inside);
+  return element;
 };
 
 const WIDTH = 360, HEIGHT = 150, LEFT = 46, RIGHT = 12, TOP = 12, BOTTOM = 26;
@@ -23,8 +23,8 @@ const chart = (name, errors) => {
   const most = Math.max(1, ...values.filter(Number.isFinite)) * 1.1;
   const x = (k) => LEFT + (errors.length === 1 ? 0.5 : k / (errors.length - 1)) * (WIDTH - LEFT - RIGHT);
   const y = (value) => TOP + (1 - value / most) * (HEIGHT - TOP - BOTTOM);
-  const said = errors.map((error, k) => `version ${error.version} ${figure(values[k], 2)}`).join(", ");
-  const drawing = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "fall", role: "img", "aria-label": `${plain(name)}, systematic error in sigmas: ${said}` },
+  const summary = errors.map((error, k) => `version ${error.version} ${figure(values[k], 2)}`).join(", ");
+  const drawing = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "fall", role: "img", "aria-label": `${plain(name)}, systematic error in sigmas: ${summary}` },
     svg("rect", { x: LEFT, y: y(Math.min(1, most)), width: WIDTH - LEFT - RIGHT, height: y(0) - y(Math.min(1, most)), class: "noise" }),
     svg("line", { x1: LEFT, y1: y(0), x2: WIDTH - RIGHT, y2: y(0), class: "base" }),
     svg("polyline", { points: values.map((value, k) => `${x(k)},${y(value)}`).join(" "), class: "line" }));
@@ -37,16 +37,16 @@ const chart = (name, errors) => {
 };
 
 // `open(version)` shows another version; `beside(version)` compares it with the open one.
-export const history = async (place, model, { version: here, open, beside }) => {
-  const found = await api("/api/workbench/history", { query: { model } });
-  const channels = [...new Set(found.errors.flatMap((error) => Object.keys(error.rmse)))];
-  const alike = new Set(found.errors.map((error) => JSON.stringify([error.runs, error.hold_out, error.only, error.assume])));
-  place.replaceChildren(
-    found.errors.length ? h("div", { class: "falls" }, ...channels.map((name) => chart(name, found.errors))) : h("p", { class: "note" }, "No version has been held against runs yet."),
+export const history = async (container, model, { version: openVersion, open, beside }) => {
+  const listing = await api("/api/workbench/history", { query: { model } });
+  const channels = [...new Set(listing.errors.flatMap((error) => Object.keys(error.rmse)))];
+  const alike = new Set(listing.errors.map((error) => JSON.stringify([error.runs, error.hold_out, error.only, error.assume])));
+  container.replaceChildren(
+    listing.errors.length ? h("div", { class: "falls" }, ...channels.map((name) => chart(name, listing.errors))) : h("p", { class: "note" }, "No version has been held against runs yet."),
     alike.size > 1 ? h("p", { class: "note" }, "Not all were found on the same runs and held-out records: compare with care.") : "",
-    h("ol", { class: "versions" }, ...found.versions.map((one) => h("li", { value: one.version, class: one.version === found.current ? "current" : "" }, h("strong", {}, one.done), one.version === here ? h("span", { class: "mark" }, " open here") : h("span", { class: "buttons" },
-      button("Open", () => open(one.version, found.current), { class: "small", "aria-label": `Open version ${one.version}` }),
-      button("Compare", () => beside(one.version), { class: "small", "aria-label": `Compare version ${one.version} with version ${here}`, title: "Both on these records, beside each other" })),
+    h("ol", { class: "versions" }, ...listing.versions.map((one) => h("li", { value: one.version, class: one.version === listing.current ? "current" : "" }, h("strong", {}, one.done), one.version === openVersion ? h("span", { class: "mark" }, " open here") : h("span", { class: "buttons" },
+      button("Open", () => open(one.version, listing.current), { class: "small", "aria-label": `Open version ${one.version}` }),
+      button("Compare", () => beside(one.version), { class: "small", "aria-label": `Compare version ${one.version} with version ${openVersion}`, title: "Both on these records, beside each other" })),
       h("span", { class: "note" }, ` ${one.time.slice(0, 16).replace("T", " ")} UTC${one.note ? `: ${one.note}` : ""}`)))),
   );
 };

@@ -33,13 +33,13 @@ export const makeMap = (opened, choose) => {
   const sizes = table("Error, 1 is noise alone", (r, c) => {
     const records = at.get(`${r},${c}`);
     if (!records) return "";
-    const made = h("button", { type: "button", class: "cell", tabindex: buttons.length ? -1 : 0 });
-    made.addEventListener("click", () => {
-      const next = ((turn.get(made) ?? -1) + 1) % records.length;
-      turn.set(made, next);
+    const square = h("button", { type: "button", class: "cell", tabindex: buttons.length ? -1 : 0 });
+    square.addEventListener("click", () => {
+      const next = ((turn.get(square) ?? -1) + 1) % records.length;
+      turn.set(square, next);
       choose(records[next]);
     });
-    made.addEventListener("keydown", (event) => {
+    square.addEventListener("keydown", (event) => {
       const step = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [-1, 0], ArrowDown: [1, 0] }[event.key];
       if (!step) return;
       event.preventDefault();
@@ -55,33 +55,33 @@ export const makeMap = (opened, choose) => {
         }
       }
     });
-    buttons.push({ made, records, r, c });
-    return made;
+    buttons.push({ square, records, r, c });
+    return square;
   });
   const signed = table("Bias, model − measured", (r, c) => {
     const records = at.get(`${r},${c}`);
     if (!records) return "";
-    const made = h("span", { class: "cell" });
-    biases.set(`${r},${c}`, made);
-    return made;
+    const cell = h("span", { class: "cell" });
+    biases.set(`${r},${c}`, cell);
+    return cell;
   });
   const element = h("div", { class: "maps" }, sizes, signed);
 
   // channel's place, arrays `size` and `bias` of (records, channels); NaN where a record was not simulated
   const set = (channel, title, size, bias, chosen) => {
     const width = size.shape[1];
-    for (const { made, records, r, c } of buttons) {
-      const here = records.map((k) => size.values[k * width + channel]).filter((value) => !Number.isNaN(value));
+    for (const { square, records, r, c } of buttons) {
+      const sizes = records.map((k) => size.values[k * width + channel]).filter((value) => !Number.isNaN(value));
       const side = records.map((k) => bias.values[k * width + channel]).filter((value) => !Number.isNaN(value));
-      made.classList.toggle("old", !here.length);
-      made.classList.toggle("chosen", records.includes(chosen));
-      made.setAttribute("aria-pressed", String(records.includes(chosen)));
-      if (!here.length) continue;
-      const rms = Math.sqrt(here.reduce((sum, value) => sum + value * value, 0) / here.length);
+      square.classList.toggle("old", !sizes.length);
+      square.classList.toggle("chosen", records.includes(chosen));
+      square.setAttribute("aria-pressed", String(records.includes(chosen)));
+      if (!sizes.length) continue;
+      const rms = Math.sqrt(sizes.reduce((sum, value) => sum + value * value, 0) / sizes.length);
       const mean = side.reduce((sum, value) => sum + value, 0) / side.length;
-      made.textContent = figure(rms, 2);
-      made.dataset.bin = sizeBin(rms);
-      made.setAttribute("aria-label", `${opened.records[records[0]].condition || `record ${records[0] + 1}`}: ${title} ${figure(rms, 2)} sigma, bias ${figure(mean, 2)}`);
+      square.textContent = figure(rms, 2);
+      square.dataset.bin = sizeBin(rms);
+      square.setAttribute("aria-label", `${opened.records[records[0]].condition || `record ${records[0] + 1}`}: ${title} ${figure(rms, 2)} sigma, bias ${figure(mean, 2)}`);
       const other = biases.get(`${r},${c}`);
       const rounded = Math.abs(mean) < 0.05 ? "0" : figure(Math.abs(mean), 2);
       other.textContent = rounded === "0" ? "0" : (mean > 0 ? "+" : "−") + rounded;

@@ -29,8 +29,8 @@ export const percent = (share) => (share < 0.0005 ? "< 0.1 %" : `${(100 * share)
 
 // a duration in s as text
 export const duration = (seconds) => {
-  const whole = Math.round(seconds);
-  if (whole < 60) return `${whole} s`;
-  if (whole < 3600) return `${Math.floor(whole / 60)} min${whole % 60 ? ` ${whole % 60} s` : ""}`;
-  return `${Math.floor(whole / 3600)} h ${Math.round((whole % 3600) / 60)} min`;
+  const total = Math.round(seconds);
+  if (total < 60) return `${total} s`;
+  if (total < 3600) return `${Math.floor(total / 60)} min${total % 60 ? ` ${total % 60} s` : ""}`;
+  return `${Math.floor(total / 3600)} h ${Math.round((total % 3600) / 60)} min`;
 };

@@ -4,7 +4,7 @@ import { figure, plain, shown, unitText, withUnit } from "./numbers.js";
 
 const STEPS = 1000;
 
-const place = (slider, si) => {
+const position = (slider, si) => {
   const clipped = Math.min(Math.max(si, slider.low), slider.high);
   const share = slider.scale === "log" ? Math.log(clipped / slider.low) / Math.log(slider.high / slider.low) : (clipped - slider.low) / (slider.high - slider.low || 1);
   return Math.round(STEPS * share);
@@ -21,12 +21,12 @@ let count = 0;
 // One parameter. `moved(name, si)` while it is dragged, `rested()` when it is released.
 export const makeSlider = (slider, { moved, rested }) => {
   const id = `slider-${++count}`;
-  const range = h("input", { type: "range", id, min: 0, max: STEPS, step: 1, value: place(slider, slider.value) });
+  const range = h("input", { type: "range", id, min: 0, max: STEPS, step: 1, value: position(slider, slider.value) });
   const unit = unitText(slider.unit);
   const typed = h("input", { type: "text", class: "typed", inputmode: "decimal", autocomplete: "off", "aria-label": `${plain(slider.label)}, typed${unit ? `, in ${unit}` : ""}` });
   let value = slider.value;
 
-  const tell = () => {
+  const showValue = () => {
     typed.value = figure(shown(slider, value), 5);
     typed.removeAttribute("aria-invalid");
     range.setAttribute("aria-valuetext", withUnit(slider, value));
@@ -34,7 +34,7 @@ export const makeSlider = (slider, { moved, rested }) => {
   };
   range.addEventListener("input", () => {
     value = at(slider, range.valueAsNumber);
-    tell();
+    showValue();
     moved(slider.name, value);
   });
   range.addEventListener("change", () => rested());
@@ -45,22 +45,22 @@ export const makeSlider = (slider, { moved, rested }) => {
       return;
     }
     value = number * slider.factor + slider.offset;
-    range.value = place(slider, value);
-    tell();
+    range.value = position(slider, value);
+    showValue();
     moved(slider.name, value);
     rested();
   });
   const box = h("div", { class: "slider", title: slider.meaning },
     h("label", { for: id }, plain(slider.label), slider.fit ? h("span", { class: "mark", title: "A fit may change it" }, " fitted") : null),
     range, typed, h("span", { class: "unit" }, unit));
-  tell();
+  showValue();
   return {
     element: box,
     name: slider.name,
     set: (si) => {
       value = si;
-      range.value = place(slider, si);
-      tell();
+      range.value = position(slider, si);
+      showValue();
     },
   };
 };
