@@ -11,7 +11,7 @@ from __future__ import annotations
 #: raised by one when a verdict may come out differently
 METHOD_VERSION = 29
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
-FINGERPRINT = "ac0c5542e5c3"
+FINGERPRINT = "dbb2bd79b92f"
 #: raised by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 3
 #: hash of the code of this version of the search

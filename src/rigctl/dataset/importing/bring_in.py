@@ -22,7 +22,7 @@ from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.samples import Samples, take_samples
 from rigctl.dataset.importing.staging import NameTakenError, publish, staged
 from rigctl.dataset.importing.table import KEPT_FAULTS, Fault, refuse
-from rigctl.dataset.importing.times import instant
+from rigctl.dataset.importing.times import checked_zone, instant
 from rigctl.dataset.run_id import new_run_id
 from rigctl.dataset.storage.sending import upload_if_wanted
 from rigctl.dataset.writer import RunWriter
@@ -202,8 +202,9 @@ def take(
     Raises
     ------
     RigctlError
-        a file cannot be read, or a column is unknown.
+        a file cannot be read, or a column or the time zone is unknown.
     """
+    checked_zone(options.zone)
     source = open_files(paths, options)
     samples = any(options.ours(heading.name) == "time" for heading in source.headings)
     if samples and rig is None:
