@@ -93,6 +93,7 @@ def test_every_repr_is_one_line(recorded: Simulation) -> None:
     effect = rigctl.find_effect("piston_leakage", "hydraulic_cylinder")
     shown = [
         recorded,
+        recorded.result,
         recorded.run,
         model,
         procedure,
