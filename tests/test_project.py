@@ -78,3 +78,10 @@ def test_a_missing_file_is_reported_with_the_folders_searched(tmp_path: Path, pa
     assert caught.value.value == path
     assert caught.value.hint is not None
     assert str(tmp_path / "p") in caught.value.hint
+
+
+def test_a_null_character_in_a_setting_is_refused(tmp_path: Path) -> None:
+    """It was a traceback of the first command that looked at the folder."""
+    (tmp_path / "rigctl.toml").write_text('runs = "a\\u0000b"\n', encoding="utf-8")
+    with pytest.raises(RigctlError, match="runs: wrong kind of value"):
+        find_project(tmp_path)

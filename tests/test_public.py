@@ -93,6 +93,7 @@ def test_every_repr_is_one_line(recorded: Simulation) -> None:
     effect = rigctl.find_effect("piston_leakage", "hydraulic_cylinder")
     shown = [
         recorded,
+        recorded.result,
         recorded.run,
         model,
         procedure,
@@ -181,3 +182,43 @@ def test_arguments_and_defaults_shown_in_the_documentation_are_those_of_the_func
                 assert repr(known[argument].default) == default, f"{page.stem}: {name}: {argument}"
                 checked += 1
     assert checked
+
+
+def test_an_unknown_effect_to_exclude_is_refused(recorded: Simulation) -> None:
+    """A misspelt name excluded nothing, without a word."""
+    model = rigctl.load_model(ROOT / "models" / "hl32-textbook.yaml")
+    for asked in (
+        lambda names: rigctl.compare([recorded.run], [model], excluded=names),
+        lambda names: rigctl.diagnose([recorded.run], model, excluded=names),
+    ):
+        with pytest.raises(rigctl.RigctlError, match="did you mean 'piston_leakage'") as caught:
+            asked(["piston_leakge"])
+        assert caught.value.what == "unknown effect to exclude"
+
+
+def test_paths_may_be_text(recorded: Simulation, tmp_path: Path) -> None:
+    """They were for loading, and an AttributeError for writing."""
+    page, figures = tmp_path / "page.html", tmp_path / "figures"
+    assert rigctl.write_report([recorded.run], str(page), figures=str(figures)).page == page
+    assert list(figures.iterdir())
+    rigctl.export_run(recorded.run, str(tmp_path / "samples.csv"))
+    imported = rigctl.import_file(str(ROOT / "data" / "hl32-viscosity.csv"), None, str(tmp_path / "runs"))
+    assert imported.path.is_dir()
+
+
+def test_an_unknown_format_of_figures_is_refused_before_the_page(
+    recorded: Simulation, tmp_path: Path
+) -> None:
+    """It was written in any format of the plotting library, or ended in its error after the page."""
+    page = tmp_path / "page.html"
+    with pytest.raises(rigctl.RigctlError, match="unknown format of figures, got 'jpg'"):
+        rigctl.write_report([recorded.run], page, figures=tmp_path / "figures", form="jpg")
+    assert not page.exists()
+
+
+def test_unknown_tables_and_no_records_are_refused(recorded: Simulation, tmp_path: Path) -> None:
+    with pytest.raises(rigctl.RigctlError, match="unknown table, got 'sample'; did you mean 'samples'"):
+        recorded.run.table("sample")
+    with pytest.raises(rigctl.RigctlError, match="no records are chosen"):
+        rigctl.export_run(recorded.run, tmp_path / "none.csv", records=[])
+    assert list(tmp_path.iterdir()) == []

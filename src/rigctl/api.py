@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from rigctl.analysis.fitting import fit_to_data, read_runs, require_free_parameters
+from rigctl.argument_types import checks_argument_types
 from rigctl.backends.registry import backend_names
 from rigctl.dataset import Run, RunSummary, list_runs
 from rigctl.engine.one_thread import one_thread
@@ -22,6 +23,7 @@ from rigctl.runner.operator import AutomaticOperator, Operator, scripted
 from rigctl.runner.session import Observer, RunResult
 
 
+@checks_argument_types
 @one_thread()
 def fit(
     runs: Sequence[Run],
@@ -55,6 +57,7 @@ def fit(
     return fit_to_data(model, data, on_progress=on_progress)
 
 
+@checks_argument_types
 def run(
     procedure: str | Path,
     *,
@@ -132,6 +135,7 @@ def _answering(plan: Plan, backend: str, answers: Mapping[str, str] | None) -> O
     return AutomaticOperator()
 
 
+@checks_argument_types
 def find_runs(
     *,
     procedure: str | None = None,

@@ -11,7 +11,7 @@ from __future__ import annotations
 #: increased by one when a verdict may differ
 METHOD_VERSION = 29
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
-FINGERPRINT = "d87e38d39bdc"
+FINGERPRINT = "2276cd4706aa"
 #: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 4
 #: hash of the code of this version of the search

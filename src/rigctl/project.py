@@ -157,7 +157,7 @@ def _read_settings(marker: Path) -> dict[str, str]:
     for name, written in settings.items():
         if name not in _SETTINGS:
             raise unknown_name("setting", name, _SETTINGS, where=where)
-        if not isinstance(written, str) or not written:
+        if not isinstance(written, str) or not written or "\0" in written:
             kind = "a folder" if name == "runs" else "a rig file"
             raise RigctlError(f"{name}: wrong kind of value", value=str(written), expected=kind, where=where)
         found[name] = written

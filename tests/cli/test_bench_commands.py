@@ -238,6 +238,8 @@ def test_monitor_prints_text_or_one_json_object_per_sample(rigctl: Rigctl) -> No
     plain = rigctl("monitor", "--for", "1 s", "--speed", "max")
     assert len(plain.stdout.splitlines()) == 11
     assert "oil_temperature 20" in plain.stdout
+    endless = rigctl("monitor", "--count", "99999999999999999999", "--for", "1 s", "--speed", "max")
+    assert len(endless.stdout.splitlines()) == 11
 
 
 @pytest.mark.parametrize("command", [["run", "still.yaml"], ["off", "--rig", "rig.yaml"]])

@@ -136,6 +136,8 @@ def test_mistakes_on_the_command_line_are_reported(rigctl: Rigctl) -> None:
         rigctl("supply_pressure", "--points", "points.csv", "--date", "tomorrow")
     with pytest.raises(RigctlError, match="wrong dimension"):
         rigctl("supply_pressure", "--points", "points.csv", "--reference-uncertainty", "1 K")
+    with pytest.raises(RigctlError, match="--reference-uncertainty: too small"):
+        rigctl("supply_pressure", "--points", "points.csv", "--reference-uncertainty=-1 bar")
     with pytest.raises(RigctlError, match="there is no such file"):
         rigctl("supply_pressure", "--points", "nothing.csv")
 

@@ -163,6 +163,11 @@ def test_check_refuses_foreign_and_invalid_files(
     (tmp_path / "data.csv").write_text("time [s],a\n0,1\n", encoding="utf-8")
     assert call(monkeypatch, "check", str(tmp_path / "data.csv")) == 2
     assert "this is not a file of rigctl" in capsys.readouterr().err
+    (tmp_path / "list.yaml").write_text("- a\n", encoding="utf-8")
+    assert call(monkeypatch, "check", str(tmp_path / "list.yaml")) == 2
+    assert "got 'a list'" in capsys.readouterr().err  # it said 'nothing'
+    assert call(monkeypatch, "check", str(tmp_path)) == 2
+    assert "this is a folder; expected a YAML file" in capsys.readouterr().err
     (tmp_path / "rig.yaml").write_text("name: b\nchannels:\n  a: {unit: rpmm, quantity: other}\n")
     assert call(monkeypatch, "check", str(tmp_path / "rig.yaml")) == 2
     assert "rig.yaml:3:13: unit: unknown unit, got 'rpmm'; expected a unit such as" in capsys.readouterr().err

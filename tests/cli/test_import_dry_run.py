@@ -71,6 +71,9 @@ def test_a_mapping_is_saved_and_used_again() -> None:
     assert "a different file exists" in refusal(
         "import", "mon.csv", *BOARD, *columns, "--save-mapping", "lab.yaml"
     )
+    assert len(list(Path("runs").glob("2*"))) == 3  # it imported the file, and then refused
+    dry = ["import", "mon.csv", *BOARD, *columns, "--save-mapping", "lab.yaml", "--dry-run", "--json"]
+    assert call(*dry).stdout == ""  # it answered, and then refused: two documents
 
 
 @pytest.mark.parametrize(
@@ -97,6 +100,7 @@ def test_a_wrong_mapping_is_reported(text: str, said: str) -> None:
         (["--assume", "heater_2"], "--assume: not a value for a name"),
         (["--encoding", "utf8x"], "unknown encoding"),
         (["--decimal", ";"], "--decimal: no such choice"),
+        (["--zone", "Europe/Berln"], "did you mean 'Europe/Berlin'"),
     ],
 )
 def test_a_wrong_option_is_reported(arguments: list[str], said: str) -> None:

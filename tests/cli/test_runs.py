@@ -101,6 +101,12 @@ def test_an_excluded_record_can_be_included_again(project: Path) -> None:
     assert open_run(project / "runs" / FIRST).usable == (1, 2)
 
 
+@pytest.mark.parametrize("arguments", [["annotate", "latest", " "], ["exclude", FIRST, "0", "--reason", ""]])
+def test_an_empty_note_or_reason_is_refused(project: Path, arguments: list[str]) -> None:
+    with pytest.raises(RigctlError, match="is empty; expected some words"):
+        text(*arguments)
+
+
 def test_annotate_adds_notes_to_runs_and_records(project: Path) -> None:
     text("annotate", "latest", "new seals [bold]", "--record", "1")
     assert "(record 1): new seals [bold]" in text("show")

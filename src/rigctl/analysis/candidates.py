@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rigctl.effects.declaration import Effect, EffectParameter, qualified
 from rigctl.effects.registry import library
-from rigctl.errors import RigctlError
+from rigctl.errors import RigctlError, unknown_name
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.model import Model
 from rigctl.physics.derived_slots import rates_in_symbols
@@ -125,6 +125,21 @@ def candidates(
         if effect.terms and effect.name not in impossible and not says_the_same:
             tried += at_each_shape(effect, ranges or {})
     return tuple(tried)
+
+
+def require_known(excluded: Collection[str], models: Sequence[Model]) -> None:
+    """Refuse the name of an effect to exclude that none of the models may have: it would exclude nothing.
+
+    Raises
+    ------
+    RigctlError
+        there is no such effect; names the nearest.
+    """
+    own = {effect.name for model in models for effect in model.own_effects}
+    known = own.union(*(library(model.family) for model in models))
+    for name in excluded:
+        if name not in known:
+            raise unknown_name("effect to exclude", name, known)
 
 
 def by_effect(tried: Sequence[Candidate]) -> dict[str, tuple[int, ...]]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from rigctl.analysis.adequacy import adequacy
-from rigctl.analysis.candidates import candidates, data_ranges
+from rigctl.analysis.candidates import candidates, data_ranges, require_known
 from rigctl.analysis.comparison_result import Choice, Comparison, ModelComparison
 from rigctl.analysis.fitting import Data, OnProgress, fit_to_data, no_progress, read_runs
 from rigctl.analysis.linearisation import KnownSlopes, linearise
 from rigctl.analysis.located_error import LocatedError
 from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.score_test import screen
+from rigctl.argument_types import checks_argument_types
 from rigctl.dataset.run import Run
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import RigctlError
@@ -24,6 +25,7 @@ from rigctl.units import show
 _COARSE = 2.0
 
 
+@checks_argument_types
 @one_thread()
 def compare(
     runs: Sequence[Run],
@@ -48,11 +50,12 @@ def compare(
     Raises
     ------
     RigctlError
-        the runs do not belong to the models' bench, there are fewer values than parameters, or a model cannot
-        be simulated.
+        the runs do not belong to the models' bench, there are fewer values than parameters, a model cannot
+        be simulated, or there is no such effect to exclude.
     """
     if not runs or not models:
         raise RigctlError("a comparison needs a run and a model")
+    require_known(excluded, models)
     report = on_progress or no_progress
     compared: list[ModelComparison] = []
     notes: list[str] = []

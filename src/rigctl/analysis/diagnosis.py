@@ -38,6 +38,7 @@ from rigctl.analysis.text import (
     verdict_text,
     whether_at_all,
 )
+from rigctl.argument_types import checks_argument_types
 from rigctl.dataset.run import Run
 from rigctl.effects.declaration import qualified
 from rigctl.effects.record_level import RECORD
@@ -51,6 +52,7 @@ _SHOWN = 12
 _MOSTLY = 0.5
 
 
+@checks_argument_types
 def diagnose(
     runs: Sequence[Run],
     model: Model,

@@ -8,7 +8,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.candidates import Candidate, require_known
 from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import Choice, Comparison, ModelComparison
 from rigctl.analysis.diagnosis import diagnose_comparison, found_parameters
@@ -18,6 +18,7 @@ from rigctl.analysis.held_out import HeldOutGroup, unseen
 from rigctl.analysis.refit import RefittedSet, refit
 from rigctl.analysis.refitted_sets import RefittedSets
 from rigctl.analysis.text import effect_text
+from rigctl.argument_types import checks_argument_types
 from rigctl.model.fit.model_error import model_error
 from rigctl.model.history.change import Change, ModelError
 from rigctl.model.history.save import save_version
@@ -167,9 +168,10 @@ class Improvement:
         return "\n".join([*lines, self.statement, *(one.statement for one in self.unseen)])
 
 
+@checks_argument_types
 def improve(
     compared: Comparison,
-    path: Path,
+    path: str | Path,
     *,
     most: int = 4,
     sure: bool = False,
@@ -196,8 +198,9 @@ def improve(
     RigctlError
         a version cannot be saved, or as `rigctl.analysis.comparison.judge`.
     """
+    require_known(excluded, [compared.models[0].fit.model])
     report = on_progress or no_progress
-    current, steps, source = compared.models[0], list[Step](), path
+    current, steps, source = compared.models[0], list[Step](), Path(path)
     while True:
         room = most - sum(len(step.effects) for step in steps)
         this = _Round(not steps, room, sure, unless)
@@ -214,7 +217,7 @@ def improve(
         if not this.plan:
             elsewhere = unseen(compared, current, on_progress=on_progress)
             ended = ImprovementEnd.NOT_SURE if this.unsure and not diagnosis.doubt else _why(diagnosis, room)
-            return Improvement(path, tuple(steps), diagnosis, ended, elsewhere)
+            return Improvement(Path(path), tuple(steps), diagnosis, ended, elsewhere)
         for chosen in this.plan:
             report(f"Adding {' and '.join(chosen.effects)}")
             after = _compared(current, chosen.trial, excluded, report)

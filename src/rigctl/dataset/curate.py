@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Final
 
 from rigctl.dataset import journal
 from rigctl.dataset.annotations import Annotation, append_annotations, say
@@ -12,6 +13,9 @@ from rigctl.dataset.history import read_history
 from rigctl.dataset.run_json import RUNNING, read_info
 from rigctl.dataset.writer_lock import PATIENCE, wait_for_lock
 from rigctl.errors import RigctlError
+
+#: the text of an annotation that may not be empty
+_SAID_WITH: Final = {"note": "the note", "exclude": "the reason"}
 
 
 def annotate(folder: Path, text: str, *, record: int | None = None) -> None:
@@ -45,6 +49,8 @@ def _state(folder: Path, annotations: Sequence[Annotation]) -> None:
     """Append annotations and rebuild the tables; a run in progress makes them when it ends."""
     count = len(read_history(folder).records)
     for statement in annotations:
+        if statement.kind in _SAID_WITH and not statement.text.strip():
+            raise RigctlError(f"{_SAID_WITH[statement.kind]} is empty", expected="some words")
         if statement.record is not None and not 0 <= statement.record < count:
             raise RigctlError(
                 "there is no such record in the run",

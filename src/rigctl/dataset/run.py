@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
+from rigctl.argument_types import checks_argument_types
 from rigctl.dataset import journal, run_json, samples_file
 from rigctl.dataset.catalogue import locate_run
 from rigctl.dataset.header import RunHeader
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
 
     from rigctl.dataset.storage.store import StoredFolder
     from rigctl.rig import Layout
+
+#: the stored tables of a run
+_TABLES: Final = ("samples", "records", "events")
 
 
 @dataclass(frozen=True)
@@ -134,6 +138,7 @@ class Run:
         table = shown.to_html(index=False, escape=True, na_rep="", float_format=lambda value: f"{value:.4g}")
         return f"<p>{escape(self.summary())}</p>{table}"
 
+    @checks_argument_types
     def samples(self, columns: Sequence[str] | None = None, record: int | None = None) -> pd.DataFrame:
         """Return the samples in display units; ``attrs["units"]`` has the unit of each column.
 
@@ -149,6 +154,7 @@ class Run:
         """
         return _frame(self._read(tuple(columns) if columns is not None else self.layout.columns, record))
 
+    @checks_argument_types
     def table(self, name: str, record: int | None = None) -> pa.Table:
         """Return a stored table: ``samples`` (of one record, if given), ``records`` or ``events``.
 
@@ -156,6 +162,8 @@ class Run:
         """
         if name == "samples":
             return self._read(self.layout.columns, record)
+        if name not in _TABLES:
+            raise unknown_name("table", name, _TABLES)
         with open_parquet(self.folder / f"{name}.parquet") as file:
             return file.read()
 
@@ -204,6 +212,7 @@ class Run:
             if outcome == COMPLETE and excluded is None
         )
 
+    @checks_argument_types
     def signals(self, name: str, record: int | None = None) -> NDArray[np.float64]:
         """Return the values of one column in SI, shape (n,); of one record, or of the whole run.
 
@@ -214,6 +223,7 @@ class Run:
         """
         return self._si(self._read((name,), record), name)
 
+    @checks_argument_types
     def record(self, index: int) -> Record:
         """Return one record with its samples.
 
@@ -224,6 +234,7 @@ class Run:
         """
         return self._record(index, self._read(self.layout.columns, index))
 
+    @checks_argument_types
     def each(self, indices: Iterable[int]) -> Iterator[Record]:
         """Yield these records; in ascending order the file is read once.
 
@@ -295,6 +306,7 @@ class Run:
         return np.asarray(values * unit.factor + offset, dtype=np.float64)
 
 
+@checks_argument_types
 def open_run(ref: str | Path, runs: str | Path | None = None) -> Run:
     """Open a closed run; a run in storage is read there, without a copy.
 

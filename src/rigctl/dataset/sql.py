@@ -9,6 +9,7 @@ from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
+from rigctl.argument_types import checks_argument_types
 from rigctl.dataset import journal, records_file, samples_file
 from rigctl.dataset.catalogue import list_runs
 from rigctl.dataset.index.rows import DAMAGED
@@ -80,6 +81,7 @@ class QueryResult:
         return pd.DataFrame(list(self.rows), columns=list(self.columns))
 
 
+@checks_argument_types
 def query(sql: str, runs: str | Path | None = None, *, where: str | None = None) -> QueryResult:
     """Run one SELECT over all closed runs, or over those that meet a condition.
 

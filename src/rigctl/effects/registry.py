@@ -12,6 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 
+from rigctl.argument_types import checks_argument_types
 from rigctl.effects.declaration import Effect, problems
 from rigctl.effects.examine import examine
 from rigctl.effects.generic import generic_effects
@@ -78,6 +79,7 @@ def library(family: str | ModelFamily) -> Mapping[str, Effect]:
     return MappingProxyType(effects)
 
 
+@checks_argument_types
 def find_effect(name: str, family: str | ModelFamily) -> Effect:
     """The effect called `name`.
 

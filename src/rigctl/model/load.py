@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from rigctl.argument_types import checks_argument_types
 from rigctl.effects.contradiction import refuse_contradictions
 from rigctl.effects.declaration import Effect
 from rigctl.effects.option import read_parameter
@@ -31,6 +32,7 @@ from rigctl.rig.rig import Rig
 from rigctl.units import Quantity, onto_bound, read_si, show
 
 
+@checks_argument_types
 def load_model(path: str | Path) -> Model:
     """The model described by a file; its rig file is searched beside it, then in the project.
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from rigctl.argument_types import checks_argument_types
 from rigctl.effects.contradiction import refuse_contradictions
 from rigctl.effects.declaration import Effect, qualified
 from rigctl.effects.registry import find_effect, library
@@ -90,6 +91,7 @@ class Model:
             values |= {qualified(effect, name): value.si for name, value in parameters.items()}
         return MappingProxyType(values)
 
+    @checks_argument_types
     def effect(self, name: str) -> Effect:
         """The effect called `name`: the user's own, or the library's.
 
@@ -179,6 +181,7 @@ class Model:
             own_effects=self.own_effects,
         )
 
+    @checks_argument_types
     def with_effect(
         self, name: str | Effect, values: Mapping[str, float], *, fit: bool = True, shapes: bool = False
     ) -> Model:
@@ -210,6 +213,7 @@ class Model:
         }
         return replace(self, effects=MappingProxyType({**self.effects, name: settings}))
 
+    @checks_argument_types
     def without_effect(self, name: str) -> Model:
         """The model without an effect; base physics is removed by its null value.
 
@@ -226,6 +230,7 @@ class Model:
             raise unknown_name("effect of this model", name, [*self.effects, *base])
         return self._with_base(base[name], present=False)
 
+    @checks_argument_types
     def with_values(
         self, values: Mapping[str, float], *, std: Mapping[str, float] | None = None, source: str = ""
     ) -> Model:

@@ -10,6 +10,7 @@ import numpy as np
 
 from rigctl.analysis.candidates import Candidate, by_effect, candidates, data_ranges
 from rigctl.analysis.fitting import fit_problem, no_progress
+from rigctl.argument_types import checks_argument_types
 from rigctl.dataset import Run
 from rigctl.dataset.copies import without_copies
 from rigctl.engine.one_thread import one_thread
@@ -29,6 +30,7 @@ _TRIED: Final = 5
 _OFTEN: Final = 50
 
 
+@checks_argument_types
 @one_thread()
 def survey(
     runs: Sequence[Run],

@@ -19,6 +19,7 @@ from pkgutil import iter_modules
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from rigctl.argument_types import checks_argument_types
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.physics.derived_slots import with_derived_slots
 from rigctl.physics.family import ModelFamily
@@ -92,7 +93,8 @@ def using_families(*families: ModelFamily, path: Path | None = None) -> Iterator
         _given.reset(token)
 
 
-def find_family(written: str, beside: Path | None = None) -> ModelFamily:
+@checks_argument_types
+def find_family(written: str | Path, beside: str | Path | None = None) -> ModelFamily:
     """The family with the given name, or the one described by the file at the given path.
 
     A path is resolved relative to the folder of the file `beside` that names it (without one, to the current
@@ -104,8 +106,9 @@ def find_family(written: str, beside: Path | None = None) -> ModelFamily:
         there is no such family (the message gives the nearest name) or file, the file is invalid, or it is a
         Python file that was not given explicitly.
     """
+    written = str(written)
     if is_family_file(written):
-        return _of_file(written, beside)
+        return _of_file(written, Path(beside) if beside is not None else None)
     known = {**FAMILIES, **{given.family.name: given.family for given in _given.get()}}
     return known[written] if written in known else _installed_family(written)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from rigctl.argument_types import checks_argument_types
 from rigctl.errors import Location
 from rigctl.notebook import one_line
 from rigctl.plan import Branch, Group, GroupKind, Leaf, Loop, Node, Plan, RecordNode, Visitor
@@ -136,6 +137,7 @@ def _sweep_size(node: PreviewNode) -> SweepSize:
     return SweepSize(node.path, tuple(points[0].bindings) if points else (), len(points))
 
 
+@checks_argument_types
 def preview(plan: Plan) -> Preview:
     """Forecast a plan step by step, from the initial state in the rig file.
 

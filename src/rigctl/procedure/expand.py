@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 
+from rigctl.argument_types import checks_argument_types
 from rigctl.plan import GroupKind, Plan
 from rigctl.plan.arguments import bind, read_arguments
 from rigctl.plan.context import Context
@@ -15,6 +16,7 @@ from rigctl.procedure.load import Procedure, load_procedure
 from rigctl.rig import Rig
 
 
+@checks_argument_types
 def expand(procedure: Procedure, rig: Rig, arguments: Mapping[str, str | float] | None = None) -> Plan:
     """Everything that running the procedure on this rig would do.
 

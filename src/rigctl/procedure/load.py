@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pydantic import Field
 
+from rigctl.argument_types import checks_argument_types
 from rigctl.errors import RigctlError
 from rigctl.files.validate import validate
 from rigctl.files.yaml import Document, parse_document, read_document
@@ -128,6 +129,7 @@ class Procedure:
             raise error.at(where) from None
 
 
+@checks_argument_types
 def load_procedure(path: str | Path) -> Procedure:
     """The procedure that a file describes.
 

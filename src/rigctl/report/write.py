@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from rigctl.argument_types import checks_argument_types
+from rigctl.dataset import Run
 from rigctl.dataset.outputs import is_figure, is_page, require_output, require_outputs
-from rigctl.errors import RigctlError
+from rigctl.errors import RigctlError, unknown_name
 from rigctl.files.write import write_text
 from rigctl.report.heat_map import HeatMap, write_heat_map
 from rigctl.report.page import page
@@ -17,9 +18,6 @@ from rigctl.report.run_data import RunData, read_run
 from rigctl.report.section import Section
 from rigctl.report.sections import SECTIONS
 from rigctl.report.sections.outcome import ended_well
-
-if TYPE_CHECKING:
-    from rigctl.dataset import Run
 
 
 @dataclass(frozen=True)
@@ -37,11 +35,12 @@ class Report:
         return f"{self.page} ({self.size / 1e6:.1f} MB){figures}"
 
 
+@checks_argument_types
 def write_report(
     runs: Sequence[Run],
-    output: Path,
+    output: str | Path,
     *,
-    figures: Path | None = None,
+    figures: str | Path | None = None,
     form: str = "png",
     sections: Sequence[Section] = (),
     force: bool = False,
@@ -61,6 +60,11 @@ def write_report(
     RigctlError
         no run was given, a run's file is damaged, another file is in the way, or a file cannot be written.
     """
+    from rigctl.report.figure_files import FORMATS
+
+    if form not in FORMATS:
+        raise unknown_name("format of figures", form, FORMATS)
+    output = Path(output)
     require_output(output, replaces=is_page, force=force)
     if not runs:
         raise RigctlError("a report needs at least one run")
@@ -69,6 +73,7 @@ def write_report(
     html = page(data, parts)
     drawn: tuple[Path, ...] = ()
     if figures is not None:
+        figures = Path(figures)
         files = [figures / f"{plot.id}.{form}" for part in parts for plot in part.plots]
         require_outputs(files, replaces=is_figure, force=force)
     write_text(output, html)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from rigctl.argument_types import checks_argument_types
 from rigctl.errors import RigctlError, SeveralErrors
 from rigctl.files.validate import validate
 from rigctl.files.yaml import Document, parse_document, read_document
@@ -11,6 +12,7 @@ from rigctl.rig.checks import problems
 from rigctl.rig.rig import Rig
 
 
+@checks_argument_types
 def load_rig(path: str | Path) -> Rig:
     """The rig that a file describes, checked as far as a file can be.
 

@@ -13,6 +13,7 @@ from rigctl.dataset.history import read_history
 from rigctl.dataset.pass_fail import Judgement, judge
 from rigctl.dataset.run_json import read_info
 from rigctl.errors import ExitCode, RigctlError
+from rigctl.notebook import one_line
 from rigctl.plan import Leaf, Plan, all_nodes
 from rigctl.plan.outcomes import Aborted, Ending, SamplesLost, Tripped
 from rigctl.runner.bench import Bench
@@ -71,6 +72,9 @@ class RunResult:
     by_hand: str | None = None
     warnings: tuple[RunWarning, ...] = ()
     test: Judgement | None = None
+
+    def __repr__(self) -> str:
+        return one_line(self, self.summary())
 
     def summary(self) -> str:
         """One line for the terminal."""

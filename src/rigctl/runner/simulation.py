@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from rigctl.argument_types import checks_argument_types
 from rigctl.dataset import Run, open_run
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.version_suffix import path_exists
@@ -39,6 +40,7 @@ class Simulation:
         return self.run._repr_html_()
 
 
+@checks_argument_types
 def simulate(
     procedure: str | Path,
     *,

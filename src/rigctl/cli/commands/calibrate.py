@@ -95,7 +95,9 @@ def calibrate(
         read_option("--valid-for", valid_for, "s", above_zero=True)
     of_reference = 0.0
     if reference_uncertainty:
-        given = read_option("--reference-uncertainty", reference_uncertainty, part.unit, difference=True)
+        given = read_option(
+            "--reference-uncertainty", reference_uncertainty, part.unit, difference=True, above_zero=True
+        )
         of_reference = part.display.from_si(read_si(given, part.unit, difference=True), difference=True)
     taken: Sequence[Point]
     if points is not None:

@@ -23,6 +23,8 @@ def kind_of(path: Path) -> str:
     from rigctl.files.kinds import kind_of_keys
     from rigctl.files.yaml import read_document
 
+    if path.is_dir():
+        raise RigctlError("this is a folder", expected="a YAML file", where=Location(path))
     if path.suffix.casefold() not in (".yaml", ".yml") and "@" not in path.name:
         raise _none_of_ours(path, path.suffix or path.name)
     content = read_document(path.with_name(path.name.partition("@")[0])).data
@@ -30,7 +32,8 @@ def kind_of(path: Path) -> str:
     kind = kind_of_keys(keys)
     if kind is not None:
         return kind
-    raise _none_of_ours(path, ", ".join(map(str, keys[:5])) or "nothing")
+    other = "a list" if isinstance(content, list) else str(content or "nothing")
+    raise _none_of_ours(path, ", ".join(map(str, keys[:5])) or other)
 
 
 def _none_of_ours(path: Path, content: str) -> RigctlError:

@@ -150,7 +150,7 @@ def monitor(
     readings = watch(bench, access_of(bench, backend, port, speed), rate or bench.monitor_rate)
     first: float | None = None
     with _shown(bench, as_json=as_json) as show:
-        for reading in islice(readings, count):
+        for reading in islice(readings, count and min(count, sys.maxsize)):
             first = reading.sample.time if first is None else first
             if end is not None and reading.sample.time - first > end:
                 break

@@ -7,16 +7,17 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol, cast
 
+from rigctl.argument_types import checks_argument_types
 from rigctl.dataset.exporting.tables import disarmed_texts, observations
 from rigctl.dataset.outputs import require_output
 from rigctl.dataset.parquet import replace_with
+from rigctl.dataset.run import Run
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.files.write import write_error
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from rigctl.dataset.run import Run
 
 #: writer modules by file extension
 FORMATS: Final[Mapping[str, str]] = {
@@ -45,9 +46,10 @@ class Writer(Protocol):
         """Write it."""
 
 
+@checks_argument_types
 def export_run(
     run: Run,
-    path: Path,
+    path: str | Path,
     *,
     table: str | None = None,
     records: Sequence[int] | None = None,
@@ -73,6 +75,7 @@ def export_run(
         the file exists or cannot be written, there is no such table, format or record, or the package for the
         format is not installed.
     """
+    path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
         endings = ", ".join(FORMATS)
@@ -119,4 +122,6 @@ def _table(run: Run, table: str, records: Sequence[int] | None) -> pa.Table:
         return observations(run)
     if table != "samples" or records is None:
         return run.table(table)
+    if not records:
+        raise RigctlError("no records are chosen", expected="their numbers, or none given for all of them")
     return pa.concat_tables([run.table("samples", record=record) for record in records])

@@ -7,8 +7,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from rigctl.argument_types import checks_argument_types
 from rigctl.dataset.header import RunHeader, Source, calibrations_of, current_versions, source_of_rig
 from rigctl.dataset.importing.assume import assumed_values
 from rigctl.dataset.importing.campaign import Campaign, open_files
@@ -21,15 +22,12 @@ from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.samples import Samples, take_samples
 from rigctl.dataset.importing.staging import NameTakenError, publish, staged
 from rigctl.dataset.importing.table import KEPT_FAULTS, Fault, refuse
-from rigctl.dataset.importing.times import instant
+from rigctl.dataset.importing.times import checked_zone, instant
 from rigctl.dataset.run_id import new_run_id
 from rigctl.dataset.storage.sending import upload_if_wanted
 from rigctl.dataset.writer import RunWriter
 from rigctl.errors import Location, RigctlError
-
-if TYPE_CHECKING:
-    from rigctl.rig import Rig
-
+from rigctl.rig import Rig
 
 #: attempts at a name that other imports of the same file take at the same time
 _TRIES: Final = 20
@@ -54,10 +52,11 @@ class Imported:
     notes: tuple[str, ...]
 
 
+@checks_argument_types
 def import_file(
-    path: Path,
+    path: str | Path,
     rig: Rig | None,
-    runs: Path,
+    runs: str | Path,
     *,
     columns: Iterable[str] = (),
     options: Options | None = None,
@@ -84,7 +83,9 @@ def import_file(
     """
     merged = options or Options()
     merged = replace(merged, columns={**merged.columns, **read_mapping(columns)})
-    return import_files([path], rig, runs, merged, keep_good=keep_good, name=name, operator=operator)
+    return import_files(
+        [Path(path)], rig, Path(runs), merged, keep_good=keep_good, name=name, operator=operator
+    )
 
 
 def import_files(
@@ -201,8 +202,9 @@ def take(
     Raises
     ------
     RigctlError
-        a file cannot be read, or a column is unknown.
+        a file cannot be read, or a column or the time zone is unknown.
     """
+    checked_zone(options.zone)
     source = open_files(paths, options)
     samples = any(options.ours(heading.name) == "time" for heading in source.headings)
     if samples and rig is None:

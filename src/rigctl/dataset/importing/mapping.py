@@ -85,6 +85,28 @@ def load_mapping(path: Path) -> Options:
         raise problem.at(document.locate()) from None
 
 
+def require_same_mapping(path: Path, options: Options) -> None:
+    """Refuse a file that exists with another content than `save_mapping` would write.
+
+    Raises
+    ------
+    RigctlError
+        a different file exists.
+    """
+    if not path.exists():
+        return
+    try:
+        same = _entries(load_mapping(path)) == _entries(options)
+    except RigctlError:
+        same = False
+    if not same:
+        raise RigctlError(
+            "a different file exists already",
+            where=Location(path),
+            hint="Name another one, or delete it first",
+        )
+
+
 def save_mapping(path: Path, options: Options) -> None:
     """Write a mapping for `load_mapping`; an existing file must have the same content.
 
@@ -95,18 +117,9 @@ def save_mapping(path: Path, options: Options) -> None:
     """
     from rigctl.files.write import write_text
 
+    require_same_mapping(path, options)
     if path.exists():
-        try:
-            same = _entries(load_mapping(path)) == _entries(options)
-        except RigctlError:
-            same = False
-        if same:
-            return
-        raise RigctlError(
-            "a different file exists already",
-            where=Location(path),
-            hint="Name another one, or delete it first",
-        )
+        return
     lines = ["# how files of one logger are read: rigctl import FILE --mapping " + path.name]
     for name, value in _entries(options).items():
         if isinstance(value, Mapping):
