@@ -235,6 +235,18 @@ def test_the_remainder_is_reported_and_decides_above_three_percent(size: float, 
     assert ("The nearest in the library" in found.statement) is (verdict is Verdict.OUTSIDE_LIBRARY)
 
 
+def test_two_effects_that_leave_something_are_named_without_certainty() -> None:
+    """The remainder of 15 sigmas is 1 % of the misfit, which a single effect may leave."""
+    design = made_design(PLAIN, np.eye(6))
+    diagnosis = diagnosed(design, {"alpha": 100.0, "beta": 90.0}, strange(design, 15.0))
+    assert diagnosis.remainder is not None
+    assert diagnosis.remainder.share < 0.02
+    assert diagnosis.verdict is Verdict.AMBIGUOUS
+    assert diagnosis.classes == (("alpha",), ("beta",))
+    assert not any(one.place_sure or one.driver_sure or one.law_sure for one in diagnosis.levels)
+    assert "of the misfit is left" in diagnosis.statement
+
+
 def test_an_effect_absorbed_by_fitted_parameters_is_untestable() -> None:
     design = made_design([*PLAIN[:2], made_effect("gamma", needs="another load")], np.eye(3))
     hidden = {**design.columns, "gamma.size": 2.0 * design.columns["gain"] - design.columns["slope"]}

@@ -111,7 +111,9 @@ def test_a_failed_check_is_reported_instead_of_an_empty_remainder() -> None:
     said = statement(Verdict.OUTSIDE_LIBRARY, 0.004, ["valve_leakage"])
     assert "but valve_leakage does not predict data that it was not fitted to: " in said
     assert "% of the misfit is left" not in said
-    assert "with it 40 % of the misfit is left" in statement(Verdict.OUTSIDE_LIBRARY, 0.4, ["valve_leakage"])
+    assert "with them 40 % of the misfit is left" in statement(
+        Verdict.OUTSIDE_LIBRARY, 0.4, ["valve_leakage"]
+    )
 
 
 def test_the_shape_of_a_small_effect_cannot_account_for_a_remainder() -> None:
@@ -125,8 +127,18 @@ def test_the_shape_of_a_small_effect_cannot_account_for_a_remainder() -> None:
     assert not against_identity(best, {}, left, 300.0**2)
     assert not against_identity(best, {}, replace(left, size=4.0), 30.0**2)
     assert not against_identity(best, {}, None, 30.0**2)
-    pair: Any = SimpleNamespace(candidates=[leak, leak], unusual={}, undetermined=())
-    assert not against_identity(pair, {}, left, 30.0**2)
+
+
+def test_several_effects_that_leave_something_may_imitate_another() -> None:
+    known = library(find_family("hydraulic_cylinder"))
+    chosen = [SimpleNamespace(effect=known[name]) for name in ("valve_leakage", "viscous_friction")]
+    pair: Any = SimpleNamespace(candidates=chosen, unusual={}, undetermined=())
+    left = Remainder(0.004, 30.0, 0.001, "", "", "", "0.4 % is left")
+    (reason,) = against_identity(pair, {}, left, 500.0**2)
+    assert reason.startswith("together they leave 30 sigma that no other shape of their laws explains")
+    (reason,) = against_identity(pair, {}, replace(left, slot="pump_flow"), 500.0**2)
+    assert reason == "what they leave points to a term at pump_flow, where none of them acts"
+    assert not against_identity(pair, {}, None, 500.0**2)
 
 
 def test_a_detected_effect_without_mbic_gain_is_called_too_weak() -> None:

@@ -6,9 +6,8 @@ through an orifice.
 
 What is missing need not be in the library, so the remainder counts too: a law that leaves anything is not the
 right law; a constant that leaves anything may not be one; a term that the data require to be constant does
-not depend on the variables of its effect; several effects that leave something at a slot where none of them
-acts, or that are all constants, may only resemble what is missing; and the law of an effect that needs an
-unusual size may be another.
+not depend on the variables of its effect; several effects that leave something may together only resemble
+what is missing; and the law of an effect that needs an unusual size may be another.
 """
 
 from __future__ import annotations

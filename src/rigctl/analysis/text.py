@@ -86,7 +86,8 @@ def verdict_text(
         close = _each_once([rival for rival in rivals if not rival.separable])
         text = _ambiguous_text(described, close, against)
         return text if remaining is None else f"{text}. That is not all: {remaining.statement}"
-    return _outside_text(described, remaining, checks, visible, doubt, allowed)
+    several = len(chosen) > 1
+    return _outside_text(described, remaining, checks, visible, doubt, allowed, several=several)
 
 
 def _each_once(rivals: Sequence[Rival]) -> list[Rival]:
@@ -121,6 +122,8 @@ def _outside_text(
     visible: Ranked | None,
     doubt: str,
     allowed: float,
+    *,
+    several: bool,
 ) -> str:
     """The nearest set, and why it is not named; `described` is "" if no set improves mBIC."""
     opening = "Something is missing"
@@ -129,10 +132,17 @@ def _outside_text(
             f"A test rejects the model, but {doubt}: these data cannot tell whether something is missing"
         )
     if described and remaining is not None and (remaining.share > allowed or not _failed_text(checks)):
+        share = share_text(remaining.share)
+        if several:
+            return (
+                f"{opening}. The nearest in the library are these, but with them {share} of the misfit is "
+                "left: their laws may have other shapes, something else may be missing as well, or they only "
+                f"resemble what is missing: {described}"
+            )
         return (
-            f"{opening}. The nearest in the library is this, but with it "
-            f"{share_text(remaining.share)} of the misfit is left: its law may have another shape, something "
-            f"else may be missing as well, or it only resembles what is missing: {described}"
+            f"{opening}. The nearest in the library is this, but with it {share} of the misfit is left: its "
+            "law may have another shape, something else may be missing as well, or it only resembles what is "
+            f"missing: {described}"
         )
     if described:
         return (
@@ -173,9 +183,9 @@ def against_identity(
     """Why the best set may not be what is missing, apart from its rivals; empty without such evidence.
 
     Reasons are: a parameter outside its usual range; an undetermined size; a failed cross-validation; noise
-    that differs from what the tests assume; a remainder of several effects at a slot where none of them acts,
-    or of several without explanatory variables; a remainder of a single effect that is too small for another
-    shape of its law to be visible.
+    that differs from what the tests assume; a remainder of several effects, which together may imitate one
+    that is not in the library; a remainder of a single effect that is too small for another shape of its law
+    to be visible.
 
     Parameters
     ----------
@@ -194,13 +204,8 @@ def against_identity(
             "the error with it is below the noise and yet a test rejects: the noise of these readings "
             "differs from the noise assumed"
         )
-    if remaining is not None and wanted_elsewhere([one.effect for one in best.candidates], remaining.slot):
-        reasons.append(f"what they leave points to a term at {remaining.slot}, where none of them acts")
-    if remaining is not None and only_constants([one.effect for one in best.candidates]):
-        reasons.append(
-            "none of them depends on anything, and yet they leave something: together they may imitate a "
-            "term that varies"
-        )
+    if remaining is not None and len(best.candidates) > 1:
+        reasons.append(_leaves_something([one.effect for one in best.candidates], remaining))
     shape = SHAPE_TOLERANCE * math.sqrt(max(explained, 0.0))
     if remaining is not None and len(best.candidates) == 1 and shape < SEEN_IN_LIBRARY < remaining.size:
         reasons.append(
@@ -208,6 +213,21 @@ def against_identity(
             "be seen"
         )
     return reasons
+
+
+def _leaves_something(effects: Sequence[Effect], remaining: Remainder) -> str:
+    """Why several effects that leave something may not be what is missing."""
+    if wanted_elsewhere(effects, remaining.slot):
+        return f"what they leave points to a term at {remaining.slot}, where none of them acts"
+    if only_constants(effects):
+        return (
+            "none of them depends on anything, and yet they leave something: together they may imitate a "
+            "term that varies"
+        )
+    return (
+        f"together they leave {remaining.size:.0f} sigma that no other shape of their laws explains, and may "
+        "imitate an effect that is not in the library"
+    )
 
 
 def failed_checks(checks: Mapping[str, CrossValidation | None]) -> tuple[str, ...]:

@@ -199,7 +199,9 @@ def _lead_on(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOpti
     from rigctl.discovery.gate import gate_of
 
     again = analysis("diagnose", runs, model, choice)
-    if _law_first(diagnosis, runs, model, choice, again):
+    # two effects that may only imitate what is missing: the law of either is of no use
+    imitating = len(diagnosis.effects) > 1 and gate_of(diagnosis).open
+    if not imitating and _law_first(diagnosis, runs, model, choice, again):
         return
     if diagnosis.next_steps and diagnosis.verdict is not Verdict.MISSING_EFFECT:
         command = page_of("diagnose", runs, model, choice)
