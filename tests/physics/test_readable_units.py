@@ -16,6 +16,7 @@ from rigctl.units import Dimension, parse_unit
         ("V/A", "ohm"),
         ("N*m/(rad/s)", "J*s"),
         ("kg/s", "kg/s"),
+        ("kg/s^2", "N/m"),
         ("W/K", "W/K"),
         ("J/K", "J/K"),
         ("A/V", "1/ohm"),

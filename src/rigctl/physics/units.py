@@ -8,6 +8,8 @@ from rigctl.units import Dimension, is_speed_of_rotation, parse_unit
 
 #: derived units preferred to products of base units
 _NAMED = ("Pa", "N", "W", "J", "V")
+#: a quotient with a name of its own in mechanics, stiffness, although Pa*m has as few factors
+_USUAL = ("N/m",)
 #: further derived units, used if they make the unit shorter
 _ELECTRICAL = ("ohm", "H", "F", "C")
 #: additional cost of a factor in the denominator when forms of a unit are compared
@@ -32,10 +34,10 @@ def si_unit(unit: str) -> str:
 def si_unit_of(dimension: Dimension) -> str:
     """The SI unit of a dimension in the fewest factors: ``ohm``, ``N*s/m``, ``W/K`` rather than base units.
 
-    It contains at most one named derived unit, in the numerator or the denominator, beside powers of the base
+    Otherwise it contains at most one named derived unit, in the numerator or the denominator, beside powers of the base
     units, and only if the number of different units does not increase: m^4/s^2 is not J*m^2/kg.
     """
-    for name in _NAMED:
+    for name in (*_NAMED, *_USUAL):
         if parse_unit(name).dimension == dimension:
             return name
     unit, fewest = _quotient(dimension), _reading(dimension)
