@@ -290,6 +290,23 @@ def test_columns_with_reserved_names_are_renamed_and_mapped(empty: Path) -> None
     follow(done["next"][:1])
 
 
+def test_an_input_that_no_equation_of_the_template_contains_is_kept_for_effects(empty: Path) -> None:
+    """A stirrer of a heated tank: with it missing from the family, no effect could depend on it."""
+    times = np.arange(0.0, 600.0, 10.0)
+    rng = np.random.default_rng(2)
+    water = 20.0 + 0.02 * times + rng.normal(0.0, 0.02, times.size)
+    rows = [
+        f"{t:g},{100 * (t > 50):g},{300 + 300 * (t > 300):g},{w:.3f}"
+        for t, w in zip(times, water, strict=True)
+    ]
+    head = "time [s],heater [W],stirrer [rpm],water [degC]"
+    (empty / "log.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    told("family", "new", "jar", "--csv", "log.csv", "--template", "heater", "--no-fit")
+    checked = told("check", "families/jar.yaml")
+    assert "stirrer [rad/s]" in checked
+    assert "in no equation yet" in (empty / "families" / "jar.yaml").read_text(encoding="utf-8")
+
+
 def test_drafted_values_are_estimated_from_separate_records(empty: Path) -> None:
     def row(r: int, k: int) -> str:
         y = 20.0 + 5.0 * (r + 1) * (1.0 - np.exp(-max(0, k - 5) / 8.0))

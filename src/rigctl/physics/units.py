@@ -34,8 +34,8 @@ def si_unit(unit: str) -> str:
 def si_unit_of(dimension: Dimension) -> str:
     """The SI unit of a dimension in the fewest factors: ``ohm``, ``N*s/m``, ``W/K`` rather than base units.
 
-    Otherwise it contains at most one named derived unit, in the numerator or the denominator, beside powers of the base
-    units, and only if the number of different units does not increase: m^4/s^2 is not J*m^2/kg.
+    Otherwise it contains at most one named derived unit, in the numerator or the denominator, beside powers
+    of the base units, and only if the number of different units does not increase: m^4/s^2 is not J*m^2/kg.
     """
     for name in (*_NAMED, *_USUAL):
         if parse_unit(name).dimension == dimension:

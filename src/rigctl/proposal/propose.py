@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rigctl.errors import unknown_name
 from rigctl.proposal.columns import Column, Table
 from rigctl.proposal.draft import Draft
-from rigctl.proposal.from_columns import duration
+from rigctl.proposal.from_columns import duration, given
 from rigctl.proposal.templates import TEMPLATES
 from rigctl.proposal.write import family_text, model_text, procedure_text, rig_text
 
@@ -66,7 +66,7 @@ def propose(name: str, table: Table, template: str | None) -> Proposal:
         the table lacks what the template needs.
     """
     chosen = template or ("first-order" if table.times is not None else "linear")
-    draft = TEMPLATES[chosen].make(table)
+    draft = _with_every_input(TEMPLATES[chosen].make(table), table)
     paths = {kind: f"{folder}/{name}.yaml" for kind, folder in _FOLDERS.items()}
     source = f"the template {chosen}" + (f", first values from {table.path.name}" if table.path else "")
     files = {
@@ -78,6 +78,16 @@ def propose(name: str, table: Table, template: str | None) -> Proposal:
     return Proposal(
         name, chosen, table, draft, paths["family"], paths["rig"], paths["model"], paths["procedure"], files
     )
+
+
+def _with_every_input(draft: Draft, table: Table) -> Draft:
+    """The draft with those inputs that its equations do not contain: an effect may depend on them."""
+    other = [one for one in table.columns if one.role == "input" and one.name not in draft.inputs]
+    unused = {
+        name: (value, f"{meaning}; in no equation yet, but an effect may depend on it")
+        for name, (value, meaning) in given(other).items()
+    }
+    return replace(draft, inputs={**draft.inputs, **unused}) if unused else draft
 
 
 _FOLDERS = {"family": "families", "rig": "rigs", "model": "models", "procedure": "procedures"}
