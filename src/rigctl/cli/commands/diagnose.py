@@ -208,7 +208,7 @@ def _lead_on(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOpti
         show_next(command, "makes the page of it, with what to measure next")
     elif diagnosis.doubt:
         command = page_of("compare", runs, model, choice)
-        show_next(command, "makes the page of it; a record at rest or a repeated condition would show the noise")
+        show_next(command, "makes the page of it; a record at rest or a repeated condition shows the noise")
     elif diagnosis.verdict is Verdict.ADEQUATE:
         command = page_of("compare", runs, model, choice)
         show_next(command, "makes the page of it; these data require nothing more")
