@@ -30,7 +30,7 @@ from rigctl.analysis.nuisance_projection import HIDDEN, project
 from rigctl.analysis.score_test import screen
 from rigctl.dataset import open_run
 from rigctl.engine.one_thread import one_thread
-from rigctl.engine.result_cache.cached import switched_off
+from rigctl.engine.result_cache import cached, switched_off
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem, make_problem
