@@ -19,7 +19,7 @@ from rigctl.design.information_so_far import known_so_far
 from rigctl.design.rivals import question_of
 from rigctl.design.scheme import schemes_of, stage_of
 from rigctl.design.search import CANDIDATES, Workshop, first_candidates
-from rigctl.engine.kept import switched_off
+from rigctl.engine.result_cache import switched_off
 from rigctl.files.shipped import shipped
 from rigctl.model import load_model
 from rigctl.runner.simulation import simulate

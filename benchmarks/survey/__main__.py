@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from benchmarks.record import keep, table
 from rigctl.dataset import open_run
-from rigctl.engine.kept.keep import switched_off
+from rigctl.engine.result_cache.cached import switched_off
 from rigctl.model import load_model
 from rigctl.monitoring.significance import scan
 from rigctl.monitoring.survey import survey

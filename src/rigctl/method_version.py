@@ -11,7 +11,7 @@ from __future__ import annotations
 #: increased by one when a verdict may differ
 METHOD_VERSION = 30
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
-FINGERPRINT = "73d2e25cf480"
+FINGERPRINT = "e556c254eb38"
 #: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 4
 #: hash of the code of this version of the search

@@ -11,8 +11,8 @@ import pytest
 from rigctl.analysis import linearisation as module
 from rigctl.analysis.candidates import Candidate, candidates
 from rigctl.analysis.linearisation import slopes_at
-from rigctl.engine.kept.keep import switched_off
 from rigctl.engine.one_thread import one_thread
+from rigctl.engine.result_cache.cached import switched_off
 from rigctl.model.fit import problem as fit_problem
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import Problem, make_problem

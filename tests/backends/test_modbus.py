@@ -26,7 +26,7 @@ from rigctl.backends.modbus.client import ModbusClient
 from rigctl.backends.modbus.create import settings_of
 from rigctl.backends.modbus.numbers import Place
 from rigctl.backends.registry import create_backend
-from rigctl.backends.transport.pursuit import pursuits
+from rigctl.backends.transport.safe_state_retries import retrying_guards
 from rigctl.clock import real_clock
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
@@ -264,11 +264,11 @@ def test_a_guard_continues_until_a_returning_device_is_off(tmp_path: Path) -> No
             assert host.stdout.readline() == "on\n"
             server.stop()
             host.kill()
-        while not any(notice.port == server.port for notice in pursuits()):
+        while not any(notice.port == server.port for notice in retrying_guards()):
             time.sleep(0.01)
         assert server.circuit.outputs["heater"] == 1.0
         server.start()
-        while any(notice.port == server.port for notice in pursuits()):
+        while any(notice.port == server.port for notice in retrying_guards()):
             time.sleep(0.01)
         assert server.circuit.off
 

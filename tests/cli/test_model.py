@@ -13,7 +13,7 @@ from rigctl.cli.commands.init import create_project
 from rigctl.cli.commands.model_changes import _in_words
 from rigctl.errors import RigctlError
 from rigctl.model import Change, ModelError, load_model, save_version
-from rigctl.model.stated import StatedValue
+from rigctl.model.value_table import StatedValue
 
 said = partial(commands.told, "model")
 answer = partial(commands.answer, "model")

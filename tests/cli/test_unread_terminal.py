@@ -13,7 +13,7 @@ import pytest
 import typer
 
 from rigctl.cli.attended_run import report_end
-from rigctl.cli.outlet import Outlet, carry_out
+from rigctl.cli.nonblocking_output import Outlet, carry_out
 from rigctl.errors import ExitCode
 from rigctl.runner.session import RunResult
 

@@ -14,7 +14,7 @@ import pytest
 
 from own_process import begin, rigctl
 from patience import patient
-from rigctl.backends.transport.pursuit import Notice
+from rigctl.backends.transport.safe_state_retries import Notice
 from rigctl.files.shipped import shipped
 from tclab_board import Served
 

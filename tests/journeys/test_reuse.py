@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from commands import call, told
-from rigctl.engine.kept import RESULTS_VARIABLE, TALLY
+from rigctl.engine.result_cache import RESULTS_VARIABLE, TALLY
 
 TANK, DATA = "models/tank.yaml", ("latest", "--model", "models/tank.yaml")
 

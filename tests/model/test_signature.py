@@ -10,8 +10,8 @@ from rigctl.effects.user import load_effect, parse_effect
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
 from rigctl.model.effect_preview import SAME, faults_on_record, try_effect
-from rigctl.model.lookalikes import lookalikes
 from rigctl.model.signature import signature
+from rigctl.model.similar_effects import lookalikes
 from rigctl.physics.families import FAMILIES
 from rigctl.rig.load import load_rig
 

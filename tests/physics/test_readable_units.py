@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rigctl.physics.units import si_unit, si_unit_of
+from rigctl.physics.si_unit import si_unit, si_unit_of
 from rigctl.units import Dimension, parse_unit
 
 

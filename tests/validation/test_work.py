@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rigctl.engine.kept import RESULTS_VARIABLE
+from rigctl.engine.result_cache import RESULTS_VARIABLE
 from rigctl.validation.outcome import Outcome
 from rigctl.validation.scenario import Scenario, Wanted
 from rigctl.validation.work import carry_out

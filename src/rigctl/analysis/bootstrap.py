@@ -30,7 +30,7 @@ from rigctl.engine.least_squares import Prior, Unknown
 from rigctl.engine.one_thread import one_thread
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.model.fit.fit import FitResult, fit, without_derived
-from rigctl.model.stated import stated_values
+from rigctl.model.value_table import stated_values
 from rigctl.tasks import Workers, map_tasks, seed_of
 from rigctl.units import parse_unit
 

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.candidates import Candidate, candidates
-from rigctl.engine.kept import kept
 from rigctl.engine.least_squares import Unknown
 from rigctl.engine.least_squares.unknown import prior_rows
+from rigctl.engine.result_cache import cached
 from rigctl.engine.threads import in_threads
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
@@ -260,7 +260,7 @@ def linearise(
     regions = make_regions(inner)
     local, outputs = [fit.local[k] for k in fit.fitted], [fit.outputs[k] for k in fit.fitted]
     tried_at = [(one.columns, one.shapes, one.secants) for one in chosen]
-    triangles = kept(
+    triangles = cached(
         "linearisation",
         (inner.content, base_at(inner, fit), local, outputs, names, tried_at, regions, shapes),
         _Triangles,

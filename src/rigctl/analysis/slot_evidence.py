@@ -34,9 +34,9 @@ from rigctl.analysis.slot_disturbance import (
 )
 from rigctl.effects.registry import library
 from rigctl.engine.compile import Progress
-from rigctl.engine.kept import kept
 from rigctl.engine.least_squares.unknown import prior_rows
 from rigctl.engine.one_thread import one_thread
+from rigctl.engine.result_cache import cached
 from rigctl.engine.threads import in_threads
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
@@ -196,7 +196,7 @@ def slot_evidence(fit: FitResult, *, progress: Progress | None = None) -> tuple[
     model = disturbed(problem, knots, progress)
     at = (problem.content, fit.values, fit.local, fit.outputs, free_unknowns(fit))
     model_key = (model.compiled.source.text, model.moving, model.reading, knots, _together(problem))
-    ranking = kept("slots", (at, model_key), _Ranking, lambda: _Ranking(_evidence(fit, problem, model)))
+    ranking = cached("slots", (at, model_key), _Ranking, lambda: _Ranking(_evidence(fit, problem, model)))
     return ranking.slots
 
 

@@ -87,7 +87,7 @@ def person_in_charge(given: str | None) -> str:
 
 def report_end(result: RunResult, *, as_json: bool) -> NoReturn:
     """Report how a run ended, and end with its exit code."""
-    from rigctl.cli.outlet import finish_display
+    from rigctl.cli.nonblocking_output import finish_display
     from rigctl.files.write import to_json
 
     finish_display()

@@ -18,7 +18,7 @@ from typer.core import TyperCommand, TyperGroup
 from rigctl.cli.catalogue import BY_NAME, ENTRIES
 from rigctl.cli.closed_output import has_broken_pipe, is_unread
 from rigctl.cli.echo import echo
-from rigctl.cli.outlet import ON_A_BENCH, carry_out
+from rigctl.cli.nonblocking_output import ON_A_BENCH, carry_out
 from rigctl.cli.overview import overview
 from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
 

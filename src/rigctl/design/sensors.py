@@ -27,7 +27,7 @@ from rigctl.model.model import Model
 from rigctl.noise import ChannelNoise
 from rigctl.noise.whitening import whiten
 from rigctl.physics.family import Formula, ModelFamily, OutputVariable
-from rigctl.physics.units import si_unit
+from rigctl.physics.si_unit import si_unit
 from rigctl.rig.possible_sensors import PossibleChannel
 from rigctl.rig.rig import Rig
 

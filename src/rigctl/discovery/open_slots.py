@@ -18,7 +18,7 @@ from rigctl.analysis.slot_evidence import some_records
 from rigctl.effects.drivers import Driver, drivers
 from rigctl.effects.registry import library
 from rigctl.engine.compile import Progress, compile_system
-from rigctl.engine.kept import switched_off
+from rigctl.engine.result_cache import switched_off
 from rigctl.engine.splines import SplineArgument, SplineColumn, SplineColumns
 from rigctl.engine.trajectories import Trajectories
 from rigctl.model.fit.fit import FitResult

@@ -11,7 +11,7 @@ from rigctl.effects.declaration import Effect, qualified
 from rigctl.engine.symbols import Expr, Graph, Scalar, substitute, to_latex, to_text
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
-from rigctl.physics.units import si_unit
+from rigctl.physics.si_unit import si_unit
 from rigctl.units import parse_unit
 
 #: symbols of variables in the literature

@@ -11,7 +11,7 @@ from rigctl.engine.system import after, before
 from rigctl.errors import RigctlError
 from rigctl.physics.family import Formula, ModelFamily, Slot
 from rigctl.physics.scope import Addition, Scope
-from rigctl.physics.units import si_unit
+from rigctl.physics.si_unit import si_unit
 from rigctl.units import parse_unit
 
 

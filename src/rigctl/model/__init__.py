@@ -12,7 +12,7 @@ from rigctl.model.load import load_model, parse_model
 from rigctl.model.model import Model, Value
 from rigctl.model.plant import PlantInputs, initial_state, plant_inputs, plant_stepper
 from rigctl.model.rig_family import family_of
-from rigctl.model.stated import StatedValue, stated_values
+from rigctl.model.value_table import StatedValue, stated_values
 from rigctl.model.values import parameter_values
 
 __all__ = [

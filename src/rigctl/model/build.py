@@ -15,7 +15,7 @@ from rigctl.model.values import choices, parameter_values
 from rigctl.physics.families import find_family
 from rigctl.physics.family import ModelFamily
 from rigctl.physics.scope import Scope
-from rigctl.physics.units import si_unit
+from rigctl.physics.si_unit import si_unit
 from rigctl.rig.rig import Rig
 
 #: effects by name, each with some or all of its parameters in SI

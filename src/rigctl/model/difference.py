@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from rigctl.errors import RigctlError
 from rigctl.model.model import Model
-from rigctl.model.stated import StatedValue, stated_values
+from rigctl.model.value_table import StatedValue, stated_values
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ import numpy as np
 from rigctl.effects.declaration import Effect
 from rigctl.effects.examine import Fault, examine
 from rigctl.engine.compile import Progress
-from rigctl.model.lookalikes import Lookalike, lookalikes
 from rigctl.model.record_points import record_points
 from rigctl.model.signature import Signature, signature
+from rigctl.model.similar_effects import Lookalike, lookalikes
 from rigctl.rig.rig import Rig
 
 #: cosine above which no reading of the record distinguishes two effects

@@ -140,7 +140,7 @@ class Model:
         """Every parameter in its display unit: its value, uncertainty and source."""
         import pandas as pd
 
-        from rigctl.model.stated import stated_values
+        from rigctl.model.value_table import stated_values
 
         rows = [
             {

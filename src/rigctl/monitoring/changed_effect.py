@@ -22,7 +22,7 @@ from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.fitting import fit_problem
 from rigctl.effects.declaration import Effect, qualified
 from rigctl.errors import RigctlError
-from rigctl.model.stated import stated_values
+from rigctl.model.value_table import stated_values
 from rigctl.monitoring.entries import Entry
 from rigctl.monitoring.evaluation import Plan, Reading, problem_of
 from rigctl.monitoring.multiplicity import Change, Course, Judged, Quantity, Tested, change_of, judge

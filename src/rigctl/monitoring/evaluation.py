@@ -29,9 +29,8 @@ from rigctl.analysis.linearisation import Linearisation, linearise
 from rigctl.analysis.nuisance_projection import HIDDEN, project
 from rigctl.analysis.score_test import screen
 from rigctl.dataset import open_run
-from rigctl.engine.kept import kept
-from rigctl.engine.kept.keep import switched_off
 from rigctl.engine.one_thread import one_thread
+from rigctl.engine.result_cache import cached, switched_off
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem, make_problem
@@ -126,7 +125,7 @@ def _read(plan: Plan, entry: Entry) -> Reading:
     tried = [(one.columns, one.shapes, one.secants) for one in plan.candidates]
     base = [plan.model.values[name] for name in plan.held]
     content = (rebuilt.content, plan.freed, plan.held, base, tried)
-    return kept("survey", content, Reading, lambda: _reading_of(plan, problem, data))
+    return cached("survey", content, Reading, lambda: _reading_of(plan, problem, data))
 
 
 def problem_of(plan: Plan, entry: Entry) -> tuple[Problem, Data]:

@@ -3,8 +3,8 @@
 from rigctl.noise.edges import find_edges
 from rigctl.noise.estimate import estimate_noise, spikes_of, usual_spacing
 from rigctl.noise.noise_model import ChannelNoise, NoiseModel, Source
-from rigctl.noise.off_model import ModelResiduals, Width, width_off_model
 from rigctl.noise.record import NoiseRecord
+from rigctl.noise.residual_noise import ModelResiduals, Width, width_off_model
 from rigctl.noise.rows import RowNoise, row_noise, same_reading
 from rigctl.noise.scatter import Scatter, estimate_scatter
 from rigctl.noise.spikes import find_spikes, find_spikes_in_records

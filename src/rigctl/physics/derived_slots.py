@@ -19,7 +19,7 @@ from rigctl.engine.symbols import Expr, Graph, Scalar, variables_of
 from rigctl.errors import RigctlError
 from rigctl.physics.family import Formula, InputVariable, ModelFamily, OutputVariable, Slot
 from rigctl.physics.scope import Scope
-from rigctl.physics.units import si_unit
+from rigctl.physics.si_unit import si_unit
 from rigctl.units import interval_unit, parse_unit
 
 

@@ -213,7 +213,7 @@ class ModelFamily:
 
     def units(self) -> dict[str, str]:
         """The SI unit of every variable that a formula may use, by name."""
-        from rigctl.physics.units import si_unit
+        from rigctl.physics.si_unit import si_unit
 
         named: tuple[StateVariable | InputVariable | Definition, ...]
         named = (*self.states, *self.inputs, *self.definitions)

@@ -26,7 +26,7 @@ from rigctl.physics.family import (
     StateVariable,
 )
 from rigctl.physics.scope import Addition, Scope
-from rigctl.physics.units import si_unit
+from rigctl.physics.si_unit import si_unit
 from rigctl.units import Dimension, parse_unit
 
 T = TypeVar("T")

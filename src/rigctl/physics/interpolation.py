@@ -22,7 +22,7 @@ import numpy as np
 
 from rigctl.engine.symbols import Scalar, positive_part, tanh
 from rigctl.expressions.types import TableType, type_of_unit
-from rigctl.physics.units import si_unit
+from rigctl.physics.si_unit import si_unit
 
 if TYPE_CHECKING:
     from rigctl.physics.scope import Scope

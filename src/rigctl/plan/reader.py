@@ -13,8 +13,8 @@ from rigctl.errors import Location, RigctlError, unknown_name
 from rigctl.expressions import BOOLEAN, Expression, ValueType, parse, type_of_unit
 from rigctl.files.nodes import Key
 from rigctl.files.yaml import Document
-from rigctl.plan.shown import shown_variable
 from rigctl.plan.statistics import DURATION, STATISTICS
+from rigctl.plan.value_text import shown_variable
 from rigctl.plan.values import MARK, Value, Variable, Variables, substituted
 from rigctl.rig import Actuator, Channel, HeatRole, MoveRole, Rig, SetRole
 from rigctl.units import Quantity, show

@@ -11,7 +11,7 @@ from rigctl.plan.arguments import bind, read_arguments
 from rigctl.plan.context import Context
 from rigctl.plan.digest import digest
 from rigctl.plan.reader import Findings
-from rigctl.plan.shown import shown_bindings
+from rigctl.plan.value_text import shown_bindings
 from rigctl.procedure.load import Procedure, load_procedure
 from rigctl.rig import Rig
 

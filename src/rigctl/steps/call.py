@@ -11,9 +11,9 @@ from rigctl.errors import RigctlError
 from rigctl.plan.arguments import bind
 from rigctl.plan.context import Context
 from rigctl.plan.fields import Name, Part, Short
-from rigctl.plan.shown import shown_bindings
 from rigctl.plan.step import Cleanup, Step
 from rigctl.plan.tree import GroupKind, Node
+from rigctl.plan.value_text import shown_bindings
 from rigctl.plan.values import AnyValue, Variable
 
 

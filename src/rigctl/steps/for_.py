@@ -11,10 +11,10 @@ from rigctl.errors import RigctlError
 from rigctl.files.refusal import refusal
 from rigctl.plan.context import Context
 from rigctl.plan.fields import Name, Part
-from rigctl.plan.shown import shown_bindings
 from rigctl.plan.step import Block
 from rigctl.plan.sweep import combine, paired, repeated, shuffled, spaced, stepped
 from rigctl.plan.tree import Group, GroupKind
+from rigctl.plan.value_text import shown_bindings
 from rigctl.plan.values import COUNT, MARK, AnyDifference, AnyValue, Count, Seed
 from rigctl.units import Quantity
 

@@ -15,9 +15,9 @@ from rigctl.plan.fields import Part, Short
 from rigctl.plan.forecast import Basis, Forecast, ForecastBench, OilTank, State
 from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.plan.setpoints import check_set_point
-from rigctl.plan.shown import shown_time
 from rigctl.plan.step import Step
 from rigctl.plan.tree import Leaf
+from rigctl.plan.value_text import shown_time
 from rigctl.plan.values import (
     DURATION,
     PERIOD,

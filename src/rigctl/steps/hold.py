@@ -14,9 +14,9 @@ from rigctl.plan.fields import Part
 from rigctl.plan.forecast import Basis, Extents, Forecast, ForecastBench, State
 from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.plan.setpoints import check_set_point
-from rigctl.plan.shown import shown_time
 from rigctl.plan.step import Step
 from rigctl.plan.tree import Leaf
+from rigctl.plan.value_text import shown_time
 from rigctl.plan.values import AnyTolerance, AnyValue, Duration
 from rigctl.steps.readings import reading
 from rigctl.units import show

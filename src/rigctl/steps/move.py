@@ -18,9 +18,9 @@ from rigctl.plan.fields import Condition, Part, Short
 from rigctl.plan.forecast import Basis, Extents, Forecast, ForecastBench, State
 from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.plan.setpoints import check_set_point
-from rigctl.plan.shown import shown_time
 from rigctl.plan.step import Step
 from rigctl.plan.tree import Leaf
+from rigctl.plan.value_text import shown_time
 from rigctl.plan.values import DURATION, LENGTH_TOLERANCE, Duration, Length, LengthTolerance
 from rigctl.steps.move_to_position import approach
 from rigctl.steps.readings import seen

@@ -17,9 +17,9 @@ from rigctl.plan.fields import Part
 from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
 from rigctl.plan.outcomes import Outcome
 from rigctl.plan.setpoints import check_level
-from rigctl.plan.shown import shown_time
 from rigctl.plan.step import Step
 from rigctl.plan.tree import Leaf
+from rigctl.plan.value_text import shown_time
 from rigctl.plan.values import MARK, OPEN, Duration
 from rigctl.rig import Actuator, Rig
 

@@ -8,7 +8,7 @@ from collections import deque
 from rigctl.errors import RigctlError
 from rigctl.plan.behaviour import Bench
 from rigctl.plan.context import Context
-from rigctl.plan.shown import shown_time
+from rigctl.plan.value_text import shown_time
 from rigctl.steps.readings import reading
 
 #: longest time over which a reading is averaged before it is compared with a tolerance, s

@@ -16,9 +16,9 @@ from rigctl.plan.context import Context
 from rigctl.plan.fields import Condition, Part, Short
 from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
 from rigctl.plan.outcomes import Outcome, StepFailed
-from rigctl.plan.shown import shown_time
 from rigctl.plan.step import Step
 from rigctl.plan.tree import Leaf
+from rigctl.plan.value_text import shown_time
 from rigctl.plan.values import Duration, Period
 from rigctl.steps.readings import seen
 

@@ -148,7 +148,7 @@ class TrialOutcome(Generic[AnyTrial]):
     all_of_it: nothing is left beside them, according to the answer.
     first: the effect at the top of its ranking.
     sizes, amplitudes: actual λ and amplitude (SI) of each hidden effect.
-    rival_cosine, separation: the largest and the smallest of the hidden effects, see `likeness.Likeness`.
+    rival_cosine, separation: the largest and the smallest of the hidden effects, see `similarity.Likeness`.
     beside: λ of each of several hidden effects beside the others; empty if unknown.
     intervals: of parameters with known true values.
     exponents: of laws that it corrects, with the exponent fitted to noise-free readings.

@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.comparison import judge
+from rigctl.analysis.detectability import Unexplained, unexplained
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.analysis.fitting import fit_model
 from rigctl.analysis.identity import Levels
 from rigctl.analysis.laws.power_law import EXPONENT
 from rigctl.analysis.linearisation import linearise
-from rigctl.analysis.unexplained import Unexplained, unexplained
 from rigctl.effects.declaration import qualified
-from rigctl.engine.kept import switched_off
 from rigctl.engine.one_thread import one_thread
+from rigctl.engine.result_cache import switched_off
 from rigctl.files.shipped import shipped
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.load import load_model
@@ -38,9 +38,9 @@ from rigctl.validation.bench.sensing import Noise
 from rigctl.validation.hidden_effect import HiddenEffect, hide
 from rigctl.validation.hidden_library import find_hidden
 from rigctl.validation.in_memory import measure
-from rigctl.validation.likeness import Likeness, likeness, sizes_beside_each_other
 from rigctl.validation.outcome import Claim, Interval, Outcome
 from rigctl.validation.scenario import Scenario, Wanted
+from rigctl.validation.similarity import Likeness, likeness, sizes_beside_each_other
 
 Floats = NDArray[np.float64]
 

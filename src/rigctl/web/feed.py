@@ -22,7 +22,7 @@ from rigctl.dataset import journal, log
 from rigctl.dataset.writer_lock import read_state
 from rigctl.errors import RigctlError
 from rigctl.web.decimation import Thinning, envelope
-from rigctl.web.kept_rows import KeptRows
+from rigctl.web.recent_rows import KeptRows
 from rigctl.web.set_points import SetPoints
 
 if TYPE_CHECKING:

@@ -23,8 +23,8 @@ from rigctl.analysis.model_change import Changed, Wanted, change_model
 from rigctl.command_line import DataOptions
 from rigctl.dataset.run import Run
 from rigctl.effects.declaration import qualified
-from rigctl.engine.kept import switched_off
 from rigctl.engine.least_squares import Iteration
+from rigctl.engine.result_cache import switched_off
 from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem, make_problem

@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
-from rigctl.backends.arduino.board import Board, Heartbeat, trip_causes
+from rigctl.backends.arduino.board import Board, trip_causes
 from rigctl.backends.arduino.handshake import handshake
+from rigctl.backends.arduino.heartbeat import Heartbeat
 from rigctl.backends.arduino.line import Line
 from rigctl.backends.arduino.receiver import Receiver
 from rigctl.backends.arduino.regulation import Regulation, cannot_regulate

@@ -16,10 +16,10 @@ from rigctl.backends.lines.talk import Talk
 from rigctl.backends.protocol import CommandReceipt, PendingCommand, Sample
 from rigctl.backends.transport.bench import PortBench
 from rigctl.backends.transport.conversation import Conversation, Underway, carry_through
-from rigctl.backends.transport.duty import Duty, Outputs
 from rigctl.backends.transport.guard_port import GuardActed
 from rigctl.backends.transport.port import Connect, Port, PortLost, Refused
 from rigctl.backends.transport.reconnection import DeviceIdentification
+from rigctl.backends.transport.safe_commands import Duty, Outputs
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import Exchange, Lines, Rig

@@ -6,10 +6,10 @@ from rigctl.backends.lines.bench import LineBench
 from rigctl.backends.lines.setting import Setter
 from rigctl.backends.transport.adapter import same_adapter
 from rigctl.backends.transport.address import Address
-from rigctl.backends.transport.duty import Duty
 from rigctl.backends.transport.guard import Orders
 from rigctl.backends.transport.port import Port
-from rigctl.backends.transport.pursuit import LASTS
+from rigctl.backends.transport.safe_commands import Duty
+from rigctl.backends.transport.safe_state_retries import LASTS
 from rigctl.clock import Clock
 from rigctl.rig import Lines, Rig
 

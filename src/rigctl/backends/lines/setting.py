@@ -10,7 +10,7 @@ from rigctl.backends.lines.meaning import Meaning
 from rigctl.backends.lines.talk import Answer, Talk, WrongAnswer
 from rigctl.backends.protocol import CommandReceipt
 from rigctl.backends.transport.conversation import Conversation
-from rigctl.backends.transport.duty import SafeOrder
+from rigctl.backends.transport.safe_commands import SafeOrder
 from rigctl.rig import Exchange, Lines, Rig
 from rigctl.rig.line_pattern import VALUE
 

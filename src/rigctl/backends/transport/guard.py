@@ -2,7 +2,7 @@
 
 It forwards bytes in both directions, and makes outputs safe if rigctl is silent for too long or has ended for
 any reason. It knows only the commands that make the bench safe. If the device does not confirm that it is
-safe, the guard keeps trying, see `rigctl.backends.transport.pursuit`.
+safe, the guard keeps trying, see `rigctl.backends.transport.safe_state_retries`.
 
 It is started by ``python -P -m rigctl.backends.transport.guard PORT``, where PORT is the TCP port on which
 rigctl listens for it; the secret that authenticates it is read from stdin.
@@ -21,10 +21,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from rigctl.backends.transport.address import Address
-from rigctl.backends.transport.duty import Outputs, SafeOrder
 from rigctl.backends.transport.guard_frames import Frame, FrameReader, send_frame
 from rigctl.backends.transport.port import Port, PortLost
-from rigctl.backends.transport.pursuit import Pursuit, hold, let_go, take_over
+from rigctl.backends.transport.safe_commands import Outputs, SafeOrder
+from rigctl.backends.transport.safe_state_retries import SafeStateRetries, hold, let_go, take_over
 from rigctl.clock import Clock, real_clock
 from rigctl.errors import RigctlError
 
@@ -222,7 +222,7 @@ def main() -> int:
         port.close()
         let_go(orders.url, holding)
         return 0
-    done = _pursue(guard, orders, port, clock, holding)
+    done = _retry_until_safe(guard, orders, port, clock, holding)
     let_go(orders.url, holding)
     return 0 if done else 1
 
@@ -242,10 +242,12 @@ def _open(orders: Orders, clock: Clock) -> tuple[Port, bool]:
             time.sleep(_PAUSE)
 
 
-def _pursue(guard: Guard, orders: Orders, port: Port, clock: Clock, holding: str) -> bool:
-    """Continue until the device confirms that it is safe; return False as `Pursuit.carry_out`."""
-    pursuit = Pursuit(orders, clock, lambda: orders.address.open(clock), lambda: guard.ended, holding)
-    return pursuit.carry_out(port)
+def _retry_until_safe(guard: Guard, orders: Orders, port: Port, clock: Clock, holding: str) -> bool:
+    """Continue until the device confirms that it is safe; return False as `SafeStateRetries.carry_out`."""
+    retries = SafeStateRetries(
+        orders, clock, lambda: orders.address.open(clock), lambda: guard.ended, holding
+    )
+    return retries.carry_out(port)
 
 
 def _first(connection: socket.socket) -> bytes:

@@ -10,10 +10,10 @@ import subprocess
 import sys
 from contextlib import suppress
 
-from rigctl.backends.transport.duty import Duty, Outputs
 from rigctl.backends.transport.guard import Orders
 from rigctl.backends.transport.guard_frames import Frame, FrameReader, send_frame
 from rigctl.backends.transport.port import PortLost
+from rigctl.backends.transport.safe_commands import Duty, Outputs
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 

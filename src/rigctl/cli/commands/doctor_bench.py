@@ -43,9 +43,9 @@ def port_findings(ports: Sequence[PortInfo]) -> Iterator[Finding]:
 
 def guard_findings() -> Iterator[Finding]:
     """Guards that are still trying to make a device safe, or have given up."""
-    from rigctl.backends.transport.pursuit import pursuits
+    from rigctl.backends.transport.safe_state_retries import retrying_guards
 
-    for notice in pursuits():
+    for notice in retrying_guards():
         fix = "switch the device off by hand, at its supply; then 'rigctl off' takes this guard's place"
         yield Finding("OUTPUTS MAY BE ON", "broken", str(notice), fix)
 

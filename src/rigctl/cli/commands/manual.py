@@ -174,9 +174,9 @@ def _shown(rig: Rig, *, as_json: bool) -> Iterator[Callable[[Reading], None]]:
 
 def say_guards() -> None:
     """Report on stderr, in red, which supervisors are still trying to make a device safe."""
-    from rigctl.backends.transport.pursuit import pursuits
+    from rigctl.backends.transport.safe_state_retries import retrying_guards
 
-    for notice in pursuits():
+    for notice in retrying_guards():
         typer.secho(f"OUTPUTS MAY BE ON: {notice}", fg=typer.colors.RED, bold=True, err=True)
 
 

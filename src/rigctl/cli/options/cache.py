@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from rigctl.engine.kept.keep import Tally
+    from rigctl.engine.result_cache.cached import Tally
 
 
 def _without(context: typer.Context, wanted: bool) -> bool:
     """Neither use nor store cached results until the command ends."""
     if wanted and not context.resilient_parsing:
-        from rigctl.engine.kept import switched_off
+        from rigctl.engine.result_cache import switched_off
 
         context.with_resource(switched_off())
     return wanted
@@ -24,7 +24,7 @@ def _say_at_end(context: typer.Context, wanted: bool) -> bool:
     if wanted and not context.resilient_parsing:
         from dataclasses import replace
 
-        from rigctl.engine.kept import TALLY
+        from rigctl.engine.result_cache import TALLY
 
         context.call_on_close(partial(_say, replace(TALLY)))
     return wanted
@@ -32,7 +32,7 @@ def _say_at_end(context: typer.Context, wanted: bool) -> bool:
 
 def _say(before: Tally) -> None:
     from rigctl.cli.echo import echo
-    from rigctl.engine.kept import RESULTS_VARIABLE, TALLY, results_folder
+    from rigctl.engine.result_cache import RESULTS_VARIABLE, TALLY, results_folder
 
     folder = results_folder()
     summary = f"made and kept: {TALLY.made - before.made}, in {folder}"

@@ -8,7 +8,7 @@ from typing import Any
 from rigctl.effects.declaration import Effect, EffectParameter, Term
 from rigctl.engine.symbols import Scalar, positive_part, smooth_sign
 from rigctl.physics.family import ModelFamily
-from rigctl.physics.units import si_unit_of
+from rigctl.physics.si_unit import si_unit_of
 from rigctl.units import parse_unit
 
 #: bounds as a multiple of the typical size: wide, because that is a guess

@@ -17,7 +17,7 @@ from rigctl.errors import RigctlError
 from rigctl.physics.derived_slots import input_slot, kinematics, rate_slot
 from rigctl.physics.family import InputVariable, ModelFamily, OutputVariable, Slot, StateVariable
 from rigctl.physics.scope import Addition, Scope
-from rigctl.physics.units import si_unit
+from rigctl.physics.si_unit import si_unit
 from rigctl.units import is_speed_of_rotation, parse_unit, show
 
 #: parts of a name that mark a variable as the surroundings of others

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.engine.kept import kept
 from rigctl.engine.least_squares import (
     Iteration,
     LeastSquaresResult,
@@ -24,6 +23,7 @@ from rigctl.engine.least_squares import (
     multi_start,
     started,
 )
+from rigctl.engine.result_cache import cached
 from rigctl.errors import RigctlError
 from rigctl.model.fit.approach import approach, brought_back
 from rigctl.model.fit.errors import ChannelError, channel_errors
@@ -234,7 +234,7 @@ def _fit(problem: Problem, hold_out: Sequence[int], plan: _Plan, local: Sequence
     fitted = tuple(index for index in range(len(problem.records)) if index not in set(hold_out))
     if not fitted:
         raise RigctlError("every record is held out: nothing is left to fit on")
-    result = kept(
+    result = cached(
         "fit",
         (problem.content, fitted, plan.refit, plan.starts, plan.seed, plan.options, local),
         _Fitted,

@@ -97,7 +97,7 @@ class Problem:
     @cached_property
     def content(self) -> tuple[object, ...]:
         """Everything on which its residuals and their derivatives depend, for comparison by
-        `rigctl.engine.kept`.
+        `rigctl.engine.result_cache`.
 
         Names of the model and the records do not count. Unknown for a problem with a simulation of its own.
         """

@@ -16,7 +16,7 @@ from rigctl.model.fit.switching import switch_unknowns
 from rigctl.model.measured.groups import first_reading
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.model import Model
-from rigctl.physics.units import si_unit
+from rigctl.physics.si_unit import si_unit
 
 #: bounds of a parameter without declared ones, as factors of its value
 _NARROW, _WIDE = 0.05, 20.0

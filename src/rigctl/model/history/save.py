@@ -16,7 +16,7 @@ from rigctl.model.history.change import Change
 from rigctl.model.history.version import Version, VersionValue
 from rigctl.model.load import load_model, parse_model
 from rigctl.model.model import Model
-from rigctl.model.stated import stated_values
+from rigctl.model.value_table import stated_values
 from rigctl.model.writing.update import updated_text
 
 #: time-out for another program that is keeping a version, s

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.engine.kept import kept
+from rigctl.engine.result_cache import cached
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.measured.table import column, curve_variable, curves, set_variable
 from rigctl.noise import (
@@ -86,7 +86,7 @@ def noise_of(measurements: Measurements) -> DataNoise:
     records = [replace(record, run="", index=0, label="") for record in measurements.records]
     names = (measurements.outputs, measurements.units, measurements.inputs)
     by_rig = (_known(measurements), set_variable(measurements))
-    return kept("noise", (names, records, by_rig), DataNoise, lambda: _noise_of(measurements))
+    return cached("noise", (names, records, by_rig), DataNoise, lambda: _noise_of(measurements))
 
 
 def _noise_of(measurements: Measurements) -> DataNoise:

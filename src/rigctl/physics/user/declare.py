@@ -21,7 +21,7 @@ from rigctl.physics.family import (
 from rigctl.physics.formulas import reserved_names
 from rigctl.physics.interpolation import Curve
 from rigctl.physics.scope import Scope
-from rigctl.physics.units import si_unit
+from rigctl.physics.si_unit import si_unit
 from rigctl.physics.user.formula import AFTER, BEFORE, unwritten
 from rigctl.physics.user.schema import (
     ConstantField,

@@ -13,9 +13,9 @@ from rigctl.files.refusal import refusal
 from rigctl.plan.context import Context
 from rigctl.plan.fields import Name, Part
 from rigctl.plan.setpoints import check_level, check_set_point
-from rigctl.plan.shown import shown_time
 from rigctl.plan.step import Step
 from rigctl.plan.tree import Leaf
+from rigctl.plan.value_text import shown_time
 from rigctl.plan.values import RATE, AnyDifference, AnyTolerance, AnyValue, Duration, Rate
 from rigctl.project import find_project
 from rigctl.rig import Actuator, Channel

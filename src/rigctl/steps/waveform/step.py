@@ -16,9 +16,9 @@ from rigctl.plan.context import Context
 from rigctl.plan.fields import Part
 from rigctl.plan.forecast import Basis, Extents, Forecast, ForecastBench, State
 from rigctl.plan.outcomes import Outcome, StepFailed
-from rigctl.plan.shown import shown_time
 from rigctl.plan.step import Step
 from rigctl.plan.tree import Leaf
+from rigctl.plan.value_text import shown_time
 from rigctl.plan.values import COUNT, PERIOD, RATE, AnyTolerance, AnyValue, Count, Duration, Period, Rate
 from rigctl.project import find_project
 from rigctl.steps.set_ import Command, read_command

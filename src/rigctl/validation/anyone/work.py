@@ -14,8 +14,8 @@ from rigctl.analysis.diagnosis import diagnose
 from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.dataset import open_run
 from rigctl.dataset.importing.bring_in import import_file
-from rigctl.engine.kept import switched_off
 from rigctl.engine.one_thread import one_thread
+from rigctl.engine.result_cache import switched_off
 from rigctl.model.load import load_model
 from rigctl.rig.load import load_rig
 from rigctl.validation.amplitude import CLOSE, search_amplitude

@@ -14,8 +14,8 @@ from rigctl.analysis.diagnosis_result import Diagnosis
 from rigctl.dataset import Run
 from rigctl.design.design import random_experiment
 from rigctl.design.result import DesignResult
-from rigctl.engine.kept import switched_off
 from rigctl.engine.one_thread import one_thread
+from rigctl.engine.result_cache import switched_off
 from rigctl.files.shipped import shipped
 from rigctl.learning.keep import Kept, Task
 from rigctl.learning.learn import Learner

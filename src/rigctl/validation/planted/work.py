@@ -15,8 +15,8 @@ from rigctl.discovery.discover import discover_beside
 from rigctl.discovery.formulas import SAME
 from rigctl.discovery.result import Discovery, FoundFormula
 from rigctl.effects.declaration import qualified
-from rigctl.engine.kept import switched_off
 from rigctl.engine.one_thread import one_thread
+from rigctl.engine.result_cache import switched_off
 from rigctl.validation.amplitude import Amplitude
 from rigctl.validation.bench.campaign import clean_outputs
 from rigctl.validation.hidden_effect import hide

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.detectability import Unexplained
 from rigctl.analysis.refit import RefittedSet, plain, refit
 from rigctl.analysis.separability import separation
-from rigctl.analysis.unexplained import Unexplained
 from rigctl.model.fit.fit import FitResult
 
 Floats = NDArray[np.float64]

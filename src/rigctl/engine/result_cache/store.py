@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from rigctl.engine.cache import cache_root
-from rigctl.engine.kept.coding import DTYPES, Damaged
+from rigctl.engine.result_cache.coding import DTYPES, Damaged
 
 logger = logging.getLogger(__name__)
 

@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from rigctl.engine.kept.coding import Damaged, decode, encode
-from rigctl.engine.kept.content import Opaque, digest
-from rigctl.engine.kept.store import Store, results_folder
+from rigctl.engine.result_cache.coding import Damaged, decode, encode
+from rigctl.engine.result_cache.content import Opaque, digest
+from rigctl.engine.result_cache.store import Store, results_folder
 
 logger = logging.getLogger(__name__)
 
@@ -58,7 +58,7 @@ def switched_off() -> Iterator[None]:
         _off[0] -= 1
 
 
-def kept(kind: str, of: object, result: type[T], make: Callable[[], T]) -> T:
+def cached(kind: str, of: object, result: type[T], make: Callable[[], T]) -> T:
     """Return the result of `make`, or that of an earlier command which computed the same.
 
     Every result is converted to the stored form and back, even if it is not stored: the memory layout and

@@ -19,8 +19,8 @@ from typing import Protocol
 from uuid import uuid4
 
 from rigctl.backends.processes import process_exists
-from rigctl.backends.transport.duty import SafeOrder
 from rigctl.backends.transport.port import Port, PortLost
+from rigctl.backends.transport.safe_commands import SafeOrder
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.files.write import replace_file
@@ -85,7 +85,7 @@ class Orders(Protocol):
         ...
 
 
-class Pursuit:
+class SafeStateRetries:
     """The attempts of one guard to make a device safe.
 
     Parameters
@@ -275,7 +275,7 @@ def _holder_of(url: str) -> Path:
     return _path_of(url).with_suffix(".holder")
 
 
-def pursuits() -> list[Notice]:
+def retrying_guards() -> list[Notice]:
     """Return the notices of guards on this computer that are trying to make a device safe, or gave up."""
     return sorted(_found(), key=lambda notice: notice.since)
 

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import pytest
 
-from rigctl.backends.transport import pursuit
+from rigctl.backends.transport import safe_state_retries
 from rigctl.backends.transport.address import Address
-from rigctl.backends.transport.duty import SafeOrder
 from rigctl.backends.transport.guard import Orders
 from rigctl.backends.transport.port import Port, PortLost
-from rigctl.backends.transport.pursuit import Notice, Pursuit, pursuits, take_over
+from rigctl.backends.transport.safe_commands import SafeOrder
+from rigctl.backends.transport.safe_state_retries import Notice, SafeStateRetries, retrying_guards, take_over
 from rigctl.clock import VirtualClock
 from tclab_board import MemoryPort, Sketch
 
@@ -27,7 +27,7 @@ SAFE = (SafeOrder(b"X\n", ("{_}",)), SafeOrder(b"Q1 0.00\n", ("{value}",), "0.00
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(pursuit, "_folder", lambda: tmp_path / "guards")
+    monkeypatch.setattr(safe_state_retries, "_folder", lambda: tmp_path / "guards")
     return tmp_path / "guards"
 
 
@@ -46,21 +46,21 @@ class Line:
             raise PortLost("the plug is pulled")
         return MemoryPort(self.sketch, self.clock)
 
-    def pursue(self) -> bool:
+    def retry_until_safe(self) -> bool:
         orders = Orders(Address("serial", URL, {"baud": 9600, "frame": "8N1"}), SAFE, 2.0)
-        return Pursuit(orders, self.clock, self.open, lambda: False).carry_out(None)
+        return SafeStateRetries(orders, self.clock, self.open, lambda: False).carry_out(None)
 
 
 @pytest.mark.parametrize("obstacle", ["draft", "folder", "none"])
 def test_a_guard_keeps_trying_when_its_notice_cannot_be_written(folder: Path, obstacle: str) -> None:
     if obstacle == "draft":  # the folder is there, and nothing can be written to it: as on a full disk
-        pursuit._path_of(URL).with_suffix(".tmp").mkdir(parents=True)
+        safe_state_retries._path_of(URL).with_suffix(".tmp").mkdir(parents=True)
     elif obstacle == "folder":
         folder.write_text("no folder", encoding="utf-8")
     line = Line(3)
-    assert line.pursue()
+    assert line.retry_until_safe()
     assert line.sketch.heaters == (0.0, 0.0)
-    assert pursuits() == []
+    assert retrying_guards() == []
 
 
 def test_a_guard_stops_trying_when_its_notice_is_removed(folder: Path) -> None:
@@ -73,7 +73,7 @@ def test_a_guard_stops_trying_when_its_notice_is_removed(folder: Path) -> None:
         return opened()
 
     line.open = taken  # type: ignore[method-assign]
-    assert not line.pursue()
+    assert not line.retry_until_safe()
     assert line.sketch.heaters == (60.0, 0.0)
     assert line.attempts == 996, "the attempt that found it gone was the last"
 
@@ -89,11 +89,11 @@ def leave(folder: Path, **fields: object) -> None:
         "attempts": 7,
     }
     folder.mkdir(exist_ok=True)
-    pursuit._path_of(URL).write_text(json.dumps({**notice, **fields}), encoding="utf-8")
+    safe_state_retries._path_of(URL).write_text(json.dumps({**notice, **fields}), encoding="utf-8")
 
 
 def said() -> str:
-    (notice,) = pursuits()
+    (notice,) = retrying_guards()
     assert isinstance(notice, Notice)
     return str(notice)
 
@@ -126,4 +126,4 @@ def test_a_guard_that_gave_up_is_reported(folder: Path) -> None:
 @pytest.mark.parametrize("fields", [{"pid": "x"}, {"newest": None}, {"since": "x"}, {"newest": 1e300}])
 def test_an_invalid_notice_is_ignored(folder: Path, fields: dict[str, object]) -> None:
     leave(folder, **fields)
-    assert pursuits() == []
+    assert retrying_guards() == []

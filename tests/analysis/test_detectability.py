@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rigctl.analysis.detectability import Unexplained, unexplained
 from rigctl.analysis.fitting import fit_model
 from rigctl.analysis.linearisation import linearise
 from rigctl.analysis.nuisance_projection import project
-from rigctl.analysis.unexplained import Unexplained, unexplained
 from rigctl.model.fit.problem import Problem
 from rigctl.model.measured.noise import noise_of
 from rigctl.validation.in_memory import measure

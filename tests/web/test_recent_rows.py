@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rigctl.web.kept_rows import KeptRows
+from rigctl.web.recent_rows import KeptRows
 
 
 def filled(step: float, blocks: int, rows: int, *, seconds: float = 900.0, most: int = 150_000) -> KeptRows:

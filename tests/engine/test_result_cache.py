@@ -21,8 +21,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 from numpy.typing import NDArray
 
-from rigctl.engine.kept import RESULTS_VARIABLE, TALLY, Opaque, Store, digest, kept, switched_off
-from rigctl.engine.kept.coding import Damaged, decode, encode
+from rigctl.engine.result_cache import RESULTS_VARIABLE, TALLY, Opaque, Store, cached, digest, switched_off
+from rigctl.engine.result_cache.coding import Damaged, decode, encode
 
 Floats = NDArray[np.float64]
 
@@ -91,10 +91,10 @@ def only_file(folder: Path) -> Path:
 def test_a_result_is_computed_once_and_bit_identical(folder: Path) -> None:
     log: list[str] = []
     before = replace(TALLY)
-    first = kept("test", [1.0, "a"], Outcome, lambda: make(log))
-    second = kept("test", [1.0, "a"], Outcome, lambda: make(log))
+    first = cached("test", [1.0, "a"], Outcome, lambda: make(log))
+    second = cached("test", [1.0, "a"], Outcome, lambda: make(log))
     with switched_off():
-        third = kept("test", [1.0, "a"], Outcome, lambda: make(log))
+        third = cached("test", [1.0, "a"], Outcome, lambda: make(log))
     assert log == ["made", "made"]
     assert same(first, second)
     assert same(first, third)
@@ -108,14 +108,14 @@ def test_a_result_is_computed_once_and_bit_identical(folder: Path) -> None:
 def test_the_cache_can_be_disabled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv(RESULTS_VARIABLE, "off")
     monkeypatch.chdir(tmp_path)
-    assert same(kept("test", 1, Outcome, outcome), outcome())
+    assert same(cached("test", 1, Outcome, outcome), outcome())
     assert not list(tmp_path.iterdir())
 
 
 def test_values_without_a_content_key_are_not_cached(folder: Path) -> None:
     log: list[str] = []
     for _ in range(2):
-        kept("test", [make], Outcome, lambda: make(log))
+        cached("test", [make], Outcome, lambda: make(log))
     assert log == ["made", "made"]
     assert not folder.exists()
 
@@ -126,7 +126,7 @@ def test_failures_are_not_cached(folder: Path) -> None:
 
     for _ in range(2):
         with pytest.raises(ValueError, match="no fit"):
-            kept("test", 1, Outcome, fail)
+            cached("test", 1, Outcome, fail)
     assert not folder.exists()
 
 
@@ -204,17 +204,17 @@ def flip(path: Path, place: int) -> None:
 
 
 def test_every_damaged_byte_is_detected_or_harmless(folder: Path) -> None:
-    kept("test", 1, Outcome, outcome)
+    cached("test", 1, Outcome, outcome)
     whole = only_file(folder).read_bytes()
     log: list[str] = []
     for place in range(0, len(whole), 7):
         only_file(folder).write_bytes(whole)
         flip(only_file(folder), place)
-        assert same(kept("test", 1, Outcome, lambda: make(log)), outcome())
+        assert same(cached("test", 1, Outcome, lambda: make(log)), outcome())
     assert len(log) > len(whole) / 7 / 2
     for size in (0, 1, 100, len(whole) - 1):
         only_file(folder).write_bytes(whole[:size])
-        assert same(kept("test", 1, Outcome, outcome), outcome())
+        assert same(cached("test", 1, Outcome, outcome), outcome())
     assert only_file(folder).read_bytes() == whole
 
 
@@ -227,10 +227,10 @@ def test_foreign_files_are_neither_executed_nor_trusted(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    kept("test", 2, Outcome, outcome)
+    cached("test", 2, Outcome, outcome)
     other = only_file(folder).read_bytes()
     only_file(folder).unlink()
-    kept("test", 1, Outcome, outcome)
+    cached("test", 1, Outcome, outcome)
     path, mine = only_file(folder), only_file(folder).read_bytes()
     np.savez(tmp_path / "bomb.npz", tree=np.array([Bomb()], dtype=object), numbers=np.zeros(1))
     with (
@@ -248,7 +248,7 @@ def test_foreign_files_are_neither_executed_nor_trusted(
     ):
         path.write_bytes(foreign)
         log: list[str] = []
-        assert same(kept("test", 1, Outcome, lambda log=log: make(log)), outcome())
+        assert same(cached("test", 1, Outcome, lambda log=log: make(log)), outcome())
         assert log == ["made"]
         assert path.read_bytes() == mine
     assert not (tmp_path / "carried-out").exists()
@@ -298,14 +298,14 @@ def test_an_unwritable_folder_only_disables_the_cache(
 ) -> None:
     (tmp_path / "file").write_text("no folder")
     monkeypatch.setenv(RESULTS_VARIABLE, str(tmp_path / "file" / "results"))
-    assert same(kept("test", 1, Outcome, outcome), outcome())
+    assert same(cached("test", 1, Outcome, outcome), outcome())
 
 
 WRITER = """
 import sys
 import numpy as np
 from pathlib import Path
-from rigctl.engine.kept import Store
+from rigctl.engine.result_cache import Store
 store = Store(Path(sys.argv[1]), room=300_000)
 for turn in range(60):
     name, value = f"r{turn % 9}", float(turn % 9)
