@@ -51,21 +51,27 @@ def _amounts(name: str, amplitude: float) -> dict[str, float]:
     return {name: amplitude}
 
 
+def _dry(size: str) -> tuple[str, ...]:
+    """The forms of a dry force whose size is a function of a variable: the bench rounds its sign over 2 mm/s,
+    as the sign without a scale of its own does."""
+    return f"{size} times tanh of velocity", f"{size} times sign of velocity"
+
+
 _FORCE = ("friction", "load")
 _FROM_A, _FROM_P = ("flow_a_to_tank",), ("flow_p_to_tank",)
 
 PLANTED: tuple[PlantedTerm, ...] = (
     PlantedTerm("groove", _FORCE, ("bump of position",), 50.0),
-    PlantedTerm("scuff", _FORCE, ("bump of position times tanh of velocity",), 50.0),
+    PlantedTerm("scuff", _FORCE, _dry("bump of position"), 50.0),
     PlantedTerm("tight", _FORCE, ("bump of position times linear of velocity",), 50.0),
     PlantedTerm("cushion", _FORCE, ("above of position times linear of velocity",), 100.0),
-    PlantedTerm("cold_seal", _FORCE, ("decay of oil_temperature times tanh of velocity",), 50.0),
+    PlantedTerm("cold_seal", _FORCE, _dry("decay of oil_temperature"), 50.0),
     PlantedTerm("half_drag", _FORCE, ("power_half of velocity",), 50.0),
     PlantedTerm("cube_drag", _FORCE, ("power_three of velocity",), 50.0),
     PlantedTerm(
         "bent_rod",
         _FORCE,
-        ("linear of position times tanh of velocity", "tanh of velocity times even_one of position"),
+        (*_dry("linear of position"), "tanh of velocity times even_one of position"),
         50.0,
     ),
     PlantedTerm("rubber", _FORCE, ("growth of position",), 100.0),
