@@ -146,7 +146,7 @@ def _found(one: Fitted, best: Fitted, opened: OpenSlots, before: RefittedSet) ->
         fitted=one,
         term=term_of(formula, scales),
         tier=tier_of(formula, model),
-        parameters=dict(_parameters(one, opened)),
+        parameters=dict(_parameters(one, model)),
         delta=one.cost - best.cost,
         check=left_out(one) if records > 1 else None,
         passive=passivity(formula, opened),
@@ -171,15 +171,18 @@ def visited(opened: OpenSlots, driver: Driver) -> tuple[str, float, float, str]:
     return driver.name, low - room, high + room, opened.unit_of(driver)
 
 
-def _parameters(one: Fitted, opened: OpenSlots) -> Iterator[tuple[str, FormulaParameter]]:
+def _parameters(one: Fitted, model: Model) -> Iterator[tuple[str, FormulaParameter]]:
     formula = one.formula
     yield "size", parameter(formula.size, one.size_std, formula.slot.unit)
-    for scale in scale_parameters(formula, opened.problem.model.family):
+    for scale in scale_parameters(formula, model.family):
         argument = scale.factor.argument
         std = one.trial.value(qualified(formula.name, scale.name))[1]
-        point = argument.point and scale.kind not in DISTANCES
-        unit = argument.driver.unit if argument.driver.unit == "K" else opened.unit_of(argument.driver)
-        yield scale.name, parameter(scale.value, std, unit, point=point)
+        yield (
+            scale.name,
+            parameter(
+                scale.value, std, argument.driver.unit, point=argument.point and scale.kind not in DISTANCES
+            ),
+        )
 
 
 def _notes(before: ModelComparison, searched: Map) -> Iterator[str]:

@@ -49,8 +49,8 @@ export const makeMap = (opened, choose) => {
         if (y < 0 || x < 0 || y >= rows.length || x >= columns.length) return;
         const other = buttons.find((one) => one.r === y && one.c === x);
         if (other) {
-          for (const one of buttons) one.made.tabIndex = one === other ? 0 : -1;
-          other.made.focus();
+          for (const one of buttons) one.square.tabIndex = one === other ? 0 : -1;
+          other.square.focus();
           return;
         }
       }
@@ -71,13 +71,13 @@ export const makeMap = (opened, choose) => {
   const set = (channel, title, size, bias, chosen) => {
     const width = size.shape[1];
     for (const { square, records, r, c } of buttons) {
-      const sizes = records.map((k) => size.values[k * width + channel]).filter((value) => !Number.isNaN(value));
+      const errors = records.map((k) => size.values[k * width + channel]).filter((value) => !Number.isNaN(value));
       const side = records.map((k) => bias.values[k * width + channel]).filter((value) => !Number.isNaN(value));
-      square.classList.toggle("old", !sizes.length);
+      square.classList.toggle("old", !errors.length);
       square.classList.toggle("chosen", records.includes(chosen));
       square.setAttribute("aria-pressed", String(records.includes(chosen)));
-      if (!sizes.length) continue;
-      const rms = Math.sqrt(sizes.reduce((sum, value) => sum + value * value, 0) / sizes.length);
+      if (!errors.length) continue;
+      const rms = Math.sqrt(errors.reduce((sum, value) => sum + value * value, 0) / errors.length);
       const mean = side.reduce((sum, value) => sum + value, 0) / side.length;
       square.textContent = figure(rms, 2);
       square.dataset.bin = sizeBin(rms);
