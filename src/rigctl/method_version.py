@@ -15,4 +15,4 @@ FINGERPRINT = "e556c254eb38"
 #: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 4
 #: hash of the code of this version of the search
-DISCOVERY_FINGERPRINT = "5639257e5492"
+DISCOVERY_FINGERPRINT = "d59ab6426411"

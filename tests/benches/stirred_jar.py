@@ -125,7 +125,7 @@ def _record(
         inside = (times >= begin) & (times <= end)
         solved = solve_ivp(rate, (begin, end), state, t_eval=times[inside], rtol=1e-8, atol=1e-9)
         result[inside] = solved.y.T
-        state = solve_ivp(rate, (begin, end), state, rtol=1e-8, atol=1e-9).y[:, -1]
+        state = solved.y[:, -1]  # every switch is at a sample
     return result
 
 

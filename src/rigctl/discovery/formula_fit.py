@@ -81,13 +81,13 @@ def refit_formulas(
     def refitted(pieces: Sequence[tuple[Formula, Formula]], what: str) -> list[Fitted | None]:
         began = monotonic()
 
-        def told(done: int, total: int) -> None:
-            left = _left_text((monotonic() - began) / done * (total - done))
-            on_progress(f"{what}: {done} of {total}{left}")
+        def report(done: int, total: int) -> None:
+            remaining = _remaining_text((monotonic() - began) / done * (total - done))
+            on_progress(f"{what}: {done} of {total}{remaining}")
 
         on_progress(what)
-        found = dict(map_tasks(work, pieces, workers or Workers(1), on_progress=told))
-        return [found[index] for index in range(len(pieces))]
+        results = dict(map_tasks(work, pieces, workers or Workers(1), on_progress=report))
+        return [results[index] for index in range(len(pieces))]
 
     first = refitted([(one, one) for one in _chosen(formulas)], "Refitting with formulas")
     fitted = sorted((one for one in first if one is not None), key=lambda one: one.cost)
@@ -140,7 +140,7 @@ def _simpler(formula: Formula) -> Formula | None:
     return replace(best, same=(replace(formula, same=()), *(one for one in formula.same if one is not best)))
 
 
-def _left_text(seconds: float) -> str:
+def _remaining_text(seconds: float) -> str:
     return f", about {seconds:.0f} s left" if seconds >= 1.0 else ""
 
 

@@ -225,17 +225,17 @@ class _Thinned:
 
 def _at_slots(opened: OpenSlots, slots: Sequence[Slot], seen_at: _Thinned) -> Iterator[Located]:
     """Every variable at some slots, in one simulation."""
-    asked = [
+    arguments = [
         (driver, SplineArgument(dict(driver.weights), knots))
         for driver in opened.drivers
         if (knots := opened.knots(driver, FUNCTIONS)) is not None
     ]
-    every = opened.readings(splines_at([(slot, argument) for slot in slots for _, argument in asked]))
-    width = len(asked) * FUNCTIONS
+    every = opened.readings(splines_at([(slot, argument) for slot in slots for _, argument in arguments]))
+    width = len(arguments) * FUNCTIONS
     for k, slot in enumerate(slots):
         readings = [one[:, :, k * width : (k + 1) * width] for one in every]
         projected = opened.project(readings)
-        for index, (driver, _) in enumerate(asked):
+        for index, (driver, _) in enumerate(arguments):
             chosen = slice(index * FUNCTIONS, (index + 1) * FUNCTIONS)
             seen_at.keep(slot, (driver,), [one[:, :, chosen] for one in readings])
             yield _located(projected, chosen, slot, (driver,))
@@ -315,15 +315,17 @@ def _with_others(
     opened: OpenSlots, place: Located, driver: Driver, others: Sequence[Driver]
 ) -> Iterator[Located]:
     """Terms of one variable and each of others at a location, in one simulation."""
-    asked = {
+    arguments = {
         other: SplineArgument(dict(other.weights), knots)
         for other in (driver, *others)
         if (knots := opened.knots(other, FEW)) is not None
     }
-    paired = [other for other in asked if not other.variables & driver.variables]
-    if driver not in asked or not paired:
+    paired = [other for other in arguments if not other.variables & driver.variables]
+    if driver not in arguments or not paired:
         return
-    every = opened.readings(products_at(place.slot, asked[driver], *(asked[other] for other in paired)))
+    every = opened.readings(
+        products_at(place.slot, arguments[driver], *(arguments[other] for other in paired))
+    )
     projected = opened.project(every)
     for k, other in enumerate(paired):
         chosen = slice(k * FEW * FEW, (k + 1) * FEW * FEW)

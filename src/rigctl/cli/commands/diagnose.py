@@ -199,8 +199,9 @@ def _lead_on(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOpti
     from rigctl.discovery.gate import gate_of
 
     again = analysis("diagnose", runs, model, choice)
+    gate = gate_of(diagnosis)
     # two effects that may only imitate what is missing: the law of either is of no use
-    imitating = len(diagnosis.effects) > 1 and gate_of(diagnosis).open
+    imitating = gate.open and len(diagnosis.effects) > 1
     if not imitating and _law_first(diagnosis, runs, model, choice, again):
         return
     if diagnosis.next_steps and diagnosis.verdict is not Verdict.MISSING_EFFECT:
@@ -215,7 +216,7 @@ def _lead_on(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOpti
     elif diagnosis.verdict is Verdict.AMBIGUOUS and any(len(names) > 1 for names in diagnosis.classes):
         command = analysis("design", runs, model, choice)
         show_next(f"{command} -o next.yaml", "designs the records that would distinguish them")
-    elif gate_of(diagnosis).open:
+    elif gate.open:
         command = analysis("discover", runs, model, choice)
         show_next(command, "looks for a formula where no effect of the library fits")
     elif diagnosis.best.candidates:

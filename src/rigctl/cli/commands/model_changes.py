@@ -110,10 +110,9 @@ def _show_values(model: Model) -> None:
 def _in_words(fitted: Sequence[StatedValue]) -> str:
     """The first of the fitted parameters with their uncertainty; those of effects before the others."""
     first = sorted(fitted, key=lambda stated: "." not in stated.name)[:_NAMED]
-    units = ["" if one.unit == "1" else one.unit for one in first]
     parts = [
-        " ".join(part for part in (one.name, *value_texts(one), unit) if part)
-        for one, unit in zip(first, units, strict=True)
+        " ".join(filter(None, (one.name, *value_texts(one), "" if one.unit == "1" else one.unit)))
+        for one in first
     ]
     remaining = len(fitted) - len(first)
     return ", ".join([*parts, *([f"and {remaining} more"] if remaining else [])])
