@@ -1,0 +1,39 @@
+"""Two named effects that leave something: how many of the kept trials, and how often both are right.
+
+``python -m benchmarks.validation.pairs`` counts them for decision 124. These are the trials on whose outcome
+version 30 of the method can differ from version 29.
+"""
+
+from __future__ import annotations
+
+from typing import get_args
+
+from benchmarks.validation.page import FOLDER
+from rigctl.validation.outcome import Trial, TrialOutcome
+from rigctl.validation.store import every_outcome
+from rigctl.validation.tier_definition import TierName, tier_definition
+
+
+def leaves_something(outcome: TrialOutcome[Trial]) -> bool:
+    """Whether the verdict names several effects that do not explain all of the misfit."""
+    named = outcome.verdict in ("missing_effect", "ambiguous")
+    return named and len(outcome.effects) > 1 and not outcome.all_of_it
+
+
+def main() -> None:
+    """Print the counts of each tier that is kept."""
+    for tier in get_args(TierName):
+        path = FOLDER / f"{tier}.jsonl"
+        if not path.exists():
+            continue
+        trials = every_outcome(path, tier_definition(tier).read)
+        pairs = [one for one in trials if leaves_something(one)]
+        right = [sum(name in one.scenario.truth for name in one.effects) for one in pairs]
+        print(
+            f"{tier}: {len(pairs)} of {len(trials)} trials name two effects that leave something; "
+            f"both are right in {right.count(2)}, one in {right.count(1)}, none in {right.count(0)}"
+        )
+
+
+if __name__ == "__main__":
+    main()
