@@ -15,10 +15,11 @@ import pytest
 from rigctl.cli.attended_run import attended
 from rigctl.errors import RigctlError
 from rigctl.plan.behaviour import Question
+from rigctl.runner.automatic_operator import AutomaticOperator, ScriptedOperator
 from rigctl.runner.console import Console
 from rigctl.runner.keys import _PosixKeys, input_is_empty, open_keys
 from rigctl.runner.launch import Launch
-from rigctl.runner.operator import AutomaticOperator, ScriptedOperator, read_answer
+from rigctl.runner.operator import read_answer
 from rigctl.runner.requests import Request
 from run_workshop import Workshop
 

@@ -16,9 +16,9 @@ from rigctl.clock import VirtualClock
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.rig import load_rig
 from rigctl.runner import rig_lock as locks
+from rigctl.runner.automatic_operator import AutomaticOperator
 from rigctl.runner.launch import Launch
 from rigctl.runner.manual import watch
-from rigctl.runner.operator import AutomaticOperator
 from rigctl.runner.requests import Request
 from rigctl.runner.rig_lock import RigLock, read_owner
 from rigctl.runner.snapshot import View

@@ -38,9 +38,10 @@ def attended(
             yield ready
         return
     from rigctl.live import view
+    from rigctl.runner.automatic_operator import AutomaticOperator, refuse_questions, scripted
     from rigctl.runner.console import Console
     from rigctl.runner.keys import HELP, input_is_empty
-    from rigctl.runner.operator import AutomaticOperator, Operator, refuse_questions, scripted
+    from rigctl.runner.operator import Operator
 
     kind = how.backend or plan.rig.backend.kind
     by_hand = kind not in _UNATTENDED and not answers

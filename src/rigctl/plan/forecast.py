@@ -13,11 +13,6 @@ from typing import Protocol, TypeAlias
 
 from rigctl.rig import Rig
 
-#: s assumed for a person: to turn a valve until the gauge shows the set-point, to confirm, to type a value
-TURNING = 20.0
-ANSWERING = 10.0
-TYPING = 20.0
-
 
 class Basis(IntEnum):
     """The basis of an expected duration, from the most to the least certain."""

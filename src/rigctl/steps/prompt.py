@@ -13,7 +13,7 @@ from rigctl.plan.action import Action
 from rigctl.plan.behaviour import Behaviour, Bench, Question
 from rigctl.plan.context import Context
 from rigctl.plan.fields import Name, Part, Short, UnitName
-from rigctl.plan.forecast import ANSWERING, TYPING, Basis, Forecast, ForecastBench, State
+from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
 from rigctl.plan.measured import MeasuredValue
 from rigctl.plan.outcomes import Outcome
 from rigctl.plan.step import Step
@@ -21,6 +21,10 @@ from rigctl.plan.tree import Leaf
 from rigctl.plan.values import AnyValue
 from rigctl.rig import Rig
 from rigctl.units import show
+
+#: s assumed for a person to confirm, and to type a value
+_ANSWERING = 10.0
+_TYPING = 20.0
 
 
 class PromptFields(Part):
@@ -103,7 +107,7 @@ class Prompt(Action):
 
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
         """Forecast the time that is assumed for an operator's answer."""
-        seconds = bench.operator_time(ANSWERING if self.name is None else TYPING)
+        seconds = bench.operator_time(_ANSWERING if self.name is None else _TYPING)
         basis = Basis.ESTIMATED if bench.simulated else Basis.GUESSED
         return Forecast(seconds, basis, bench.pass_time(state, seconds))
 

@@ -11,7 +11,7 @@ from rigctl.plan.action import Action
 from rigctl.plan.behaviour import Behaviour, Bench, Question, Until, every_sample
 from rigctl.plan.context import Context
 from rigctl.plan.fields import Part, Short
-from rigctl.plan.forecast import TURNING, Basis, Forecast, ForecastBench, State
+from rigctl.plan.forecast import Basis, Forecast, ForecastBench, State
 from rigctl.plan.outcomes import Outcome, StepFailed
 from rigctl.plan.setpoints import check_level, check_set_point
 from rigctl.plan.step import Step
@@ -32,6 +32,8 @@ from rigctl.units import show
 
 #: assumed time for the response of a driven level, s, in addition to the settling time
 _DRIVEN_LEVEL = 1.0
+#: s assumed for a person to turn a valve until the gauge shows the set-point
+_TURNING = 20.0
 
 
 class SetPressureFields(Part):
@@ -97,7 +99,7 @@ class SetLevel(Action):
     def forecast(self, state: State, bench: ForecastBench) -> Forecast:
         """Forecast the time that the actuator or the operator needs, plus the settling time."""
         by_hand = bench.rig.actuators[self.actuator].by == "operator"
-        setting = bench.operator_time(TURNING) if by_hand else _DRIVEN_LEVEL
+        setting = bench.operator_time(_TURNING) if by_hand else _DRIVEN_LEVEL
         total = setting + self.settle
         role = bench.rig.roles.set_pressure
         after = bench.pass_time(state, total)

@@ -34,9 +34,9 @@ def resume(
     from rigctl.cli.attended_run import attended, person_in_charge, report_end
     from rigctl.dataset import find_run
     from rigctl.dataset.day_folders import runs_root
+    from rigctl.runner.automatic_operator import AutomaticOperator
     from rigctl.runner.bench_access import bench_options, clock_for
     from rigctl.runner.launch import Launch
-    from rigctl.runner.operator import AutomaticOperator
     from rigctl.runner.resume import open_interrupted, relaunch
 
     before = open_interrupted(find_run(run))

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from threading import Lock
 
 from rigctl.effects.declaration import Effect
+from rigctl.effects.generic.actuator import at_input, at_switches
 from rigctl.effects.generic.balance import at_balance
-from rigctl.effects.generic.given import at_input, at_switches
 from rigctl.effects.generic.magnitudes import Magnitudes
-from rigctl.effects.generic.reading import at_reading
+from rigctl.effects.generic.sensor import at_reading
 from rigctl.effects.generic.slot_roles import (
     Balance,
     Given,
