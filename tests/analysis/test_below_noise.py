@@ -57,6 +57,7 @@ def searched(
         linearisation=SimpleNamespace(candidates=()),
         screening=SimpleNamespace(scores=()),
         view=lambda _: here,  # no law is changed by the shape tolerance
+        scatter=lambda _: None,  # and no size scatters
     )
     search.tolerance, search.start = 0.1, before
     search.at = lambda _: here  # type: ignore[method-assign]

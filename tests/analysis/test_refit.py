@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -9,7 +10,9 @@ import pytest
 from rigctl.analysis.candidates import Candidate, candidates
 from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import ModelComparison
+from rigctl.analysis.decision_levels import SHAPE_TOLERANCE
 from rigctl.analysis.fitting import fit_model
+from rigctl.analysis.linearised_set import LinearisedSet
 from rigctl.analysis.refit import NEAR, at_limiting_case, chi2_of, refit, value_of
 from rigctl.analysis.search import Search
 from rigctl.files.shipped import shipped
@@ -65,7 +68,7 @@ def test_parameters_that_had_compensated_for_an_effect_do_not_trap_its_refit(
     both = refit(before.fit, [candidate(DRIFT), candidate(DRY, presliding=100e-6)], single.fit)
     assert both is not None
     lowest = next(one.lower for one in both.fit.problem.shared if one.name == VOLUME)
-    assert value_of(single.fit, VOLUME) == lowest
+    assert value_of(single.fit, VOLUME) == pytest.approx(lowest)
     assert value_of(both.fit, VOLUME) > 10.0 * lowest
     trapped = [
         replace(one, start=lowest if one.name == VOLUME else one.start) for one in both.fit.problem.shared
@@ -73,6 +76,20 @@ def test_parameters_that_had_compensated_for_an_effect_do_not_trap_its_refit(
     plain_fit = fit(both.fit.problem.with_shared(trapped), both.fit.held_out, local=both.fit.local)
     assert value_of(plain_fit, VOLUME) < 2.0 * lowest
     assert both.chi2 < chi2_of(plain_fit) - NEAR
+
+
+def test_less_of_an_effect_is_beyond_the_others_the_more_their_laws_may_deviate(
+    before: ModelComparison,
+) -> None:
+    drift, dry = candidate(DRIFT), candidate(DRY, presliding=100e-6)
+    single, both = refit(before.fit, [drift]), refit(before.fit, [drift, dry])
+    assert single is not None
+    assert both is not None
+    point = LinearisedSet(both, before.whole)
+    exact, within, free = (point.size_beyond(dry, tolerance) for tolerance in (0.0, SHAPE_TOLERANCE, 10.0))
+    assert 0.0 < free < within < exact
+    # the linearised size and that by refits differ by what the fitted parameters move in between
+    assert 0.5 < exact / math.sqrt(single.chi2 - both.chi2) < 2.0
 
 
 def test_a_law_never_fits_worse_than_its_limiting_case(before: ModelComparison) -> None:

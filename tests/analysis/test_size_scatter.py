@@ -10,7 +10,11 @@ import pytest
 
 from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.analysis.linearisation import Linearisation, RecordTriangle, Regions
+from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.size_scatter import size_scatter, with_scatter
+from rigctl.engine.one_thread import one_thread
+from rigctl.validation.scenario import Scenario, Wanted
+from rigctl.validation.work import diagnose_scenario
 from wrong_shape import diagnosed
 
 RECORDS, ROWS = 16, 30
@@ -42,6 +46,7 @@ def test_scattering_sizes_are_detected_without_a_trend(seed: int) -> None:
     assert found.asked
     assert 0.2 <= found.width <= 0.4
     assert not found.follows
+    assert found.counts
     assert "scatters" in found.statement
 
 
@@ -51,6 +56,7 @@ def test_a_size_equal_in_all_records_is_not_reported(seed: int) -> None:
     assert found is not None
     assert not found.asked
     assert not found.follows
+    assert not found.counts
     assert found.statement == ""
 
 
@@ -59,7 +65,46 @@ def test_a_size_that_depends_on_the_operating_point_is_reported(seed: int) -> No
     found = size_scatter(linearised(1.0 + 0.3 * np.repeat(np.linspace(-1.0, 1.0, 4), 4), seed), "late")
     assert found is not None
     assert found.follows
+    assert not found.counts
     assert "changes with the operating point" in found.statement
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "deviation",
+    [
+        np.outer(*2 * (np.linspace(-1.0, 1.0, 4),)).ravel(),
+        np.repeat(np.abs(np.linspace(-1.0, 1.0, 4)), 4) - 0.5,
+    ],
+    ids=["product", "V"],
+)
+def test_a_size_that_depends_on_a_product_or_a_square_does_not_count_as_scatter(
+    deviation: np.ndarray, seed: int
+) -> None:
+    found = size_scatter(linearised(1.0 + 0.6 * deviation, seed), "late")
+    assert found is not None
+    assert found.asked
+    assert not found.follows  # a plane over the operating variables does not show it
+    assert not found.counts
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_sizes_of_either_sign_are_not_the_scatter_of_one_size(seed: int) -> None:
+    """A constant that would have to be anything in each record explains nothing."""
+    sizes = 5.0 * np.random.default_rng(200 + seed).standard_normal(RECORDS)
+    found = size_scatter(linearised(sizes, seed), "late")
+    assert found is not None
+    assert found.asked
+    assert not found.counts
+
+
+def test_what_scatter_explains_is_what_its_columns_absorb() -> None:
+    sizes = 1.0 + 0.3 * np.random.default_rng(100).standard_normal(RECORDS)
+    lin = linearised(sizes, 0)
+    found = size_scatter(lin, "late")
+    assert found is not None
+    exact, within = (project(lin.rearranged((), (), width)).residual for width in (0.0, found.width))
+    assert found.explained == pytest.approx(float(exact @ exact) - float(within @ within))
 
 
 def test_each_record_has_its_own_column_of_the_effect() -> None:
@@ -81,6 +126,25 @@ def test_a_delay_that_jitters_between_switches_is_named_with_its_location() -> N
     assert levels["place"]["sure"]
     assert not levels["law"]["sure"]
     assert any("scatters from record to record" in line for line in found.evidence)
+
+
+def test_a_delay_is_named_by_its_differences_where_fitted_parameters_absorb_its_mean() -> None:
+    """Its mean explains 7 % of the misfit, its differences by 30 % from switch to switch all the rest."""
+    scenario = Scenario(
+        "one",
+        (Wanted("valve_close_delay", 300.0),),
+        "wrong",
+        temperatures=(20.0, 40.0, 60.0, 80.0),
+        pressures=(20.0, 35.0, 50.0),
+        seed=10002,
+    )
+    with one_thread():
+        found = diagnose_scenario(scenario, (0.136,))
+    assert found.verdict is Verdict.MISSING_EFFECT
+    assert found.effects == ("valve_close_delay",)
+    (levels,) = found.levels
+    assert levels.place_sure
+    assert not levels.law_sure
 
 
 def test_an_effect_with_zero_slope_at_null_is_still_ranked_first() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -21,10 +22,12 @@ SCENARIOS = (
     Scenario("one", (Wanted("radiation_loss", 10.0),), seed=4),
 )
 DONE: list[str] = []
+EARLIER: list[Mapping[str, Outcome]] = []
 
 
-def work(scenario: Scenario) -> Outcome:
+def work(scenario: Scenario, earlier: Mapping[str, Outcome] | None = None) -> Outcome:
     DONE.append(scenario.name)
+    EARLIER.append(earlier or {})
     if not scenario.hidden:
         return Outcome(scenario, verdict="adequate")
     if scenario.truth == ("radiation_loss",):
@@ -41,6 +44,7 @@ def short(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("rigctl.validation.work.carry_out", work)
     monkeypatch.chdir(tmp_path)
     DONE.clear()
+    EARLIER.clear()
 
 
 def told(*arguments: str) -> str:
@@ -67,6 +71,27 @@ def test_the_json_document_has_rates_confusion_and_the_results_file() -> None:
     rates = {(rate["name"], rate["of"]): rate for rate in found["rates"]}
     assert rates["false alarm, nothing hidden", "noise estimated"]["met"] is True
     assert Path(found["results"]).is_file()
+
+
+def test_a_validation_reuses_what_does_not_depend_on_the_method() -> None:
+    told("--out", "kept")
+    told("--out", "again", "--reuse", "kept/quick.jsonl")
+    assert EARLIER[: len(SCENARIOS)] == [{}] * len(SCENARIOS)
+    assert len(EARLIER) == 2 * len(SCENARIOS)
+    for earlier in EARLIER[len(SCENARIOS) :]:
+        assert {name: outcome.scenario for name, outcome in earlier.items()} == {
+            scenario.name: scenario for scenario in SCENARIOS
+        }
+
+
+def test_results_are_reused_only_where_there_are_any() -> None:
+    Path("empty.jsonl").write_text("", encoding="utf-8")
+    with pytest.raises(RigctlError, match="no results of the tier quick"):
+        told("--reuse", "empty.jsonl")
+    with pytest.raises(RigctlError, match="no such file"):
+        told("--reuse", "kept/quick.jsonl")
+    with pytest.raises(RigctlError, match="nothing that could be reused"):
+        told("--tier", "design", "--reuse", "kept/quick.jsonl")
 
 
 def test_a_validation_continues_only_with_resume_and_runs_no_trial_twice() -> None:

@@ -192,6 +192,8 @@ def test_effects_beyond_their_usual_range_are_counted_separately() -> None:
 def test_pairs_of_effects_that_are_both_detectable_have_their_own_rate() -> None:
     both = {"effects": ("coulomb_friction", "piston_leakage"), "verdict": "missing_effect"}
     seen, hidden = (Outcome(TWO, beside=beside, **both) for beside in ((30.0, 12.0), (30.0, 2.0)))
+    within = Outcome(TWO, beside=(30.0, 12.0), beyond_laws=(30.0, 7.0), **both)
     name = "a strong and a weak effect: both named"
-    assert counted([seen, hidden], name, "all") == (2, 2)
-    assert counted([seen, hidden], name, "λ >= 10 each, also beside the other") == (1, 1)
+    assert counted([seen, hidden, within], name, "all") == (3, 3)
+    of = "λ >= 10 each, also beside the other and beyond its tolerance"
+    assert counted([seen, hidden, within], name, of) == (1, 1)

@@ -33,6 +33,33 @@ def test_two_effects_that_resemble_a_third_are_both_named() -> None:
     outcome = carry_out(replace(SMALL, kind="two", hidden=hidden, chamber_pressures=True))
     assert outcome.exact
     assert min(outcome.beside) > 20.0
+    # the law of the delay absorbs little of the backlash, within its tolerance
+    assert all(
+        15.0 < beyond < 1.2 * beside
+        for beyond, beside in zip(outcome.beyond_laws, outcome.beside, strict=True)
+    )
+
+
+def test_a_trial_is_repeated_with_the_amplitude_found_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = replace(SMALL, kind="one", hidden=(Wanted("valve_leakage", 40.0),), shape="same")
+    first = carry_out(scenario)
+
+    def searched_again(*_: object) -> None:
+        raise AssertionError("known from the first time")
+
+    monkeypatch.setattr("rigctl.validation.work.hidden_amplitudes", searched_again)
+    monkeypatch.setattr("rigctl.validation.work.likeness", searched_again)
+    again = carry_out(scenario, {scenario.name: first})
+    assert replace(again, seconds=first.seconds) == first
+    unreached = replace(first, untested="no amplitude of valve_leakage has the size wanted", verdict=None)
+    assert not carry_out(scenario, {scenario.name: unreached}).counts
+    other = replace(first, scenario=replace(scenario, temperatures=(20.0, 50.0, 70.0)))
+    assert other.scenario.name == scenario.name
+    with pytest.raises(AssertionError, match="known from the first time"):  # another campaign of this name
+        carry_out(scenario, {scenario.name: other})
+    pair = replace(first, beside=(12.0, 11.0))
+    with pytest.raises(AssertionError, match="known from the first time"):  # a part is unknown
+        carry_out(scenario, {scenario.name: pair})
 
 
 def test_noise_may_be_given_instead_of_estimated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -78,15 +78,23 @@ SHAPE_OF_ROWS: Final = 0.03
 SLIGHT: Final = 0.15
 #: such a small member is kept only if at least this share of what it explains remains unexplained by the
 #: others within their shape tolerance
-BEYOND_SHAPE: Final = 0.5
-#: an effect beside those that the model already has is kept only if at least this share of what it explains
-#: remains unexplained by them within their shape tolerance: dry friction beside a leak of three times its
+BEYOND_SHAPE: Final = 0.4
+#: an effect beside those that the model already has, and a member of a set whose rest leaves no more than
+#: `SHAPE`, is kept only if at least this share of what it explains remains unexplained by the others within
+#: their shape tolerance: dry friction beside a leak of three times its
 #: size keeps 0.3, the heat capacity of a real board's walls beside three other effects 0.11, an effect that
 #: only followed the shape of a leak's law 0.02
 BEYOND_LAWS: Final = 0.05
 #: a small member is kept only if what the set still leaves, plus `UNSEEN`, is less than this share of what
 #: the member explains
 WHOLE: Final = 0.1
+#: scatter of an effect's size counts as explained by the effect if no more than this share of the sizes have
+#: the opposite sign of the mean, ...
+REVERSED_SIZES: Final = 0.1
+#: ... their root mean square is at most this multiple of the scatter's standard deviation, ...
+SIZES_BEYOND_PRIOR: Final = 2.0
+#: ... and this many more sizes are known than a plane over the operating variables has coefficients
+SPARE_SIZES: Final = 4
 #: least reduction of χ², by the linearised model, for which a set with another member or members is refitted
 WORTH: Final = 6.0
 #: least change of the remaining misfit over an operating variable, in standard deviations, that is reported

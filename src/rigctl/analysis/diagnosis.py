@@ -267,7 +267,7 @@ def _against(
     sizes: bool = True,
 ) -> list[str]:
     """Why the best set may not be what is missing; see `rigctl.analysis.text.against_identity`."""
-    return against_identity(best, checks, remaining, search.none.chi2 - best.chi2, sizes=sizes)
+    return against_identity(best, checks, remaining, search.reached(best), sizes=sizes)
 
 
 def _levels(

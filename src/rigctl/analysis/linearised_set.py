@@ -3,6 +3,7 @@ tolerance of its laws."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -67,6 +68,7 @@ class LinearisedSet:
     excluded: Collection[str] = ()
     known: KnownSlopes | None = field(default=None, repr=False)
     _views: dict[float, View] = field(default_factory=dict, repr=False)
+    _scatters: dict[str, SizeScatter | None] = field(default_factory=dict, repr=False)
 
     def view(self, tolerance: float) -> View:
         """The trial's effects among the nuisances, and the laws of all effects of the model with a
@@ -119,6 +121,27 @@ class LinearisedSet:
         removed = self._index(member)
         rest = [index for index in self._members if index != removed]
         return project(self._everything.rearranged(rest, [removed, *self._others]))
+
+    def size_beyond(self, member: Candidate, tolerance: float) -> float:
+        """λ of a member beyond what the model's unknowns and the other members explain, with a discrepancy of
+        the others' laws of standard deviation `tolerance`.
+
+        ``λ² = sᵀ(I + C·Cᵀ)⁻¹s``, with s the member's contribution to the whitened readings, C the columns of
+        the other laws' discrepancies times the tolerance, and the fitted unknowns projected off both.
+        """
+        removed = self._index(member)
+        rest = [index for index in self._members if index != removed]
+        shaped = project(self._alone.rearranged(rest, [removed], shaped=True))
+        width = len(member.columns)
+        own_law = (f"shape of {member.name} ", f"size of {member.name} ")
+        others = [
+            width + k for k, name in enumerate(shaped.linearisation.shapes) if not name.startswith(own_law)
+        ]
+        contribution = shaped.signatures[:, :width] @ self.trial.amplitudes(member)
+        columns = shaped.signatures[:, others] * tolerance
+        common = columns.T @ contribution
+        explained = float(common @ np.linalg.solve(columns.T @ columns + np.eye(len(others)), common))
+        return math.sqrt(max(0.0, float(contribution @ contribution) - explained))
 
     def held(self, member: Candidate) -> list[Floats]:
         """(rows of each record) the contribution of those parameters of a member that the fit left at
@@ -198,7 +221,9 @@ class LinearisedSet:
 
     def scatter(self, effect: str) -> SizeScatter | None:
         """Scatter of an effect's size between records; None if the effect has explanatory variables."""
-        return size_scatter(self.shaped(), effect)
+        if effect not in self._scatters:
+            self._scatters[effect] = size_scatter(self.shaped(), effect)
+        return self._scatters[effect]
 
     def _undriven(self, lin: Linearisation) -> list[tuple[str, Floats]]:
         """The effects in the model without explanatory variables, with the amplitudes of their parameters."""

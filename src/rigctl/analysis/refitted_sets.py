@@ -5,7 +5,8 @@ however small its share. Identity is judged by the share of the misfit that a se
 tolerance of its laws (`rigctl.analysis.shape_tolerance`), because no effect of a library has a bench's
 exact law: a set that leaves more than a small share (`SHAPE`) may be incomplete, or only resemble what is
 missing. A second effect that is small beside the first (`SLIGHT`) may be an artefact of the first one's law,
-unless it explains what that law leaves nearly to the noise (`WHOLE`).
+unless it explains what that law leaves nearly to the noise (`WHOLE`); and so may any effect of which hardly
+anything is beyond the tolerance of the others (`BEYOND_LAWS`).
 
 Every question about a refitted set is answered from its linearisation (`LinearisedSet`).
 """
@@ -40,6 +41,7 @@ from rigctl.analysis.mbic import effective_samples, mbic
 from rigctl.analysis.refit import RefittedSet, at_limiting_case, plain, refit, value_of
 from rigctl.analysis.refit_alone import Alone, near_best
 from rigctl.analysis.separability import cosine, separation
+from rigctl.analysis.size_scatter import SizeScatter
 from rigctl.effects.declaration import Effect
 from rigctl.model.fit.problem import Problem
 
@@ -120,7 +122,17 @@ class RefittedSets:
         if not trial.candidates:
             return 0.0 if self.start.adequacy.agrees else 1.0
         excess = self.excess(trial)
-        return excess / (max(self.none.chi2 - trial.chi2, 1e-12) + excess)
+        return excess / (max(self.reached(trial), 1e-12) + excess) if excess else 0.0
+
+    def reached(self, trial: RefittedSet) -> float:
+        """The reduction of χ² by a set; for a single effect also that by the scatter of its size.
+
+        Fitted parameters may absorb the mean of a delay that differs from switch to switch, but not its
+        differences. The scatter counts if it is plausible (`SizeScatter.counts`).
+        """
+        size_scatter = self._size_scatter(trial)
+        explained = 0.0 if size_scatter is None else size_scatter.explained
+        return max(self.none.chi2 - trial.chi2, 0.0) + explained
 
     def excess(self, trial: RefittedSet) -> float:
         """χ² that a set leaves, within the shape tolerance of its laws; 0 if the tests find nothing any more.
@@ -150,19 +162,27 @@ class RefittedSets:
         variable, and the set then leaves less than a tenth of the size of the effect with its scatter: delays
         that differ by a third explain more by their differences than by their mean.
         """
+        size_scatter = self._size_scatter(trial)
+        if size_scatter is None:
+            return False
+        return self._excess_in(self.at(trial).view(size_scatter.width)) < TOLERANCE**2 * self.reached(trial)
+
+    def _size_scatter(self, trial: RefittedSet) -> SizeScatter | None:
+        """The scatter of the size of a set's one effect between records or switches, if it counts as
+        explained.
+
+        None for several effects, for one with explanatory variables, for a table, and for a model that
+        already has effects: their laws have a tolerance of their own.
+        """
+        if len(trial.candidates) != 1 or not self.tolerance or self.bends_model:
+            return None
         (member,) = trial.candidates
         point = self.at(trial)
         size_scatter = point.scatter(member.name)
+        if size_scatter is None or not size_scatter.counts:
+            return None
         alone = all(name.startswith(f"size of {member.name} ") for name in point.shaped().shapes)
-        if size_scatter is None or not alone or size_scatter.follows or self.none.fit.problem.model.with_laws:
-            return False
-        exact, scattered = (
-            point.view(0.0).projected.residual,
-            point.view(size_scatter.width).projected.residual,
-        )
-        scatter = float(exact @ exact) - float(scattered @ scattered)
-        reached = max(self.none.chi2 - trial.chi2, 0.0) + max(scatter, 0.0)
-        return self._excess_in(point.view(size_scatter.width)) < TOLERANCE**2 * reached
+        return size_scatter if alone else None
 
     def explained(self, trial: RefittedSet, member: Candidate) -> float:
         """The increase of χ² without one of a set's effects; 0 if the others cannot be fitted."""
@@ -175,8 +195,9 @@ class RefittedSets:
 
         So it is if it explains little beside them, and either their laws explain much of the same within
         their shape tolerance, or it leaves something: a second effect follows the shape of another one's law
-        only roughly, and the rest remains visible. How much the effects already in the model explain is not
-        known: beside them the shape tolerance is always considered.
+        only roughly, and the rest remains visible. Nor is it kept, however much it explains, if hardly
+        anything of that is beyond the shape tolerance of the effects already in the model, or of the others
+        where these leave little without it.
 
         Parameters
         ----------
@@ -184,7 +205,7 @@ class RefittedSets:
         """
         explained = without.chi2 - best.chi2
         little = explained < SLIGHT * reached
-        if not (little or self.bends_model):
+        if not (little or self.bends_model or (self.tolerance and self.sure(without))):
             return False
         if self.tolerance:
             beyond = self.evidence(without) - self.evidence(best)

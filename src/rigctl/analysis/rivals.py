@@ -238,8 +238,10 @@ def _two_instead(search: Search, best: RefittedSet) -> list[Rival]:
     """Two other effects that explain more than the single leading one, though not significantly so.
 
     Only if the single effect leaves hardly anything: otherwise pairs were part of the search, and the verdict
-    weighs what they explain beyond a single effect. A pair that holds another law of the leading one's cause
-    replaces its law alone: the other member of the pair does not count as surely missing.
+    weighs what they explain beyond a single effect. With the discrepancies of the laws integrated out the
+    pair must not be distinguished: the scatter of a delay may explain what no pair does. A pair that holds
+    another law of the leading one's cause replaces its law alone: the other member of the pair does not count
+    as surely missing.
     """
     if not search.sure(best):
         return []
@@ -250,6 +252,7 @@ def _two_instead(search: Search, best: RefittedSet) -> list[Rival]:
         if len(trial.effects) == 2
         and member.name not in trial.effects
         and search.mbic(trial) < search.mbic(best)
+        and search.evidence(trial) < search.evidence(best) + LEAST_DIFFERENCE
     ]
     if not pairs:
         return []
@@ -265,7 +268,7 @@ def _two_instead(search: Search, best: RefittedSet) -> list[Rival]:
             trial,
             cos,
             separation(math.sqrt(explained), cos),
-            search.mbic(trial) - search.mbic(best),
+            search.evidence(trial) - search.evidence(best),
             differs,
             share=(trial.chi2 - best.chi2) / max(explained, 1e-12),
             unusual=trial.unusual.get(name, ""),

@@ -164,7 +164,7 @@ class Search(RefittedSets):
             return best
         if best.candidates and remaining <= self.allowed:
             self._forward(best)
-            return self.least([best, *self.trials.values()])
+            return self._complete_before_least([best, *self.trials.values()])
         lin = self.start.linearisation
         promised = self.none.chi2 - min(trial.chi2 for trial in (best, *self.trials.values()))
         pairs = [
@@ -303,8 +303,24 @@ class Search(RefittedSets):
         """`best` with members replaced by rivals that explain more: the first found need not be right."""
         for _ in range(_SWAPS):
             sets = [rival for member in best.candidates for rival, _, _ in self.rivals(best, member)]
-            least = self.least([best, *sets])
+            least = self._complete_before_least([best, *sets])
             if least is best:
                 break
             best = self._backward(least)
         return best
+
+    def _complete_before_least(self, sets: Sequence[RefittedSet]) -> RefittedSet:
+        """The set with the least mBIC; of two or more effects rather one that leaves nothing.
+
+        Beside the discrepancy of a strong effect's law, a difference in mBIC between two second effects is
+        within that discrepancy: the evidence decides, if only one of them leaves nothing.
+        """
+        least = self.least(sets)
+        count = len(least.candidates)
+        if count < 2 or not self.tolerance or not self.excess(least):
+            return least
+        shorter = [one for one in (self.none, *self.trials.values()) if len(one.candidates) < count]
+        limit, evidence = self.mbic(self.least(shorter)), self.evidence(least)
+        others = [one for one in sets if len(one.candidates) == count and self.mbic(one) < limit]
+        better = [one for one in others if self.evidence(one) < evidence and not self.excess(one)]
+        return min(better, key=self.evidence, default=least)

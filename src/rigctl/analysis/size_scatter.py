@@ -22,7 +22,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.decision_levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE
+from rigctl.analysis.decision_levels import (
+    ALPHA,
+    LEAST_DIFFERENCE,
+    REVERSED_SIZES,
+    SHAPE_TOLERANCE,
+    SIZES_BEYOND_PRIOR,
+    SPARE_SIZES,
+)
 from rigctl.analysis.linearisation import Linearisation, base_at
 from rigctl.analysis.nuisance_projection import project
 from rigctl.model.fit.fit import FitResult
@@ -164,12 +171,18 @@ class SizeScatter:
         smallest.
     asked: the data support it: its evidence is a hundred to one.
     follows: the sizes follow the operating point, so that the effect depends on something.
+    explained: the reduction of χ² by it.
+    counts: it may count as explained by the effect: the data support it, hardly any size has the opposite
+        sign of the mean, they are no wider than the prior allows, and enough of them follow neither an
+        operating variable nor a square or product of them.
     """
 
     effect: str
     width: float
     asked: bool
     follows: bool
+    explained: float = 0.0
+    counts: bool = False
 
     @property
     def statement(self) -> str:
@@ -199,8 +212,22 @@ def size_scatter(lin: Linearisation, effect: str) -> SizeScatter | None:
     required = costs[width] + 2.0 * math.log(len(_WIDTHS)) < -LEAST_DIFFERENCE
     sizes: Floats = np.asarray(np.linalg.solve(square + np.eye(len(names)) / width**2, slope))
     conditions = lin.regions.conditions[list(names.values())]
-    trend = _trend_chance(sizes, np.sqrt(np.diag(square)), conditions)
-    return SizeScatter(effect, width, required, required and trend < ALPHA)
+    weights = np.sqrt(np.diag(square))
+    follows = required and _trend_chance(sizes, weights, conditions, 1) < ALPHA
+    steady = all(_trend_chance(sizes, weights, conditions, degree) >= ALPHA for degree in (1, 2))
+    plausible = (
+        float(np.mean(sizes < -1.0)) <= REVERSED_SIZES
+        and math.sqrt(float(np.mean(np.square(sizes)))) <= SIZES_BEYOND_PRIOR * width
+        and sizes.size - conditions.shape[1] - 1 >= SPARE_SIZES
+    )
+    return SizeScatter(
+        effect,
+        width,
+        required,
+        follows,
+        explained=max(0.0, float(slope @ sizes)),
+        counts=required and steady and plausible,
+    )
 
 
 def _evidence(matrix: Floats, slope: Floats) -> float:
@@ -209,15 +236,18 @@ def _evidence(matrix: Floats, slope: Floats) -> float:
     return float(np.linalg.slogdet(total)[1]) - float(slope @ np.linalg.solve(total, slope))
 
 
-def _trend_chance(sizes: Floats, weights: Floats, conditions: Floats) -> float:
+def _trend_chance(sizes: Floats, weights: Floats, conditions: Floats, degree: int) -> float:
     """p-value of the sizes' dependence on the operating variables, by an F test against what is left.
 
-    Each size is weighted by the information that the readings contain about it.
+    Each size is weighted by the information that the readings contain about it. With `degree` 2 the squares
+    and products of the variables are tested as well; 1.0 if too few sizes are left for the test.
     """
     from scipy.special import fdtrc
 
-    plane = np.column_stack([np.ones(sizes.size), conditions]) * weights[:, None]
-    left, values, _ = np.linalg.svd(plane, full_matrices=False)
+    count = conditions.shape[1]
+    products = [conditions[:, i] * conditions[:, j] for i in range(count) for j in range(i, count)]
+    surface = [np.ones(sizes.size), *conditions.T, *(products if degree > 1 else ())]
+    left, values, _ = np.linalg.svd(np.column_stack(surface) * weights[:, None], full_matrices=False)
     span = left[:, values > _RANK * max(float(values[0]), 1e-300)]
     mean = weights / max(float(np.linalg.norm(weights)), 1e-300)
     weighted = weights * sizes

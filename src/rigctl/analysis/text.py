@@ -189,7 +189,7 @@ def against_identity(
 
     Parameters
     ----------
-    explained: the reduction of χ² by the set.
+    explained: the reduction of χ² by the set, including that by the scatter of its effect's size.
     sizes: whether a parameter outside its usual range is a reason.
     """
     reasons = [f"{name} has its {text}" for name, text in best.unusual.items()] if sizes else []

@@ -150,13 +150,14 @@ class TrialOutcome(Generic[AnyTrial]):
     sizes, amplitudes: actual λ and amplitude (SI) of each hidden effect.
     rival_cosine, separation: the largest and the smallest of the hidden effects, see `similarity.Likeness`.
     beside: λ of each of several hidden effects beside the others; empty if unknown.
+    beyond_laws: the same beyond the shape tolerance of the others' laws; empty if unknown.
     intervals: of parameters with known true values.
     exponents: of laws that it corrects, with the exponent fitted to noise-free readings.
     searched: the result of a search for a formula, if one was made.
     learnt: the result of learning, if the bench was measured again.
     untested: why there was nothing to diagnose, e.g. that no amplitude has the wanted size.
     failure: the error, if any; such a trial counts against the tool.
-    seconds: CPU time, s.
+    seconds: CPU time, s, without what was reused.
     """
 
     scenario: AnyTrial
@@ -171,6 +172,7 @@ class TrialOutcome(Generic[AnyTrial]):
     rival_cosine: float | None = None
     separation: float | None = None
     beside: tuple[float, ...] = ()
+    beyond_laws: tuple[float, ...] = ()
     intervals: tuple[Interval, ...] = ()
     exponents: tuple[Interval, ...] = ()
     searched: Searched | None = None
@@ -216,8 +218,8 @@ class TrialOutcome(Generic[AnyTrial]):
     ) -> TrialOutcome[AnyTrial]:
         """The outcome that `document` describes, also after JSON; `trial` reads the trial."""
         fields = dict(document)
-        for name in ("effects", "sizes", "amplitudes", "beside"):
-            fields[name] = tuple(fields[name])
+        for name in ("effects", "sizes", "amplitudes", "beside", "beyond_laws"):
+            fields[name] = tuple(fields.get(name, ()))  # older results have no `beyond_laws`
         fields["scenario"] = trial(fields["scenario"])
         fields["classes"] = tuple(tuple(group) for group in fields["classes"])
         fields["claims"] = tuple(Claim(**claim) for claim in fields["claims"])

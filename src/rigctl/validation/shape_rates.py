@@ -30,8 +30,8 @@ def shape_rates(outcomes: Sequence[Outcome]) -> tuple[Rate, ...]:
     one = [o for o in counted if o.scenario.kind == "one" and not _beyond_usual(o)]
     beyond = [o for o in counted if o.scenario.kind == "one" and _beyond_usual(o)]
     two = [o for o in counted if o.scenario.kind == "two"]
-    beside = [o for o in two if min(o.beside, default=math.inf) >= (1.0 - CLOSE) * TOGETHER]
-    each = "λ >= 10 each, also beside the other"
+    beside = [o for o in two if _least_beside(o) >= (1.0 - CLOSE) * TOGETHER]
+    each = "λ >= 10 each, also beside the other and beyond its tolerance"
     removed = [o for o in counted if o.scenario.kind == "removed"]
     rates = [
         rate_of(
@@ -63,6 +63,14 @@ def shape_rates(outcomes: Sequence[Outcome]) -> tuple[Rate, ...]:
         ),
     ]
     return tuple(rate for rate in rates if rate.trials)
+
+
+def _least_beside(outcome: Outcome) -> float:
+    """The smallest λ of two effects beside each other, with their laws as declared and with their tolerance.
+
+    Infinite if unknown.
+    """
+    return min((*outcome.beside, *outcome.beyond_laws), default=math.inf)
 
 
 def wrongly_claimed(outcome: Outcome) -> bool:

@@ -14,9 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.decision_levels import SHAPE_TOLERANCE
 from rigctl.analysis.detectability import Unexplained
+from rigctl.analysis.linearised_set import LinearisedSet
 from rigctl.analysis.refit import RefittedSet, plain, refit
 from rigctl.analysis.separability import separation
+from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult
 
 Floats = NDArray[np.float64]
@@ -77,10 +80,15 @@ def likeness(unexplained: Unexplained, fitted: FitResult, effect: str, size: flo
     )
 
 
-def sizes_beside_each_other(fitted: FitResult, chosen: Sequence[Candidate]) -> tuple[float, ...]:
-    """λ of each of several hidden effects beside the others: the cost of leaving its library effect out.
+def sizes_beside_each_other(
+    fitted: FitResult, chosen: Sequence[Candidate]
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """λ of each of several hidden effects beside the others, with their laws as declared, and beyond their
+    shape tolerance.
 
-    An effect that another one nearly absorbs has far less than its own size. Empty if unknown.
+    An effect that another one nearly absorbs has far less than its own size. The first is the cost of leaving
+    the effect out, by refits; the second is computed from the linearised refit of all. Each is empty if
+    unknown.
 
     Parameters
     ----------
@@ -88,10 +96,15 @@ def sizes_beside_each_other(fitted: FitResult, chosen: Sequence[Candidate]) -> t
     """
     every = refit(fitted, chosen, cost=_COST)
     if every is None:
-        return ()
+        return (), ()
     rest = [tuple(one for one in chosen if one is not member) for member in chosen]
     without = [refit(fitted, others, every.fit, cost=_COST) if others else plain(fitted) for others in rest]
-    return tuple(math.sqrt(_below(one, every)) for one in without if one is not None)
+    beside = tuple(math.sqrt(_below(one, every)) for one in without if one is not None)
+    try:
+        point = LinearisedSet(every, fitted.problem.rebuilt(fitted.model, library=True))
+        return beside, tuple(point.size_beyond(member, SHAPE_TOLERANCE) for member in chosen)
+    except RigctlError:  # the model cannot be simulated with one of the discrepancies
+        return beside, ()
 
 
 def _changed(unexplained: Unexplained, fit: FitResult) -> Floats:

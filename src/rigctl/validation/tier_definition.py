@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias
 
 from rigctl.validation.outcome import AnyTrial, TrialOutcome
@@ -24,12 +25,17 @@ class TierDefinition(Generic[AnyTrial]):
     carry_out: makes the campaign of a trial, and returns what the tool answered.
     read: makes a trial from plain data.
     figures: the rates of some outcomes, with their targets.
+    reusing: `carry_out`, with what does not depend on the search taken from earlier outcomes, by the names of
+        their trials; None if a tier cannot do that.
     """
 
     trials: tuple[AnyTrial, ...]
     carry_out: Callable[[AnyTrial], TrialOutcome[AnyTrial]]
     read: Callable[[Mapping[str, Any]], AnyTrial]
     figures: Callable[[Sequence[TrialOutcome[AnyTrial]]], Figures]
+    reusing: (
+        Callable[[Mapping[str, TrialOutcome[AnyTrial]]], Callable[[AnyTrial], TrialOutcome[AnyTrial]]] | None
+    ) = None
 
 
 def tier_definition(name: TierName) -> TierDefinition[Any]:
@@ -60,4 +66,10 @@ def tier_definition(name: TierName) -> TierDefinition[Any]:
     from rigctl.validation.work import carry_out
 
     counted = shape_figures if name == "shape" else figures
-    return TierDefinition(scenarios(name), carry_out, Scenario.read, counted)
+    return TierDefinition(
+        scenarios(name),
+        carry_out,
+        Scenario.read,
+        counted,
+        reusing=lambda earlier: partial(carry_out, earlier=earlier),
+    )

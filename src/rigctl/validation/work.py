@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,15 +49,21 @@ Floats = NDArray[np.float64]
 _COST = 1e-3
 #: two-sided 95 % quantile of the normal distribution
 _WIDTH = 1.959963984540054
+_NOTHING: Mapping[str, Outcome] = MappingProxyType({})
 
 
 @one_thread()
 @switched_off()
-def carry_out(scenario: Scenario) -> Outcome:
+def carry_out(scenario: Scenario, earlier: Mapping[str, Outcome] = _NOTHING) -> Outcome:
     """Make the campaign of a scenario on the separate bench, diagnose it, and return the outcome.
 
     The model is the shipped textbook model with its free parameters fitted; the data are passed in memory,
     and equal those that `make_run` would have kept.
+
+    Parameters
+    ----------
+    earlier: outcomes by the names of their scenarios: what does not depend on the search and its decisions is
+        taken from there. It does depend on the models, the effects and the linearisation.
 
     Raises
     ------
@@ -66,6 +73,28 @@ def carry_out(scenario: Scenario) -> Outcome:
         the bench cannot be simulated with its hidden effects.
     """
     began = time.process_time()
+    known = earlier.get(scenario.name)
+    reusable = known is not None and known.scenario == scenario and _complete(known)
+    hidden = _known_part(known) if known is not None and reusable else _hidden_part(scenario)
+    if hidden.untested:
+        return hidden
+    diagnosis = diagnose_scenario(scenario, hidden.amplitudes)
+    return replace(
+        hidden,
+        verdict=diagnosis.verdict.value,
+        effects=diagnosis.effects,
+        classes=diagnosis.classes,
+        claims=tuple(claim_of(one) for one in diagnosis.levels),
+        all_of_it=diagnosis.remainder is None,
+        first=diagnosis.ranking[0].effect if diagnosis.ranking else None,
+        intervals=tuple(_intervals(scenario, hidden.amplitudes, diagnosis)),
+        exponents=tuple(_exponents(scenario, hidden.amplitudes, diagnosis)),
+        seconds=time.process_time() - began,
+    )
+
+
+def _hidden_part(scenario: Scenario) -> Outcome:
+    """What is known of a trial without any diagnosis: amplitudes, and the information in its readings."""
     amplitudes = hidden_amplitudes(scenario)
     outcome = Outcome(
         scenario,
@@ -75,23 +104,34 @@ def carry_out(scenario: Scenario) -> Outcome:
     short = [w.effect for w, each in zip(scenario.hidden, amplitudes, strict=True) if not each.reached]
     if short:
         return replace(outcome, untested=f"no amplitude of {', '.join(short)} has the size wanted")
-    diagnosis = diagnose_scenario(scenario, outcome.amplitudes)
     alike = _alike(scenario, amplitudes)
+    beside, beyond_laws = _beside(scenario, outcome.amplitudes, alike)
     return replace(
         outcome,
-        verdict=diagnosis.verdict.value,
-        effects=diagnosis.effects,
-        classes=diagnosis.classes,
-        claims=tuple(claim_of(one) for one in diagnosis.levels),
-        all_of_it=diagnosis.remainder is None,
-        first=diagnosis.ranking[0].effect if diagnosis.ranking else None,
         rival_cosine=max((each.cosine for each in alike), default=None),
         separation=min((one.separation for one in alike if one.separation is not None), default=None),
-        beside=_beside(scenario, amplitudes, alike),
-        intervals=tuple(_intervals(scenario, outcome.amplitudes, diagnosis)),
-        exponents=tuple(_exponents(scenario, amplitudes, diagnosis)),
-        seconds=time.process_time() - began,
+        beside=beside,
+        beyond_laws=beyond_laws,
     )
+
+
+def _known_part(known: Outcome) -> Outcome:
+    """The part of an outcome that does not depend on the search."""
+    return Outcome(
+        known.scenario,
+        sizes=known.sizes,
+        amplitudes=known.amplitudes,
+        rival_cosine=known.rival_cosine,
+        separation=known.separation,
+        beside=known.beside,
+        beyond_laws=known.beyond_laws,
+        untested=known.untested,
+    )
+
+
+def _complete(known: Outcome) -> bool:
+    """Whether an outcome has everything that does not depend on the search."""
+    return not known.failure and bool(known.beside) == bool(known.beyond_laws)
 
 
 def claim_of(levels: Levels) -> Claim:
@@ -230,37 +270,41 @@ def _alike(scenario: Scenario, amplitudes: Sequence[Amplitude]) -> list[Likeness
     """The similarity of other effects to each hidden effect by itself."""
     unexplained = reference_of(plain_of(scenario)).unexplained
     return [
-        likeness(unexplained, _fit_without_effects(scenario, [each]), each[0].effect, each[1].size)
+        likeness(
+            unexplained,
+            _fit_without_effects(scenario, [(each[0], each[1].value)]),
+            each[0].effect,
+            each[1].size,
+        )
         for each in zip(scenario.hidden, amplitudes, strict=True)
     ]
 
 
 def _beside(
-    scenario: Scenario, amplitudes: Sequence[Amplitude], alike: Sequence[Likeness]
-) -> tuple[float, ...]:
-    """λ of each hidden effect beside the others; empty for a single one, or if unknown."""
+    scenario: Scenario, amplitudes: Sequence[float], alike: Sequence[Likeness]
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """λ of each hidden effect beside the others, and beyond the shape tolerance of their laws; empty for a
+    single one, or if unknown."""
     chosen = [each.own for each in alike if each.own is not None]
     if len(chosen) < 2 or len(chosen) < len(amplitudes):
-        return ()
+        return (), ()
     return sizes_beside_each_other(
         _fit_without_effects(scenario, list(zip(scenario.hidden, amplitudes, strict=True))), chosen
     )
 
 
-def _fit_without_effects(scenario: Scenario, hidden: Sequence[tuple[Wanted, Amplitude]]) -> FitResult:
+def _fit_without_effects(scenario: Scenario, hidden: Sequence[tuple[Wanted, float]]) -> FitResult:
     """The textbook model fitted to noise-free readings of a bench that hides something."""
     return refitted(reference_of(plain_of(scenario)).fitted, _without_noise(scenario, hidden))
 
 
-def _without_noise(scenario: Scenario, hidden: Sequence[tuple[Wanted, Amplitude]]) -> Clean:
+def _without_noise(scenario: Scenario, hidden: Sequence[tuple[Wanted, float]]) -> Clean:
     steady = replace(scenario.plain, seed=0)
-    chosen = [(find_hidden(wanted.effect), amplitude.value) for wanted, amplitude in hidden]
+    chosen = [(find_hidden(wanted.effect), amplitude) for wanted, amplitude in hidden]
     return clean_outputs(hide(steady, chosen, scenario.shape))
 
 
-def _exponents(
-    scenario: Scenario, amplitudes: Sequence[Amplitude], diagnosis: Diagnosis
-) -> Iterator[Interval]:
+def _exponents(scenario: Scenario, amplitudes: Sequence[float], diagnosis: Diagnosis) -> Iterator[Interval]:
     """The exponents of the laws of hidden effects that are corrected to another power.
 
     The bench's law need not be a power: the true value is the exponent of the nearest power, fitted to

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rigctl.validation.figures import Figures
     from rigctl.validation.outcome import AnyTrial, TrialOutcome
     from rigctl.validation.parallel import BenchmarkProgress, Work
+    from rigctl.validation.tier_definition import TierDefinition
 
 #: without a terminal a line is printed this often, s
 _OFTEN = 15.0
@@ -53,6 +54,15 @@ def validate(
             metavar="N", min=1, help="Number of trials, a representative sample of all.", show_default=False
         ),
     ] = None,
+    reuse: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Earlier results: the amplitudes and similarities of effects, which do not depend on the "
+            "search and its decisions, are taken from there.",
+            show_default=False,
+        ),
+    ] = None,
     workers: WorkerCount = None,
     cluster: Cluster = None,
     *,
@@ -78,8 +88,9 @@ def validate(
     from rigctl.validation.tables import page
 
     chosen = Workers(workers, cluster=cluster)
-    figures, path = _carried_out(tier, out, first, chosen, resume=resume)
+    figures, path = _carried_out(tier, out, first, chosen, resume=resume, reuse=reuse)
     command = f"rigctl validate --tier {tier.value}" + (f" --first {first}" if first is not None else "")
+    command += f" --reuse {reuse}" if reuse is not None else ""
     write_text(out / f"{tier.value}.md", page(figures, command))
     if as_json:
         print_json({"command": command, "results": str(path), **figures.document()})
@@ -88,7 +99,7 @@ def validate(
 
 
 def _carried_out(
-    tier: TierName, out: Path, first: int | None, workers: Workers, *, resume: bool
+    tier: TierName, out: Path, first: int | None, workers: Workers, *, resume: bool, reuse: Path | None
 ) -> tuple[Figures, Path]:
     """The figures of the tier's trials, and the file that keeps every one of them."""
     from rigctl.files.write import write_text
@@ -98,15 +109,40 @@ def _carried_out(
     definition = tier_definition(tier.value)
     trials = definition.trials[:first]
     version = _version(tier)
-    outcomes = _outcomes(
-        trials, definition.carry_out, path, definition.read, workers, version=version, resume=resume
-    )
+    work = definition.carry_out if reuse is None else _reusing(definition, tier, reuse)
+    outcomes = _outcomes(trials, work, path, definition.read, workers, version=version, resume=resume)
     if tier is TierName.DESIGN:
         from rigctl.validation.designed.picture import calibration_svg
         from rigctl.validation.designed.rates import calibration_bins
 
         write_text(out / "predicted-power.svg", calibration_svg(tuple(calibration_bins(outcomes))))
     return definition.figures(outcomes), path
+
+
+def _reusing(
+    definition: TierDefinition[AnyTrial], tier: TierName, file: Path
+) -> Callable[[AnyTrial], TrialOutcome[AnyTrial]]:
+    """The work on a trial, with what does not depend on the search taken from a file."""
+    from rigctl.errors import Location
+    from rigctl.validation.store import every_outcome
+
+    if definition.reusing is None:
+        raise RigctlError(
+            f"the tier {tier.value} has nothing that could be reused",
+            value=f"--reuse {file}",
+            expected="the tier quick, full or shape",
+        )
+    if not file.is_file():
+        raise RigctlError("no such file", expected="results, DIR/TIER.jsonl", where=Location(file))
+    trials = {trial.name for trial in definition.trials}
+    earlier = {
+        one.scenario.name: one
+        for one in every_outcome(file, definition.read)
+        if one.scenario.name in trials and not one.failure
+    }
+    if not earlier:
+        raise RigctlError(f"no results of the tier {tier.value}", where=Location(file))
+    return definition.reusing(earlier)
 
 
 def _version(tier: TierName) -> str:
