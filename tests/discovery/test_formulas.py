@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from rigctl.analysis.adequacy import chi2_tail
 from rigctl.discovery.chance import draw_chance, log_tail
 from rigctl.discovery.dimensions import tier_of
 from rigctl.discovery.effect_file import effect_of, scale_parameters
-from rigctl.discovery.formulas import Factor, Formula
+from rigctl.discovery.formula_fit import Fitted, _parts
+from rigctl.discovery.formulas import Factor, Formula, _of_every_slot
 from rigctl.discovery.gate import replicate_test
 from rigctl.discovery.grammar import argument, factors, forms
 from rigctl.effects.declaration import qualified
@@ -21,6 +23,7 @@ from rigctl.effects.drivers import Driver
 from rigctl.effects.writing import write_out
 from rigctl.engine.symbols import evaluate
 from rigctl.files.shipped import shipped
+from rigctl.model.fit.fit import FitResult
 from rigctl.model.load import load_model
 from rigctl.physics.families import find_family, using_families
 
@@ -78,6 +81,48 @@ def test_a_second_formula_of_one_form_has_an_effect_name_of_its_own() -> None:
     second = replace(drag, number=2)
     assert effect_of(second, FAMILY).name == second.name == f"{drag.name}_2"
     assert second.key == drag.key
+
+
+def scored(slot: str, chosen: tuple[Factor, ...], cost: float) -> Formula:
+    return Formula(FAMILY.slot(slot), chosen, gain=-cost, size=1.0, cost=cost)
+
+
+def test_formulas_of_every_location_are_compared_though_one_has_dozens() -> None:
+    """A damper near the end of the stroke had 40 equivalent formulas at the lines, and none elsewhere."""
+    several = every_factor()
+    crowd = [scored("line_resistance", chosen, -5000.0 + k) for k, chosen in enumerate(several[:45])]
+    others = [
+        scored(slot, several[k], -4000.0 + k) for slot in ("friction", "throttle_area") for k in range(5)
+    ]
+    first = _of_every_slot([(one, cast("Any", None)) for one in [*crowd, *others]])
+    assert len(crowd) > 40
+    chosen = [formula for formula, _ in first]
+    assert chosen[:40] == crowd[:40]
+    assert chosen[40:] == [*others[:2], *others[5:7]]
+
+
+def test_the_factors_of_the_best_products_are_refitted_alone() -> None:
+    """A drag that falls with speed came with a factor of the pressure, as the linear problem misjudged it."""
+    falling, root, bump = every_factor()[0][0], every_factor()[1][0], every_factor()[2][0]
+    pressure = next(one for (one, *_) in every_factor() if one.argument is ACROSS)
+    model = load_model(shipped("models", "hl32-textbook.yaml"))
+    fit = cast("FitResult", SimpleNamespace(problem=SimpleNamespace(model=model)))
+
+    def refitted(*factors: Factor) -> Fitted:
+        return Fitted(
+            replace(scored("friction", factors, -10.0), same=(scored("friction", (root,), -9.0),)),
+            cast("Any", None),
+            0.0,
+        )
+
+    products = [refitted(falling, pressure), refitted(root), refitted(bump, pressure), refitted(bump)]
+    parts = _parts(products, fit)
+    assert [one.key for one in parts] == [
+        scored("friction", (falling,), 0.0).key,
+        scored("friction", (pressure,), 0.0).key,
+    ]
+    assert not any(one.same for one in parts)
+    assert [one.factors for one in parts] == [(falling,), (pressure,)]
 
 
 def test_temperatures_are_written_relative_to_a_round_reference_in_degrees() -> None:

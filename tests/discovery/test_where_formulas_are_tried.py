@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
+
+import pytest
+
+from rigctl.discovery import locate
 from rigctl.discovery.locate import Located, Map
+from rigctl.discovery.open_slots import OpenSlots
 from rigctl.effects.drivers import Driver
 from rigctl.physics.families import find_family
 
@@ -56,3 +65,33 @@ def test_pairs_of_variables_are_chosen_by_what_they_explain_and_not_by_their_spl
 
 def test_locations_without_significance_are_not_tried() -> None:
     assert wanted(located(SLOTS[0], ("velocity",), 9.0, 8, p_value=0.4)) == []
+
+
+def test_the_best_pairs_of_variables_are_tested_at_every_location(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A damper near the end of the stroke: position and speed explain it as a resistance of the lines, and
+    neither alone shows anything at the friction, where the pressure is the best single variable."""
+    names = ("position", "velocity", "pressure_a", "spool", "valve")
+    drivers = tuple(Driver(((name, 1.0),), "SI") for name in names)
+    truth = {"line_resistance": 2500.0, "friction": 2510.0}
+    looked: list[tuple[str, frozenset[str]]] = []
+
+    def pairs_at(_: object, place: Located, driver: Driver, others: Sequence[Driver]) -> Iterator[Located]:
+        for other in others:
+            if other is not driver:
+                over = {driver.name, other.name}
+                looked.append((place.slot.name, frozenset(over)))
+                right = over == {"position", "velocity"}
+                statistic = truth.get(place.slot.name, 90.0) if right else 80.0
+                yield replace(place, over=(driver, other), statistic=statistic, dof=23)
+
+    monkeypatch.setattr(locate, "_with_others", pairs_at)
+    far = [slot for slot in SLOTS if slot not in truth]
+    order = ["line_resistance", *far[: locate.PLACES], "friction", *far[locate.PLACES :]]
+    best = {"friction": "pressure_a"}
+    singles = [located(slot, (best.get(slot, "position"),), 1000.0 - k, 8) for k, slot in enumerate(order)]
+    opened = SimpleNamespace(drivers=drivers)
+    found = locate._pairs(cast("OpenSlots", opened), singles, SAMPLES)
+    first = max(found, key=lambda one: one.statistic)
+    assert (first.slot.name, {driver.name for driver in first.over}) == ("friction", {"position", "velocity"})
+    assert len(looked) == len(set(looked)), "a pair was simulated twice"
+    assert {slot for slot, over in looked if over == {"position", "velocity"}} == set(order)

@@ -3,25 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from rigctl.analysis.adequacy import chance_text, variance_factor
 from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.certainty import (
+    Answer,
+    certain_levels,
+    cross_validations,
+    evidence_against,
+    size_scatters,
+)
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.cross_validation import CrossValidation, held_out_gain
-from rigctl.analysis.decision_levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE, SLIGHT
+from rigctl.analysis.cross_validation import CrossValidation
+from rigctl.analysis.decision_levels import ALPHA, SHAPE_TOLERANCE, SLIGHT
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, FoundParameter, Ranked, Verdict
 from rigctl.analysis.fitting import OnProgress, no_progress, require_free_parameters
-from rigctl.analysis.identity import Levels, levels_of, same_cause
+from rigctl.analysis.identity import same_cause
 from rigctl.analysis.laws.answer import LawAnswer, Laws, laws_instead
-from rigctl.analysis.laws.simpler_law import simpler_does
 from rigctl.analysis.linearisation import slopes_at
 from rigctl.analysis.power import hidden_at_typical_size, power_text
-from rigctl.analysis.refit import RefittedSet, left_by_refit
+from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder, remainder, share_text
 from rigctl.analysis.repeated_fit import from_another_start, in_noise_of_the_leader
 from rigctl.analysis.rivals import Rival, classes_of, find_rivals
@@ -29,9 +35,7 @@ from rigctl.analysis.score_test import Score
 from rigctl.analysis.search import Search
 from rigctl.analysis.separability import softened
 from rigctl.analysis.single_values.remarks import table_remarks
-from rigctl.analysis.size_scatter import SizeScatter
 from rigctl.analysis.text import (
-    against_identity,
     drift_text,
     evidence_for,
     failed_checks,
@@ -111,14 +115,14 @@ def diagnose_comparison(
     before = search.before
     best, rivals = _sure_members(search, best)
     close = [rival for rival in rivals if not rival.separable]
-    checks = {candidate.name: _check(search, best, candidate) for candidate in best.candidates}
+    checks = cross_validations(search, best)
     remaining = remainder(search, best)
     ranking = [_with_check(one, checks.get(one.effect)) for one in _ranking(search, best)]
     verdict = _verdict(search, best, close, checks, remaining)
     outside, every_law = verdict is Verdict.OUTSIDE_LIBRARY, Laws(search, best)
     laws = () if outside else every_law.of(best.effects)
-    against = _against(search, best, checks, remaining)
-    scatters = _scatters(search, best)
+    against = evidence_against(search, best, checks, remaining)
+    scatters = size_scatters(search, best)
     undriven = [law.statement for law in laws if law.constant and law.effect in best.effects]
     undriven += [one.statement for one in scatters if one.follows]
     if undriven and verdict is Verdict.MISSING_EFFECT:
@@ -138,8 +142,10 @@ def diagnose_comparison(
     named = verdict in (Verdict.MISSING_EFFECT, Verdict.AMBIGUOUS)
     only_unpredicted = named and not close and not undriven and len(against) == 1
     classes = classes_of(best, rivals) if named else ()
-    levels = _levels(search, best, classes, checks, remaining, laws, scatters) if named else ()
-    evidence += [one.statement for one in levels if one.statement]
+    answer = Answer(search, best, classes, checks, remaining)
+    levels = certain_levels(answer, laws, scatters) if named else ()
+    evidence += [*answer.alone_text(levels), *(one.statement for one in levels if one.statement)]
+    against = answer.against(answer.certain_alone(levels))
     evidence += [one.statement for one in scatters if named and one.statement and not one.follows]
     diagnosis = Diagnosis(
         runs=tuple(runs),
@@ -253,67 +259,9 @@ def _verdict(
         # several effects that neither explain all of the misfit nor predict records left out of their fit
         # together imitate one that is not in the library
         return Verdict.OUTSIDE_LIBRARY
-    if close or _against(search, best, checks, remaining):
+    if close or evidence_against(search, best, checks, remaining):
         return Verdict.AMBIGUOUS
     return Verdict.MISSING_EFFECT
-
-
-def _against(
-    search: Search,
-    best: RefittedSet,
-    checks: Mapping[str, CrossValidation | None],
-    remaining: Remainder | None,
-    *,
-    sizes: bool = True,
-) -> list[str]:
-    """Why the best set may not be what is missing; see `rigctl.analysis.text.against_identity`."""
-    return against_identity(best, checks, remaining, search.reached(best), sizes=sizes)
-
-
-def _levels(
-    search: Search,
-    best: RefittedSet,
-    classes: Sequence[Sequence[str]],
-    checks: Mapping[str, CrossValidation | None],
-    remaining: Remainder | None,
-    laws: Sequence[LawAnswer],
-    scatters: Sequence[SizeScatter],
-) -> tuple[Levels, ...]:
-    """How far the answer goes for each member of the best set: location, explanatory variable, law."""
-    bent = search.evidence(best) - search.mbic(best) < -LEAST_DIFFERENCE
-    effects = {name: search.effect(name) for names in classes for name in names}
-    constant = {
-        name: [law.law.driver.name for law in laws if law.effect == name and law.constant] for name in effects
-    }
-    varying = [one.effect for one in scatters if one.follows]
-    usual = not _against(search, best, checks, remaining)
-    single = len(best.candidates) == 1
-    # one effect that leaves nothing: a size beyond its usual range makes its law doubtful, not its location;
-    # with a handful of values nearly every effect leaves nothing at some size
-    alone_and_all = single and remaining is None and search.tolerance > 0.0
-    sure = usual or (alone_and_all and not _against(search, best, checks, remaining, sizes=False))
-    steady = best.effects if single and remaining is not None and search.scatter_is_all(best) else ()
-    alone = (
-        {names[0] for names in classes if len(names) == 1} if usual and not bent and remaining is None else ()
-    )
-    return levels_of(
-        classes,
-        effects,
-        sure=sure,
-        usual=usual,
-        bent=dict.fromkeys(effects, bent),
-        spare=[one.name for one in best.candidates if one.name in alone and simpler_does(search, best, one)],
-        complete=remaining is None,
-        constant=constant,
-        steady=steady,
-        varying=varying,
-    )
-
-
-def _scatters(search: Search, best: RefittedSet) -> list[SizeScatter]:
-    """The scatter between records of the sizes of those members that depend on no state or input."""
-    scatters = [search.at(best).scatter(one.name) for one in best.candidates] if search.tolerance else []
-    return [one for one in scatters if one is not None]
 
 
 def _shape_alone(search: Search) -> str:
@@ -506,27 +454,6 @@ def _nrmse(trial: RefittedSet) -> float:
     errors = trial.fit.errors.values()
     count = sum(one.count for one in errors)
     return math.sqrt(sum(one.nrmse**2 * one.count for one in errors) / count) if count else 0.0
-
-
-def _check(search: Search, best: RefittedSet, candidate: Candidate) -> CrossValidation | None:
-    """Cross-validation of one member of the best set, at its fit."""
-    point = search.at(best)
-    lin = point.linearisation
-    if len(lin.records) < 2:
-        return None
-    without = search.known([one for one in best.candidates if one is not candidate])
-    if len(best.candidates) == 1:
-        without = search.none
-
-    def refitted(fold: Sequence[int]) -> tuple[float, float] | None:
-        outside = [best.fit.fitted[k] for k in fold]
-        if without is None:
-            return None
-        squares = left_by_refit(without.fit, outside), left_by_refit(best.fit, outside)
-        return None if squares[0] is None or squares[1] is None else (squares[0], squares[1])
-
-    again = refitted if search.sure(best) and not lin.fit.problem.measurements.table else None
-    return held_out_gain(lin, candidate.columns, best.amplitudes(candidate), point.held(candidate), again)
 
 
 def _with_check(ranked: Ranked, check: CrossValidation | None) -> Ranked:

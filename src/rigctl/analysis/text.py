@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from rigctl.analysis.adequacy import chance_text, error_below
 from rigctl.analysis.candidates import Candidate
@@ -179,6 +179,7 @@ def against_identity(
     explained: float = math.inf,
     *,
     sizes: bool = True,
+    certain: Collection[str] = (),
 ) -> list[str]:
     """Why the best set may not be what is missing, apart from its rivals; empty without such evidence.
 
@@ -191,6 +192,7 @@ def against_identity(
     ----------
     explained: the reduction of χ² by the set, including that by the scatter of its effect's size.
     sizes: whether a parameter outside its usual range is a reason.
+    certain: members of which something is certain all the same.
     """
     reasons = [f"{name} has its {text}" for name, text in best.unusual.items()] if sizes else []
     reasons += [
@@ -205,7 +207,7 @@ def against_identity(
             "differs from the noise assumed"
         )
     if remaining is not None and len(best.candidates) > 1:
-        reasons.append(_leaves_something([one.effect for one in best.candidates], remaining))
+        reasons.append(_leaves_something([one.effect for one in best.candidates], remaining, certain))
     shape = SHAPE_TOLERANCE * math.sqrt(max(explained, 0.0))
     if remaining is not None and len(best.candidates) == 1 and shape < SEEN_IN_LIBRARY < remaining.size:
         reasons.append(
@@ -215,8 +217,14 @@ def against_identity(
     return reasons
 
 
-def _leaves_something(effects: Sequence[Effect], remaining: Remainder) -> str:
+def _leaves_something(effects: Sequence[Effect], remaining: Remainder, certain: Collection[str]) -> str:
     """Why several effects that leave something may not be what is missing."""
+    doubtful = [one.name for one in effects if one.name not in certain]
+    if certain and doubtful:
+        return (
+            f"{' and '.join(doubtful)} may only resemble what there is beside {' and '.join(certain)}: "
+            f"together they leave {remaining.size:.0f} sigma that no other shape of their laws explains"
+        )
     if wanted_elsewhere(effects, remaining.slot):
         return f"what they leave points to a term at {remaining.slot}, where none of them acts"
     if only_constants(effects):

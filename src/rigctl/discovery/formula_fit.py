@@ -21,7 +21,7 @@ from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.refit import RefittedSet, refit
 from rigctl.analysis.score_test import screen
 from rigctl.discovery.effect_file import effect_of, scale_parameters
-from rigctl.discovery.formulas import Formula
+from rigctl.discovery.formulas import Formula, numbered
 from rigctl.discovery.grammar import DISTANCES
 from rigctl.effects.declaration import qualified
 from rigctl.engine.one_thread import one_thread
@@ -32,6 +32,8 @@ from rigctl.tasks import Workers, map_tasks
 FIRST, SEVERAL = 12, 4
 #: number of other locations whose best formulas are refitted as well
 _PLACES = 3
+#: number of products whose factors are refitted alone
+_PRODUCTS = 2
 #: formulas whose cost exceeds that of the best by no more than this are in the set
 DELTA = 6.0
 #: a formula whose predicted gain is less than this share of the best one's is not refitted; a refit that is
@@ -91,6 +93,9 @@ def refit_formulas(
 
     first = refitted([(one, one) for one in _chosen(formulas)], "Refitting with formulas")
     fitted = sorted((one for one in first if one is not None), key=lambda one: one.cost)
+    parts = _parts(fitted, fit)
+    of_parts = refitted([(one, one) for one in parts], "Refitting with one factor") if parts else []
+    fitted = sorted([*fitted, *(one for one in of_parts if one is not None)], key=lambda one: one.cost)
     near = [
         one for one in fitted[:SEVERAL] if one.cost - fitted[0].cost < _APART + _BEHIND * formulas[0].gain
     ]
@@ -125,6 +130,22 @@ def _chosen(formulas: Sequence[Formula]) -> list[Formula]:
             places.add(one.slot.name)
             first.append(one)
     return first
+
+
+def _parts(fitted: Sequence[Fitted], fit: FitResult) -> list[Formula]:
+    """The factors of the best products as formulas of their own, with their scales as fitted.
+
+    For the linear problem a second factor may compensate for the error of the first one's large effect.
+    """
+    tried = {one.formula.key for one in fitted}
+    products = [one.formula for one in fitted[:SEVERAL] if len(one.formula.factors) > 1]
+    parts: dict[str, Formula] = {}
+    for formula in products[:_PRODUCTS]:
+        for factor in formula.factors:
+            part = numbered(replace(formula, factors=(factor,), same=(), number=1), fit.problem.model)
+            if part.key not in tried:
+                parts.setdefault(part.key, part)
+    return list(parts.values())
 
 
 def _simpler(formula: Formula) -> Formula | None:

@@ -23,6 +23,7 @@ from rigctl.discovery.open_slots import OpenSlots, products_at, splines_at
 from rigctl.effects.registry import library
 from rigctl.engine.one_thread import one_thread
 from rigctl.engine.splines import SplineArgument
+from rigctl.model.model import Model
 from rigctl.physics.family import Slot
 
 Floats = NDArray[np.float64]
@@ -33,6 +34,8 @@ FINE, FINE_PRODUCT = 24, 11
 _POINTS = 15
 #: number of formulas whose scales are refined, and whose columns are compared
 _FIRST = 40
+#: number of those at each slot that is not among the first ones
+_OF_A_SLOT = 2
 #: two formulas with a larger cosine than this are equivalent
 SAME = 0.99
 #: of equivalent formulas the simplest is kept, unless its cost exceeds the least by more than this
@@ -188,20 +191,36 @@ def score_formulas(opened: OpenSlots, located: Sequence[Located], samples: float
             if formula.gain > 0.0 and (known is None or formula.gain > known[0].gain):
                 best[formula.key] = (formula, basis)
 
-    model = opened.problem.model
-    taken = {*library(model.family), *model.effects, *(effect.name for effect in model.own_effects)}
-
     def priced(formula: Formula) -> Formula:
-        while formula.name in taken:
-            formula = replace(formula, number=formula.number + 1)
+        formula = numbered(formula, opened.problem.model)
         return replace(formula, cost=formula.price(samples, tried) - formula.gain)
 
     scored = sorted(
         ((priced(formula), basis) for formula, basis in best.values()), key=lambda one: one[0].cost
     )
-    first = [(priced(_refined(formula, basis)), basis) for formula, basis in scored[:_FIRST]]
+    first = [(priced(_refined(formula, basis)), basis) for formula, basis in _of_every_slot(scored)]
     first.sort(key=lambda one: one[0].cost)
     return Scored(tuple(_merged(opened, first)), tried)
+
+
+def numbered(formula: Formula, model: Model) -> Formula:
+    """The formula with a number that makes its name new in a model."""
+    taken = {*library(model.family), *model.effects, *(effect.name for effect in model.own_effects)}
+    while formula.name in taken:
+        formula = replace(formula, number=formula.number + 1)
+    return formula
+
+
+def _of_every_slot(scored: Sequence[tuple[Formula, _Basis]]) -> list[tuple[Formula, _Basis]]:
+    """The first formulas, and the first ones of each slot that is not among these: at one slot there may be
+    dozens that are nearly equivalent."""
+    first = list(scored[:_FIRST])
+    slots = {formula.slot.name for formula, _ in first}
+    others: dict[str, list[tuple[Formula, _Basis]]] = {}
+    for one in scored[_FIRST:]:
+        if one[0].slot.name not in slots:
+            others.setdefault(one[0].slot.name, []).append(one)
+    return [*first, *(one for of_slot in others.values() for one in of_slot[:_OF_A_SLOT])]
 
 
 def _basis(opened: OpenSlots, one: Located) -> _Basis | None:

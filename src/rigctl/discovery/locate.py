@@ -9,7 +9,7 @@ signature in these data count as one location.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -42,7 +42,7 @@ _ALIKE = 1e-3
 _SINGLES, _PAIRS = 4, (4, 2, 1)
 #: of those that explain as much as the best: number over one variable, and of pairs at each of the first
 #: locations
-_MORE_SINGLES, _MORE_PAIRS = 16, (5, 3, 3, 3, 2, 2)
+_MORE_SINGLES, _MORE_PAIRS = 16, (5, 3, 3, 3, 2, 2, 1, 1)
 #: possible error of a linear model of a large effect, as a share of χ²: a smaller difference excludes no
 #: location
 _AS_MUCH = 0.05
@@ -272,43 +272,74 @@ def _same(of_slot: dict[tuple[Driver, ...], Located], other: dict[tuple[Driver, 
     )
 
 
+@dataclass
+class _Pairs:
+    """The terms of two variables, ``w = Σ_kl b_kl·B_k(x)·B_l(y)``, that have been tested.
+
+    Attributes
+    ----------
+    best: for each slot that can be seen, the best term of one variable.
+    """
+
+    opened: OpenSlots
+    best: Mapping[str, Located]
+    samples: float
+    tested: dict[tuple[str, frozenset[Driver]], Located] = field(default_factory=dict)
+    with_all: set[tuple[str, Driver]] = field(default_factory=set)
+
+    def test(self, slot: str, driver: Driver, others: Sequence[Driver]) -> None:
+        """Test a variable at a slot together with each of others."""
+        new = [other for other in others if (slot, frozenset((driver, other))) not in self.tested]
+        if new:
+            for one in _with_others(self.opened, self.best[slot], driver, new):
+                self.tested.setdefault((one.slot.name, frozenset(one.over)), one)
+
+    def test_with_all(self, slot: str, driver: Driver) -> None:
+        """Test a variable at a slot together with every other one."""
+        if (slot, driver) not in self.with_all:
+            self.with_all.add((slot, driver))
+            self.test(slot, driver, self.opened.drivers)
+
+    def first(self, count: int) -> list[Located]:
+        """The best pair of each slot, of the best slots."""
+        of_slot: dict[str, Located] = {}
+        for one in sorted(self.tested.values(), key=lambda one: one.cost(self.samples)):
+            of_slot.setdefault(one.slot.name, one)
+        return list(of_slot.values())[:count]
+
+
 def _pairs(opened: OpenSlots, singles: Sequence[Located], samples: float) -> list[Located]:
-    """Terms ``w = Σ_kl b_kl·B_k(x)·B_l(y)`` at the most probable locations.
+    """The terms of two variables at the most probable locations.
 
     x is the best single variable at a location, y any other. At every further location the globally best
     variable is tested together with the location's own best: a drag at one position shows little over either
     alone, and would otherwise be missing from the list of possible locations. Then, at the locations of the
     best pairs, each of the pair's variables is tested with any other, because either may have acted as a
-    proxy for another that changes with it, as the spool's position for the sign of the speed.
+    proxy for another that changes with it, as the spool's position for the sign of the speed. Last, the best
+    pair of each of these locations is tested at all others: a damper near the end of the stroke depends on
+    position and speed, whether it acts as friction or as a resistance of the lines.
     """
     best: dict[str, Located] = {}
     for one in singles:
         best.setdefault(one.slot.name, one)
-    pairs: dict[tuple[str, frozenset[Driver]], Located] = {}
-    looked: set[tuple[str, Driver]] = set()
-
-    def look(place: Located, driver: Driver, others: Sequence[Driver] = opened.drivers) -> None:
-        if len(others) > 1:
-            if (place.slot.name, driver) in looked:
-                return
-            looked.add((place.slot.name, driver))
-        for one in _with_others(opened, place, driver, others):
-            pairs.setdefault((one.slot.name, frozenset(one.over)), one)
-
-    for one in list(best.values())[:PLACES]:
-        look(one, one.over[0])
-    for name, place in list(best.items())[PLACES:]:
-        (most,) = singles[0].over
+    pairs = _Pairs(opened, best, samples)
+    for name, one in list(best.items())[:PLACES]:
+        pairs.test_with_all(name, one.over[0])
+    (most,) = singles[0].over
+    for name in list(best)[PLACES:]:
         own = [one.over[0] for one in singles if one.slot.name == name]
-        look(place, most, [other for other in own if not other.variables & most.variables][:1])
-    first = sorted(pairs.values(), key=lambda one: one.cost(samples))
-    wanted: dict[str, Located] = {}
-    for one in first:
-        wanted.setdefault(one.slot.name, one)
-    for one in list(wanted.values())[:AGAIN]:
+        pairs.test(name, most, [other for other in own if not other.variables & most.variables][:1])
+    for one in pairs.first(AGAIN):
         for driver in one.over:
-            look(one, driver)
-    return list(pairs.values())
+            pairs.test_with_all(one.slot.name, driver)
+    partners: dict[Driver, dict[Driver, None]] = {}
+    for one in pairs.first(AGAIN):
+        shared, other = sorted(one.over, key=lambda driver: driver != most)
+        partners.setdefault(shared, {})[other] = None
+    for name in best:
+        for shared, others in partners.items():
+            pairs.test(name, shared, list(others))
+    return list(pairs.tested.values())
 
 
 def _with_others(

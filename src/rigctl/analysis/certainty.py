@@ -1,0 +1,182 @@
+"""Which statements about the members of a set are certain, and what speaks against the set.
+
+Several effects that leave something may together imitate an effect that is in no library, so that none of
+them is certain. But one that by itself leaves no more than another shape of its law may is as certain beside
+a second effect as without it: what the second one explains is a part of what the first one leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from rigctl.analysis.candidates import Candidate
+from rigctl.analysis.cross_validation import CrossValidation, held_out_gain
+from rigctl.analysis.decision_levels import LEAST_DIFFERENCE
+from rigctl.analysis.identity import Levels, levels_of
+from rigctl.analysis.laws.answer import LawAnswer, Laws
+from rigctl.analysis.laws.simpler_law import simpler_does
+from rigctl.analysis.refit import RefittedSet, left_by_refit
+from rigctl.analysis.remainder import Remainder, remainder, share_text
+from rigctl.analysis.rivals import classes_of, find_rivals
+from rigctl.analysis.search import Search
+from rigctl.analysis.size_scatter import SizeScatter
+from rigctl.analysis.text import against_identity
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A set of effects as the answer of a search.
+
+    Attributes
+    ----------
+    classes: for each member, itself and the effects that are not distinguished from it.
+    checks: the cross-validation of each member.
+    remaining: what the set leaves.
+    """
+
+    search: Search = field(repr=False)
+    best: RefittedSet
+    classes: tuple[tuple[str, ...], ...]
+    checks: Mapping[str, CrossValidation | None]
+    remaining: Remainder | None
+
+    def against(self, certain: Collection[str] = ()) -> list[str]:
+        """What speaks against the set, see `evidence_against`; `certain` members are not doubted."""
+        return evidence_against(self.search, self.best, self.checks, self.remaining, certain=certain)
+
+    @property
+    def incomplete(self) -> bool:
+        """Whether these are several effects that leave something."""
+        return len(self.best.candidates) > 1 and self.remaining is not None
+
+    def certain_alone(self, levels: Sequence[Levels]) -> tuple[str, ...]:
+        """The members of an incomplete set of which something is certain, as it is without the others."""
+        return tuple(one.effect for one in levels if one.place_sure) if self.incomplete else ()
+
+    def alone_text(self, levels: Sequence[Levels]) -> list[str]:
+        """Why something is certain of these members, one sentence for each."""
+        sentences = []
+        for name in self.certain_alone(levels):
+            (member,) = (one for one in self.best.candidates if one.name == name)
+            single = self.search.known([member])
+            if single is not None:
+                share = share_text(self.search.left(single))
+                sentences.append(
+                    f"{name} alone leaves {share} of the misfit, which a slightly different law of it may "
+                    "leave too: what else is missing does not make it less certain"
+                )
+        return sentences
+
+
+def cross_validations(search: Search, best: RefittedSet) -> dict[str, CrossValidation | None]:
+    """Cross-validation of each member of a set, at its fit; None for a single record."""
+    return {candidate.name: _cross_validation(search, best, candidate) for candidate in best.candidates}
+
+
+def _cross_validation(search: Search, best: RefittedSet, candidate: Candidate) -> CrossValidation | None:
+    point = search.at(best)
+    lin = point.linearisation
+    if len(lin.records) < 2:
+        return None
+    without = search.known([one for one in best.candidates if one is not candidate])
+    if len(best.candidates) == 1:
+        without = search.none
+
+    def refitted(fold: Sequence[int]) -> tuple[float, float] | None:
+        outside = [best.fit.fitted[k] for k in fold]
+        if without is None:
+            return None
+        squares = left_by_refit(without.fit, outside), left_by_refit(best.fit, outside)
+        return None if squares[0] is None or squares[1] is None else (squares[0], squares[1])
+
+    again = refitted if search.sure(best) and not lin.fit.problem.measurements.table else None
+    return held_out_gain(lin, candidate.columns, best.amplitudes(candidate), point.held(candidate), again)
+
+
+def evidence_against(
+    search: Search,
+    best: RefittedSet,
+    checks: Mapping[str, CrossValidation | None],
+    remaining: Remainder | None,
+    *,
+    sizes: bool = True,
+    certain: Collection[str] = (),
+) -> list[str]:
+    """Why a set may not be what is missing; see `rigctl.analysis.text.against_identity`."""
+    return against_identity(best, checks, remaining, search.reached(best), sizes=sizes, certain=certain)
+
+
+def size_scatters(search: Search, best: RefittedSet) -> list[SizeScatter]:
+    """The scatter between records of the sizes of those members that depend on no state or input."""
+    scatters = [search.at(best).scatter(one.name) for one in best.candidates] if search.tolerance else []
+    return [one for one in scatters if one is not None]
+
+
+def certain_levels(
+    answer: Answer, laws: Sequence[LawAnswer], scatters: Sequence[SizeScatter]
+) -> tuple[Levels, ...]:
+    """How far the answer goes for each member of the set: location, explanatory variable, law."""
+    together = _levels(answer, laws, scatters)
+    if not answer.incomplete:
+        return together
+    by_itself = [
+        _by_itself(answer, member, names)
+        for member, names in zip(answer.best.candidates, answer.classes, strict=True)
+    ]
+    return tuple(
+        levels if levels.place_sure or alone is None else alone
+        for levels, alone in zip(together, by_itself, strict=True)
+    )
+
+
+def _by_itself(answer: Answer, member: Candidate, names: Sequence[str]) -> Levels | None:
+    """The levels of one member of a set without the others; None if it leaves more than its law may.
+
+    Parameters
+    ----------
+    names: the member and the effects that are not distinguished from it beside the others.
+    """
+    search, alone = answer.search, answer.search.known([member])
+    if alone is None or not search.sure(alone) or search.below_noise(alone):
+        return None
+    (also,) = classes_of(alone, find_rivals(search, alone))
+    classes = (tuple(dict.fromkeys([*names, *also])),)
+    checks = cross_validations(search, alone)
+    single = Answer(search, alone, classes, checks, remainder(search, alone))
+    (levels,) = _levels(single, Laws(search, alone).of(alone.effects), size_scatters(search, alone))
+    return levels
+
+
+def _levels(answer: Answer, laws: Sequence[LawAnswer], scatters: Sequence[SizeScatter]) -> tuple[Levels, ...]:
+    search, best, remaining = answer.search, answer.best, answer.remaining
+    bent = search.evidence(best) - search.mbic(best) < -LEAST_DIFFERENCE
+    effects = {name: search.effect(name) for names in answer.classes for name in names}
+    constant = {
+        name: [law.law.driver.name for law in laws if law.effect == name and law.constant] for name in effects
+    }
+    varying = [one.effect for one in scatters if one.follows]
+    usual = not answer.against()
+    single = len(best.candidates) == 1
+    # one effect that leaves nothing: a size beyond its usual range makes its law doubtful, not its location;
+    # with a handful of values nearly every effect leaves nothing at some size
+    alone_and_all = single and remaining is None and search.tolerance > 0.0
+    sure = usual or (alone_and_all and not evidence_against(search, best, answer.checks, None, sizes=False))
+    steady = best.effects if single and remaining is not None and search.scatter_is_all(best) else ()
+    alone = (
+        {names[0] for names in answer.classes if len(names) == 1}
+        if usual and not bent and remaining is None
+        else ()
+    )
+    return levels_of(
+        answer.classes,
+        effects,
+        sure=sure,
+        usual=usual,
+        bent=dict.fromkeys(effects, bent),
+        spare=[one.name for one in best.candidates if one.name in alone and simpler_does(search, best, one)],
+        complete=remaining is None,
+        constant=constant,
+        steady=steady,
+        varying=varying,
+    )
