@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from commands import create_project, told
-from rigctl.analysis.diagnosis_result import Verdict
+from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Verdict
+from rigctl.analysis.identity import Levels
+from rigctl.analysis.text import drift_text
 from rigctl.cli.progress import _thinned, progress_display
 from rigctl.cli.views.answer import show_answer
+from rigctl.cli.views.diagnose import _show_evidence, _show_remarks
 from rigctl.cli.views.model import show_errors
 from rigctl.errors import RigctlError
 from rigctl.model.history.change import ModelError
 from rigctl.report.answer import Answer
-from rigctl.report.diagnosis_answer import _fits, _not_distinguished
+from rigctl.report.diagnosis_answer import _certain, _fits, _not_distinguished
 
 
 def test_numbered_progress_messages_are_thinned_and_others_are_all_shown() -> None:
@@ -65,13 +68,46 @@ def test_error_bars_show_the_error_beyond_the_noise(capsys: pytest.CaptureFixtur
 
 def test_additions_that_other_effects_could_replace_are_stated_once() -> None:
     ambiguous: Any = SimpleNamespace(
-        verdict=Verdict.AMBIGUOUS, effects=("friction", "leak"), classes=(("leak", "gain", "lag"),)
+        verdict=Verdict.AMBIGUOUS,
+        effects=("friction", "leak"),
+        classes=(("friction", "load"), ("leak", "gain", "lag")),
     )
     clear: Any = SimpleNamespace(verdict=Verdict.MISSING_EFFECT, effects=("lag",), classes=(("lag",),))
     steps: list[Any] = [SimpleNamespace(diagnosis=one) for one in (ambiguous, ambiguous, clear)]
-    text = "these data cannot distinguish friction and leak from gain or lag"
+    text = "these data cannot distinguish friction from load, nor leak from gain or lag"
     assert _not_distinguished(steps) == text
     assert _not_distinguished(steps[2:]) == ""
+
+
+def test_the_answer_states_what_is_certain_of_each_effect() -> None:
+    def levels(effect: str, *, place: bool = True, driver: bool = True, law: bool = False) -> Levels:
+        return Levels(effect, (effect,), ("velocity",), place_sure=place, driver_sure=driver, law_sure=law)
+
+    def certain(*found: Levels) -> str:
+        return _certain(cast("Diagnosis", SimpleNamespace(levels=found)))
+
+    friction, leak = levels("friction"), levels("leak", place=False, driver=False)
+    assert certain() == certain(levels("friction", law=True)) == ""
+    assert certain(friction) == "location and variables, a term at friction over velocity"
+    assert certain(levels("friction", driver=False)) == "location, a term at friction"
+    constant = Levels("load", ("load",), (), place_sure=True, driver_sure=True, law_sure=False)
+    assert certain(constant) == "location, a constant term at load"
+    assert certain(leak) == certain(leak, leak) == "nothing"
+    assert certain(friction, leak) == (
+        "of friction location and variables, a term at friction over velocity; of leak nothing"
+    )
+
+
+def test_all_evidence_but_the_drifts_of_the_table_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    """What is certain was neither for nor against an effect, and was missing from the answer with -v."""
+    drift = Drift("mass", 40.0, 20.0, "kg", 0.1, 0.1)
+    (moved,) = drift_text([drift])
+    evidence = ("for friction: it is large", "Certain is the location, a term at friction", moved)
+    diagnosis = cast("Diagnosis", SimpleNamespace(drift=(drift,), further_evidence=evidence))
+    _show_evidence(evidence)
+    _show_remarks(diagnosis)
+    lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+    assert lines == ["+ for friction: it is large", "Certain is the location, a term at friction"]
 
 
 def test_a_diagnosis_that_adds_no_effect_states_one_error() -> None:

@@ -133,7 +133,8 @@ def _chosen(formulas: Sequence[Formula]) -> list[Formula]:
 
 
 def _parts(fitted: Sequence[Fitted], fit: FitResult) -> list[Formula]:
-    """The factors of the best products as formulas of their own, with their scales as fitted.
+    """The factors of the best products as formulas of their own, with their scales as fitted, and with those
+    equivalents of the product that depend on the same variable alone.
 
     For the linear problem a second factor may compensate for the error of the first one's large effect.
     """
@@ -144,7 +145,8 @@ def _parts(fitted: Sequence[Fitted], fit: FitResult) -> list[Formula]:
         for factor in formula.factors:
             part = numbered(replace(formula, factors=(factor,), same=(), number=1), fit.problem.model)
             if part.key not in tried:
-                parts.setdefault(part.key, part)
+                same = [one for one in formula.same if one.over == part.over and one.key != part.key]
+                parts.setdefault(part.key, replace(part, same=tuple(same)))
     return list(parts.values())
 
 

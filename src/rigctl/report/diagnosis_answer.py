@@ -34,6 +34,7 @@ def diagnosis_answer(diagnosis: Diagnosis) -> Answer:
     else:
         facts = [
             (_size_head(diagnosis), _sizes(diagnosis)),
+            ("certain", _certain(diagnosis)),
             ("how sure", _sureness(diagnosis)),
             ("error", error_text(falls(_fits(diagnosis), left_of_diagnosis(diagnosis)))),
             ("left", _left(diagnosis)),
@@ -88,11 +89,11 @@ def _sentence(diagnosis: Diagnosis) -> str:
 
 def _alike(diagnosis: Diagnosis) -> str:
     """What the data cannot distinguish from the effects of an ambiguous verdict; "" if it is not that."""
-    close = next((group for group in diagnosis.classes if len(group) > 1), ())
+    close = [group for group in diagnosis.classes if len(group) > 1]
     if diagnosis.verdict is not Verdict.AMBIGUOUS or not close:
         return ""
-    others = [name for name in close if name not in diagnosis.effects]
-    return f"these data cannot distinguish {' and '.join(diagnosis.effects)} from {_listed(others)}"
+    pairs = [f"{first} from {_listed(others)}" for first, *others in close]
+    return f"these data cannot distinguish {', nor '.join(pairs)}"
 
 
 def _not_distinguished(steps: Sequence[Step]) -> str:
@@ -134,6 +135,16 @@ def _parameters(diagnosis: Diagnosis, one: Ranked) -> str:
         plain = everyday(candidate.effect, name, value, diagnosis.best.fit.problem)
         texts.append(f"{name} {value}" + (f", {plain}" if plain else ""))
     return "; ".join(texts)
+
+
+def _certain(diagnosis: Diagnosis) -> str:
+    """What is certain of each effect; "" if all of it is."""
+    levels = diagnosis.levels
+    if all(one.law_sure for one in levels):
+        return ""
+    if len(levels) == 1 or not any(one.place_sure for one in levels):
+        return levels[0].certain
+    return "; ".join(f"of {one.effect} {one.certain}" for one in levels)
 
 
 def _sureness(diagnosis: Diagnosis) -> str:

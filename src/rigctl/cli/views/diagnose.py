@@ -14,7 +14,7 @@ from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
 from rigctl.analysis.held_out import HeldOutGroup
 from rigctl.analysis.improve import Improvement, Step
 from rigctl.analysis.laws.answer import LawAnswer
-from rigctl.analysis.text import parameters_text
+from rigctl.analysis.text import drift_text, parameters_text
 from rigctl.cli.tables import console, table
 from rigctl.cli.views.answer import counted, show_answer
 from rigctl.cli.views.compare import routine, show_departures, show_notes, show_unusual
@@ -95,6 +95,7 @@ def _show_whole(diagnosis: Diagnosis) -> None:
         if diagnosis.ranking:
             out.print(_ranking(diagnosis))
         _show_evidence(diagnosis.further_evidence)
+        _show_remarks(diagnosis)
         _show_classes(diagnosis.classes)
         for line in diagnosis.excluded_because:
             out.print(f"  {escape(line)}", soft_wrap=True)
@@ -176,9 +177,22 @@ def _show_evidence(evidence: Sequence[str]) -> None:
     """Show a line for each piece of evidence for or against an effect."""
     out = console()
     for line in evidence:
-        mark = {"for": "[green]+[/]", "against": "[red]-[/]"}.get(line.partition(" ")[0])
-        if mark is not None:  # the other changes, drifts of parameters, are in a table
+        mark = _mark(line)
+        if mark is not None:
             out.print(f"  {mark} {escape(line)}", soft_wrap=True)
+
+
+def _show_remarks(diagnosis: Diagnosis) -> None:
+    """Show the evidence that is neither for nor against an effect, but for drifts, which are in a table."""
+    moved = drift_text(diagnosis.drift)
+    for line in diagnosis.further_evidence:
+        if _mark(line) is None and line not in moved:
+            console().print(f"  {escape(line)}", soft_wrap=True)
+
+
+def _mark(line: str) -> str | None:
+    """The mark of a piece of evidence for or against an effect; None for any other."""
+    return {"for": "[green]+[/]", "against": "[red]-[/]"}.get(line.partition(" ")[0])
 
 
 def _show_classes(classes: Sequence[Sequence[str]]) -> None:
