@@ -11,8 +11,8 @@ from __future__ import annotations
 #: increased by one when a verdict may differ
 METHOD_VERSION = 32
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
-FINGERPRINT = "1dca20bec3fd"
+FINGERPRINT = "7e1442ae342e"
 #: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 5
 #: hash of the code of this version of the search
-DISCOVERY_FINGERPRINT = "e562e549bd5c"
+DISCOVERY_FINGERPRINT = "1d17f66b4c4a"

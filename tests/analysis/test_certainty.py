@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from rigctl.analysis import certainty
 from rigctl.analysis.certainty import Answer, certain_levels
 from rigctl.analysis.remainder import Remainder
 from rigctl.analysis.search import Search
+from rigctl.analysis.size_scatter import SizeScatter
 
 REMAINDER = Remainder(0.01, 20.0, 1e-6, "", "", "", "1 % of the misfit is left, 20 sigma")
 NONE, LOCATION = (False, False, False), (True, False, False)
@@ -63,7 +65,7 @@ def test_an_effect_that_alone_leaves_no_more_than_its_law_may_stays_certain(
     assert "alpha alone leaves 2 % of the misfit" in sentence
     (reason,) = answer.against(answer.certain_alone(found))
     assert reason.startswith(
-        "beta may only resemble what there is beside alpha: together they leave 20 sigma"
+        "beta may only resemble what is missing besides alpha: together they leave 20 sigma"
     )
 
 
@@ -85,6 +87,26 @@ def test_effects_at_other_locations_beside_the_second_one_or_alone_leave_nothing
     assert levels(pair(LEFT))[0] == LOCATION
     assert levels(pair(LEFT, classes=(("alpha", "gamma"), ("beta",))))[0] == NONE
     assert levels(pair(LEFT, alone=(("alpha", "gamma"),)))[0] == NONE
+
+
+def test_neither_the_worse_of_two_nor_a_law_nor_an_effect_in_a_table_is_certain(
+    pair: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not even if alone it leaves nothing, which contradicts what the pair leaves."""
+    answer = pair({"alpha": 0.02, "beta": 0.02})
+    monkeypatch.setattr(certainty, "remainder", lambda *_: None)
+    assert levels(answer) == [(True, True, False), NONE]
+    answer.search.tolerance = 0.0
+    assert levels(answer) == [NONE, NONE]
+
+
+def test_what_the_pair_shows_of_a_member_counts(pair: Callable[..., Answer]) -> None:
+    """Its size follows the operating point beside the second effect."""
+    follows = cast("SizeScatter", SimpleNamespace(effect="alpha", follows=True))
+    answer = pair(LEFT)
+    assert certain_levels(answer, (), (follows,))[0].driver_sure is False
+    below = replace(REMAINDER, below_noise=True)
+    assert levels(pair(LEFT, remaining=below)) == [NONE, NONE]
 
 
 def test_an_effect_that_alone_fails_cross_validation_is_not_certain(

@@ -94,7 +94,7 @@ def test_the_answer_states_what_is_certain_of_each_effect() -> None:
     assert certain(constant) == "location, a constant term at load"
     assert certain(leak) == certain(leak, leak) == "nothing"
     assert certain(friction, leak) == (
-        "of friction location and variables, a term at friction over velocity; of leak nothing"
+        "friction: location and variables, a term at friction over velocity; leak: nothing"
     )
 
 

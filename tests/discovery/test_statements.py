@@ -40,6 +40,7 @@ def diagnosed(verdict: Verdict, **changed: Any) -> Any:
         "classes": (),
         "indistinguishable": (),
         "levels": (),
+        "certain_besides": (),
         "remainder": None,
         "statement": "these data show nothing that it lacks",
     }
@@ -57,6 +58,17 @@ def diagnosed(verdict: Verdict, **changed: Any) -> Any:
             {"effects": ("barus",), "remainder": SimpleNamespace()},
             "library",
             "it is not all",
+        ),
+        (
+            Verdict.AMBIGUOUS,
+            {
+                "effects": ("barus", "hysteresis"),
+                "levels": (SimpleNamespace(place_sure=True), SimpleNamespace(place_sure=False)),
+                "certain_besides": ("barus",),
+                "remainder": SimpleNamespace(),
+            },
+            "library",
+            "add barus ('rigctl model add'), then search for the rest",
         ),
         (
             Verdict.AMBIGUOUS,

@@ -8,12 +8,12 @@ a second effect as without it: what the second one explains is a part of what th
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.cross_validation import CrossValidation, held_out_gain
 from rigctl.analysis.decision_levels import LEAST_DIFFERENCE
-from rigctl.analysis.identity import Levels, levels_of
+from rigctl.analysis.identity import Levels, certain_members, levels_of
 from rigctl.analysis.laws.answer import LawAnswer, Laws
 from rigctl.analysis.laws.simpler_law import simpler_does
 from rigctl.analysis.refit import RefittedSet, left_by_refit
@@ -52,7 +52,7 @@ class Answer:
 
     def certain_alone(self, levels: Sequence[Levels]) -> tuple[str, ...]:
         """The members of an incomplete set of which something is certain, as it is without the others."""
-        return tuple(one.effect for one in levels if one.place_sure) if self.incomplete else ()
+        return certain_members(levels) if self.incomplete else ()
 
     def alone_text(self, levels: Sequence[Levels]) -> list[str]:
         """Why something is certain of these members, one sentence for each."""
@@ -63,8 +63,8 @@ class Answer:
             if single is not None:
                 share = share_text(self.search.left(single))
                 sentences.append(
-                    f"{name} alone leaves {share} of the misfit, which a slightly different law of it may "
-                    "leave too: what else is missing does not make it less certain"
+                    f"{name} alone leaves {share} of the misfit, which a slightly different law could leave "
+                    "too, so that what else is missing does not make it less certain"
                 )
         return sentences
 
@@ -120,32 +120,47 @@ def certain_levels(
     together = _levels(answer, laws, scatters)
     if not answer.incomplete:
         return together
-    by_itself = [
-        _by_itself(answer, member, names)
-        for member, names in zip(answer.best.candidates, answer.classes, strict=True)
-    ]
-    return tuple(
-        levels if levels.place_sure or alone is None else alone
-        for levels, alone in zip(together, by_itself, strict=True)
-    )
+    known = [answer.search.known([member]) for member in answer.best.candidates]
+    first = min((one for one in known if one is not None), key=answer.search.mbic, default=None)
+    found = list(together)
+    for k, (member, names) in enumerate(zip(answer.best.candidates, answer.classes, strict=True)):
+        if first is not None and member.name in first.effects:
+            found[k] = _by_itself(answer, member, names, laws, scatters) or found[k]
+    return tuple(found)
 
 
-def _by_itself(answer: Answer, member: Candidate, names: Sequence[str]) -> Levels | None:
-    """The levels of one member of a set without the others; None if it leaves more than its law may.
+def _by_itself(
+    answer: Answer,
+    member: Candidate,
+    names: Sequence[str],
+    laws: Sequence[LawAnswer],
+    scatters: Sequence[SizeScatter],
+) -> Levels | None:
+    """The levels of the better member of an incomplete set without the others, but for its law.
+
+    None if it leaves more alone than its law may, if its size is undetermined or unusual, if the noise is not
+    as assumed, and for a table, whose laws have no shape tolerance.
 
     Parameters
     ----------
     names: the member and the effects that are not distinguished from it beside the others.
+    laws, scatters: of the set, which count as well.
     """
-    search, alone = answer.search, answer.search.known([member])
-    if alone is None or not search.sure(alone) or search.below_noise(alone):
+    search, best, alone = answer.search, answer.best, answer.search.known([member])
+    doubted = member.name in (*best.undetermined, *best.unusual)
+    wrong_noise = answer.remaining is not None and answer.remaining.below_noise
+    if alone is None or not search.tolerance or not search.sure(alone) or doubted or wrong_noise:
+        return None
+    if search.below_noise(alone):
         return None
     (also,) = classes_of(alone, find_rivals(search, alone))
     classes = (tuple(dict.fromkeys([*names, *also])),)
     checks = cross_validations(search, alone)
     single = Answer(search, alone, classes, checks, remainder(search, alone))
-    (levels,) = _levels(single, Laws(search, alone).of(alone.effects), size_scatters(search, alone))
-    return levels
+    every_law = [*Laws(search, alone).of(alone.effects), *laws]
+    every_scatter = [*size_scatters(search, alone), *scatters]
+    (levels,) = _levels(single, every_law, every_scatter)
+    return replace(levels, law_sure=False)
 
 
 def _levels(answer: Answer, laws: Sequence[LawAnswer], scatters: Sequence[SizeScatter]) -> tuple[Levels, ...]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rigctl.analysis.bootstrap import Bootstrap
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.identity import Levels
+from rigctl.analysis.identity import Levels, certain_members
 from rigctl.analysis.laws.answer import LawAnswer
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
@@ -221,6 +221,12 @@ class Diagnosis:
         """The equation with the most evidence for a missing term, "" if there is none."""
         before = self.before
         return "" if before.adequate or not before.slots else before.slots[0].slot
+
+    @property
+    def certain_besides(self) -> tuple[str, ...]:
+        """Of several effects that leave something, those of which something is certain all the same."""
+        several = len(self.effects) > 1 and self.remainder is not None
+        return certain_members(self.levels) if several else ()
 
     @property
     def title(self) -> str:

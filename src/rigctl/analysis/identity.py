@@ -7,7 +7,8 @@ through an orifice.
 What is missing need not be in the library, so the remainder counts too: a law that leaves anything is not the
 right law; a constant that leaves anything may not be one; a term that the data require to be constant does
 not depend on the variables of its effect; several effects that leave something may together only resemble
-what is missing; and the law of an effect that needs an unusual size may be another.
+what is missing, but for one that would be certain alone (`rigctl.analysis.certainty`); and the law of an
+effect that needs an unusual size may be another.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ class Levels:
     def certain(self) -> str:
         """The certain levels in a few words, ``location and variables, a term at friction over velocity``."""
         if self.law_sure:
-            return "location, variables and law"
+            return f"location, {'variables ' if self.driver else ''}and law".replace(", and", " and")
         if not self.place_sure:
             return "nothing"
         return f"location{' and variables' if self.driver_sure and self.driver else ''}, {self._term}"
@@ -78,6 +79,11 @@ class Levels:
         if not self.driver:
             return f"a constant term at {where}"
         return f"a term at {where} over {' and '.join(self.driver)}"
+
+
+def certain_members(levels: Sequence[Levels]) -> tuple[str, ...]:
+    """The effects of an answer of which at least the location is certain."""
+    return tuple(one.effect for one in levels if one.place_sure)
 
 
 def same_cause(one: Effect, other: Effect) -> bool:

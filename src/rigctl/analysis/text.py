@@ -222,7 +222,7 @@ def _leaves_something(effects: Sequence[Effect], remaining: Remainder, certain: 
     doubtful = [one.name for one in effects if one.name not in certain]
     if certain and doubtful:
         return (
-            f"{' and '.join(doubtful)} may only resemble what there is beside {' and '.join(certain)}: "
+            f"{' and '.join(doubtful)} may only resemble what is missing besides {' and '.join(certain)}: "
             f"together they leave {remaining.size:.0f} sigma that no other shape of their laws explains"
         )
     if wanted_elsewhere(effects, remaining.slot):

@@ -75,6 +75,11 @@ def _sure(diagnosis: Diagnosis) -> bool:
 
 def _library(diagnosis: Diagnosis) -> str:
     names = " and ".join(diagnosis.effects)
+    if besides := diagnosis.certain_besides:
+        return (
+            f"No search was made yet: {besides[0]} is missing, certain up to its law, and something else, "
+            f"which is not certain: add {besides[0]} ('rigctl model add'), then search for the rest"
+        )
     if diagnosis.verdict is Verdict.AMBIGUOUS:
         others = sorted({name for group in diagnosis.classes for name in group} - set(diagnosis.effects))
         which = f" (or {', '.join(others)})" if others else ""

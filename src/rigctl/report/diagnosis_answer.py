@@ -144,7 +144,7 @@ def _certain(diagnosis: Diagnosis) -> str:
         return ""
     if len(levels) == 1 or not any(one.place_sure for one in levels):
         return levels[0].certain
-    return "; ".join(f"of {one.effect} {one.certain}" for one in levels)
+    return "; ".join(f"{one.effect}: {one.certain}" for one in levels)
 
 
 def _sureness(diagnosis: Diagnosis) -> str:

@@ -196,12 +196,13 @@ def _lead_on(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOpti
     from rigctl.analysis.diagnosis_result import Verdict
     from rigctl.cli.next_command import page_of, show_next
     from rigctl.command_line import analysis
+    from rigctl.command_line import command as command_text
     from rigctl.discovery.gate import gate_of
 
     again = analysis("diagnose", runs, model, choice)
     gate = gate_of(diagnosis)
     # two effects that may only imitate what is missing: the law of either is of no use
-    imitating = gate.open and len(diagnosis.effects) > 1
+    imitating = (gate.open and len(diagnosis.effects) > 1) or bool(diagnosis.certain_besides)
     if not imitating and _law_first(diagnosis, runs, model, choice, again):
         return
     if diagnosis.next_steps and diagnosis.verdict is not Verdict.MISSING_EFFECT:
@@ -219,6 +220,9 @@ def _lead_on(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOpti
     elif gate.open:
         command = analysis("discover", runs, model, choice)
         show_next(command, "looks for a formula where no effect of the library fits")
+    elif diagnosis.certain_besides:
+        add = command_text(["model", "add", model, diagnosis.certain_besides[0], *runs], choice)
+        show_next(add, "adds what is certain; a diagnosis of that version looks for the rest")
     elif diagnosis.best.candidates:
         likely = ", the most probable, but these data cannot decide" * (
             diagnosis.verdict is Verdict.AMBIGUOUS
