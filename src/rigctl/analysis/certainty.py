@@ -121,17 +121,17 @@ def certain_levels(
     if not answer.incomplete:
         return together
     known = [answer.search.known([member]) for member in answer.best.candidates]
-    first = min((one for one in known if one is not None), key=answer.search.mbic, default=None)
-    found = list(together)
-    for k, (member, names) in enumerate(zip(answer.best.candidates, answer.classes, strict=True)):
-        if first is not None and member.name in first.effects:
-            found[k] = _by_itself(answer, member, names, laws, scatters) or found[k]
-    return tuple(found)
+    better = min((one for one in known if one is not None), key=answer.search.mbic, default=None)
+    return tuple(
+        (_by_itself(answer, better, names, laws, scatters) if better is not None and one is better else None)
+        or levels
+        for one, names, levels in zip(known, answer.classes, together, strict=True)
+    )
 
 
 def _by_itself(
     answer: Answer,
-    member: Candidate,
+    alone: RefittedSet,
     names: Sequence[str],
     laws: Sequence[LawAnswer],
     scatters: Sequence[SizeScatter],
@@ -143,15 +143,14 @@ def _by_itself(
 
     Parameters
     ----------
+    alone: the member without the others, as fitted.
     names: the member and the effects that are not distinguished from it beside the others.
     laws, scatters: of the set, which count as well.
     """
-    search, best, alone = answer.search, answer.best, answer.search.known([member])
-    doubted = member.name in (*best.undetermined, *best.unusual)
+    search, (name,) = answer.search, alone.effects
+    doubted = name in (*answer.best.undetermined, *answer.best.unusual)
     wrong_noise = answer.remaining is not None and answer.remaining.below_noise
-    if alone is None or not search.tolerance or not search.sure(alone) or doubted or wrong_noise:
-        return None
-    if search.below_noise(alone):
+    if doubted or wrong_noise or not search.tolerance or not search.sure(alone) or search.below_noise(alone):
         return None
     (also,) = classes_of(alone, find_rivals(search, alone))
     classes = (tuple(dict.fromkeys([*names, *also])),)
