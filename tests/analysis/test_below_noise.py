@@ -14,10 +14,12 @@ from rigctl.analysis.adequacy import Adequacy, Test
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.diagnosis import _factor, _ranked, _score_beside, _verdict, diagnose_comparison
+from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.fitting import fit_model
 from rigctl.analysis.improve import Improvement, ImprovementEnd, _plan, _why
+from rigctl.analysis.judgement import verdict_on
+from rigctl.analysis.ranking import _factor, _ranked, _score_beside
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
 from rigctl.analysis.score_test import Score
@@ -89,13 +91,13 @@ def test_a_set_with_an_error_below_the_noise_is_at_most_ambiguous_and_states_its
         "RefittedSet",
         SimpleNamespace(candidates=best.candidates, unusual={}, undetermined=(), chi2=best.chi2),
     )
-    assert _verdict(search, best, [], {}, replace(left, below_noise=False)) is Verdict.MISSING_EFFECT
-    assert _verdict(search, best, [], {}, left) is Verdict.AMBIGUOUS
+    assert verdict_on(search, best, [], {}, replace(left, below_noise=False)) is Verdict.MISSING_EFFECT
+    assert verdict_on(search, best, [], {}, left) is Verdict.AMBIGUOUS
     chosen: Any = [(SimpleNamespace(effect=LEAK), SimpleNamespace(parameters={}))]
     against = against_identity(best, {}, left)
     said = verdict_text(
         Verdict.AMBIGUOUS, cast("ModelComparison", None), chosen, [], left, {}, against=against
-    )
+    ).text
     assert "the noise of these readings differs from the noise assumed: " in said
     assert said.endswith("That is not all: 0.7 % of the misfit is left")
     assert left.document()["below_noise"] is True

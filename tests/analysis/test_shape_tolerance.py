@@ -57,7 +57,7 @@ def test_laws_of_one_cause_share_location_and_driver() -> None:
 
 def level(classes: list[str], *, sure: bool = True, bent: bool = False) -> tuple[bool, bool, bool]:
     effects: dict[str, Effect] = {name: find_effect(name, FAMILY) for name in classes}
-    (found,) = levels_of([classes], effects, sure=sure, bent=dict.fromkeys(classes, bent))
+    (found,) = levels_of([classes], effects, sure=sure, bent=bent)
     assert found.statement == "" or not found.law_sure
     return found.place_sure, found.driver_sure, found.law_sure
 
@@ -77,7 +77,7 @@ def test_remainders_unusual_sizes_and_constants_withdraw_levels_of_an_answer() -
     }
 
     def levels(name: str, **known: object) -> tuple[bool, bool, bool]:
-        (one,) = levels_of([[name]], effects, sure=True, bent={}, **known)
+        (one,) = levels_of([[name]], effects, sure=True, bent=False, **known)
         return one.place_sure, one.driver_sure, one.law_sure
 
     assert levels("spring_load", complete=False) == (True, True, False)

@@ -104,7 +104,7 @@ def statement(verdict: Verdict, left: float, failed: Sequence[str], rivals: Sequ
     best: Any = SimpleNamespace(candidates=[pair[0] for pair in chosen], unusual={}, undetermined=())
     against = against_identity(best, checks, leaves(left))
     before = cast("ModelComparison", None)
-    return verdict_text(verdict, before, chosen, rivals, leaves(left), checks, against=against)
+    return verdict_text(verdict, before, chosen, rivals, leaves(left), checks, against=against).text
 
 
 def test_a_failed_check_is_reported_instead_of_an_empty_remainder() -> None:
@@ -144,12 +144,12 @@ def test_several_effects_that_leave_something_may_imitate_another() -> None:
 def test_a_detected_effect_without_mbic_gain_is_called_too_weak() -> None:
     seen = cast("Ranked", SimpleNamespace(effect="position_gain", size=3.91, delta_bic=2.43))
     before = cast("ModelComparison", None)
-    said = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}, seen)
+    said = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}, seen).text
     assert said == (
         "Something is missing, but the data show too little of it to say what: position_gain explains more "
         "of it than any other effect (3.9 sigmas), but with it mBIC rises by 2.4"
     )
-    unseen = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {})
+    unseen = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}).text
     assert unseen == "Something is missing that no effect of the library explains"
 
 
@@ -157,7 +157,7 @@ def test_with_guessed_noise_no_missing_effect_is_claimed() -> None:
     before = cast("ModelComparison", None)
     said = verdict_text(
         Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}, doubt="the noise of flow is a guess"
-    )
+    ).text
     assert "Something is missing" not in said
     assert "but the noise of flow is a guess: these data cannot tell whether something is missing" in said
     channels = (SimpleNamespace(name="flow", guessed=True), SimpleNamespace(name="level", guessed=False))
@@ -240,7 +240,7 @@ def test_values_beyond_the_usual_range_are_reported() -> None:
         leaves(0.02),
         {},
         against=[f"{known.name} has its {beyond}"],
-    )
+    ).text
     assert f"as well as this, but viscous_friction has its {beyond}: " in said
     assert said.endswith("That is not all: 0.02 is left")
 
@@ -310,6 +310,53 @@ def test_effects_with_equal_predictions_differ_nowhere() -> None:
 )
 def test_the_evidence_for_an_absorbed_effect_names_what_absorbs_it(hidden_in: str, said: str) -> None:
     ranked = Ranked("line_loss", 1.0, 1e-9, -20.0, 0.15, hidden_in, float("nan"), float("nan"), 0.1, 9.0, {})
-    found = evidence_for(cast("Candidate", SimpleNamespace(name="line_loss")), ranked, None, [])
+    found = evidence_for(
+        cast("Candidate", SimpleNamespace(name="line_loss")), ranked, None, [], several=False
+    )
     assert sum(said in one for one in found) == 1
     assert not any("85 %" in one for one in found), "lengths add in squares"
+
+
+@pytest.mark.parametrize(
+    ("several", "said"), [(True, "only beside the others"), (False, "only at a finite size")]
+)
+def test_an_effect_found_without_a_significant_score_is_described_as_it_was_found(
+    several: bool, said: str
+) -> None:
+    """A single effect was said to stand out "only beside the others"."""
+    ranked = Ranked("line_loss", 1.0, 1.0, -20.0, 1.0, "", float("nan"), float("nan"), 0.1, 9.0, {})
+    member = cast("Candidate", SimpleNamespace(name="line_loss"))
+    first, *_ = evidence_for(member, ranked, None, [], several=several)
+    assert said in first
+    assert ("others" in first) is several
+
+
+def test_what_a_test_detects_without_any_size_is_not_stated_as_none() -> None:
+    """ "Together they leave 0 sigma that no other shape of their laws explains"."""
+    known = library(find_family("hydraulic_cylinder"))
+    chosen = [SimpleNamespace(effect=known[name]) for name in ("valve_leakage", "viscous_friction")]
+    pair: Any = SimpleNamespace(candidates=chosen, unusual={}, undetermined=())
+    left = Remainder(0.0, 0.0, 0.003, "", "", "", "a test still detects something")
+    (reason,) = against_identity(pair, {}, left, 500.0**2)
+    assert reason.startswith("together they leave a detectable pattern that no other shape of their laws")
+
+
+def test_the_opening_of_a_statement_has_all_reasons_and_the_effects_by_name() -> None:
+    """It used to be the statement up to its first colon, which a reason may contain."""
+    known = library(find_family("hydraulic_cylinder"))["viscous_friction"]
+    chosen: Any = [(SimpleNamespace(effect=known), SimpleNamespace(parameters={}))]
+    before = cast("ModelComparison", None)
+    reasons = [
+        "these data do not determine coefficient: the 95 % interval includes 0",
+        "viscous_friction does not predict data that it was not fitted to",
+    ]
+    said = verdict_text(Verdict.AMBIGUOUS, before, chosen, [], None, {}, against=reasons)
+    assert said.opening == (
+        "Something is missing. No other effect of the library explains it as well as viscous_friction, but "
+        f"{reasons[0]}, and {reasons[1]}"
+    )
+    assert said.text.startswith(said.opening.replace("viscous_friction, but", "this, but"))
+    said = verdict_text(Verdict.OUTSIDE_LIBRARY, before, chosen, [], leaves(0.4), {})
+    assert said.opening.startswith(
+        "Something is missing. The nearest in the library is viscous_friction, but with it 40 % of the misfit"
+    )

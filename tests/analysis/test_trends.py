@@ -15,7 +15,13 @@ from rigctl.model.measured.record import MeasuredRecord, Measurements
 POWERS = (20.0, 40.0, 60.0)
 
 
-def fitted(channel: str, unit: str, measured: tuple[float, ...], predicted: tuple[float, ...]) -> FitResult:
+def fitted(
+    channel: str,
+    unit: str,
+    measured: tuple[float, ...],
+    predicted: tuple[float, ...],
+    powers: tuple[float, ...] = POWERS,
+) -> FitResult:
     """A fit of one record for each power, each with one level measured and one predicted, SI."""
     records = tuple(
         MeasuredRecord(
@@ -32,7 +38,7 @@ def fitted(channel: str, unit: str, measured: tuple[float, ...], predicted: tupl
             phase=np.zeros(10, int),
             phases=("heat",),
         )
-        for index, (power, value) in enumerate(zip(POWERS, measured, strict=True))
+        for index, (power, value) in enumerate(zip(powers, measured, strict=True))
     )
     measurements = Measurements((channel,), (unit,), ("heater",), records, None, ("r",))
     problem: Any = SimpleNamespace(
@@ -42,7 +48,10 @@ def fitted(channel: str, unit: str, measured: tuple[float, ...], predicted: tupl
         measurements=measurements,
     )
     said = tuple(np.full((10, 1), value) for value in predicted)
-    return cast("FitResult", SimpleNamespace(problem=problem, fitted=(0, 1, 2), expected_outputs=said))
+    return cast(
+        "FitResult",
+        SimpleNamespace(problem=problem, fitted=tuple(range(len(records))), expected_outputs=said),
+    )
 
 
 def test_the_trend_of_a_temperature_is_in_kelvin_not_in_percent() -> None:
@@ -68,3 +77,34 @@ def test_changes_that_differ_are_shown_with_the_digits_in_which_they_do() -> Non
     assert trend.text.endswith("the model says it rises 20.1 %")
     (trend,) = trends(fitted("flow", "m^3/s", (1.0, 1.1111, 1.2222), (1.0, 1.1111, 1.2222)))
     assert trend.text.endswith("the model says it rises 22 %")
+
+
+def test_the_sign_of_a_change_that_the_model_does_not_make_is_not_wrong() -> None:
+    """ "Rises 4.8 %, the model says it stays the same" was followed by "the wrong direction"."""
+    measured, predicted = (1.0, 1.024, 1.048), (1.0, 1.0 - 5e-6, 1.0 - 1e-5)
+    (trend,) = trends(fitted("flow", "m^3/s", measured, predicted))
+    assert trend.significant
+    assert trend.text.endswith("the model says it stays the same")
+    assert not trend.wrong_sign
+    (trend,) = trends(fitted("flow", "m^3/s", measured, (1.0, 0.976, 0.952)))
+    assert trend.wrong_sign
+
+
+def test_two_records_do_not_show_by_how_much_others_would_differ() -> None:
+    fit = fitted("flow", "m^3/s", (1.0, 1.1, 1.2), (1.0, 0.9, 0.8))
+    (trend,) = trends(cast("FitResult", SimpleNamespace(**{**vars(fit), "fitted": (0, 2)})))
+    assert (trend.z, trend.wrong_sign) == (0.0, False)
+
+
+@pytest.mark.parametrize("count", [4, 12, 28])
+def test_what_differs_from_record_to_record_is_not_taken_for_a_trend(count: int) -> None:
+    """A gauge off by thirty sigmas of a reading in each record: |z| > 3 has a probability of 0.27 %."""
+    rng = np.random.default_rng(20)
+    powers = np.linspace(20.0, 60.0, count)
+    found = []
+    for _ in range(2000):
+        readings = tuple(300.0 + 0.03 * rng.standard_normal(count))
+        fit = fitted("temperature", "degC", readings, (300.0,) * count, tuple(powers))
+        found.append(trends(fit)[0].z)
+    assert np.mean(np.abs(found) > 3.0) < 0.008
+    assert np.std(found) == pytest.approx(1.0, abs=0.06)

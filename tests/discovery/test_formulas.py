@@ -16,7 +16,6 @@ from rigctl.discovery.dimensions import tier_of
 from rigctl.discovery.effect_file import effect_of, scale_parameters
 from rigctl.discovery.formula_fit import Fitted, _parts
 from rigctl.discovery.formulas import Factor, Formula, _of_every_slot
-from rigctl.discovery.gate import replicate_test
 from rigctl.discovery.grammar import argument, factors, forms
 from rigctl.effects.declaration import qualified
 from rigctl.effects.drivers import Driver
@@ -211,24 +210,3 @@ def test_a_large_effect_is_significant_although_what_is_left_beside_it_is_large_
     best = float(np.square(basis.T @ residual).sum())
     assert chi2_tail(best, 3) == 0.0
     assert chance.family_wise(log_tail(best, 3, known).item()) < 1e-3
-
-
-def regions_of(values: np.ndarray, groups: tuple[int, ...]) -> SimpleNamespace:
-    records = [SimpleNamespace(regions=np.eye(row.size), residual=row) for row in values]
-    return SimpleNamespace(records=records, regions=SimpleNamespace(groups=groups))
-
-
-def test_the_replicate_test_separates_scatter_between_records_from_a_wrong_model() -> None:
-    rng = np.random.default_rng(2)
-    noise = rng.standard_normal((8, 6))
-    wrong = np.repeat(10.0 * rng.standard_normal((4, 6)), 2, axis=0)  # the same in both records
-    groups = (0, 0, 1, 1, 2, 2, 3, 3)
-    alike = replicate_test(regions_of(noise + wrong, groups))  # type: ignore[arg-type]
-    differ = replicate_test(regions_of(10.0 * noise, groups))  # type: ignore[arg-type]
-    assert alike is not None
-    assert differ is not None
-    assert alike[0] > 0.01
-    assert alike[1] < 0.1
-    assert differ[0] < 1e-6
-    assert differ[1] > 0.4
-    assert replicate_test(regions_of(noise, tuple(range(8)))) is None  # type: ignore[arg-type]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
+from rigctl.analysis.cross_validation import CrossValidation
 from rigctl.analysis.diagnosis_result import Verdict
 from rigctl.cli.commands.discover import _lead_on
 from rigctl.cli.views.discover import _written
@@ -31,7 +33,8 @@ def diagnosed(verdict: Verdict, **changed: Any) -> Any:
     """The attributes of a diagnosis that the gate reads."""
     adequacy = SimpleNamespace(below_noise=False)
     lin = SimpleNamespace(records=(), regions=SimpleNamespace(groups=()))
-    before = SimpleNamespace(adequacy=adequacy, statement="it is so", linearisation=lin)
+    projected = SimpleNamespace(noise_degrees=0)
+    before = SimpleNamespace(adequacy=adequacy, statement="it is so", linearisation=lin, projected=projected)
     said: dict[str, Any] = {
         "verdict": verdict,
         "before": before,
@@ -242,6 +245,31 @@ def test_a_large_class_of_locations_is_abbreviated_to_a_few_and_a_count() -> Non
         replace(located("friction", 400.0), alike=tuple(n for n in names if n != "friction")),
     )
     assert f"or {len(answer.where) - 6} more)" in _statement(answer)
+
+
+@pytest.mark.parametrize(
+    ("check", "said"),
+    [
+        (None, "There is no second record that it could predict"),
+        (
+            CrossValidation(math.nan, math.nan, 0.0, 0.0, 1),
+            "It is not determined without the records that could be left out",
+        ),
+        (CrossValidation(1.0, 1.2, -5.0, 1.0, 4), "It does not predict the conditions left out"),
+    ],
+)
+def test_a_formula_that_is_not_accepted_comes_with_the_reason(
+    check: CrossValidation | None, said: str
+) -> None:
+    """Of a single record it was said that its formula "does not predict the conditions left out"."""
+    answer = made((VELOCITY_ONLY,), located("friction", 400.0))
+    (one,) = answer.formulas
+    found: Any = SimpleNamespace(check=check, left=0.0)
+    doubt = FoundFormula.doubt.__get__(found)
+    shown: Any = SimpleNamespace(**{**vars(one), "accepted": False, "doubt": doubt})
+    assert _statement(replace(answer, formulas=(shown,))).endswith(
+        f". {said}, and it should not be relied on"
+    )
 
 
 def test_where_no_term_would_be_visible_the_search_says_so() -> None:

@@ -187,7 +187,7 @@ def _levels(answer: Answer, laws: Sequence[LawAnswer], scatters: Sequence[SizeSc
         effects,
         sure=sure,
         usual=usual,
-        bent=dict.fromkeys(effects, bent),
+        bent=bent,
         spare=[one.name for one in best.candidates if one.name in alone and simpler_does(search, best, one)],
         complete=remaining is None,
         constant=constant,

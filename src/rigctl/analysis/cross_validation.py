@@ -47,6 +47,11 @@ class CrossValidation:
     least: float = 0.0
 
     @property
+    def possible(self) -> bool:
+        """True if records could be left out at least twice, with the others still determining the effect."""
+        return self.folds >= 2
+
+    @property
     def passed(self) -> bool:
         """True if the mean gain exceeds two standard errors; not every fold need gain.
 
@@ -54,7 +59,7 @@ class CrossValidation:
         conditions only gains in these, and its gains scatter by as much as their mean.
         """
         steady = self.mean > 2.0 * self.error
-        return self.folds >= 2 and (steady or (self.sure > FOLDS_GAIN and self.least > FOLD_LOSS))
+        return self.possible and (steady or (self.sure > FOLDS_GAIN and self.least > FOLD_LOSS))
 
 
 def held_out_gain(

@@ -97,8 +97,9 @@ SIZES_BEYOND_PRIOR: Final = 2.0
 SPARE_SIZES: Final = 4
 #: least reduction of χ², by the linearised model, for which a set with another member or members is refitted
 WORTH: Final = 6.0
-#: least change of the remaining misfit over an operating variable, in standard deviations, that is reported
-REMAINDER_TREND: Final = 5.0
+#: least error of a trend over an operating variable, in standard errors, that is reported: of four trends of
+#: a right model one exceeds it with probability `ALPHA`
+TREND: Final = 3.0
 
 # --- does it predict what it was not fitted to?
 #: the summed gain of all folds must exceed this many of its standard deviations; more than 2, as each record

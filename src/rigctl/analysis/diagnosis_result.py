@@ -169,7 +169,8 @@ class Diagnosis:
     ranking: effects by probability, the most probable first.
     untestable: effects that these data cannot test, with what would make them testable.
     drift: changes of the fitted parameters.
-    statement: the verdict in words; `evidence` one sentence each for and against.
+    statement: the verdict in words, of which `opening` is the first clause or two, with the effects by name;
+        `evidence` one sentence each for and against.
     before: the model as given.
     best: the fit with `effects`.
     trials: every set that was refitted.
@@ -215,6 +216,7 @@ class Diagnosis:
     next_experiment: Mapping[str, Any] | None = None
     bootstrap: Bootstrap | None = None
     unconfirmed: tuple[str, ...] = ()
+    opening: str = ""
 
     @property
     def slot(self) -> str:

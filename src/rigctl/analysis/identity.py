@@ -106,7 +106,7 @@ def levels_of(
     effects: Mapping[str, Effect],
     *,
     sure: bool,
-    bent: Mapping[str, bool],
+    bent: bool,
     usual: bool = True,
     spare: Collection[str] = (),
     complete: bool = True,
@@ -121,7 +121,7 @@ def levels_of(
     classes: for each member, itself and the effects that are not distinguished from it.
     effects: all of these by name.
     sure: whether any level may be claimed: the set's remainder and its predictions show that it is right.
-    bent: for each member, whether the data require another shape of its law.
+    bent: whether the data require another shape of the law of any member.
     usual: no parameter is outside its usual range, which speaks against a law.
     spare: members that a simpler law, a limiting case of theirs, could replace.
     complete: the data show nothing more.
@@ -146,12 +146,7 @@ def levels_of(
                 and not constant.get(first.name)
                 and (complete or bool(variables) or first.name in steady)
                 and first.name not in varying,
-                law_sure=sure
-                and usual
-                and complete
-                and not others
-                and not bent.get(first.name, False)
-                and first.name not in spare,
+                law_sure=sure and usual and complete and not others and not bent and first.name not in spare,
             )
         )
     return tuple(levels)

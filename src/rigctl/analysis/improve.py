@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 from rigctl.analysis.candidates import Candidate, require_known
 from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import Choice, Comparison, ModelComparison
-from rigctl.analysis.diagnosis import diagnose_comparison, found_parameters
+from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.fitting import OnProgress, fit_again, no_progress
 from rigctl.analysis.held_out import HeldOutGroup, unseen
+from rigctl.analysis.ranking import found_parameters
 from rigctl.analysis.refit import RefittedSet, refit
 from rigctl.analysis.refitted_sets import RefittedSets
 from rigctl.analysis.text import effect_text

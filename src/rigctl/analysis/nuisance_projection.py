@@ -44,8 +44,6 @@ class Projected:
     kappa: (columns) ‖s̃‖/‖s‖: the share of a signature that the fitted unknowns cannot absorb;
         `after_record_local` the same for the record-level unknowns alone.
     coefficients: (nuisances, columns) ``J⁺S``: how the unknowns would move to imitate each signature.
-    moves: (nuisances) ``J⁺r``: how the unknowns would still move without any effect.
-    rank: number of directions of the unknowns that the data determine.
     dof: degrees of freedom of r̃.
     """
 
@@ -57,9 +55,7 @@ class Projected:
     kappa: Floats
     after_record_local: Floats
     coefficients: Floats
-    moves: Floats
     basis: Floats = field(repr=False)
-    rank: int
     dof: int
 
     @property
@@ -123,9 +119,7 @@ def project(linearisation: Linearisation, indices: Sequence[int] | None = None) 
         kappa=np.where(full > 0.0, after_all / np.where(full > 0.0, full, 1.0), 0.0),
         after_record_local=np.where(full > 0.0, after_local / np.where(full > 0.0, full, 1.0), 0.0),
         coefficients=inverse @ signatures,
-        moves=inverse @ residual,
         basis=basis,
-        rank=basis.shape[1],
         dof=sum(one.count for one in records) + int((np.diag(weight) > 0.0).sum()) - basis.shape[1],
     )
 

@@ -20,8 +20,6 @@ class PairGain:
 
     candidates: tuple[int, int]
     gain: float
-    parameters: int
-    amplitudes: dict[str, float]
 
 
 def pair_gains(projected: Projected) -> tuple[PairGain, ...]:
@@ -47,13 +45,8 @@ def pair_gains(projected: Projected) -> tuple[PairGain, ...]:
         if np.abs(square - np.eye(both.size)).max() > _SAME:
             continue
         signs = [_sign(projected, index, int(c)) for index in (one, other) for c in columns[index]]
-        gain, amplitudes = cone(z[both][None, :], square, signs)
-        used = int(np.count_nonzero(amplitudes[0]))
-        by_name = {
-            _name(projected, int(c)): float(amplitude * unit[c])
-            for c, amplitude in zip(both, amplitudes[0], strict=True)
-        }
-        gains.append(PairGain((one, other), float(gain[0]), used, by_name))
+        gain, _ = cone(z[both][None, :], square, signs)
+        gains.append(PairGain((one, other), float(gain[0])))
     best: dict[frozenset[str], PairGain] = {}
     for pair in sorted(gains, key=lambda pair: -pair.gain):
         best.setdefault(frozenset(lin.candidates[index].name for index in pair.candidates), pair)
@@ -68,9 +61,3 @@ def _contradict(projected: Projected, one: int, other: int) -> bool:
 def _sign(projected: Projected, index: int, column: int) -> int:
     lin = projected.linearisation
     return lin.candidates[index].signs[column - lin.starts[index]]
-
-
-def _name(projected: Projected, column: int) -> str:
-    lin = projected.linearisation
-    index = max(k for k, start in enumerate(lin.starts) if start <= column)
-    return lin.candidates[index].columns[column - lin.starts[index]]

@@ -384,7 +384,8 @@ def _at_limit(fitted: FitResult, chosen: Sequence[Candidate]) -> bool:
 def left_by_refit(fitted: FitResult, outside: Sequence[int], cost: float = _COST) -> float | None:
     """Sum of squared whitened residuals on the records `outside`, with the model fitted to the others.
 
-    The record-level unknowns of `outside` are kept. None if the model cannot be simulated on the way.
+    The record-level unknowns of `outside` are fitted to their own records; what that costs by their priors is
+    not included. None if the model cannot be simulated on the way.
     """
     problem = fitted.problem.with_shared(started(fitted.problem.shared, fitted.values))
     hold_out = [*fitted.held_out, *outside]

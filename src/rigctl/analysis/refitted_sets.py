@@ -118,7 +118,7 @@ class RefittedSets:
         return trial.mbic(self.samples, self.library)
 
     def left(self, trial: RefittedSet) -> float:
-        """The share of the squared misfit that a set leaves; 0 if the tests find nothing any more."""
+        """The share of the squared misfit that a set leaves; 0 where `excess` is."""
         if not trial.candidates:
             return 0.0 if self.start.adequacy.agrees else 1.0
         excess = self.excess(trial)
@@ -135,17 +135,18 @@ class RefittedSets:
         return max(self.none.chi2 - trial.chi2, 0.0) + explained
 
     def excess(self, trial: RefittedSet) -> float:
-        """χ² that a set leaves, within the shape tolerance of its laws; 0 if the tests find nothing any more.
+        """χ² that a set leaves, within the shape tolerance of its laws.
 
-        It is the largest of the excesses of the plane and χ² tests over their spread, and of the reductions
-        of χ² predicted for any further effect, less its penalty in mBIC.
+        0 if the tests find nothing any more, or what they find is less than any further effect would cost. It
+        is the largest of the excesses of the plane and χ² tests over their spread, and of the reductions of
+        χ² predicted for any further effect, less its penalty in mBIC.
         """
         if self.at(trial).adequacy.agrees:
             return 0.0
         return self._excess_in(self.bent(trial))
 
     def _excess_in(self, view: View) -> float:
-        """χ² that a view of a set leaves; 0 if the tests find nothing any more."""
+        """χ² that a view of a set leaves, see `excess`."""
         if view.adequacy.agrees:
             return 0.0
         candidates = view.linearisation.candidates

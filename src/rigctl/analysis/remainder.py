@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from rigctl.analysis.adequacy import chance_text
-from rigctl.analysis.decision_levels import REMAINDER_TREND
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
 from rigctl.analysis.slot_evidence import slot_evidence
@@ -15,6 +14,8 @@ from rigctl.analysis.trends import Trend, trends
 
 #: an effect that absorbs less than this share of the remainder does not determine where it is
 _MOST = 0.5
+#: least χ² of which a size is stated
+STATED = 1.0
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,8 @@ class Remainder:
     Attributes
     ----------
     share: of the squared misfit, 0 … 1.
-    size: in sigmas of the data: the square root of the χ² that is left.
+    size: in sigmas of the data: the square root of the χ² that is left; 0 for what a test detects although no
+        further effect would be worth its cost.
     p_value: of the tests on the remainder; it is below their level.
     slot: the equation in which it is, "" if none stands out.
     over: the operating variable over which it changes most, "" if over none.
@@ -41,6 +43,11 @@ class Remainder:
     effect: str
     statement: str
     below_noise: bool = False
+
+    @property
+    def amount(self) -> str:
+        """Its size in words."""
+        return f"{self.size:.0f} sigma" if self.size**2 >= STATED else "a detectable pattern"
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
@@ -70,9 +77,10 @@ def remainder(search: Search, best: RefittedSet) -> Remainder | None:
         slot = evidence[0].slot if evidence else ""
     trend = _steepest(trends(best.fit))
     p = view.adequacy.p_value
-    statement = (
-        f"{share_text(search.left(best))} of the misfit is left, {_size_text(excess)} ({chance_text(p)})"
-    )
+    statement = f"a test still detects something ({chance_text(p)}), too weak for its size to be stated"
+    if excess >= STATED:
+        share = share_text(search.left(best))
+        statement = f"{share} of the misfit is left, {math.sqrt(excess):.0f} sigma ({chance_text(p)})"
     if slot:
         statement += f", most of it at {slot}"
     if trend is not None:
@@ -101,10 +109,6 @@ def share_text(share: float) -> str:
     return f"{per_cent:.0f} %" if per_cent >= 1.0 else f"{per_cent:.1g} %"
 
 
-def _size_text(excess: float) -> str:
-    return f"{math.sqrt(excess):.0f} sigma" if excess >= 1.0 else "less than a sigma"
-
-
 def _next(search: Search, best: RefittedSet, excess: float) -> tuple[str, str, float]:
     """(name, slot, share) of the effect that absorbs most of the remainder; "" if none improves mBIC."""
     beside = search.beside(best)
@@ -116,5 +120,5 @@ def _next(search: Search, best: RefittedSet, excess: float) -> tuple[str, str, f
 
 
 def _steepest(all_trends: tuple[Trend, ...]) -> Trend | None:
-    grown = [trend for trend in all_trends if abs(trend.z) > REMAINDER_TREND]
+    grown = [trend for trend in all_trends if trend.significant]
     return max(grown, key=lambda trend: abs(trend.z), default=None)

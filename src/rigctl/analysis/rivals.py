@@ -112,8 +112,8 @@ def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
         tried = search.rivals(best, member)
         explained = search.explained(best, member)
         for trial, cos, d in tried:
-            # the refits also respect sizes that physics forbids, and give the separation up to chance
-            distance = max(d, _by_refit(trial, best) - REFIT_SCATTER)
+            # the refits also respect sizes that physics forbids
+            distance = max(d, _by_refit(trial, best))
             share = (trial.chi2 - best.chi2) / max(explained, 1e-12)
             difference = search.mbic(trial) - search.mbic(best)
             if difference >= LEAST_DIFFERENCE and share < BENDS:
@@ -291,11 +291,11 @@ def _likeness(search: Search, member: Candidate, others: Sequence[Candidate]) ->
 
 
 def _by_refit(trial: RefittedSet, best: RefittedSet) -> float:
-    """The separation estimated from refits: ``sqrt(Δχ²)/2``, with a standard deviation of ½.
+    """The least separation that refits show: ``sqrt(Δχ²)/2``, less twice its standard deviation of ½.
 
     Δχ² has mean 4d² (approximately) and standard deviation 4d.
     """
-    return 0.5 * math.sqrt(max(trial.chi2 - best.chi2, 0.0))
+    return 0.5 * math.sqrt(max(trial.chi2 - best.chi2, 0.0)) - REFIT_SCATTER
 
 
 def classes_of(best: RefittedSet, rivals: Sequence[Rival]) -> tuple[tuple[str, ...], ...]:

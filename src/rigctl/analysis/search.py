@@ -231,16 +231,14 @@ class Search(RefittedSets):
                 sets.append(self.refitted((*rest, candidate), best))
         return [trial for trial in sets if trial is not None]
 
-    def _forward(self, best: RefittedSet) -> RefittedSet | None:
-        """`best` with one more effect: those for which its own linearisation predicts the largest gain."""
+    def _forward(self, best: RefittedSet) -> None:
+        """Refit `best` with each of the effects for which its own linearisation predicts the largest gain."""
         view = self.bent(best)
-        tried = []
         for score in sorted(view.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
             if score.gain > WORTH:
                 candidate = view.linearisation.candidates[score.candidate]
                 self.on_progress(f"Refitting with {' and '.join([*best.effects, candidate.name])}")
-                tried.append(self.refitted((*best.candidates, candidate), best))
-        return self.least([one for one in tried if one is not None]) if any(tried) else None
+                self.refitted((*best.candidates, candidate), best)
 
     def _backward(self, best: RefittedSet) -> RefittedSet:
         """`best` without members that do not lower mBIC, or explain no more than another law's shape may."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 
 from rigctl.analysis.adequacy import chance_text, error_below
 from rigctl.analysis.candidates import Candidate
@@ -50,6 +51,20 @@ def effect_text(effect: Effect, parameters: Mapping[str, FoundParameter]) -> str
     return f"{text} ({effect.name}, {parameters_text(parameters)})"
 
 
+@dataclass(frozen=True)
+class Statement:
+    """A verdict in words.
+
+    Attributes
+    ----------
+    opening: what is missing, by name, and what is uncertain about it.
+    text: the same with a description of the effects, and what they leave.
+    """
+
+    opening: str
+    text: str
+
+
 def verdict_text(
     verdict: Verdict,
     before: ModelComparison,
@@ -61,7 +76,7 @@ def verdict_text(
     against: Sequence[str] = (),
     doubt: str = "",
     allowed: float = SHAPE,
-) -> str:
+) -> Statement:
     """The statement of a verdict.
 
     Parameters
@@ -74,20 +89,41 @@ def verdict_text(
     allowed: the largest share of the misfit that the right set may leave.
     """
     if verdict is Verdict.ADEQUATE:
-        return before.statement
+        return Statement(before.statement, before.statement)
+    names = " and ".join(candidate.effect.name for candidate, _ in chosen)
     described = ". ".join(effect_text(candidate.effect, ranked.parameters) for candidate, ranked in chosen)
+    if verdict is Verdict.OUTSIDE_LIBRARY and not described:
+        opening = _unnamed_text(visible, doubt)
+        return Statement(opening, opening)
+    if verdict is Verdict.OUTSIDE_LIBRARY:
+        of_share = remaining if remaining is not None and remaining.share > allowed else None
+        if not _failed_text(checks):
+            of_share = remaining
+        several = len(chosen) > 1
+        opening, referring = (
+            _outside_text(nearest, of_share, checks, doubt, several=several)
+            for nearest in (names, "these" if several and of_share is not None else "this")
+        )
+        return Statement(opening, f"{referring}: {described}")
+    close = _each_once([rival for rival in rivals if not rival.separable])
     if verdict is Verdict.MISSING_EFFECT:
-        text = described
+        opening, text = f"{names} is missing", described
         alike = [rival for rival in rivals if rival.cos > ALIKE]
         if alike:
             text += f". {_capitalised(rival_text(min(alike, key=lambda rival: rival.difference)))}"
-        return text if remaining is None else f"{text}. That is not all: {remaining.statement}"
-    if verdict is Verdict.AMBIGUOUS:
-        close = _each_once([rival for rival in rivals if not rival.separable])
-        text = _ambiguous_text(described, close, against)
-        return text if remaining is None else f"{text}. That is not all: {remaining.statement}"
-    several = len(chosen) > 1
-    return _outside_text(described, remaining, checks, visible, doubt, allowed, several=several)
+    elif close:
+        opening = "Something is missing, and these data cannot tell which"
+        text = ". ".join(
+            [
+                f"{opening}. Most probable: {described}",
+                *(_capitalised(one) for one in (*map(rival_text, close), *against)),
+            ]
+        )
+    else:
+        opening, text = _doubtful_text(names, against), f"{_doubtful_text('this', against)}: {described}"
+    if remaining is not None:
+        text += f". That is not all: {remaining.statement}"
+    return Statement(opening, text)
 
 
 def _each_once(rivals: Sequence[Rival]) -> list[Rival]:
@@ -115,41 +151,16 @@ def whether_at_all(before: ModelComparison) -> str:
     return ""
 
 
-def _outside_text(
-    described: str,
-    remaining: Remainder | None,
-    checks: Mapping[str, CrossValidation | None],
-    visible: Ranked | None,
-    doubt: str,
-    allowed: float,
-    *,
-    several: bool,
-) -> str:
-    """The nearest set, and why it is not named; `described` is "" if no set improves mBIC."""
-    opening = "Something is missing"
-    if doubt:
-        opening = (
-            f"A test rejects the model, but {doubt}: these data cannot tell whether something is missing"
-        )
-    if described and remaining is not None and (remaining.share > allowed or not _failed_text(checks)):
-        share = share_text(remaining.share)
-        if several:
-            return (
-                f"{opening}. The nearest in the library are these, but with them {share} of the misfit is "
-                "left: their laws may have other shapes, something else may be missing as well, or they only "
-                f"resemble what is missing: {described}"
-            )
-        return (
-            f"{opening}. The nearest in the library is this, but with it {share} of the misfit is left: its "
-            "law may have another shape, something else may be missing as well, or it only resembles what is "
-            f"missing: {described}"
-        )
-    if described:
-        return (
-            (f"{opening}. It would be" if doubt else "What is missing is")
-            + " more than one or two effects of the library, or not in it. The nearest is "
-            f"this, but {_failed_text(checks)}: {described}"
-        )
+def _opening_text(doubt: str) -> str:
+    """Whether something is missing."""
+    if not doubt:
+        return "Something is missing"
+    return f"A test rejects the model, but {doubt}: these data cannot tell whether something is missing"
+
+
+def _unnamed_text(visible: Ranked | None, doubt: str) -> str:
+    """Something is missing, and no set improves mBIC."""
+    opening = _opening_text(doubt)
     if visible is not None:
         return (
             f"{opening}, but the data show too little of it to say what: "
@@ -161,15 +172,42 @@ def _outside_text(
     return "Something is missing that no effect of the library explains"
 
 
-def _ambiguous_text(described: str, close: Sequence[Rival], against: Sequence[str]) -> str:
-    """The most probable set, and why it is uncertain: close rivals, or evidence against it."""
-    if not close:
+def _outside_text(
+    nearest: str,
+    remaining: Remainder | None,
+    checks: Mapping[str, CrossValidation | None],
+    doubt: str,
+    *,
+    several: bool,
+) -> str:
+    """The nearest set, and why it is not named: for what it leaves, or else for what it does not predict."""
+    opening = _opening_text(doubt)
+    if remaining is None:
         return (
-            "Something is missing. No other effect of the library explains it as well as this, but "
-            f"{', and '.join(against)}: {described}"
+            (f"{opening}. It would be" if doubt else "What is missing is")
+            + " more than one or two effects of the library, or not in it. The nearest is "
+            f"{nearest}, but {_failed_text(checks)}"
         )
-    text = f"Something is missing, and these data cannot tell which. Most probable: {described}"
-    return ". ".join([text, *(_capitalised(one) for one in (*map(rival_text, close), *against))])
+    share = share_text(remaining.share)
+    if several:
+        return (
+            f"{opening}. The nearest in the library are {nearest}, but with them {share} of the misfit is "
+            "left: their laws may have other shapes, something else may be missing as well, or they only "
+            "resemble what is missing"
+        )
+    return (
+        f"{opening}. The nearest in the library is {nearest}, but with it {share} of the misfit is left: its "
+        "law may have another shape, something else may be missing as well, or it only resembles what is "
+        "missing"
+    )
+
+
+def _doubtful_text(nearest: str, against: Sequence[str]) -> str:
+    """The most probable set, and why it is uncertain although no other explains as much."""
+    return (
+        f"Something is missing. No other effect of the library explains it as well as {nearest}, but "
+        f"{', and '.join(against)}"
+    )
 
 
 def against_identity(
@@ -223,7 +261,7 @@ def _leaves_something(effects: Sequence[Effect], remaining: Remainder, certain: 
     if certain and doubtful:
         return (
             f"{' and '.join(doubtful)} may only resemble what is missing besides {' and '.join(certain)}: "
-            f"together they leave {remaining.size:.0f} sigma that no other shape of their laws explains"
+            f"together they leave {remaining.amount} that no other shape of their laws explains"
         )
     if wanted_elsewhere(effects, remaining.slot):
         return f"what they leave points to a term at {remaining.slot}, where none of them acts"
@@ -233,16 +271,14 @@ def _leaves_something(effects: Sequence[Effect], remaining: Remainder, certain: 
             "term that varies"
         )
     return (
-        f"together they leave {remaining.size:.0f} sigma that no other shape of their laws explains, and may "
+        f"together they leave {remaining.amount} that no other shape of their laws explains, and may "
         "imitate an effect that is not in the library"
     )
 
 
 def failed_checks(checks: Mapping[str, CrossValidation | None]) -> tuple[str, ...]:
     """The effects that failed cross-validation: they do not predict data outside their fit."""
-    return tuple(
-        name for name, one in checks.items() if one is not None and one.folds >= 2 and not one.passed
-    )
+    return tuple(name for name, one in checks.items() if one is not None and one.possible and not one.passed)
 
 
 def _failed_text(checks: Mapping[str, CrossValidation | None]) -> str:
@@ -302,17 +338,22 @@ def _alike_text(where: Differs) -> str:
 
 
 def evidence_for(
-    candidate: Candidate, ranked: Ranked, check: CrossValidation | None, rivals: Sequence[Rival]
+    candidate: Candidate,
+    ranked: Ranked,
+    check: CrossValidation | None,
+    rivals: Sequence[Rival],
+    *,
+    several: bool,
 ) -> list[str]:
-    """One sentence for each piece of evidence for or against an effect."""
+    """One sentence for each piece of evidence for or against an effect, one of `several` or the only one."""
     name = candidate.name
-    lines = [_size(ranked)]
+    lines = [_size(ranked, several=several)]
     if ranked.delta_bic < 0.0:
         odds = f"{LEAST_DIFFERENCE} is odds of {ODDS} to 1"
         lines.append(f"for {name}: mBIC falls by {-ranked.delta_bic:.1f} with it ({odds})")
     else:
         lines.append(f"against {name}: mBIC rises by {ranked.delta_bic:.1f} with it")
-    if check is not None and check.folds >= 2:
+    if check is not None and check.possible:
         side = "for" if check.passed else "against"
         lines.append(
             f"{side} {name}: on conditions left out one at a time the normalised error changes from "
@@ -339,12 +380,14 @@ def _hidden_text(hidden_in: str) -> str:
     return record_level if hidden_in == RECORD else f"the fitted {hidden_in}"
 
 
-def _size(ranked: Ranked) -> str:
+def _size(ranked: Ranked, *, several: bool) -> str:
     """Its size relative to the noise, and whether it is significant in the model as given."""
     p = ranked.score_p_value
     text = f"for {ranked.effect}: it stands out from the noise by {ranked.size:.1f} sigma"
-    if p > ALPHA:
+    if p > ALPHA and several:
         return f"{text}, but only beside the others: by itself its score is not significant (p = {p:.2g})"
+    if p > ALPHA:
+        return f"{text}, but only at a finite size: from none, its score is not significant (p = {p:.2g})"
     return f"{text} ({chance_text(p)} for the largest of the whole library)"
 
 

@@ -10,11 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.decision_levels import TREND
 from rigctl.analysis.localisation import variable_units
 from rigctl.model.fit.fit import FitResult
 from rigctl.units import parse_unit, show, significant
 
 Floats = NDArray[np.float64]
+
+#: least change that is displayed as one: a share, or kelvin
+_LEAST = {"1": 5e-4, "K": 5e-3}
+#: largest z that is stated: beyond it the tail of a distribution is zero in floating point
+_LARGEST = 37.0
 
 
 @dataclass(frozen=True)
@@ -27,9 +33,11 @@ class Trend:
     variable: the operating variable; low, high its ends, SI.
     measured, predicted: change of the quantity from low to high as a share of its mean at low; for a
         temperature in kelvin, because its zero is arbitrary.
+    z: the difference of the two in standard errors, as a quantile of the normal distribution; 0 for two
+        records, which do not show by how much others would differ.
+    moves, predicted_moves: both changes, in words.
+    ends: of the variable, in words.
     unit: of the two, "1" or "K".
-    z: the difference of the two in standard deviations.
-    wrong_sign: the modelled trend has the wrong sign, significantly.
     """
 
     quantity: str
@@ -39,8 +47,15 @@ class Trend:
     measured: float
     predicted: float
     z: float
-    text: str
+    moves: str
+    predicted_moves: str
+    ends: str
     unit: str = "1"
+
+    @property
+    def text(self) -> str:
+        """Both changes in one clause."""
+        return f"measured {self.quantity} {self.moves} {self.ends}, the model says it {self.predicted_moves}"
 
     @property
     def matters(self) -> bool:
@@ -51,8 +66,16 @@ class Trend:
 
     @property
     def wrong_sign(self) -> bool:
-        """True if both changes are significant and have opposite signs."""
-        return self.measured * self.predicted < 0.0 and abs(self.z) > 3.0
+        """True if the measured change is significant, and the model's is opposite and large enough to be
+        displayed."""
+        measured = abs(self.z * self.measured) > TREND * abs(self.measured - self.predicted)
+        return self.measured * self.predicted < 0.0 and measured and abs(self.predicted) >= _LEAST[self.unit]
+
+    @property
+    def significant(self) -> bool:
+        """True if the model is wrong by more than what chance does in one of four trends with probability
+        `ALPHA`."""
+        return abs(self.z) > TREND
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form."""
@@ -83,21 +106,36 @@ def trends(fit: FitResult) -> tuple[Trend, ...]:
     return tuple(sorted(result, key=lambda trend: -abs(trend.z)))
 
 
+@dataclass(frozen=True)
+class _Level:
+    """One number of a record: what it is, as measured and as predicted, SI, and how many standard deviations
+    of one reading its noise has."""
+
+    quantity: str
+    measured: float
+    predicted: float
+    noise: float
+
+
 def _quantities(fit: FitResult) -> list[tuple[str, int, Floats, Floats, float]]:
-    """(name, channel, measured, predicted, standard error) of one number for each fitted record."""
+    """(name, channel, measured, predicted, noise) of one number for each fitted record."""
     quantities = []
     problem = fit.problem
     for column, channel in enumerate(problem.measurements.outputs):
-        pairs = [_level(fit, k, column) for k in fit.fitted]
-        measured, predicted = np.array([p[0] for p in pairs]), np.array([p[1] for p in pairs])
-        name = pairs[0][2] if pairs else channel
-        if np.isfinite(measured).sum() >= 2:
-            error = float(problem.noise.sigma[column]) / math.sqrt(max(1.0, pairs[0][3]))
-            quantities.append((name, column, measured, predicted, error))
+        levels = [_level(fit, k, column) for k in fit.fitted]
+        measured = np.array([one.measured for one in levels])
+        predicted = np.array([one.predicted for one in levels])
+        known = np.isfinite(measured)
+        if known.sum() >= 2:
+            name = levels[0].quantity if levels else channel
+            noise = float(
+                np.sqrt(np.mean([one.noise**2 for one, here in zip(levels, known, strict=True) if here]))
+            )
+            quantities.append((name, column, measured, predicted, noise * float(problem.noise.sigma[column])))
     return quantities
 
 
-def _level(fit: FitResult, k: int, column: int) -> tuple[float, float, str, float]:
+def _level(fit: FitResult, k: int, column: int) -> _Level:
     """One number of a record: the stroke of a position, else the mean over the record's last phase."""
     record, ok = fit.problem.records[k], fit.problem.ok[k][:, column]
     channel = fit.problem.measurements.outputs[column]
@@ -105,19 +143,17 @@ def _level(fit: FitResult, k: int, column: int) -> tuple[float, float, str, floa
     at_end = record.phase == (len(record.phases) - 1 if phase is None else phase)
     rows = at_end & ok if (at_end & ok).any() else ok
     if not rows.any():
-        return math.nan, math.nan, channel, 1.0
-    measured, predicted = (
-        float(record.values[rows, column].mean()),
-        float(fit.expected_outputs[k][rows, column].mean()),
-    )
-    name = channel
-    if phase is not None:
-        name = "stroke"
-        before = (record.phase == 0) & ok
-        if phase > 0 and before.any():
-            measured -= float(record.values[before, column].mean())
-            predicted -= float(fit.expected_outputs[k][before, column].mean())
-    return measured, predicted, name, float(rows.sum())
+        return _Level(channel, math.nan, math.nan, math.nan)
+    before = (record.phase == 0) & ok
+    begins = phase is not None and phase > 0 and bool(before.any())
+
+    def of(values: Floats) -> float:
+        level = float(values[rows, column].mean())
+        return level - float(values[before, column].mean()) if begins else level
+
+    noise = math.sqrt(1.0 / rows.sum() + (1.0 / before.sum() if begins else 0.0))
+    name = channel if phase is None else "stroke"
+    return _Level(name, of(record.values), of(fit.expected_outputs[k]), noise)
 
 
 def _trend(
@@ -149,9 +185,9 @@ def _trend(
     low, high = float(points[good].min()), float(points[good].max())
     span = high - low
     change, predicted_change = float(inverse @ measured[good]) * span, float(inverse @ predicted[good]) * span
-    error = noise * float(np.linalg.norm(inverse)) * span
+    z = _standardised(matrix, (predicted - measured)[good], inverse, noise)
     base = 1.0 if kelvin else float(np.mean(measured[good][points[good] == low]))
-    if base == 0.0 or error == 0.0:
+    if base == 0.0 or noise == 0.0:
         return None
     share, predicted_share = change / abs(base), predicted_change / abs(base)
     ends = f"from {show(low, units[variable], digits=3)} to {show(high, units[variable], digits=3)}"
@@ -159,24 +195,55 @@ def _trend(
         moves, predicted_moves = (_moves(one, digits, kelvin=kelvin) for one in (share, predicted_share))
         if moves != predicted_moves:
             break
-    text = f"measured {quantity} {moves} {ends}, the model says it {predicted_moves}"
     unit = "K" if kelvin else "1"
-    return Trend(
-        quantity, variable, low, high, share, predicted_share, (predicted_change - change) / error, text, unit
-    )
+    return Trend(quantity, variable, low, high, share, predicted_share, z, moves, predicted_moves, ends, unit)
+
+
+def _standardised(matrix: Floats, difference: Floats, weights: Floats, noise: float) -> float:
+    """A slope of the differences between model and measurement in its standard errors.
+
+    ``w·d / (s ‖w‖)`` with ``s² = |d − M M⁺d|² / (n − p)``, Student's t with ``n − p`` degrees of freedom, as
+    the quantile of the normal distribution with the same tail: what differs from record to record (a supply,
+    a room, a gauge) counts as well as the noise of the readings. No larger than with that noise alone.
+
+    Parameters
+    ----------
+    matrix: M, n × p, of the plane over the operating variables.
+    difference: d, predicted less measured, n.
+    weights: w, the row of M⁺ of the slope.
+    noise: standard deviation of d due to the noise of the readings.
+    """
+    from scipy.special import ndtri, stdtr
+
+    scale = np.abs(matrix).max(axis=0)
+    scaled = matrix / np.where(scale > 0.0, scale, 1.0)
+    solution, _, rank, _ = np.linalg.lstsq(scaled, difference, rcond=None)
+    degrees = matrix.shape[0] - int(rank)
+    if degrees < 1:
+        return 0.0
+    slope, norm = float(weights @ difference), float(np.linalg.norm(weights))
+    residual = difference - scaled @ solution
+    scatter = float(np.linalg.norm(residual)) / math.sqrt(degrees)
+    within_noise = min(abs(slope) / (noise * norm), _LARGEST)
+    t = abs(slope) / (scatter * norm) if scatter > 0.0 else math.inf
+    return math.copysign(min(within_noise, -float(ndtri(stdtr(degrees, -t)))), slope)
 
 
 def _moves(change: float, digits: int, *, kelvin: bool = False) -> str:
     """``rises 4.8 %``, or ``rises 3.2 K``: percentages of an absolute temperature have no meaning."""
-    least, size, unit = (5e-3, abs(change), "K") if kelvin else (5e-4, abs(change) * 100, "%")
+    size, unit = (abs(change), "K") if kelvin else (abs(change) * 100, "%")
     moves = "rises" if change > 0.0 else "falls"
-    return "stays the same" if abs(change) < least else f"{moves} {significant(size, digits)} {unit}"
+    return (
+        "stays the same"
+        if abs(change) < _LEAST["K" if kelvin else "1"]
+        else f"{moves} {significant(size, digits)} {unit}"
+    )
 
 
-def sentence(candidates: Sequence[Trend], notable: float = 5.0) -> str:
+def sentence(candidates: Sequence[Trend]) -> str:
     """The worst modelled trend in one sentence; empty if none is wrong."""
-    wrong = [trend for trend in candidates if trend.wrong_sign and abs(trend.z) > notable and trend.matters]
-    worst = wrong or [trend for trend in candidates if abs(trend.z) > notable and trend.matters]
+    notable = [trend for trend in candidates if trend.significant and trend.matters]
+    worst = [trend for trend in notable if trend.wrong_sign] or notable
     if not worst:
         return ""
     text = worst[0].text

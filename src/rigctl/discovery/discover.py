@@ -241,7 +241,7 @@ def _statement(discovery: Discovery) -> str:
             "may depend on time or on something that is not recorded, or act at several places"
         )
     if not first.accepted:
-        text += ". It does not predict the conditions left out, and should not be relied on"
+        text += f". {first.doubt[0].upper()}{first.doubt[1:]}, and it should not be relied on"
     if first.p_value_after < ALPHA:
         text += ". The model with it still does not agree with the data: something else is missing"
     return text

@@ -9,13 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from rigctl.analysis.adequacy import chi2_tail
+from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
-from rigctl.analysis.linearisation import Linearisation
+from rigctl.analysis.replicates import replicate_test
 
 #: the gate is closed if more than this share of the misfit differs between records of one condition
 _IRREPRODUCIBLE = 0.5
@@ -96,46 +94,13 @@ def _library(diagnosis: Diagnosis) -> str:
 
 
 def _replicates_differ(before: ModelComparison) -> str:
-    """The sentence that records of one condition differ by more than noise and by most of the misfit; or "".
-
-    The whitened residuals of each phase and channel are summed, ``z ~ N(0, 1)`` each; no term of the model's
-    variables explains their differences between the records of one condition.
-    """
-    tested = replicate_test(before.linearisation)
-    if tested is None:
-        return ""
-    p_value, share = tested
-    if p_value >= ALPHA or share < _IRREPRODUCIBLE:
+    """The sentence that records of one condition differ by more than noise and by most of the misfit; or "":
+    no term of the model's variables explains such differences."""
+    tested = replicate_test(before.linearisation, before.projected.noise_degrees)
+    if tested is None or tested.p_value >= ALPHA or tested.share < _IRREPRODUCIBLE:
         return ""
     return (
-        f"No search was made: records of one condition differ from each other, by {share:.0%} of what the "
-        f"model leaves (p = {p_value:.2g}): something changes from record to record that no variable of the "
-        "model describes. Find out what, or record it"
+        f"No search was made: records of one condition differ from each other, by {tested.share:.0%} of what "
+        f"the model leaves ({chance_text(tested.p_value)}): something changes from record to record that no "
+        "variable of the model describes. Find out what, or record it"
     )
-
-
-def replicate_test(lin: Linearisation) -> tuple[float, float] | None:
-    """The p-value that records of one condition agree, and the share of the misfit by which they differ.
-
-    None if no condition has two records.
-    """
-    sums = np.array([record.regions.T @ record.residual for record in lin.records])
-    groups = np.array([lin.regions.groups[k] for k in range(len(lin.records))])
-    between, dof = 0.0, 0
-    total, total_dof = 0.0, 0
-    for group in np.unique(groups):
-        of_group = sums[groups == group]
-        if of_group.shape[0] < 2:
-            continue
-        nonzero = np.any(of_group != 0.0, axis=0)
-        between += float(np.square(of_group - of_group.mean(axis=0))[:, nonzero].sum())
-        dof += int(nonzero.sum()) * (of_group.shape[0] - 1)
-        total += float(np.square(of_group)[:, nonzero].sum())
-        total_dof += int(nonzero.sum()) * of_group.shape[0]
-    if not dof:
-        return None
-    of_records, of_all = (
-        between / dof - 1.0,
-        total / total_dof - 1.0,
-    )  # per degree of freedom, beyond the noise
-    return chi2_tail(between, dof), min(max(of_records, 0.0) / max(of_all, 1e-12), 1.0)

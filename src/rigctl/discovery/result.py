@@ -94,9 +94,11 @@ class FoundFormula:
     def doubt(self) -> str:
         """Why it is not accepted; "" if it is."""
         if self.check is None:
-            return "there is no second record"
+            return "there is no second record that it could predict"
+        if not self.check.possible:
+            return "it is not determined without the records that could be left out"
         if not self.check.passed:
-            return "it does not predict conditions left out"
+            return "it does not predict the conditions left out"
         if self.left > STAND_IN:
             return f"it leaves {share_text(self.left)} of the misfit, and only resembles what is missing"
         return ""

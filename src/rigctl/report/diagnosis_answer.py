@@ -79,12 +79,7 @@ def _sentence(diagnosis: Diagnosis) -> str:
         return ". ".join(one.effect.summary.rstrip(".") for one in diagnosis.best.candidates)
     if alike := _alike(diagnosis):
         return f"something is missing, and {alike}"
-    statement = diagnosis.statement.partition(": ")[0]
-    nearest = " and ".join(diagnosis.best.effects)
-    statement = statement.replace("in the library is this", f"in the library is {nearest}")
-    return statement.replace("as well as this", f"as well as {nearest}").replace(
-        "The nearest is this", f"The nearest is {nearest}"
-    )
+    return diagnosis.opening
 
 
 def _alike(diagnosis: Diagnosis) -> str:

@@ -187,7 +187,9 @@ def laws_instead(search: Search) -> tuple[LawAnswer, ...]:
         return ()
     count = sum(trial.fit.problem.whiteners[k].size for k in trial.fit.fitted)
     threshold = _NEARLY * max(trial.chi2 - count, 0.0)
-    able = {law.effect.name for law in estimated if law.differs and law.explained * law.noise > threshold}
+    able = dict.fromkeys(  # in the order of the laws: the iteration order of a set differs between processes
+        law.effect.name for law in estimated if law.differs and law.explained * law.noise > threshold
+    )
     answers: list[LawAnswer] = []
     for name in able:
         laws = [law for law in estimated if law.effect.name == name]

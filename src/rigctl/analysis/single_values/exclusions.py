@@ -26,7 +26,7 @@ _THERE = 0.5
 
 def main_trend(before: ModelComparison) -> Trend | None:
     """The trend with the largest relevant error of the model; None if there is none."""
-    wrong = [trend for trend in before.trends if trend.matters and abs(trend.z) > 3.0]
+    wrong = [trend for trend in before.trends if trend.matters and trend.significant]
     return wrong[0] if wrong else None
 
 
@@ -70,8 +70,7 @@ def exclusion_text(excluded: Sequence[Exclusion], trend: Trend) -> list[str]:
     never = [one.effect for one in excluded if not one.only and one.at_most < _TURNS]
     unfit = [one.effect for one in excluded if not one.only and one.reached < _TURNS <= one.at_most]
     want = "rise" if trend.measured > 0.0 else "fall"
-    ends = trend.text.partition(", the model")[0].partition(" from ")[2]
-    change = f"make the {trend.quantity} {want} from {ends} as it does"
+    change = f"make the {trend.quantity} {want} {trend.ends} as it does"
     sentences = []
     if never:
         sentences.append(
@@ -96,9 +95,7 @@ def exclusion_text(excluded: Sequence[Exclusion], trend: Trend) -> list[str]:
 def _reached(trend: Trend, fit: FitResult) -> float:
     """The share of the missing change that a fit makes."""
     trend_of = {(one.quantity, one.variable): one for one in trends(fit)}
-    with_it = trend_of.get((trend.quantity, trend.variable))
-    if with_it is None:  # with the effect there is no significant change
-        return 0.0
+    with_it = trend_of[trend.quantity, trend.variable]
     return (with_it.predicted - trend.predicted) / (trend.measured - trend.predicted)
 
 

@@ -276,12 +276,12 @@ def _places(places: Sequence[Place]) -> Table:
 
 def _show_trends(model: ModelComparison) -> None:
     out = console()
-    shown = [trend for trend in model.trends if abs(trend.z) > 3.0][:6]
+    shown = [trend for trend in model.trends if trend.significant][:6]
     if not shown:
         return
     out.print("  [bold]its direction[/]")
     for trend in shown:
-        wrong = ": [red]the wrong direction[/]" if trend.wrong_sign else ""
+        wrong = ": [red]the wrong direction[/]" if trend.wrong_sign and trend.matters else ""
         out.print(f"  {escape(trend.text)} ({abs(trend.z):.0f} sigma){wrong}", soft_wrap=True)
 
 
