@@ -43,9 +43,9 @@ class Board:
 
 @pytest.fixture
 def make() -> Callable[..., Board]:
-    def made(rig: Rig = TCLAB, delay: float = 0.01) -> Board:
+    def made(rig: Rig = TCLAB, delay: float = 0.01, kind: type[MemoryPort] = MemoryPort) -> Board:
         clock = VirtualClock()
-        port = MemoryPort(Sketch(clock.now), clock)
+        port = kind(Sketch(clock.now), clock)
         port.delay = delay
         assert rig.backend.lines is not None
         bench = LineBench(rig, rig.backend.lines, clock, lambda: port, kind="serial")
@@ -76,6 +76,23 @@ def test_a_device_that_answers_just_within_the_timeout_is_opened(make: Callable[
     board = make(delay=0.45)
     board.bench.start(0.4)
     assert board.samples(2)[-1].commands == (0.0, 0.0)
+
+
+def test_a_late_identity_is_not_taken_as_the_answer_to_the_commands_that_make_safe(
+    make: Callable[..., Board],
+) -> None:
+    """A computer that is busy when the device starts: the first answers come after they were given up."""
+    delays = [0.7, 0.4, 0.4]
+
+    class Starting(MemoryPort):
+        def write(self, data: bytes) -> None:
+            self.delay = delays.pop(0) if delays and data.startswith(b"VER") else 0.01
+            super().write(data)
+
+    board = make(with_lines('{send: X, reply: "{_}"}', "{send: X, reply: X}"), kind=Starting)
+    assert not delays
+    assert board.bench.identity["firmware"] == "1.4.0 Arduino Uno"
+    assert board.sketch.received[-3:] == ["X", "Q1 0.00", "Q2 0.00"]
 
 
 def test_samples_hold_the_answers_of_the_board_at_the_requested_rate(board: Board) -> None:

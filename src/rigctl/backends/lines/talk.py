@@ -2,7 +2,8 @@
 
 A late answer would be taken for the answer to the next query. Unsolicited lines are therefore discarded
 before each query, and after a missing or unexpected answer the line is resynchronised: rigctl waits until it
-is quiet and, if the device has an identity query, sends it and reads until the answer is the identity.
+is quiet and, if the device has an identity query, sends it and reads until the answer is the identity. An
+identity that was asked for and came too late may still come: it is no answer to anything else.
 """
 
 from __future__ import annotations
@@ -57,6 +58,7 @@ class Talk:
         self._bytes = 0  # number of bytes that have arrived
         self.last_sent = clock.now()  #: s
         self._in_step = True  # no answer to an earlier query is outstanding
+        self._late_identities = 0  # that were asked for, and may still arrive
 
     @property
     def heard(self) -> bool:
@@ -124,6 +126,7 @@ class Talk:
             deadline = sent + (timeout or self._lines.timeout)
             found, wrong = yield from self._read_answer(exchange, command, deadline)
             if found is None:
+                self._late_identities += exchange == self._lines.identify
                 continue
             if fits(found):
                 self._in_step = True
@@ -149,6 +152,8 @@ class Talk:
         found: dict[str, str] = {}
         for pattern in exchange.patterns:
             line = yield from self._line(deadline)
+            while line is not None and pattern.match(line) is None and self._late_identity(line):
+                line = yield from self._line(deadline)
             if line is None:
                 return None, ""
             if any(error.match(line) is not None for error in self._lines.error_patterns):
@@ -159,6 +164,15 @@ class Talk:
                 return None, line
             found.update(matched)
         return found, ""
+
+    def _late_identity(self, line: str) -> bool:
+        """Whether a line is the answer to an identity query that was given up."""
+        identify = self._lines.identify
+        if identify is None or not self._late_identities or identify.patterns[0].match(line) is None:
+            return False
+        self._late_identities -= 1
+        self.stray += 1
+        return True
 
     def _line(self, deadline: float) -> Conversation[str | None]:
         """Return the next line; None if there is none by bench time `deadline`."""
@@ -218,6 +232,7 @@ class Talk:
                 self._in_step = True
                 return
             wrong = line
+        self._late_identities += 1
         if wrong:
             raise WrongAnswer(identify.send, wrong, " / ".join(identify.reply))
         raise NoAnswer(f"{self.port.name}: the device does not answer {command!r}")
