@@ -57,6 +57,11 @@ FAR: Final = 3.0 * LEAST_SEPARATION
 #: accurate than that
 FAR_SHARE: Final = 0.2
 
+#: two slots are indistinguishable if their log-evidences differ by less than this (20 to 1), ...
+SLOT_SEPARABLE: Final = 3.0
+#: ... or by less than this share of the larger, the relative error of a linear model of a large effect
+SLOT_LINEAR: Final = 0.01
+
 # --- in which shape?
 #: standard deviation of the relative model discrepancy of a library effect's law, over its explanatory
 #: variables

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import Choice
-from rigctl.analysis.localisation import variable_units
 from rigctl.dataset.copies import without_copies
 from rigctl.dataset.run import Run
 from rigctl.engine.least_squares import Iteration, started
@@ -19,6 +18,7 @@ from rigctl.errors import RigctlError
 from rigctl.model.fit.fit import FitResult, fit
 from rigctl.model.fit.problem import Problem, make_problem
 from rigctl.model.measured.assumed import assumed_when_opened
+from rigctl.model.measured.conditions import variable_units
 from rigctl.model.measured.hold_out import chosen, held_out
 from rigctl.model.measured.noise import DataNoise, noise_of, with_noise_off_model, with_spikes_off_model
 from rigctl.model.measured.read import read_measurements

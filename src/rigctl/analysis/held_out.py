@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 from rigctl.analysis.comparison import judge
 from rigctl.analysis.comparison_result import Comparison, ModelComparison, in_unit
 from rigctl.analysis.fitting import OnProgress, fit_model, no_progress
-from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.remedies import Remedy, remedies, still_missing
 from rigctl.model.fit.errors import ChannelError, whitened_residual
 from rigctl.model.fit.fit import FitResult
-from rigctl.model.measured.conditions import condition_text
+from rigctl.model.measured.conditions import condition_text, variable_units
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.units import parse_unit, show, significant
 

@@ -19,8 +19,7 @@ from rigctl.analysis.linearisation import Linearisation, quiet_columns
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult
-from rigctl.model.measured.conditions import START, condition_text
-from rigctl.model.measured.record import Measurements
+from rigctl.model.measured.conditions import condition_text, variable_units
 from rigctl.units import show
 
 Floats = NDArray[np.float64]
@@ -190,34 +189,6 @@ def localise(linearisation: Linearisation, cells: CellMap) -> tuple[Place, ...]:
 
 
 _ORDER = {"channel": 0, "phase": 1, "cell": 2, "condition": 3, "state": 4, "stretch": 5}
-
-
-def variable_units(measurements: Measurements) -> dict[str, str]:
-    """The unit in which each operating variable is shown."""
-    rig = measurements.rig
-    units = {}
-    # in the order of the records: the iteration order of a set differs between processes
-    for name in dict.fromkeys(name for record in measurements.records for name in record.condition):
-        channel = name.removeprefix(START)
-        if rig is not None and channel in rig.channels:
-            units[name] = rig.channels[channel].unit
-        elif rig is not None and name in rig.actuators:
-            units[name] = rig.actuators[name].display_unit
-        elif name in measurements.columns:
-            units[name] = measurements.columns[name]
-        else:
-            units[name] = _GUESSED.get(name, "1")
-    return units
-
-
-_GUESSED = {
-    "oil": "degC",
-    "supply": "bar",
-    "oil_temperature": "degC",
-    "pressure_setpoint": "bar",
-    "pressure": "bar",
-    "ambient_temperature": "degC",
-}
 
 
 def _rms(values: Floats) -> float:

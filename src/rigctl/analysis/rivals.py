@@ -20,13 +20,12 @@ from rigctl.analysis.decision_levels import (
     TOLERANCE,
 )
 from rigctl.analysis.identity import same_cause
-from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
 from rigctl.analysis.separability import consistent_gain, cosine, directions, separation
 from rigctl.effects.declaration import Effect, qualified
 from rigctl.model.fit.fit import FitResult
-from rigctl.model.measured.conditions import condition_text
+from rigctl.model.measured.conditions import condition_text, variable_units
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.units import parse_unit
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.decision_levels import SLOT_LINEAR, SLOT_SEPARABLE
 from rigctl.analysis.linearisation import (
     Slopes,
     free_unknowns,
@@ -139,9 +140,6 @@ _MOST_RECORDS, _MOST_SAMPLES = 32, 2000
 _MEMORY = 3.0
 #: number of smooth functions of the operating point
 _FEATURES = 6
-#: two slots are indistinguishable if their log-evidences differ by less than this (20 to 1), or by less than
-#: the relative error of a linear model of a large effect
-_SEPARABLE, _LINEAR = 3.0, 0.01
 
 
 @dataclass(frozen=True)
@@ -357,11 +355,11 @@ def _ranked(
     logs = [one.evidence.log_evidence for one in ordered]
     result = []
     for one, name, log in zip(ordered, names, logs, strict=True):
-        near = max(_SEPARABLE, _LINEAR * abs(log))
+        near = max(SLOT_SEPARABLE, SLOT_LINEAR * abs(log))
         alike = [
             other
             for other, its in zip(names, logs, strict=True)
-            if other != name and abs(its - log) < near and log > _SEPARABLE
+            if other != name and abs(its - log) < near and log > SLOT_SEPARABLE
         ]
         share = min(max(one.evidence.explained / misfit, 0.0), 1.0) if log > 0.0 else 0.0
         meaning = "; ".join(slot.meaning for slot in one.slots)

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.decision_levels import TREND
-from rigctl.analysis.localisation import variable_units
 from rigctl.model.fit.fit import FitResult
+from rigctl.model.measured.conditions import variable_units
 from rigctl.units import parse_unit, show, significant
 
 Floats = NDArray[np.float64]

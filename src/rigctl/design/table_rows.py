@@ -14,7 +14,6 @@ from itertools import product
 import numpy as np
 
 from rigctl.analysis.diagnosis_result import Diagnosis
-from rigctl.analysis.localisation import variable_units
 from rigctl.design.criterion import Discrimination
 from rigctl.design.information import Evidence
 from rigctl.design.information_so_far import known_so_far
@@ -25,6 +24,7 @@ from rigctl.design.scheme import Free, allowed, tenth
 from rigctl.design.text import added, statement
 from rigctl.design.virtual_records import predict
 from rigctl.model.inputs import input_sources
+from rigctl.model.measured.conditions import variable_units
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit, show

@@ -142,17 +142,10 @@ def _most(model: ModelComparison) -> str:
 
 def _wanted(model: ModelComparison) -> str:
     """The equations that most probably lack a term."""
-    known = [one for one in model.slots if one.log_evidence > 0.0]
+    from rigctl.analysis.decision_levels import SLOT_SEPARABLE
+
+    known = [one for one in model.slots if one.log_evidence > SLOT_SEPARABLE]
     if not known or (model.rows and len(known[0].alike) > 1):
         return ""
-    first = known[0]
-    near = [
-        one.slot for one in known[1:3] if first.log_evidence - one.log_evidence < _close(first.log_evidence)
-    ]
-    return f"a term at {' or '.join((first.slot, *near))}"
-
-
-def _close(evidence: float) -> float:
-    """Log-evidence from which two equations count as distinguished: odds of 20 to 1, or 1 % of a large
-    one."""
-    return max(3.0, 0.01 * evidence)
+    near = [one.slot for one in known if one.slot in known[0].alike][:2]
+    return f"a term at {' or '.join((known[0].slot, *near))}"

@@ -52,7 +52,7 @@ def _leak(conductance: float, problem: Problem) -> str:
 
 def _highest(problem: Problem, unit: str) -> float | None:
     """The highest value of any operating variable of that kind, SI; None if the records have none."""
-    from rigctl.analysis.localisation import variable_units
+    from rigctl.model.measured.conditions import variable_units
 
     units, wanted = variable_units(problem.measurements), parse_unit(unit)
     values = [

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import ALPHA
-from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.refit_alone import alone
 from rigctl.analysis.score_test import Score
 from rigctl.analysis.single_values.rows import short_condition
@@ -24,6 +23,7 @@ from rigctl.analysis.single_values.statements import near_chance
 from rigctl.analysis.trends import Trend
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
+from rigctl.model.measured.conditions import variable_units
 from rigctl.units import show
 
 Floats = NDArray[np.float64]

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.localisation import variable_units
 from rigctl.model.fit.fit import FitResult
+from rigctl.model.measured.conditions import variable_units
 from rigctl.units import parse_unit, show
 
 Floats = NDArray[np.float64]

@@ -14,10 +14,10 @@ import numpy as np
 from rigctl.analysis.adequacy import Adequacy, chance_text, chi2_tail
 from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.linearisation import Linearisation
-from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.score_test import Score, Screening
 from rigctl.analysis.single_values.rows import TableRow, shows_unfitted
 from rigctl.model.fit.fit import FitResult
+from rigctl.model.measured.conditions import variable_units
 from rigctl.model.measured.table import curve_variable, set_variable
 from rigctl.units import show
 

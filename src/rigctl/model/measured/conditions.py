@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rigctl.dataset.conditions import cluster
-from rigctl.model.measured.record import MeasuredRecord
+from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.model.model import Model
 from rigctl.units import show
 
@@ -19,6 +19,16 @@ _DIFFERENT, _SIGMAS = 0.05, 20.0
 #: a measured input is an operating point if its variation between records exceeds that within them by this
 #: factor
 _BETWEEN = 3.0
+
+#: units of the operating variables of the shipped families, where a rig file or a column gives none
+_BY_NAME = {
+    "oil": "degC",
+    "supply": "bar",
+    "oil_temperature": "degC",
+    "pressure_setpoint": "bar",
+    "pressure": "bar",
+    "ambient_temperature": "degC",
+}
 
 
 def with_conditions(
@@ -97,6 +107,24 @@ def _first(record: MeasuredRecord, index: int) -> float:
     """The first reading: later ones may already have changed."""
     values = record.values[record.here[:, index], index]
     return float(values[0]) if values.size else float("nan")
+
+
+def variable_units(measurements: Measurements) -> dict[str, str]:
+    """The unit in which each operating variable is shown: that of its channel, actuator or column."""
+    rig = measurements.rig
+    units = {}
+    # in the order of the records: the iteration order of a set differs between processes
+    for name in dict.fromkeys(name for record in measurements.records for name in record.condition):
+        channel = name.removeprefix(START)
+        if rig is not None and channel in rig.channels:
+            units[name] = rig.channels[channel].unit
+        elif rig is not None and name in rig.actuators:
+            units[name] = rig.actuators[name].display_unit
+        elif name in measurements.columns:
+            units[name] = measurements.columns[name]
+        else:
+            units[name] = _BY_NAME.get(name, "1")
+    return units
 
 
 def condition_text(condition: Mapping[str, float], units: Mapping[str, str]) -> str:

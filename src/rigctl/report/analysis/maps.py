@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.localisation import variable_units, whitened_errors
+from rigctl.analysis.localisation import whitened_errors
+from rigctl.model.measured.conditions import variable_units
 from rigctl.report.heat_map import HeatMap
 from rigctl.report.numbers import symbol
 from rigctl.report.signals import plain_name

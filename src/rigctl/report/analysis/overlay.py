@@ -36,8 +36,7 @@ def typical_records(fit: FitResult) -> tuple[tuple[str, int], ...]:
 
 def condition_of(fit: FitResult, k: int) -> str:
     """The operating point of a record, or its name."""
-    from rigctl.analysis.localisation import variable_units
-    from rigctl.model.measured.conditions import condition_text
+    from rigctl.model.measured.conditions import condition_text, variable_units
 
     record = fit.problem.records[k]
     return condition_text(record.condition, variable_units(fit.problem.measurements)) or record.label

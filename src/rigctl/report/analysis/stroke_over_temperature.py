@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.localisation import variable_units
 from rigctl.model.fit.problem import Problem
+from rigctl.model.measured.conditions import variable_units
 from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.signals import plain_name

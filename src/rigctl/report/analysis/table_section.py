@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import Comparison, ModelComparison
-from rigctl.analysis.localisation import variable_units
 from rigctl.analysis.single_values.rows import TableRow, short_condition, shows_unfitted
+from rigctl.model.measured.conditions import variable_units
 from rigctl.model.measured.table import curve_variable, curves, set_variable
 from rigctl.report.numbers import MISSING, prose, symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace

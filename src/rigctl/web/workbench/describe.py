@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.localisation import variable_units
 from rigctl.model.fit.problem import Problem
 from rigctl.model.history.store import current_version
-from rigctl.model.measured.conditions import condition_text
+from rigctl.model.measured.conditions import condition_text, variable_units
 from rigctl.model.measured.table import curve_variable, curves
 from rigctl.report.decimation import thin
 from rigctl.report.numbers import symbol
