@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from rigctl.analysis.cross_validation import held_out_gain
-from rigctl.analysis.linearisation import Linearisation, RecordTriangle, Regions
+from rigctl.analysis.linearisation import Linearisation, RecordTriangle
+from rigctl.analysis.regions import Regions
 
 ROWS = 40
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from made_fit import RECORDS, SIZE, made_fit, made_noise
-from rigctl.analysis.held_out import course_text, error_course
+from rigctl.analysis.error_course import course_text, error_course
 from rigctl.model.fit.fit import FitResult
 from rigctl.units import significant
 

@@ -10,7 +10,8 @@ import pytest
 import rigctl
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import Comparison
-from rigctl.analysis.held_out import HeldOutGroup, unseen
+from rigctl.analysis.held_out import unseen
+from rigctl.analysis.held_out_group import HeldOutGroup
 from rigctl.dataset.importing import import_file
 from rigctl.report.analysis.held_out import unseen_sections
 from rigctl.rig import load_rig

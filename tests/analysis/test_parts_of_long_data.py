@@ -9,7 +9,8 @@ import pytest
 
 from rigctl.analysis import slot_evidence as module
 from rigctl.analysis.candidates import candidates
-from rigctl.analysis.linearisation import KnownSlopes, Linearisation, Slopes, linearise
+from rigctl.analysis.linearisation import Linearisation, linearise
+from rigctl.analysis.slopes import KnownSlopes, Slopes
 from rigctl.analysis.slot_evidence import slot_evidence
 from rigctl.engine.least_squares import Refused, started
 from rigctl.engine.one_thread import one_thread

@@ -13,7 +13,8 @@ from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import SHAPE_TOLERANCE
 from rigctl.analysis.fitting import fit_model
 from rigctl.analysis.linearised_set import LinearisedSet
-from rigctl.analysis.refit import NEAR, at_limiting_case, chi2_of, refit, value_of
+from rigctl.analysis.parameter_bounds import value_of
+from rigctl.analysis.refit import NEAR, at_limiting_case, chi2_of, refit
 from rigctl.analysis.search import Search
 from rigctl.files.shipped import shipped
 from rigctl.model.fit.fit import fit

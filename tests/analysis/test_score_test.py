@@ -15,8 +15,9 @@ from scipy.stats import chi2, f
 from rigctl.analysis.adequacy import Test, chi2_tail
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.decision_levels import ALPHA
-from rigctl.analysis.linearisation import Linearisation, RecordTriangle, Regions
+from rigctl.analysis.linearisation import Linearisation, RecordTriangle
 from rigctl.analysis.nuisance_projection import project
+from rigctl.analysis.regions import Regions
 from rigctl.analysis.score_test import cone, screen, tail
 from rigctl.effects.registry import library
 from rigctl.engine.least_squares import Unknown

@@ -9,9 +9,10 @@ from typing import Any, cast
 import numpy as np
 
 from rigctl.analysis.candidates import Candidate
-from rigctl.analysis.linearisation import Linearisation, RecordTriangle, Regions
+from rigctl.analysis.linearisation import Linearisation, RecordTriangle
 from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.pair_gains import pair_gains
+from rigctl.analysis.regions import Regions
 from rigctl.effects.registry import library
 from rigctl.physics.families import find_family
 

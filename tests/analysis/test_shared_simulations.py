@@ -10,7 +10,7 @@ import pytest
 
 from rigctl.analysis import linearisation as module
 from rigctl.analysis.candidates import Candidate, candidates
-from rigctl.analysis.linearisation import slopes_at
+from rigctl.analysis.slopes import slopes_at
 from rigctl.engine.one_thread import one_thread
 from rigctl.engine.result_cache.cached import switched_off
 from rigctl.model.fit import problem as fit_problem

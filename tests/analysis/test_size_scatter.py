@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from rigctl.analysis.diagnosis_result import Verdict
-from rigctl.analysis.linearisation import Linearisation, RecordTriangle, Regions
+from rigctl.analysis.linearisation import Linearisation, RecordTriangle
 from rigctl.analysis.nuisance_projection import project
+from rigctl.analysis.regions import Regions
 from rigctl.analysis.size_scatter import size_scatter, with_scatter
 from rigctl.engine.one_thread import one_thread
 from rigctl.validation.scenario import Scenario, Wanted

@@ -8,10 +8,11 @@ from rigctl.analysis.adequacy import adequacy
 from rigctl.analysis.candidates import candidates, data_ranges, require_known
 from rigctl.analysis.comparison_result import Choice, Comparison, ModelComparison
 from rigctl.analysis.fitting import Data, OnProgress, fit_to_data, no_progress, read_runs
-from rigctl.analysis.linearisation import KnownSlopes, linearise
+from rigctl.analysis.linearisation import linearise
 from rigctl.analysis.located_error import LocatedError
 from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.score_test import screen
+from rigctl.analysis.slopes import KnownSlopes
 from rigctl.argument_types import checks_argument_types
 from rigctl.dataset.run import Run
 from rigctl.engine.one_thread import one_thread

@@ -9,13 +9,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from rigctl.analysis.adequacy import Adequacy
-from rigctl.analysis.linearisation import KnownSlopes, Linearisation
+from rigctl.analysis.linearisation import Linearisation
 from rigctl.analysis.localisation import CellMap, Place
 from rigctl.analysis.located_error import LocatedError
 from rigctl.analysis.nuisance_projection import Projected
 from rigctl.analysis.record_level import RecordQuantity
 from rigctl.analysis.score_test import Screening
 from rigctl.analysis.single_values.rows import TableRow
+from rigctl.analysis.slopes import KnownSlopes
 from rigctl.analysis.slot_evidence import SlotEvidence
 from rigctl.analysis.trends import Trend
 from rigctl.model.curve_bands import CurveBand

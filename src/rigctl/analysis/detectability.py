@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.candidates import Candidate
-from rigctl.analysis.linearisation import Linearisation, record_local_rows, slopes_at
+from rigctl.analysis.linearisation import Linearisation, record_local_rows
 from rigctl.analysis.nuisance_projection import HIDDEN
 from rigctl.analysis.score_test import cone
+from rigctl.analysis.slopes import slopes_at
 from rigctl.model.fit.problem import Problem
 
 Floats = NDArray[np.float64]

@@ -14,7 +14,8 @@ from rigctl.analysis.comparison_result import Choice, Comparison, ModelCompariso
 from rigctl.analysis.diagnosis import diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.fitting import OnProgress, fit_again, no_progress
-from rigctl.analysis.held_out import HeldOutGroup, unseen
+from rigctl.analysis.held_out import unseen
+from rigctl.analysis.held_out_group import HeldOutGroup
 from rigctl.analysis.ranking import found_parameters
 from rigctl.analysis.refit import RefittedSet, refit
 from rigctl.analysis.refitted_sets import RefittedSets

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.adequacy import Adequacy, adequacy
 from rigctl.analysis.candidates import Candidate, candidates, data_ranges
-from rigctl.analysis.linearisation import KnownSlopes, Linearisation, linearise
+from rigctl.analysis.linearisation import Linearisation, linearise
 from rigctl.analysis.nuisance_projection import Projected, project
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.score_test import Screening, screen
 from rigctl.analysis.shape_tolerance import ShapeColumns, shape_columns
 from rigctl.analysis.size_scatter import SizeScatter, size_scatter, switch_columns, with_scatter
+from rigctl.analysis.slopes import KnownSlopes
 from rigctl.effects.declaration import qualified
 from rigctl.model.fit.problem import Problem
 

@@ -38,7 +38,8 @@ from rigctl.analysis.decision_levels import (
 )
 from rigctl.analysis.linearised_set import LinearisedSet, View
 from rigctl.analysis.mbic import effective_samples, mbic
-from rigctl.analysis.refit import RefittedSet, at_limiting_case, plain, refit, value_of
+from rigctl.analysis.parameter_bounds import value_of
+from rigctl.analysis.refit import RefittedSet, at_limiting_case, plain, refit
 from rigctl.analysis.refit_alone import Alone, near_best
 from rigctl.analysis.separability import cosine, separation
 from rigctl.analysis.size_scatter import SizeScatter

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.linearisation import base_at
+from rigctl.analysis.slopes import base_at
 from rigctl.effects.declaration import Effect, qualified
 from rigctl.effects.drivers import Driver, drivers
 from rigctl.engine.splines import SplineArgument, SplineColumn, SplineColumns, knots_over

@@ -30,8 +30,9 @@ from rigctl.analysis.decision_levels import (
     SIZES_BEYOND_PRIOR,
     SPARE_SIZES,
 )
-from rigctl.analysis.linearisation import Linearisation, base_at
+from rigctl.analysis.linearisation import Linearisation
 from rigctl.analysis.nuisance_projection import project
+from rigctl.analysis.slopes import base_at
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
 from rigctl.model.fit.switching import MOST_SWITCHES, switch_name

@@ -18,14 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.decision_levels import SLOT_LINEAR, SLOT_SEPARABLE
-from rigctl.analysis.linearisation import (
-    Slopes,
-    free_unknowns,
-    make_regions,
-    record_local_rows,
-    slopes_at,
-)
+from rigctl.analysis.linearisation import free_unknowns, record_local_rows
 from rigctl.analysis.marginal_likelihood import Component, Evidence, Normal, evidence
+from rigctl.analysis.regions import make_regions
+from rigctl.analysis.slopes import Slopes, slopes_at
 from rigctl.analysis.slot_disturbance import (
     DisturbanceColumns,
     Disturbed,

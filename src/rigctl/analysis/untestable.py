@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.linearisation import slopes_at
 from rigctl.analysis.power import hidden_at_typical_size
+from rigctl.analysis.slopes import slopes_at
 from rigctl.effects.declaration import qualified
 from rigctl.effects.record_level import RECORD
 

@@ -11,7 +11,7 @@ from rich.table import Table
 from rigctl.analysis.adequacy import chance
 from rigctl.analysis.bootstrap import Bootstrap
 from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
-from rigctl.analysis.held_out import HeldOutGroup
+from rigctl.analysis.held_out_group import HeldOutGroup
 from rigctl.analysis.improve import Improvement, Step
 from rigctl.analysis.laws.answer import LawAnswer
 from rigctl.analysis.text import drift_text, parameters_text

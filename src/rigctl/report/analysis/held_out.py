@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rigctl.analysis.held_out import HeldOutGroup
+from rigctl.analysis.held_out_group import HeldOutGroup
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.overlay import overlay_plot
 from rigctl.report.numbers import symbol
