@@ -11,16 +11,22 @@ from scipy.stats import kstest
 
 from rigctl.analysis.replicates import replicate_test
 
-READINGS, REGIONS = 90, 6
+READINGS, REGIONS = 96, 6
 GROUPS = (0, 0, 0, 1, 1, 2, 2, 2, 3)
 
 
 def linearised(
-    rng: np.random.Generator, *, common: float = 0.0, each: float = 0.0, noise: float = 1.0
+    rng: np.random.Generator,
+    *,
+    common: float = 0.0,
+    each: float = 0.0,
+    noise: float = 1.0,
+    pattern: float = 0.0,
 ) -> Any:
     """Records with two own unknowns projected off, a misfit common to each condition, and one of each record.
 
-    The unknowns of the records of one condition act alike.
+    The unknowns of the records of one condition act alike. `pattern` is a misfit whose sum over each region
+    is zero.
     """
     regions = np.repeat(np.eye(REGIONS), READINGS // REGIONS, axis=0) / np.sqrt(READINGS // REGIONS)
     own = {group: rng.standard_normal((READINGS, 2)) + 3.0 * regions[:, :2] for group in set(GROUPS)}
@@ -30,10 +36,12 @@ def linearised(
         basis = np.linalg.qr(own[group])[0]
         residual = noise * rng.standard_normal(READINGS) + common * shared[group]
         residual += each * (regions @ rng.standard_normal(REGIONS))
+        residual += pattern * np.tile([1.0, -1.0], READINGS // 2)
         records.append(
             SimpleNamespace(
                 regions=regions - basis @ (basis.T @ regions),
                 residual=residual - basis @ (basis.T @ residual),
+                count=READINGS - 2,
             )
         )
     return SimpleNamespace(records=records, regions=SimpleNamespace(groups=GROUPS))
@@ -75,6 +83,13 @@ def test_the_share_that_differs_from_record_to_record() -> None:
     assert shares(20.0, 0.0) < 0.05
     assert shares(0.0, 20.0) > 0.85
     assert 0.4 < shares(20.0, 20.0) < 0.8
+
+
+def test_a_difference_by_chance_is_a_small_share_of_a_misfit_that_the_sums_do_not_show() -> None:
+    """With the sums alone it would be all of it, and one search in a hundred would be refused for nothing."""
+    rng = np.random.default_rng(7)
+    tests = [replicate_test(linearised(rng, pattern=3.0)) for _ in range(200)]
+    assert max(one.share for one in tests if one is not None) < 0.1
 
 
 def test_conditions_of_one_record_each_have_nothing_to_compare() -> None:

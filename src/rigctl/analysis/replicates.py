@@ -26,8 +26,8 @@ class ReplicateTest:
     Attributes
     ----------
     p_value: of the differences between the records of the conditions that have several.
-    share: of what the model leaves in these records, beyond noise and per degree of freedom, by which they
-        differ: 1 if nothing of it is common to the records of a condition.
+    share: of what the model leaves in these records beyond noise, by how much they differ: 1 if nothing of it
+        is common to the records of a condition.
     """
 
     p_value: float
@@ -59,9 +59,12 @@ def replicate_test(lin: Linearisation, known: int = 0) -> ReplicateTest | None:
     if degrees < 1:
         return None
     differ = max(float(total - common), 0.0)
-    beyond = max(differ / degrees - 1.0, 0.0)
-    of_all = max(float(total) / float(total_degrees) - 1.0, 1e-12)
-    return ReplicateTest(chi2_tail(differ, degrees, known), min(beyond / of_all, 1.0))
+    # what is common takes degrees of freedom of the differences, by which these are smaller
+    differences = max(differ - degrees, 0.0) * float(total_degrees) / degrees
+    records = [record for of_one in members.values() if len(of_one) > 1 for record in of_one]
+    misfit = sum(float(record.residual @ record.residual) - record.count for record in records)
+    everything = max(misfit, float(total - total_degrees), 1e-12)  # the sums do not see every pattern
+    return ReplicateTest(chi2_tail(differ, degrees, known), min(differences / everything, 1.0))
 
 
 def _of_condition(records: Sequence[RecordTriangle]) -> tuple[float, float, int, int]:
