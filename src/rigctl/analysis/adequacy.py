@@ -1,4 +1,4 @@
-"""Does the model agree with the data within the noise? Three tests, none of which may reject.
+"""Does the model agree with the data within the noise? Up to three tests, none of which may reject.
 
 Also the variance factor of the residuals of an inadequate model, by which differences between models are
 discounted.
@@ -29,7 +29,8 @@ class Test:
     ----------
     dof: degrees of freedom; 0 if the statistic has none.
     spread: standard deviation of the statistic when nothing is missing.
-    known: degrees of freedom of the noise estimate of a table's rows; 0 if the noise counts as known.
+    known: degrees of freedom of a noise that is estimated from few rows of a table, or guessed; 0 if it
+        counts as known.
     """
 
     statistic: float
@@ -44,7 +45,7 @@ class Test:
     def excess(self) -> float:
         """The part of the statistic that chance does not explain, in χ²; 0 without degrees of freedom.
 
-        For a table, whose noise is estimated from few rows, chance explains
+        Where the noise has only `known` degrees of freedom, chance explains
         ``dof·F⁻¹(1 − ALPHA; dof, known)``.
         """
         if not self.dof:
@@ -56,7 +57,7 @@ class Test:
 
 @dataclass(frozen=True)
 class Adequacy:
-    """The three tests together.
+    """The tests together.
 
     Attributes
     ----------

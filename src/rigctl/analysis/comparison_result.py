@@ -54,7 +54,7 @@ class ModelComparison:
     ----------
     name: of the model, with its version if it has one.
     fit: its free parameters fitted, or unchanged.
-    adequacy: the three tests.
+    adequacy: the tests.
     whole: the same data with the equations of the whole library, every effect at its null.
     located: where its error lies; each part is computed when it is first used.
     excluded: effects that were not considered.

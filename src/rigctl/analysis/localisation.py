@@ -41,7 +41,7 @@ class CellMap:
         record has no reading there, or the fit leaves none.
     draws: (draws, cells) simulated values of the cells that are not NaN, in order; empty if there are too
         many.
-    noise_degrees: degrees of freedom of a table's noise, included in the simulation; 0 if the noise counts as
+    noise_degrees: degrees of freedom of the noise, included in the simulation; 0 if the noise counts as
         known.
     """
 

@@ -82,7 +82,7 @@ class Reading:
     at_bound: those that the fit left at a bound.
     gram, score: (columns, columns) G and (columns) b.
     lengths: (columns) lengths of the whitened columns before any projection.
-    p_value: of the three tests of adequacy; `adequate` whether none rejects.
+    p_value: of the tests of adequacy together; `adequate` whether none rejects.
     chi2_reduced: squared misfit per degree of freedom.
     records, samples: their numbers.
     notes: remarks on its data, as `rigctl compare` has them.
