@@ -117,9 +117,9 @@ def compare(
 ) -> None:
     """Compare models with measurements: how well they agree, and where they fail.
 
-    Every error is shown relative to the noise of the data. Three tests decide whether a model agrees within
-    it; if not, the output shows where the error occurs, its trend over the operating variables, and the
-    equation that lacks a term.
+    Every error is shown relative to the noise of the data. Up to three tests decide whether a model agrees
+    within it; if not, the output shows where the error occurs, its trend over the operating variables, and
+    the equation that lacks a term.
 
     Examples:
 

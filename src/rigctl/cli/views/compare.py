@@ -246,9 +246,8 @@ def _tests(model: ModelComparison) -> Table:
     for name, test in model.adequacy.tests.items():
         dof = str(test.dof) if test.dof else ""
         grid.add_row(name, _ASKS.get(name, ""), significant(test.statistic), dof, chance(test.p_value))
-    grid.add_row(
-        "all", "Holm: the smallest p, corrected for three tests", "", "", chance(model.adequacy.p_value)
-    )
+    count = len(model.adequacy.tests)
+    grid.add_row("all", f"Holm: the smallest p times {count}", "", "", chance(model.adequacy.p_value))
     return grid
 
 

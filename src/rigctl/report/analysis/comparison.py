@@ -124,7 +124,7 @@ def _numbers(comparison: Comparison) -> Section:
     body = render(
         "numbers.html", comparison=comparison, models=[_model(model) for model in comparison.models]
     )
-    hint = "errors by channel, the three tests, how the data were taken"
+    hint = "errors by channel, the tests, how the data were taken"
     return Section("numbers", "The statistics", body, folded=True, hint=hint)
 
 
