@@ -157,7 +157,7 @@ def _answers_in_a_few_lines(found: Discovery, capsys: pytest.CaptureFixture[str]
     whole = capsys.readouterr().out
     assert "p of all searched" in whole
     assert "95 % band" in whole
-    assert "nobody knows beyond" in whole
+    assert "not tested outside this range" in whole
 
 
 def _writes_beside_what_is_there(found: Discovery, folder: Path) -> None:

@@ -63,8 +63,8 @@ class Answer:
             if single is not None:
                 share = share_text(self.search.left(single))
                 sentences.append(
-                    f"{name} alone leaves {share} of the misfit, which a slightly different law could leave "
-                    "too, so that what else is missing does not make it less certain"
+                    f"{name} alone leaves {share} of the misfit, no more than a slightly different law would "
+                    "leave: what is certain about it does not depend on what else is missing"
                 )
         return sentences
 

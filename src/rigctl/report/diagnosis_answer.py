@@ -157,7 +157,7 @@ def _sureness(diagnosis: Diagnosis) -> str:
         parts.append(f"next best {others[0].effect}, {100.0 * others[0].probability:.1f} %")
     against = sum(one.startswith("against ") for one in diagnosis.further_evidence)
     if against:
-        parts.append(f"{against} thing{'s speak' if against > 1 else ' speaks'} against it")
+        parts.append(f"{against} point{'s' if against > 1 else ''} of evidence against it")
     return "; ".join(parts)
 
 

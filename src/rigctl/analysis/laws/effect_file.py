@@ -94,7 +94,7 @@ def _curve_text(answer: LawAnswer, folder: Path, name: str, provenance: Provenan
     lines = [
         f"effect: {name}",
         f"family: {json.dumps(family_reference(model, folder))}",
-        f"summary: The law of {answer.effect} over {law.driver.name} as the data ask for it.",
+        f"summary: The law of {answer.effect} over {law.driver.name} as estimated from data.",
         f"slot: {law.slot}",
         "curve:",
         f"  of: {json.dumps(over)}",

@@ -35,8 +35,6 @@ def near_chance(screening: Screening) -> list[Score]:
 
 #: standard deviations beyond which a single value is mentioned, and below which it is unremarkable
 _FAR, _NEAR = 3.0, 2.0
-#: a larger p-value than this is not given as a number
-_USUAL = 0.2
 #: with more than this share of it left, a misfit counts as not removed
 _MOST = 0.7
 
@@ -77,17 +75,15 @@ def table_findings(
 def off(row: TableRow, predicted: float) -> str:
     """In words, e.g. ``the model is 3.0 % (0.29 cSt) below the measured value, 4.2 sigma``."""
     z = (predicted - row.measured) / row.noise
-    return f"the model is {_how_far(row, predicted)}, {abs(z):.1f} sigma"
-
-
-def _how_far(row: TableRow, predicted: float, value: str = "value") -> str:
-    """In words, e.g. ``3.0 % (0.29 cSt) below the measured value``."""
     side = "above" if predicted > row.measured else "below"
+    return f"the model is {_how_much(row, predicted)} {side} the measured value, {abs(z):.1f} sigma"
+
+
+def _how_much(row: TableRow, predicted: float) -> str:
+    """A deviation without its sign: ``3.0 % (0.29 cSt)``."""
     share = row.share(predicted)
-    share_shown = f"{100 * abs(share):.1f} %" if abs(share) < 10.0 else ""
     absolute = f"{abs(predicted - row.measured):.2g} {row.unit}"
-    how_much = absolute if not share_shown else f"{share_shown} ({absolute})"
-    return f"{how_much} {side} the measured {value}"
+    return f"{100 * abs(share):.1f} % ({absolute})" if abs(share) < 10.0 else absolute
 
 
 def _ends(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
@@ -141,23 +137,15 @@ def _end_off(linearisation: Linearisation, rows: Sequence[TableRow], out: Sequen
     chance = chi2_tail(float(off_by @ np.linalg.solve(covariance, off_by)), len(out), degrees)
     worst = int(np.argmax(np.abs(off_by) / np.sqrt(np.diag(covariance))))
     row, wide = rows[out[worst]], float(np.sqrt(covariance[worst, worst]))
-    value = "value" if len({one.quantity for one in rows}) == 1 else row.quantity
-    leads = _how_far(row, row.measured - float(off_by[worst]) * row.noise, value)
+    predicted = row.measured - float(off_by[worst]) * row.noise
+    side = "more" if predicted > row.measured else "less"
+    quantity = "" if len({one.quantity for one in rows}) == 1 else f" for {row.quantity}"
     return (
         f"Fitted without the {len(out)} values from {rows[out[0]].condition} to {rows[out[-1]].condition}, "
-        f"the model leads {leads} at {row.condition}, "
-        f"{abs(float(off_by[worst])) / wide:.1f} sigma of what noise and extrapolation do together: "
-        f"{_often(chance)}"
+        f"the model predicts {_how_much(row, predicted)} {side} than measured{quantity} at {row.condition}, "
+        f"{abs(float(off_by[worst])) / wide:.1f} standard deviations of noise and extrapolation combined "
+        f"({chance_text(chance)})"
     )
-
-
-def _often(chance: float) -> str:
-    """A p-value in words."""
-    if chance > _USUAL:
-        return "no more than by chance"
-    if chance < 1e-6:
-        return "by chance, less than one table in a million does so"
-    return f"by chance, {100 * chance:.2g} % of such tables do so"
 
 
 def _held_out(rows: Sequence[TableRow]) -> list[str]:
@@ -239,7 +227,7 @@ def _undecided(screening: Screening) -> list[str]:
     near = near_chance(screening)
     if not near:
         return []
-    named = ", ".join(f"{score.effect} (by {score.z:.1f} sigma: {_often(score.p_value)})" for score in near)
+    named = ", ".join(f"{score.effect} ({score.z:.1f} sigma, {chance_text(score.p_value)})" for score in near)
     return [f"Effects that would improve the fit, but not significantly: {named}"]
 
 

@@ -57,7 +57,7 @@ def _left_out(diagnosis: Diagnosis) -> list[str]:
     against = sum(one.startswith("against ") for one in diagnosis.further_evidence)
     return [
         *(["the ranking"] if diagnosis.ranking and diagnosis.verdict is not Verdict.ADEQUATE else []),
-        *counted(against, "thing against it", "things against it"),
+        *counted(against, "point of evidence against it", "points of evidence against it"),
         *counted(
             len(diagnosis.untestable),
             "effect that these data cannot test",

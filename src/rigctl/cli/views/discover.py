@@ -99,7 +99,11 @@ def _show_curve(curve: Curve) -> None:
         f"from {show(low, unit, difference=True)} to {show(high, unit, difference=True)}"
     )
     if curve.free:
-        out.print("  [dim]but for a part that the fit takes up, of any size for all that these data say[/]")
+        out.print(
+            "  [dim]apart from a component that the fitted parameters absorb; these data do not determine "
+            "its size[/]",
+            soft_wrap=True,
+        )
     for line in draw_curve(curve.value.tolist(), width=_WIDTH, height=_LINES, low=low, high=high):
         out.print(f"    [cyan]{line}[/]")
     out.print(f"    {show(float(curve.x[0]), curve.shown)} … {show(float(curve.x[-1]), curve.shown)}")
@@ -155,7 +159,7 @@ def _show_formula(one: FoundFormula) -> None:
         out.print(f"    it {one.passive}", soft_wrap=True)
     if one.doubt:
         out.print(f"    [yellow]not accepted[/]: {one.doubt}")
-    out.print(f"    holds over {escape(one.valid_text)}; nobody knows beyond", soft_wrap=True)
+    out.print(f"    fitted over {escape(one.valid_text)}; not tested outside this range", soft_wrap=True)
     if one.alike:
         out.print(f"    the same here: {escape(', '.join(one.alike))}", soft_wrap=True)
     if one.file is not None:

@@ -87,8 +87,8 @@ def _curve_plot(number: int, curve: Curve, formulas: tuple[FoundFormula, ...]) -
         f"curve-{number + 1}",
         f"The term at {plain_name(curve.slot.name)} over {plain_name(curve.over)}"
         + (f", times {curve.times}" if curve.times else "")
-        + ", over the range that the data visit"
-        + (", up to a part of any size that the fit absorbs" if curve.free else ""),
+        + ", over the range of the data"
+        + (", apart from a component that the fitted parameters absorb" if curve.free else ""),
         f"{plain_name(curve.over)} [{symbol(curve.shown)}]",
         (Panel(f"{plain_name(curve.slot.name)} [{symbol(unit)}]", tuple(traces), 2.0),),
     )

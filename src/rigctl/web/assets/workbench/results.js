@@ -81,7 +81,7 @@ export const diagnosis = (result, actions) => {
         button("Add", () => actions.add(one.effect), { class: "small", title: "Fit it, and keep it as the next version" })));
   };
   const group = (one) => h("div", { class: "group" },
-    h("p", {}, h("strong", {}, `${one.titles.slice(0, -1).join(", ")} or ${one.titles.at(-1)}`), ` — these data cannot tell them apart${one.difference ? "; what is between them:" : "."}`),
+    h("p", {}, h("strong", {}, `${one.titles.slice(0, -1).join(", ")} or ${one.titles.at(-1)}`), ` — these data cannot distinguish them${one.difference ? "; their difference:" : "."}`),
     ...(one.difference ? [h("p", { class: "note" }, one.difference.record), ...inSigmas(one.difference)] : []));
   return [
     h("p", { class: `statement ${tone}` }, h("strong", {}, `${result.title}. `), result.statement),
@@ -112,14 +112,14 @@ export const discovery = (result) => {
     const column = (key) => points.map((point) => point[key]);
     const multiplied = one.times ? ` (times ${one.times})` : "";
     return h("div", {}, h("h3", {}, `${plain(one.slot)} over ${plain(one.over)}${multiplied}`),
-      one.free ? h("p", { class: "note" }, "The fit absorbs part of this term: that part may have any size for all these data say, and is not in the curve.") : "",
+      one.free ? h("p", { class: "note" }, "The fitted parameters absorb a component of this term: these data do not determine its size, and it is not in the curve.") : "",
       curves({ x: column("x"), named: { "the term": column("value"), "highest within its band": column("high"), "lowest within its band": column("low") }, hidden: ["highest within its band", "lowest within its band"], bands: [{ between: [2, 3] }], xLabel: `${plain(one.over)} [${unitText(one.over_unit)}]`, yLabel: `${plain(one.slot)} [${unitText(one.unit)}]`, describe: `The term at ${plain(one.slot)} over ${plain(one.over)}, with its 95 % band` }));
   });
   return [
     h("p", { class: "statement" }, result.statement),
     ...drawn.slice(0, 1),
-    drawn.length > 1 ? fold("The same misfit at other places, or over other variables", ...drawn.slice(1)) : null,
-    result.formulas.length ? table("Formulas that these data do not tell from the best", ["formula", "parameters", "Δ", "accepted"], result.formulas.map((one) => [one.formula, parameters(one.parameters), figure(one.delta, 3), one.accepted ? "yes" : "no"]), "") : null,
+    drawn.length > 1 ? fold("The same misfit at other locations, or over other variables", ...drawn.slice(1)) : null,
+    result.formulas.length ? table("Formulas that these data do not distinguish from the best", ["formula", "parameters", "Δ", "accepted"], result.formulas.map((one) => [one.formula, parameters(one.parameters), figure(one.delta, 3), one.accepted ? "yes" : "no"]), "") : null,
   ];
 };
 
@@ -155,7 +155,7 @@ export const experiment = (design, { approve, toReal }) => {
     h("p", { class: "statement" }, design.statement),
     design.records.length
       ? h("ul", { class: "figures" },
-          h("li", {}, h("b", {}, `${percent(design.probability_before)} → ${percent(design.probability)}`), "chance that a diagnosis names what is right"),
+          h("li", {}, h("b", {}, `${percent(design.probability_before)} → ${percent(design.probability)}`), "probability that a diagnosis names the right effect"),
           design.duration ? h("li", {}, h("b", {}, duration(design.duration)), "of bench time") : null,
           h("li", {}, h("b", {}, String(design.records.length)), `${design.duration ? "record" : "row"}${design.records.length === 1 ? "" : "s"}`))
       : null,
