@@ -98,7 +98,7 @@ def test_a_set_with_an_error_below_the_noise_is_at_most_ambiguous_and_states_its
     said = verdict_text(
         Verdict.AMBIGUOUS, cast("ModelComparison", None), chosen, [], left, {}, against=against
     ).text
-    assert "the noise of these readings differs from the noise assumed: " in said
+    assert "the noise of these readings differs from the assumed one: " in said
     assert said.endswith("That is not all: 0.7 % of the misfit is left")
     assert left.document()["below_noise"] is True
 

@@ -110,10 +110,8 @@ def statement(verdict: Verdict, left: float, failed: Sequence[str], rivals: Sequ
 def test_a_failed_check_is_reported_instead_of_an_empty_remainder() -> None:
     said = statement(Verdict.OUTSIDE_LIBRARY, 0.004, ["valve_leakage"])
     assert "but valve_leakage does not predict data that it was not fitted to: " in said
-    assert "% of the misfit is left" not in said
-    assert "with them 40 % of the misfit is left" in statement(
-        Verdict.OUTSIDE_LIBRARY, 0.4, ["valve_leakage"]
-    )
+    assert "% of the misfit" not in said
+    assert "but they leave 40 % of the misfit" in statement(Verdict.OUTSIDE_LIBRARY, 0.4, ["valve_leakage"])
 
 
 def test_the_shape_of_a_small_effect_cannot_account_for_a_remainder() -> None:
@@ -122,7 +120,7 @@ def test_the_shape_of_a_small_effect_cannot_account_for_a_remainder() -> None:
     best: Any = SimpleNamespace(candidates=[leak], unusual={}, undetermined=())
     left = Remainder(0.04, 6.0, 0.001, "", "", "", "4 % is left")
     assert against_identity(best, {}, left, 30.0**2) == [
-        "it leaves 6 sigma, although another shape of so small an effect would not be seen"
+        "it leaves 6 sigma, more than a different shape of so small an effect accounts for"
     ]
     assert not against_identity(best, {}, left, 300.0**2)
     assert not against_identity(best, {}, replace(left, size=4.0), 30.0**2)
@@ -146,8 +144,8 @@ def test_a_detected_effect_without_mbic_gain_is_called_too_weak() -> None:
     before = cast("ModelComparison", None)
     said = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}, seen).text
     assert said == (
-        "Something is missing, but the data show too little of it to say what: position_gain explains more "
-        "of it than any other effect (3.9 sigmas), but with it mBIC rises by 2.4"
+        "Something is missing, but the data show too little of it to identify it: position_gain explains "
+        "more of it than any other effect (3.9 sigma), but with it mBIC rises by 2.4"
     )
     unseen = verdict_text(Verdict.OUTSIDE_LIBRARY, before, [], [], None, {}).text
     assert unseen == "Something is missing that no effect of the library explains"
@@ -239,9 +237,9 @@ def test_values_beyond_the_usual_range_are_reported() -> None:
         [],
         leaves(0.02),
         {},
-        against=[f"{known.name} has its {beyond}"],
+        against=[f"{known.name} fits only with its {beyond}"],
     ).text
-    assert f"as well as this, but viscous_friction has its {beyond}: " in said
+    assert f"as well as this, but viscous_friction fits only with its {beyond}: " in said
     assert said.endswith("That is not all: 0.02 is left")
 
 
@@ -318,12 +316,12 @@ def test_the_evidence_for_an_absorbed_effect_names_what_absorbs_it(hidden_in: st
 
 
 @pytest.mark.parametrize(
-    ("several", "said"), [(True, "only beside the others"), (False, "only at a finite size")]
+    ("several", "said"), [(True, "only together with the others"), (False, "only at a finite size")]
 )
 def test_an_effect_found_without_a_significant_score_is_described_as_it_was_found(
     several: bool, said: str
 ) -> None:
-    """A single effect was said to stand out "only beside the others"."""
+    """A single effect was said to stand out "only together with the others"."""
     ranked = Ranked("line_loss", 1.0, 1.0, -20.0, 1.0, "", float("nan"), float("nan"), 0.1, 9.0, {})
     member = cast("Candidate", SimpleNamespace(name="line_loss"))
     first, *_ = evidence_for(member, ranked, None, [], several=several)
@@ -358,5 +356,5 @@ def test_the_opening_of_a_statement_has_all_reasons_and_the_effects_by_name() ->
     assert said.text.startswith(said.opening.replace("viscous_friction, but", "this, but"))
     said = verdict_text(Verdict.OUTSIDE_LIBRARY, before, chosen, [], leaves(0.4), {})
     assert said.opening.startswith(
-        "Something is missing. The nearest in the library is viscous_friction, but with it 40 % of the misfit"
+        "Something is missing. The nearest in the library is viscous_friction, but it leaves 40 % of"
     )

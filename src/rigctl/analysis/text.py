@@ -112,7 +112,7 @@ def verdict_text(
         if alike:
             text += f". {_capitalised(rival_text(min(alike, key=lambda rival: rival.difference)))}"
     elif close:
-        opening = "Something is missing, and these data cannot tell which"
+        opening = "Something is missing, and these data cannot tell which effect it is"
         text = ". ".join(
             [
                 f"{opening}. Most probable: {described}",
@@ -145,7 +145,7 @@ def whether_at_all(before: ModelComparison) -> str:
     if guessed:
         return f"these data do not determine the noise of {', '.join(guessed)}"
     if error_below(before.fit, BELOW_NOISE):
-        return "the error of every channel is below its noise, so that the noise must be smaller than assumed"
+        return "the error of every channel is below its noise, so the noise must be smaller than assumed"
     if error_below(before.fit, 1.0):
         return "the error of every channel is within its noise"
     return ""
@@ -163,8 +163,8 @@ def _unnamed_text(visible: Ranked | None, doubt: str) -> str:
     opening = _opening_text(doubt)
     if visible is not None:
         return (
-            f"{opening}, but the data show too little of it to say what: "
-            f"{visible.effect} explains more of it than any other effect ({visible.size:.1f} sigmas), but "
+            f"{opening}, but the data show too little of it to identify it: "
+            f"{visible.effect} explains more of it than any other effect ({visible.size:.1f} sigma), but "
             f"with it mBIC rises by {visible.delta_bic:.1f}"
         )
     if doubt:
@@ -185,19 +185,19 @@ def _outside_text(
     if remaining is None:
         return (
             (f"{opening}. It would be" if doubt else "What is missing is")
-            + " more than one or two effects of the library, or not in it. The nearest is "
-            f"{nearest}, but {_failed_text(checks)}"
+            + " more than two effects of the library, or one that is not in it. The nearest "
+            f"is {nearest}, but {_failed_text(checks)}"
         )
     share = share_text(remaining.share)
     if several:
         return (
-            f"{opening}. The nearest in the library are {nearest}, but with them {share} of the misfit is "
-            "left: their laws may have other shapes, something else may be missing as well, or they only "
+            f"{opening}. The nearest in the library are {nearest}, but they leave {share} of the misfit: "
+            "their laws may have different shapes, something else may be missing as well, or they only "
             "resemble what is missing"
         )
     return (
-        f"{opening}. The nearest in the library is {nearest}, but with it {share} of the misfit is left: its "
-        "law may have another shape, something else may be missing as well, or it only resembles what is "
+        f"{opening}. The nearest in the library is {nearest}, but it leaves {share} of the misfit: its law "
+        "may have a different shape, something else may be missing as well, or it only resembles what is "
         "missing"
     )
 
@@ -232,25 +232,25 @@ def against_identity(
     sizes: whether a parameter outside its usual range is a reason.
     certain: members of which something is certain all the same.
     """
-    reasons = [f"{name} has its {text}" for name, text in best.unusual.items()] if sizes else []
+    reasons = [f"{name} fits only with its {text}" for name, text in best.unusual.items()] if sizes else []
     reasons += [
-        f"these data do not determine {name}: the 95 % interval of its size contains none at all"
+        f"these data do not determine the size of {name}: its 95 % interval includes no effect at all"
         for name in best.undetermined
     ]
     failed = _failed_text(checks)
     reasons += [failed] if failed else []
     if remaining is not None and remaining.below_noise:
         reasons.append(
-            "the error with it is below the noise and yet a test rejects: the noise of these readings "
-            "differs from the noise assumed"
+            "with it the error is below the noise, yet a test rejects: the noise of these readings differs "
+            "from the assumed one"
         )
     if remaining is not None and len(best.candidates) > 1:
         reasons.append(_leaves_something([one.effect for one in best.candidates], remaining, certain))
     shape = SHAPE_TOLERANCE * math.sqrt(max(explained, 0.0))
     if remaining is not None and len(best.candidates) == 1 and shape < SEEN_IN_LIBRARY < remaining.size:
         reasons.append(
-            f"it leaves {remaining.size:.0f} sigma, although another shape of so small an effect would not "
-            "be seen"
+            f"it leaves {remaining.size:.0f} sigma, more than a different shape of so small an effect "
+            "accounts for"
         )
     return reasons
 
@@ -267,7 +267,7 @@ def _leaves_something(effects: Sequence[Effect], remaining: Remainder, certain: 
         return f"what they leave points to a term at {remaining.slot}, where none of them acts"
     if only_constants(effects):
         return (
-            "none of them depends on anything, and yet they leave something: together they may imitate a "
+            "none of them depends on a state or an input, yet a misfit is left: together they may imitate a "
             "term that varies"
         )
     return (
@@ -363,7 +363,8 @@ def evidence_for(
     if ranked.kappa < _HIDDEN and ranked.hidden_in:
         lines.append(
             f"against {name}: {_hidden_text(ranked.hidden_in)} imitates it to within "
-            f"{100 * ranked.kappa:.0f} % of its size; the verdict rests on those {100 * ranked.kappa:.0f} %"
+            f"{100 * ranked.kappa:.0f} % of its size; the verdict rests on the remaining "
+            f"{100 * ranked.kappa:.0f} %"
         )
     mine = [rival for rival in rivals if rival.member == name]
     each = sorted(_each_once(mine), key=lambda rival: rival.difference)
@@ -385,10 +386,12 @@ def _size(ranked: Ranked, *, several: bool) -> str:
     p = ranked.score_p_value
     text = f"for {ranked.effect}: it stands out from the noise by {ranked.size:.1f} sigma"
     if p > ALPHA and several:
-        return f"{text}, but only beside the others: by itself its score is not significant (p = {p:.2g})"
+        return (
+            f"{text}, but only together with the others: by itself its score is not significant (p = {p:.2g})"
+        )
     if p > ALPHA:
         return f"{text}, but only at a finite size: from none, its score is not significant (p = {p:.2g})"
-    return f"{text} ({chance_text(p)} for the largest of the whole library)"
+    return f"{text} ({chance_text(p)} for the largest score of the whole library)"
 
 
 def drift_text(drifts: Sequence[Drift]) -> list[str]:

@@ -151,7 +151,7 @@ def _sureness(diagnosis: Diagnosis) -> str:
     parts = [f"stands out from the noise by {first.size:.0f} sigma"]
     if math.isfinite(first.heldout_before):
         before, after = (significant(one, 3) for one in (first.heldout_before, first.heldout_after))
-        parts.append(f"left-out conditions: error {before} to {after} of the noise")
+        parts.append(f"error on conditions left out: {before} to {after} of the noise")
     others = [one for one in diagnosis.ranking if one.effect not in diagnosis.best.effects]
     if others:
         parts.append(f"next best {others[0].effect}, {100.0 * others[0].probability:.1f} %")
@@ -167,7 +167,7 @@ def _left(diagnosis: Diagnosis) -> str:
     if diagnosis.remainder is None:
         chance = chance_text(diagnosis.p_value_after)
         if diagnosis.p_value_after < ALPHA:
-            return f"nothing but the shape of its law, which is rejected as assumed ({chance})"
+            return f"only the shape of its law: the assumed law is rejected ({chance})"
         return f"nothing: with it the model agrees within the noise ({chance})"
     remainder = diagnosis.remainder
     where = f", most at {remainder.slot}" if remainder.slot else ""

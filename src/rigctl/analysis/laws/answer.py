@@ -303,8 +303,8 @@ def _exponent_statement(law: EstimatedLaw, exponent: float, std: float, *, follo
     name, over, n = law.effect.name, _over(law), with_uncertainty(exponent, std)
     if _hardly_changes(law.assumed_exponent, exponent, std):
         return (
-            f"by the data, the term at {law.slot} does not change with {over}: the exponent of {name} "
-            f"is {n} there, not {law.assumed_exponent:.3g}"
+            f"according to the data, the term at {law.slot} does not change with {over}: the exponent of "
+            f"{name} is {n} there, not {law.assumed_exponent:.3g}"
         )
     if law.assumed_exponent is None:
         text = f"{name} changes with {over} as its assumed law times {over}^({n})"
@@ -312,16 +312,16 @@ def _exponent_statement(law: EstimatedLaw, exponent: float, std: float, *, follo
         verb = "grows" if exponent > 0.0 else "falls"
         text = f"{name} {verb} as {over}^({n}), not as {over}^{law.assumed_exponent:.3g}"
     if follows:
-        return f"{text}: over the range of these data nothing beyond it is needed"
-    return f"{text}, approximately: no power describes it completely, see the curve"
+        return f"{text}: over the range of these data no further correction is needed"
+    return f"{text}, approximately: no power law describes it completely, see the curve"
 
 
 def _no_exponent_statement(law: EstimatedLaw, *, fitted: bool) -> str:
     name, over, std = law.effect.name, _over(law), law.change_std
     if law.differs:
         return (
-            f"the data support another law of {name} over {over} than the assumed one, but do not determine "
-            "a power: see the curve"
+            f"the data support a law of {name} over {over} that differs from the assumed one, but do not "
+            "determine a power: see the curve"
         )
     if fitted:
         return f"the law of {name} over {over} is fitted, and the data show nothing beyond it"
@@ -330,7 +330,7 @@ def _no_exponent_statement(law: EstimatedLaw, *, fitted: bool) -> str:
     if law.assumed_exponent is None:
         return (
             f"the data do not distinguish the law of {name} over {over} from the assumed one: "
-            f"a further power of it would be {with_uncertainty(law.change, std)}"
+            f"a further factor {over}^n would have n = {with_uncertainty(law.change, std)}"
         )
     exponent = law.assumed_exponent + law.change
     return (
