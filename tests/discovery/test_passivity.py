@@ -1,4 +1,4 @@
-"""Whether a term takes energy out of a state, relative to whatever the family counts the state from."""
+"""Whether a term dissipates energy of a state, relative to whatever the family counts the state from."""
 
 from __future__ import annotations
 
@@ -70,10 +70,10 @@ def test_a_leak_to_a_surrounding_pressure_takes_energy_out(where: dict[str, str]
     """A surrounding that no channel reads is as good as a measured one."""
     family = parse_family(LINE.format(**where))
     opened = opened_at(family)
-    assert passivity(leak(family, -3.0), opened) == "takes energy out"
-    assert passivity(leak(family, 3.0), opened) == "puts energy in"
+    assert passivity(leak(family, -3.0), opened) == "dissipates energy"
+    assert passivity(leak(family, 3.0), opened) == "supplies energy"
 
 
 def test_the_surroundings_have_the_value_of_the_model_and_not_of_the_family() -> None:
     family = parse_family(LINE.format(**AS_CONSTANT))
-    assert passivity(leak(family, -3.0), opened_at(family, atmosphere=9e5)) == "puts energy in"
+    assert passivity(leak(family, -3.0), opened_at(family, atmosphere=9e5)) == "supplies energy"

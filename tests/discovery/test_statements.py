@@ -60,7 +60,7 @@ def diagnosed(verdict: Verdict, **changed: Any) -> Any:
             Verdict.MISSING_EFFECT,
             {"effects": ("barus",), "remainder": SimpleNamespace()},
             "library",
-            "it is not all",
+            "that is not all",
         ),
         (
             Verdict.AMBIGUOUS,
@@ -106,7 +106,7 @@ def test_the_search_starts_if_no_library_effect_is_certain() -> None:
 
 def test_too_weak_evidence_states_how_many_records_would_suffice() -> None:
     said = _too_weak(Map((located("friction", 24.0, 0.3),), (), 210, 56.0, 8.0))
-    assert "210 places" in said
+    assert "210 terms tested" in said
     assert "friction over velocity" in said
     assert "8.0 are needed" in said
     assert "4 times as many records" in said
@@ -193,13 +193,13 @@ VELOCITY_ONLY = formula("friction", "velocity")
             made((VELOCITY_ONLY,), located("friction", 400.0)),
             ["friction"],
             [["velocity"]],
-            " at friction over velocity: one formula of 50, first size*velocity",
+            " at friction over velocity; of 50 formulas one remains: size*velocity",
         ),
         (  # another slot at which the same term has the same influence
             made((VELOCITY_ONLY,), replace(located("friction", 400.0), alike=("load",))),
             ["friction", "load"],
             [["velocity"]],
-            ", its location uncertain (friction or load), over velocity: one formula of 50, first size*veloc",
+            ", its location uncertain (friction or load), over velocity; of 50 formulas one remains: size*",
         ),
         (  # another location explains as much, although none of its formulas is in the set
             made((VELOCITY_ONLY,), located("friction", 400.0), located("mass", 399.0)),
@@ -211,7 +211,7 @@ VELOCITY_ONLY = formula("friction", "velocity")
             made((VELOCITY_ONLY, formula("friction", "position")), located("friction", 400.0)),
             ["friction"],
             [["velocity"], ["position"]],
-            " at friction, its variable uncertain (velocity or position): 2 formulas that",
+            " at friction, its variable uncertain (velocity or position); of 50 formulas 2 remain",
         ),
         (  # one formula, equivalent to another at another location and over another variable
             made(
@@ -220,13 +220,13 @@ VELOCITY_ONLY = formula("friction", "velocity")
             ),
             ["friction", "load"],
             [["velocity"], ["spool"]],
-            ", its location and variable uncertain (friction over velocity or load over spool): one",
+            ", its location and variable uncertain (friction over velocity or load over spool); of 50",
         ),
         (
             made((), located("friction", 400.0), located("mass", 399.0)),
             ["friction", "mass"],
             [["velocity"]],
-            ", its location uncertain (friction or mass), over velocity; none of 50 formulas is worth",
+            ", its location uncertain (friction or mass), over velocity; none of the 50 formulas tried",
         ),
     ],
 )
@@ -250,7 +250,7 @@ def test_a_large_class_of_locations_is_abbreviated_to_a_few_and_a_count() -> Non
 @pytest.mark.parametrize(
     ("check", "said"),
     [
-        (None, "There is no second record that it could predict"),
+        (None, "There is no second record to test it on"),
         (
             CrossValidation(math.nan, math.nan, 0.0, 0.0, 1),
             "It is not determined without the records that could be left out",

@@ -131,11 +131,11 @@ def test_a_local_drag_is_found_over_two_variables_and_as_dissipative(
     assert {driver.name for driver in found.located[0].over} == {"position", "velocity"}
     best = found.formulas[0]
     assert "bump_of_position" in best.name
-    assert best.passive == "takes energy out"
+    assert best.passive == "dissipates energy"
     # a force on the mass and a drag on it are equivalent here: neither is claimed
     said = (
         "A term is missing, its location uncertain (velocity_rate or force_input), over position and "
-        "velocity: "
+        "velocity; of "
     )
     assert found.statement.startswith(said)
     document = found.document()
@@ -155,7 +155,7 @@ def _answers_in_a_few_lines(found: Discovery, capsys: pytest.CaptureFixture[str]
     assert "-v shows" in short
     show_discovery(found, verbose=True)
     whole = capsys.readouterr().out
-    assert "p of all searched" in whole
+    assert "family-wise p" in whole
     assert "95 % band" in whole
     assert "not tested outside this range" in whole
 
@@ -183,7 +183,7 @@ def _shows_it_on_the_page(found: Discovery) -> None:
     assert body.count("<rect") >= 2 * len(found.diagnosis.before.fit.problem.model.family.slots)
     assert found.formulas[0].term.replace("-", "") in body.replace("-", "")
     assert [plot.id for plot in section.plots] == [f"curve-{k + 1}" for k in range(len(found.curves))]
-    assert "takes energy out" in body
+    assert "dissipates energy" in body
     drag = found.curves[0]  # over the position, times the velocity
     assert (drag.over, drag.times) == ("position", "velocity/(1 m/s)")
     assert abs(float(drag.x[np.argmin(drag.value)]) - 0.04) < 0.005

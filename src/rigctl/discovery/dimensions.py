@@ -68,7 +68,7 @@ def tier_of(formula: Formula, model: Model) -> Tier:
         (number, text), *others = known
         size_text = f"{number:.3g} times {text}" if text else f"the pure number {number:.3g}"
         more = "".join(f", scale {value:.3g} times {group}" for value, group in others if group)
-        return Tier("A", number, text, f"no number with a dimension of its own: {size_text}{more}")
+        return Tier("A", number, text, f"no dimensional constant of its own: {size_text}{more}")
     missing = "its size" if groups[0] is None else "a scale of it"
     return Tier(
         "B",

@@ -207,14 +207,14 @@ def _too_weak(searched: Map) -> str:
     best = searched.located[0]
     if best.size > searched.needed:
         return (
-            f"Not certain enough to discover: the best of {searched.tests} places, {best.name}, has a size "
-            f"of {best.size:.1f} sigma, but what it leaves differs so much between the records that chance "
-            f"gives as much (p = {best.p_value:.2g}); record more conditions"
+            f"Not certain enough to discover: the best of {searched.tests} terms tested, {best.name}, has a "
+            f"size of {best.size:.1f} sigma, but its residuals vary so much from record to record that "
+            f"chance alone may explain it (p = {best.p_value:.2g}); record more conditions"
         )
     factor = max((searched.needed / best.size) ** 2 if best.size else math.inf, 1.1)
     more = f", or about {factor:.2g} times as many records like these" if factor < 100.0 else ""
     return (
-        f"Too weak to discover: the best of {searched.tests} places, {best.name}, has a size of "
+        f"Too weak to discover: the best of {searched.tests} terms tested, {best.name}, has a size of "
         f"{best.size:.1f} sigma (p = {best.p_value:.2g}); {searched.needed:.1f} are needed{more}"
     )
 
@@ -223,22 +223,22 @@ def _statement(discovery: Discovery) -> str:
     where = f"A term is missing{_where(discovery.where)}"
     if not discovery.formulas:
         return (
-            f"{where}; none of {discovery.tried} formulas is worth its cost there, and the curve is all that "
-            "these data show"
+            f"{where}; none of the {discovery.tried} formulas tried explains enough for its parameters, so "
+            "the curve is all that these data show"
         )
     first, count = discovery.formulas[0], len(discovery.formulas)
-    same = "one formula" if count == 1 else f"{count} formulas that these data do not distinguish"
-    text = f"{where}: {same} of {discovery.tried}, first {first.term}"
+    remain = "one remains" if count == 1 else f"{count} remain that these data do not distinguish, first"
+    text = f"{where}; of {discovery.tried} formulas {remain}: {first.term}"
     if len({one.slot for one in discovery.where}) > 1:
         text += f" at {first.slot}"
     if first.alike:
-        text += f" ({len(first.alike)} more are equivalent here)"
+        text += f" ({len(first.alike)} more are equivalent in these data)"
     if first.left > STAND_IN:
         over = " and ".join(row[0] for row in first.valid)
         return (
             f"Something is missing that no formula describes: the nearest of {discovery.tried} acts at "
             f"{first.slot} over {over} and leaves {share_text(first.left)} of the misfit. What is missing "
-            "may depend on time or on something that is not recorded, or act at several places"
+            "may depend on time or on something that is not recorded, or act at several locations"
         )
     if not first.accepted:
         text += f". {first.doubt[0].upper()}{first.doubt[1:]}, and it should not be relied on"

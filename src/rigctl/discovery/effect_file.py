@@ -44,10 +44,10 @@ class ScaleParameter:
 
 
 _MEANINGS = {
-    "scale": "s over which it changes",
-    "width": "w of the bump",
-    "center": "where the bump is",
-    "limit": "where it begins",
+    "scale": "scale over which the term changes",
+    "width": "width of the bump",
+    "center": "centre of the bump",
+    "limit": "threshold of the term",
 }
 
 
@@ -120,7 +120,8 @@ def _body(formula: Formula, family: ModelFamily) -> list[str]:
         f"term: {term_of(formula, scales)}",
         "parameters:",
         f"  size: {{null_value: {amount(0.0, unit)}, start: {amount(start, unit)}, "
-        f"bounds: [{amount(-far, unit)}, {amount(far, unit)}], physical: none, meaning: in front of it}}",
+        f"bounds: [{amount(-far, unit)}, {amount(far, unit)}], physical: none, "
+        "meaning: coefficient of the term}",
         *(f"  {one.name}: {one.text()}" for one in scales),
     ]
 

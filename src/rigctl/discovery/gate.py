@@ -62,7 +62,8 @@ def gate_of(diagnosis: Diagnosis) -> Gate:
     return Gate(
         True,
         "outside_library",
-        "Something is missing, and no effect of the library is certain to be it, whatever its shape",
+        "Something is missing, and no effect of the library explains it with certainty, in any shape of its "
+        "law",
     )
 
 
@@ -75,19 +76,19 @@ def _library(diagnosis: Diagnosis) -> str:
     names = " and ".join(diagnosis.effects)
     if besides := diagnosis.certain_besides:
         return (
-            f"No search was made yet: {besides[0]} is missing, certain up to its law, and something else, "
-            f"which is not certain: add {besides[0]} ('rigctl model add'), then search for the rest"
+            f"No search was made yet: {besides[0]} is missing with certainty (except for its law), and so is "
+            f"something else: add {besides[0]} ('rigctl model add'), then search for the rest"
         )
     if diagnosis.verdict is Verdict.AMBIGUOUS:
         others = sorted({name for group in diagnosis.classes for name in group} - set(diagnosis.effects))
         which = f" (or {', '.join(others)})" if others else ""
         return (
-            f"No search was made: the library explains it by {names}{which}, and these data do not show "
+            f"No search was made: {names}{which} of the library would explain it, and these data do not show "
             "which of these it is: 'rigctl diagnose' says what would distinguish them"
         )
     if diagnosis.remainder is not None:
         return (
-            f"No search was made yet: {names} is certainly missing, but it is not all: add it "
+            f"No search was made yet: {names} is certainly missing, but that is not all: add it "
             "('rigctl diagnose … --apply'), then search for the rest"
         )
     return f"No search was made: the library contains it, {names}: 'rigctl diagnose … --apply' adds it"
@@ -100,7 +101,7 @@ def _replicates_differ(before: ModelComparison) -> str:
     if tested is None or tested.p_value >= ALPHA or tested.share < _IRREPRODUCIBLE:
         return ""
     return (
-        f"No search was made: records of one condition differ from each other, by {tested.share:.0%} of what "
-        f"the model leaves ({chance_text(tested.p_value)}): something changes from record to record that no "
-        "variable of the model describes. Find out what, or record it"
+        "No search was made: differences between records of one condition account for "
+        f"{100 * tested.share:.0f} % of what the model leaves ({chance_text(tested.p_value)}): something "
+        "changes from record to record that no variable of the model describes. Find out what, or record it"
     )

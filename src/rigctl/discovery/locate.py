@@ -172,7 +172,7 @@ def locate(
     for first in range(0, len(slots), _AT_ONCE):
         chosen = slots[first : first + _AT_ONCE]
         names = ", ".join(slot.name for slot in chosen)
-        on_progress(f"Testing {names}: places {first + 1} to {first + len(chosen)} of {len(slots)}")
+        on_progress(f"Testing {names}: locations {first + 1} to {first + len(chosen)} of {len(slots)}")
         tried += _at_slots(opened, chosen, seen_at)
     singles = sorted(_one_place_each(tried), key=lambda one: one.cost(samples))
     seen = [one for one in singles if one.dof]

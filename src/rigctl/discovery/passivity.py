@@ -24,7 +24,7 @@ _SMALL = 0.02
 
 
 def passivity(formula: Formula, opened: OpenSlots) -> str:
-    """``takes energy out``, ``puts energy in``, ``takes and puts energy``, or "" if undetermined."""
+    """``dissipates energy``, ``supplies energy``, ``both supplies and dissipates energy``; "" if unknown."""
     family = opened.problem.model.family
     try:
         place = next((one for one in slot_roles(family) if one.slot.name == formula.slot.name), None)
@@ -42,8 +42,8 @@ def passivity(formula: Formula, opened: OpenSlots) -> str:
     if not lost + gained > 0.0:
         return ""
     if gained <= _SMALL * lost:
-        return "takes energy out"
-    return "puts energy in" if lost <= _SMALL * gained else "takes and puts energy"
+        return "dissipates energy"
+    return "supplies energy" if lost <= _SMALL * gained else "both supplies and dissipates energy"
 
 
 def _above(place: Balance, opened: OpenSlots) -> Floats:

@@ -49,7 +49,8 @@ class FoundFormula:
     parameters: by name.
     delta: its cost less that of the best of the set.
     check: its cross-validation over the conditions; None for a single record.
-    passive: ``takes energy out``, ``puts energy in``, ``takes and puts energy``, "" if undetermined.
+    passive: ``dissipates energy``, ``supplies energy``, ``both supplies and dissipates energy``, "" if
+        undetermined.
     valid: (variable, lowest, highest, unit) range of the data: SI, and the unit in which they are shown.
     p_value_after: of the tests of the model with it.
     left: the share of the squared misfit that it leaves.
@@ -94,7 +95,7 @@ class FoundFormula:
     def doubt(self) -> str:
         """Why it is not accepted; "" if it is."""
         if self.check is None:
-            return "there is no second record that it could predict"
+            return "there is no second record to test it on"
         if not self.check.possible:
             return "it is not determined without the records that could be left out"
         if not self.check.passed:

@@ -29,7 +29,10 @@ def show_discovery(discovery: Discovery, *, verbose: bool = False) -> None:
     """Show the statement, the location, the size, and each formula in a line; with `verbose` the evidence."""
     tone: Tone = "good" if discovery.gate.reason == "adequate" else "warn"
     title, sentence = discovery.headed
-    more = [*counted(len(discovery.located[:_PLACES]), "place"), *counted(len(discovery.curves[:1]), "curve")]
+    more = [
+        *counted(len(discovery.located[:_PLACES]), "location"),
+        *counted(len(discovery.curves[:1]), "curve"),
+    ]
     more += [*counted(len(discovery.formulas), "formula"), *counted(len(discovery.notes), "note")]
     show_answer(Answer(tone, title, sentence, tuple(_facts(discovery))), more=() if verbose else more)
     if verbose:
@@ -61,7 +64,7 @@ def _show_evidence(discovery: Discovery) -> None:
     out.print(_places(discovery.located[:_PLACES]))
     independent, tests = discovery.searched.independent, discovery.searched.tests
     out.print(
-        f"  {tests} places and variables were searched, which behave as {independent:.0f} tests; "
+        f"  {tests} terms were tested, equivalent to {independent:.0f} independent tests; "
         f"{discovery.tried} formulas were tried.",
         soft_wrap=True,
     )
@@ -74,7 +77,7 @@ def _show_evidence(discovery: Discovery) -> None:
 
 
 def _places(located: Sequence[Located]) -> Table:
-    grid = table("a term at", "over", "misfit", "", "sigma", "p of all searched", "or at")
+    grid = table("a term at", "over", "misfit", "", "sigma", "family-wise p", "equivalent at")
     grid.columns[3].justify = grid.columns[4].justify = "right"
     for one in located:
         grid.add_row(
@@ -161,6 +164,6 @@ def _show_formula(one: FoundFormula) -> None:
         out.print(f"    [yellow]not accepted[/]: {one.doubt}")
     out.print(f"    fitted over {escape(one.valid_text)}; not tested outside this range", soft_wrap=True)
     if one.alike:
-        out.print(f"    the same here: {escape(', '.join(one.alike))}", soft_wrap=True)
+        out.print(f"    equivalent in these data: {escape(', '.join(one.alike))}", soft_wrap=True)
     if one.file is not None:
         out.print(f"    written to {escape(one.file.as_posix())}", soft_wrap=True)
