@@ -116,7 +116,7 @@ def test_history_first_compares_the_errors_of_versions_on_the_same_records() -> 
     # nothing was held out for the third: the output states that it is not compared with the first two
     text = said("history", MODEL)
     assert "of version 3: position none beyond the noise" in text
-    assert "not all were found on the same runs" in text
+    assert "not all errors were computed on the same runs" in text
     assert "position 1.6 mm" not in text
 
 

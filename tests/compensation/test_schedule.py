@@ -72,8 +72,8 @@ def test_the_answer_is_short_and_the_table_needs_verbose(bench: str, schedule: d
     assert lines[0] == f"Schedule: {schedule['statement']}."
     (points,) = [line for line in lines if line.startswith("  set ")]
     assert points.count(" bar at ") == len(schedule["rows"])
-    assert "left at" not in "\n".join(lines[1:])
-    assert "left at" in "\n".join(told(*asked, "-v").splitlines()[1:])
+    assert "at constant" not in "\n".join(lines[1:])
+    assert "at constant" in "\n".join(told(*asked, "-v").splitlines()[1:])
 
 
 def test_the_csv_and_the_c_header_contain_the_schedule(schedule: dict[str, Any]) -> None:

@@ -72,7 +72,7 @@ def test_learning_ends_if_the_bench_contradicts_every_rival() -> None:
 def test_an_adequate_model_needs_no_design_if_no_effect_of_usual_size_could_be_missed() -> None:
     told("simulate", *STEPS, "--seed", "6")
     said = refusal("design", "latest", "--model", MODEL)
-    assert "nothing is left to tell apart: adequate" in said
+    assert "nothing is left to distinguish: adequate" in said
     assert "'--separate A,B' designs for two effects of your choice" in said
 
 

@@ -96,7 +96,7 @@ def test_without_settings_the_sensor_that_would_separate_is_named(run: str) -> N
     said = refusal("design", run, "--model", "models/pond.yaml", *told_of)
     assert "no condition of the rig 'pond' can be set" in said
     assert (
-        "With second_thermometer (about 30 EUR) the records so far, taken again, would identify the right one"
+        "With second_thermometer (about 30 EUR), a repeat of the records so far would identify the right one"
         in said
     )
 
@@ -114,4 +114,4 @@ def test_without_settings_learning_names_the_sensor_and_measures_nothing(run: st
 def test_a_table_explained_by_its_model_needs_no_design() -> None:
     known = answer("import", "data/hl32-viscosity.csv")["run"]
     said = refusal("design", known, "--model", "models/hl32-oil.yaml")
-    assert "nothing is left to tell apart: adequate" in said
+    assert "nothing is left to distinguish: adequate" in said

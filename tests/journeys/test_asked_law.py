@@ -63,7 +63,7 @@ def test_a_wrong_exponent_is_corrected_by_the_suggested_commands(folder: Path) -
     printed = told("diagnose", run, "--model", "model.yaml", "-o", "page.html")
     assert law["statement"] in printed
     page = Path("page.html").read_text("utf-8")
-    assert "By which law" in page
+    assert "Laws of the effects" in page
     assert "fan over speed: the assumed law, and the one estimated from the data" in page
 
     printed = told(*next_command(printed))  # diagnose … --laws effects

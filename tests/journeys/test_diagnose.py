@@ -52,7 +52,11 @@ def test_the_hidden_effect_is_found_and_reduces_the_error() -> None:
 
     told("report", "latest", "--model", model, "-o", "found.html")
     page = Path("found.html").read_text("utf-8")
-    for words in ("Stroke, measured and of every version", "version 1: position: ", "version 2: position: "):
+    for words in (
+        "Stroke, measured and predicted by every version",
+        "version 1: position: ",
+        "version 2: position: ",
+    ):
         assert words in page
     told("report", "latest", "--model", f"{model}@1", "-o", "first.html")
     assert "of every version" not in Path("first.html").read_text("utf-8")  # one was selected by its number

@@ -52,7 +52,7 @@ def test_an_ambiguous_campaign_is_resolved_after_confirmation_of_its_next_record
     page = Path(learned["page"]).read_text(encoding="utf-8")
     assert "What was learnt" in page
     assert "predicted: valve leakage over" in page
-    assert "this learning has ended: adequate" in refusal("learn", "--resume")
+    assert "this learning session has ended: adequate" in refusal("learn", "--resume")
 
 
 def test_a_refused_command_leaves_no_files() -> None:

@@ -109,7 +109,7 @@ def test_a_full_name_finds_its_folder_although_another_name_starts_with_it(tmp_p
     longer = second.folder.rename(first.folder.with_name(f"{first.folder.name}-2"))
     for folder in (first.folder, longer):
         assert Kept.find(tmp_path, folder.name).folder == folder
-    with pytest.raises(RigctlError, match="several names start like this"):
+    with pytest.raises(RigctlError, match="several sessions start like this"):
         Kept.find(tmp_path, first.folder.name[:-1])
 
 
@@ -123,7 +123,7 @@ def test_only_learning_that_more_rounds_could_change_is_resumed(tmp_path: Path, 
         assert Kept.find(tmp_path).task.rounds == 9
         assert Kept.find(tmp_path).learned is None
     else:
-        with pytest.raises(RigctlError, match="this learning has ended"):
+        with pytest.raises(RigctlError, match="this learning session has ended"):
             again.reopen()
 
 
@@ -137,5 +137,5 @@ def test_a_damaged_state_file_is_reported(tmp_path: Path, text: str) -> None:
     folder = tmp_path / "learning" / "20260101-000000-x"
     folder.mkdir(parents=True)
     (folder / "learning.json").write_text(text)
-    with pytest.raises(RigctlError, match="what was learned cannot be read"):
+    with pytest.raises(RigctlError, match="the learning session cannot be read"):
         Kept.find(tmp_path)

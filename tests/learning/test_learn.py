@@ -237,7 +237,7 @@ def test_rounds_continue_while_rivals_remain(stand: Any) -> None:
             [UNSURE],
             {"designs": [TooLittleTime("the budget is too small for any record")]},
         ),
-        (LearningEnd.NOT_SEPARABLE, [UNSURE], {"designs": [NothingLeft("nothing is left to tell apart")]}),
+        (LearningEnd.NOT_SEPARABLE, [UNSURE], {"designs": [NothingLeft("nothing is left to distinguish")]}),
         (LearningEnd.NOT_SEPARABLE, [UNSURE], {"designs": [design(separable=False)]}),
         (LearningEnd.DECLINED, [UNSURE], {"answers": [False]}),
         (LearningEnd.OUTSIDE_LIBRARY, [verdict(Verdict.OUTSIDE_LIBRARY)], {}),

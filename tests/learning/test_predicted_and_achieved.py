@@ -78,7 +78,7 @@ def test_a_winner_left_in_the_class_but_not_designed_for_is_accepted() -> None:
     found = diagnosis(Verdict.MISSING_EFFECT, [["spring"]], spring=-80.0, leak=-20.0, drift=-10.0)
     out = round_outcome(predicted(), found, candidates={"leak", "drift", "spring"})
     assert (out.kept, out.winner, out.distinguished) == (True, "spring", True)
-    assert out.statement == "spring is named now, which was possible too but not designed for"
+    assert out.statement == "spring is named now, which the data allowed but the round was not designed for"
     again = diagnosis(Verdict.AMBIGUOUS, [["load", "spring"]], spring=-80.0, load=-81.0)
     assert not round_outcome(predicted(), again, candidates={"leak", "drift", "spring"}).distinguished
     assert not round_outcome(predicted(), found, candidates={"leak", "drift"}).kept

@@ -200,7 +200,7 @@ def test_an_aborted_run_reports_its_complete_records(published_data: RunData) ->
 def test_alarms_are_shown_first(published_data: RunData) -> None:
     alarm = replace(published_data.events[0], kind="alarm", time=500.0, message="Oil over-temperature")
     html = html_of(replace(published_data, events=(*published_data.events, alarm)))
-    assert "1 alarm or fault came up" in html
+    assert "1 alarm or fault occurred" in html
     events = html[html.index('<section id="events">') :]
     assert events.index("Oil over-temperature") < events.index("idle → arming")
 
@@ -223,7 +223,7 @@ def test_missed_limits_and_failed_records_are_counted(published_data: RunData) -
         ("failed", None, "Safe: every output was put into its safe state"),
         ("failed", "heater", "Not confirmed safe: heater may still be on"),
         ("finished", "heater", "Not confirmed safe: heater may still be on"),
-        ("interrupted", None, "Nothing was recorded of how the outputs were left"),
+        ("interrupted", None, "The final state of the outputs was not recorded"),
         ("finished", None, ""),
         ("running", None, ""),
     ],

@@ -107,7 +107,7 @@ def test_an_alarm_sets_the_exit_code_and_fails_a_junit_case(year: Path) -> None:
     assert [case.name for case in suite if case.result] == ["slip"]
     assert lines[0].startswith("Changed: slip grew from ")
     assert any(line.startswith("  the model   agrees with ") and f" of {RUNS} runs" in line for line in lines)
-    assert any(line.startswith("  apart ") and line.endswith("(slip)") for line in lines)
+    assert any(line.startswith("  outliers ") and line.endswith("(slip)") for line in lines)
     assert len(lines) <= 8 and "scatter between runs" not in done.stdout
     assert "Changed." in page and "course-1" in page and "<script src" not in page
 

@@ -153,7 +153,7 @@ def _left_open(diagnosis: Diagnosis) -> Question:
         return _unseen(diagnosis)
     if diagnosis.verdict is Verdict.OUTSIDE_LIBRARY and diagnosis.remainder is not None:
         raise NothingLeft(
-            "no effect of the library explains these data, so that a record would only tell wrong ones apart",
+            "no effect of the library explains these data: a record would only distinguish wrong ones",
             hint="'rigctl discover' looks for a formula; "
             "'--separate A,B' designs for two effects of your choice",
         )
@@ -280,7 +280,7 @@ def nothing_left(
 ) -> NothingLeft:
     """The refusal if a diagnosis leaves nothing open."""
     return NothingLeft(
-        f"nothing is left to tell apart: {diagnosis.title.lower()}",
+        f"nothing is left to distinguish: {diagnosis.title.lower()}",
         value=diagnosis.model,
         hint=hint,
     )

@@ -22,7 +22,7 @@ def share(probability: float) -> str:
 def title(design: DesignResult) -> str:
     """The answer as a short title."""
     if design.aim == "precision":
-        return "To know its size"
+        return "To determine its size"
     return "Next" if design.separable else "Not distinguishable on this bench"
 
 
@@ -51,10 +51,10 @@ def _sensor(design: DesignResult) -> str:
     one = design.sensor
     if one is None:
         return ""
-    tells = f"with {_named(one)} the same records, and those so far taken again, would"
+    tells = f"with {_named(one)}, the same records and a repeat of the earlier ones would identify it"
     if one.probability < HALF:
-        return f"; an additional sensor would not suffice either: {tells} reach {share(one.probability)}"
-    return f"; {tells} identify it with a probability of {share(one.probability)}"
+        tells = f"an additional sensor would not suffice either: {tells}"
+    return f"; {tells} with a probability of {share(one.probability)}"
 
 
 def _least(design: DesignResult, pair: tuple[str, str]) -> float:
@@ -76,7 +76,7 @@ def _named(one: SensorSet) -> str:
 
 def repeats_with(one: SensorSet) -> str:
     """The power of the records so far, taken again with a sensor."""
-    tells = f"with {_named(one)} the records so far, taken again, would identify the right one "
+    tells = f"with {_named(one)}, a repeat of the records so far would identify the right one "
     tells += "with a probability of "
     if one.probability < HALF:
         return f"An additional sensor would not suffice either: {tells}{share(one.probability)}"
@@ -126,8 +126,9 @@ def header(design: DesignResult) -> list[str]:
 def outlook_text(one: PredictedPower) -> str:
     """The prediction for one pair."""
     return (
-        f"If {one.truth} is right, it is distinguished from {one.rival} with {share(one.after)}: "
-        f"expected gain D = {significant(one.separation, 3)} ± {significant(one.spread, 2)}."
+        f"If {one.truth} is right, it is distinguished from {one.rival} with a probability of "
+        f"{share(one.after)}: expected gain D = {significant(one.separation, 3)} "
+        f"± {significant(one.spread, 2)}."
     )
 
 

@@ -21,8 +21,9 @@ def work_sheet(design: DesignResult) -> str:
         rule,
         *_wrapped(design.statement + ".", ""),
         "",
-        f"Records: {len(design.records)}    on the rig, heating in it: about {clock_time(design.duration)}",
-        f"Probability to name what is right, alone: {share(design.before)} now, {share(design.after)} after",
+        f"Records: {len(design.records)}    bench time with heating: about {clock_time(design.duration)}",
+        "Probability that the right effect alone is named: "
+        f"{share(design.before)} now, {share(design.after)} after",
         "",
         "Operator: ______________________    Date: ______________    Bench: ______________________",
         "",
@@ -57,7 +58,7 @@ def _foot(design: DesignResult) -> list[str]:
     return [
         "",
         "-" * _WIDTH,
-        "Afterwards, where rigctl is:",
+        "Afterwards, on the computer with rigctl:",
         "  rigctl import FILE... --rig RIG           the log, one record each",
         f"  rigctl diagnose {' '.join(design.runs)} NEW_RUN --model MODEL",
     ]

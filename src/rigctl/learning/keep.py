@@ -114,7 +114,7 @@ class Kept:
             if len(chosen) != 1:
                 names = [one.name for one in folders]
                 raise RigctlError(
-                    "no such learning" if not chosen else "several names start like this",
+                    "no such learning session" if not chosen else "several sessions start like this",
                     value=wanted,
                     nearest=nearest_name(wanted, names),
                 )
@@ -138,7 +138,7 @@ class Kept:
             return cls(folder, Task.read(document["task"]), rounds, document["learned"])
         except (OSError, ValueError, KeyError, TypeError) as problem:
             raise RigctlError(
-                "what was learned cannot be read", value=str(path), hint=str(problem)
+                "the learning session cannot be read", value=str(path), hint=str(problem)
             ) from problem
 
     def write(self) -> None:
@@ -195,7 +195,7 @@ class Kept:
         sharper = ended is LearningEnd.ADEQUATE and precision is not None
         if ended is not None and ended not in _GOES_ON and not sharper:
             raise RigctlError(
-                f"this learning has ended: {ended.value.replace('_', ' ')}",
+                f"this learning session has ended: {ended.value.replace('_', ' ')}",
                 value=self.folder.name,
                 hint=str(self.learned and self.learned["statement"]),
             )

@@ -199,7 +199,7 @@ class Learner:
         if judged.number >= self.kept.task.rounds:
             return self._ended(LearningEnd.ROUNDS, f"{judged.number} rounds were allowed")
         if self._time_left is not None and self._time_left <= 0.0:
-            return self._ended(LearningEnd.BUDGET, "the budget is spent")
+            return self._ended(LearningEnd.BUDGET, "the budget is used up")
         return None
 
     def _design(self, last: Diagnosis, number: int) -> DesignResult:

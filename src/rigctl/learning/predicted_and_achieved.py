@@ -50,10 +50,10 @@ def round_outcome(
     if not winner and beside and diagnosis.verdict is not Verdict.OUTSIDE_LIBRARY:
         name = min(beside, key=lambda one: scores.get(one, 0.0))
         alone = all(len(names) == 1 for names in diagnosis.classes if name in names)
-        text = f"{name} is named now, which was possible too but not designed for"
+        text = f"{name} is named now, which the data allowed but the round was not designed for"
         return RoundOutcome(name, {}, {}, distinguished=alone, kept=True, statement=text)
     if not winner:
-        named = " + ".join(diagnosis.effects) or "nothing that was among them"
+        named = " + ".join(diagnosis.effects) or "none of them"
         text = f"the bench behaved differently from every rival's prediction: the data point to {named}"
         return RoundOutcome("", {}, {}, distinguished=False, kept=False, statement=text)
     pairs = {one["rival"]: one for one in predicted.outlooks if one["truth"] == winner}
@@ -86,7 +86,7 @@ def _sized(predicted: PredictedRound, diagnosis: Diagnosis) -> RoundOutcome:
     sizes = known_to(fit, [one["parameter"] for one in predicted.sharpened])
     consistent = bool(sizes) and (fit is diagnosis.before.fit or set(names) <= set(diagnosis.effects))
     if not consistent:
-        named = " + ".join(diagnosis.effects) or "nothing that was among them"
+        named = " + ".join(diagnosis.effects) or "none of them"
         text = f"the bench behaved differently from {' and '.join(names)}: the data point to {named}"
         return RoundOutcome("", {}, {}, distinguished=False, kept=False, statement=text)
     text = ", ".join(

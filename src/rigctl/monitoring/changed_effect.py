@@ -79,7 +79,10 @@ def name_changes(
     if diagnosis.verdict is Verdict.ADEQUATE:
         return _of_parameters(plan, judged, diagnosis)
     if not diagnosis.effects or diagnosis.verdict is Verdict.OUTSIDE_LIBRARY:
-        text = "no effect of the library explains what the model lacks there: 'rigctl discover' searches on"
+        text = (
+            "no effect of the library explains what the model lacks there; 'rigctl discover' looks for a "
+            "formula"
+        )
         return _unnamed(judged, diagnosis.verdict.value, text)
     return _of_effects(plan, entries, judged, diagnosis, read)
 
@@ -132,7 +135,7 @@ def not_diagnosed(judged: Judged) -> Named:
     """What changes, without a diagnosis: parameters fitted together are reported separately."""
     changed = judged.changed
     if any(one.course.quantity.kind != "parameter" for one in changed):
-        return _unnamed(judged, "", "not diagnosed: reported is what moves, which need not be the cause")
+        return _unnamed(judged, "", "not diagnosed: this is what changes, which need not be the cause")
     return Named(tuple(change_of(one, judged) for one in changed))
 
 
@@ -149,7 +152,7 @@ def _of_parameters(plan: Plan, judged: Judged, diagnosis: Diagnosis) -> Named:
     freed = [one for one in parameters if one.course.quantity.kind == "parameter"]
     if freed:
         return Named(tuple(change_of(one, judged) for one in freed), diagnosis.verdict.value)
-    why = "one run does not show enough of it to name it"
+    why = "a single run shows too little of it to identify it"
     if parameters:
         why = f"the model agrees after the change with {' and '.join(plan.held)} free in that run"
     return _unnamed(judged, diagnosis.verdict.value, why)

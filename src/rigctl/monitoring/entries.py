@@ -121,7 +121,7 @@ def entries_of(runs: Sequence[Run], by: str = "run", over: str | None = None) ->
     ]
     lost = [entry.label for entry in placed if not math.isfinite(entry.place)]
     if lost:
-        notes.append(f"no {axis.name} of {_listed(lost)}: left out")
+        notes.append(f"left out, as without a value of {axis.name}: {_listed(lost)}")
     located = sorted((entry for entry in placed if math.isfinite(entry.place)), key=lambda entry: entry.place)
     if not located:
         raise RigctlError(f"no run has a value of {axis.name}", value=axis.name)

@@ -138,7 +138,7 @@ class Survey:
         since = lines[min(change.steps[0] if change.steps else shape.begins, len(lines) - 1)]
         first = lines[min(change.first_sure, len(lines)) - 1]
         text = (
-            f"{names} {verb}, since {self.axis.text(since.entry)}, first sure on {first.entry.label} "
+            f"{names} {verb}, since {self.axis.text(since.entry)}, first significant at {first.entry.label} "
             f"({chance_text(change.p_value)})"
         )
         if change.alike:

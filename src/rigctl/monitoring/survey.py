@@ -76,14 +76,14 @@ def survey(
     quantities = _quantities(plan)
     if not quantities:
         raise RigctlError(
-            "nothing is looked at: the model has nothing to fit, and no effect is asked for",
+            "there is nothing to survey: the model has no free parameter, and no effect is selected",
             hint="Mark parameters with 'fit: true', or name effects with '--effects'",
         )
     outcomes = _read(plan, ordered.entries, workers, report, "Reading")
     indices = [k for k, one in enumerate(outcomes) if isinstance(one, Reading)]
     if not indices:
         why, *_ = (one.reason for one in outcomes if isinstance(one, Failure))
-        raise RigctlError(f"no run could be read; the first: {why}", exit_code=ExitCode.FAILED)
+        raise RigctlError(f"no run could be read; the first failed: {why}", exit_code=ExitCode.FAILED)
     readings = [one for one in outcomes if isinstance(one, Reading)]
     where = np.array([ordered.entries[k].place for k in indices])
     report("Looking for changes")
@@ -114,7 +114,7 @@ def survey(
 def _copy_notes(copies: Sequence[tuple[Run, Run]]) -> Iterator[str]:
     if copies:
         (copy, original), *more = copies
-        others = f", and {len(more)} more likewise" if more else ""
+        others = f", and {len(more)} more runs are copies too" if more else ""
         yield f"left out: {copy.id} holds the same measurements as {original.id}{others}"
 
 
@@ -152,7 +152,7 @@ def _starting_model(
     picked = _picked(model, None, effects)
     trial = Plan(model, freed, (), (), only, assume)
     for entry in entries[:_TRIED]:
-        report(f"Fitting {model.name} to {entry.label}, where the others begin")
+        report(f"Fitting {model.name} to {entry.label}, for starting values of the other fits")
         try:
             problem, data = problem_of(trial, entry)
             picked = _picked(model, data.measurements, effects)

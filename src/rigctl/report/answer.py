@@ -93,7 +93,7 @@ def error_text(channel_falls: Sequence[ChannelFall]) -> str:
     if len(channel_falls[0].sizes) > 1:
         changed = [one for one in channel_falls if one.changed]
         if not changed:
-            return f"no channel's changes: {_state(channel_falls, -1)}{note}"
+            return f"unchanged in every channel: {_state(channel_falls, -1)}{note}"
         sizes = [f"{one.channel} from {_size(one, 0)} to {_size(one, -1)}" for one in changed]
         return f"beyond the noise, {'; '.join(sizes)}{note}"
     return f"{_state(channel_falls, 0)}{note}"
@@ -129,7 +129,7 @@ def held_out_text(fits: Sequence[FitResult]) -> str:
     if not parts:
         return ""
     records = plural(len(fits[0].held_out), "record")
-    return f"error on {records} that no fit saw, of the noise: {', '.join(parts)}"
+    return f"error/noise on {records} that no fit saw: {', '.join(parts)}"
 
 
 def _most(model: ModelComparison) -> str:

@@ -66,7 +66,7 @@ def show_comparison(comparison: Comparison, *, verbose: bool = False) -> None:
     last = comparison.models[-1]
     more = [
         *counted(len(routine(comparison.notes)), "note on the data", "notes on the data"),
-        "every test and place",
+        "all tests and locations",
     ]
     show_answer(models_answer(comparison.models), title="-", more=more)
     for model in comparison.models:
@@ -278,7 +278,7 @@ def _show_trends(model: ModelComparison) -> None:
     shown = [trend for trend in model.trends if trend.significant][:6]
     if not shown:
         return
-    out.print("  [bold]its direction[/]")
+    out.print("  [bold]trends over the operating variables[/]")
     for trend in shown:
         wrong = ": [red]the wrong direction[/]" if trend.wrong_sign and trend.matters else ""
         out.print(f"  {escape(trend.text)} ({abs(trend.z):.0f} sigma){wrong}", soft_wrap=True)

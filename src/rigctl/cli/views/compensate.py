@@ -16,19 +16,19 @@ from rigctl.compensation.result import Schedule
 from rigctl.report.answer import Answer
 from rigctl.units import parse_unit, show, with_uncertainty
 
-_POINTS = "operating points with what each comes to"
+_POINTS = "operating points with their predictions"
 
 
 def show_schedule(schedule: Schedule, written: Sequence[Path], *, verbose: bool = False) -> None:
     """Show the set-points, their uncertainty and the measured range; with `verbose` also the table."""
     out = console()
-    more = [] if verbose else [*counted(len(schedule.rows), "operating point with what it comes to", _POINTS)]
+    more = [] if verbose else [*counted(len(schedule.rows), "operating point with its prediction", _POINTS)]
     show_answer(schedule_answer(schedule), more=more)
     if verbose:
         out.print(_rows(schedule))
         if schedule.off:
             off = show(schedule.off, schedule.unit, difference=True, digits=2)
-            out.print(f"  between two rows a straight line is off by {off} at most", soft_wrap=True)
+            out.print(f"  linear interpolation between two rows is off by at most {off}", soft_wrap=True)
     for note in (*schedule.ends[1:], *schedule.notes):
         out.print(f"  [dim]{escape(note)}[/]", soft_wrap=True)
     for path in written:
@@ -37,7 +37,7 @@ def show_schedule(schedule: Schedule, written: Sequence[Path], *, verbose: bool 
     if checks:
         show_next(
             f"rigctl run {checks[0].as_posix()}",
-            "makes the records that check it, in pairs, with and without",
+            "records the check, in pairs with and without the schedule",
         )
 
 
@@ -54,7 +54,7 @@ def schedule_answer(schedule: Schedule) -> Answer:
         ("set", ", ".join(points)),
         (
             "how sure",
-            f"± {std} by the fit; {schedule.quantity} scatters by ± {scatter} from record to record",
+            f"± {std} from the fit; {schedule.quantity} scatters by ± {scatter} from record to record",
         ),
         ("measured", f"over {box}"),
     )
@@ -62,7 +62,7 @@ def schedule_answer(schedule: Schedule) -> Answer:
 
 
 def _rows(schedule: Schedule) -> Table:
-    heading = f"left at {show(schedule.fixed, schedule.vary_unit)}"
+    heading = f"at constant {show(schedule.fixed, schedule.vary_unit)}"
     grid = table(schedule.over, schedule.vary, schedule.quantity, "scatter", heading)
     for column in grid.columns:
         column.justify = "right"

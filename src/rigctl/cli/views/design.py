@@ -98,7 +98,7 @@ def _rivals(result: DesignResult) -> Table:
 
 
 def _outlooks(result: DesignResult) -> Table:
-    grid = table("if this is right", "rival", "margin so far", "D", "±", "P now", "P then")
+    grid = table("if this is right", "rival", "margin so far", "D", "±", "P now", "P after")
     for column in grid.columns[2:]:
         column.justify = "right"
     for one in result.outlooks:
@@ -115,7 +115,7 @@ def _outlooks(result: DesignResult) -> Table:
 
 
 def _sharpened(result: DesignResult) -> Table:
-    grid = table("parameter", "± now", "± then", "unit")
+    grid = table("parameter", "± now", "± after", "unit")
     grid.columns[1].justify = grid.columns[2].justify = "right"
     for one in result.sharpened:
         grid.add_row(
@@ -127,7 +127,7 @@ def _sharpened(result: DesignResult) -> Table:
 def _records(result: DesignResult) -> Table:
     precise = result.aim == "precision"
     gain = "ln ratio" if precise else "D"
-    grid = table("record", "at", gain, "of a repeat", "P before", "P after", "rig time")
+    grid = table("record", "at", gain, "of a repeat", "P before", "P after", "bench time")
     for column in grid.columns[2:]:
         column.justify = "right"
     for number, one in enumerate(result.records, start=1):

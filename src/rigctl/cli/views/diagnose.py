@@ -131,7 +131,7 @@ def _show_laws(laws: Sequence[LawAnswer]) -> None:
     """Show what the data show about the laws of the effects, and where the file of a better one is."""
     out = console()
     if laws:
-        out.print("  [bold]by which law[/]")
+        out.print("  [bold]laws of the effects[/]")
     for one in laws:
         mark = "[yellow]![/] " if one.differs else "  "
         out.print(f"  {mark}{escape(one.statement)}", soft_wrap=True)
@@ -260,7 +260,7 @@ def show_improvement(improvement: Improvement, *, verbose: bool = False) -> None
     show_answer(
         improvement_answer(improvement),
         title="-",
-        more=["every step with its reasons", *_left_out(improvement.last)],
+        more=["every step and its reasons", *_left_out(improvement.last)],
     )
     show_departures(improvement.last.outside)
     _show_files(improvement.last.laws)
@@ -291,7 +291,7 @@ def _show_unseen(groups: Sequence[HeldOutGroup]) -> None:
     """Show how good the model is on the records that were left out, and what it misses there."""
     out = console()
     if groups:
-        out.print("[bold]The records that no fit and no choice saw[/]")
+        out.print("[bold]Records that no fit or search has seen[/]")
     for one in groups:
         mark = "[green]+[/]" if one.as_good else "[yellow]-[/]"
         first, *rest = one.sentences

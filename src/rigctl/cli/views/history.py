@@ -27,10 +27,10 @@ def show_history(versions: Sequence[Version], current: Version, *, verbose: bool
     """Show the changes, and how the error fell; with `verbose` also a table of the versions, and bars."""
     errors = version_errors(versions)
     bars = sum(len(each.error.rmse) for each in errors)
-    more = [*counted(len(versions), "version with when it was made", "versions with when they were made")]
+    more = [*counted(len(versions), "version with its date", "versions with their dates")]
     show_answer(
         history_answer(versions, current),
-        more=[] if verbose else [*more, *(["every error as a bar"] if bars else [])],
+        more=[] if verbose else [*more, *(["all errors as bars"] if bars else [])],
     )
     if verbose:
         _show_versions(versions, current)
@@ -44,7 +44,7 @@ def history_answer(versions: Sequence[Version], current: Version) -> Answer:
     errors = version_errors(versions)
     facts = [("note", current.done.note), ("done", _done(versions)), *_fall(errors)]
     if len({_basis(each) for each in errors}) > 1:
-        facts.append(("beware", "not all were found on the same runs and held-out records"))
+        facts.append(("beware", "not all errors were computed on the same runs and held-out records"))
     return Answer(
         "good",
         str(current.head),
@@ -112,7 +112,7 @@ def error_change(before: ModelError, after: ModelError) -> str:
     changed = [f"{channel} {old} to {new}" for channel, (old, new) in both.items() if old != new]
     known = all(after.noise.get(channel) for channel in both)
     changes = f"{'beyond the noise: ' if known else ''}{', '.join(changed)}" if changed else ""
-    slight = "beside the noise of one reading no channel's error changes"
+    slight = "no channel's error changes noticeably relative to the noise of one reading"
     if before.chi2_reduced is None or after.chi2_reduced is None:
         return changes or slight
     chi2 = f"reduced χ² {significant(before.chi2_reduced)} to {significant(after.chi2_reduced)}"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.markup import escape
 
-from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.adequacy import chance
 from rigctl.cli.tables import console, table
 from rigctl.cli.views.answer import counted, show_answer
 from rigctl.cli.views.compare import routine
@@ -29,9 +29,11 @@ def show_survey(survey: Survey, written: Sequence[Path], *, verbose: bool = Fals
     out = console()
     notes = _notes_on_data(survey)
     more = [
-        *counted(len(survey.lines), "run with what it says", "runs with what they say"),
+        *counted(len(survey.lines), "run with its values", "runs with their values"),
         *counted(
-            len(survey.judged.tested), "quantity's scatter and chance", "quantities' scatter and chance"
+            len(survey.judged.tested),
+            "quantity with its scatter and p",
+            "quantities with their scatter and p",
         ),
         *counted(max(len(survey.failed) - 1, 0), "more failure", "more failures"),
         *counted(len(survey.data_notes) - len(notes), "note on the data", "notes on the data"),
@@ -65,7 +67,7 @@ def survey_answer(survey: Survey) -> Answer:
     rest = [change.quantity.name for change in survey.changes[_CHANGES:]]
     if rest:
         facts.append(("and", f"{', '.join(rest)}"))
-    facts += [("the model", _agreement(survey)), ("apart", _apart(survey)), ("no answer", _failures(survey))]
+    facts += [("the model", _agreement(survey)), ("outliers", _apart(survey)), ("failed", _failures(survey))]
     return Answer(
         "good" if survey.verdict == "no_change_seen" else "warn",
         _HEADS[survey.verdict],
@@ -127,14 +129,14 @@ def _shown(lines: Sequence[Line]) -> list[Line | None]:
 
 def _show_tests(survey: Survey) -> None:
     out = console()
-    grid = table("quantity", "scatter between runs", "chance", "stand apart")
+    grid = table("quantity", "scatter between runs", "p", "outlying runs")
     for one in survey.judged.tested[:_TESTS]:
         quantity = one.course.quantity
         between = "not known" if one.between is None else survey.amount_difference(quantity, one.between)
-        chance = "not tested" if one.p_value is None else chance_text(one.p_value)
+        p_value = "not tested" if one.p_value is None else chance(one.p_value)
         apart = ", ".join(survey.read[k].entry.label for k in one.apart[:2])
-        grid.add_row(quantity.name, between, chance, apart)
+        grid.add_row(quantity.name, between, p_value, apart)
     out.print(grid)
     rest = len(survey.judged.tested) - _TESTS
     if rest > 0:
-        out.print(f"  and {rest} more, none of them surer", soft_wrap=True)
+        out.print(f"  and {rest} more, none of them more significant", soft_wrap=True)

@@ -62,10 +62,10 @@ def _plot(schedule: Schedule) -> Plot:
         Trace("its 95 % band", x, set_point - wide, Look.LINE, 0, v, faint=True),
         Trace("", x, set_point + wide, Look.LINE, 0, v, faint=True, in_legend=False),
     )
-    label = f"left at {show(schedule.fixed, schedule.vary_unit)}"
+    label = f"at constant {show(schedule.fixed, schedule.vary_unit)}"
     lower = (
         Trace("with the schedule", x, quantity, Look.LINE, 0, q),
-        Trace("19 of 20 records", x, quantity - scatter, Look.LINE, 0, q, faint=True),
+        Trace("95 % of records", x, quantity - scatter, Look.LINE, 0, q, faint=True),
         Trace("", x, quantity + scatter, Look.LINE, 0, q, faint=True, in_legend=False),
         Trace(label, x, unchanged, Look.LINE, 1, q),
     )

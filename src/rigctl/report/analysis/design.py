@@ -154,7 +154,7 @@ def sensor_plot(sensors: tuple[SensorSet, ...]) -> Plot | None:
         ):
             front.append(one)
     traces = [
-        Trace("most for the money", *_points(front), Look.MARKED, 0),
+        Trace("best value for money", *_points(front), Look.MARKED, 0),
         *(
             Trace(" and ".join(map(plain_name, one.channels)), *_points([one]), Look.POINTS, 1 + k % 6)
             for k, one in enumerate(priced)

@@ -27,7 +27,7 @@ def _plot(one: LawAnswer, number: int) -> Plot:
     traces = (
         Trace("assumed", one.x, one.assumed, colour=7, unit=unit),
         Trace("estimated from the data", one.x, law.asked, colour=0, unit=unit),
-        Trace("in 95 of 100 cases between", one.x, law.low, colour=0, unit=unit, faint=True),
+        Trace("95 % band", one.x, law.low, colour=0, unit=unit, faint=True),
         Trace("", one.x, law.high, colour=0, unit=unit, faint=True, in_legend=False),
     )
     driver = plain_name(law.driver.name)

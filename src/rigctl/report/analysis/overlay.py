@@ -28,7 +28,7 @@ def typical_records(fit: FitResult) -> tuple[tuple[str, int], ...]:
     order = sorted(range(len(sizes)), key=lambda k: -sizes[k])
     chosen = {order[0]: "the worst record"}
     if len(order) > 2:
-        chosen.setdefault(order[len(order) // 2], "a middling record")
+        chosen.setdefault(order[len(order) // 2], "a typical record")
     if len(order) > 1:
         chosen.setdefault(order[-1], "the best record")
     return tuple((name, k) for k, name in chosen.items())
@@ -146,7 +146,7 @@ def _left(
         traces.append(Trace(f"{name} − measured", times, error, Look.LINE, colour, "sigma", in_legend=False))
     ends = np.array([float(times[0]), float(times[-1])])
     band = 2.0 * _spread_of_mean(noise, count)
-    for side, label in ((band, "19 of 20 of noise alone"), (-band, "")):
+    for side, label in ((band, "95 % of pure noise"), (-band, "")):
         level = np.full(2, side)
         traces.append(Trace(label, ends, level, Look.LINE, 7, "sigma", True, named and bool(label)))
     return Panel("model − measured [σ]", tuple(traces), height=1.2)

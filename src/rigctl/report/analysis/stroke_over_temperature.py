@@ -43,7 +43,7 @@ def stroke_plot(models: Sequence[ModelComparison], key: str = "model-stroke") ->
                 Trace(name, x[order], prediction, Look.LINE, number, symbol(unit), faint, not number)
             )
     x_title = f"{plain_name(hot)} [{symbol(units[hot])}]"
-    caption = "Stroke against temperature: marks measured, lines the model"
+    caption = "Stroke against temperature: measured (markers) and model (lines)"
     panel = Panel(f"stroke [{symbol(unit)}]", tuple(traces), height=2.4)
     return Plot(key, caption, x_title, (panel,))
 

@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from rigctl.analysis.adequacy import chance_text
+from rigctl.analysis.adequacy import chance
 from rigctl.analysis.decision_levels import SURVEY_ALPHA
 from rigctl.dataset.outputs import is_page, require_output
 from rigctl.files.write import write_text
@@ -80,7 +80,7 @@ def _places(survey: Survey) -> tuple[NDArray[np.float64], str]:
         start = datetime.fromtimestamp(float(positions[0]), UTC) if positions.size else datetime.now(UTC)
         return (positions - float(positions[0])) / _DAY, f"days since {start:%Y-%m-%d}"
     if survey.axis.name == ORDER:
-        return positions, "number of the run"
+        return positions, "run number"
     unit = parse_unit(survey.axis.unit)
     return (
         np.array([unit.from_si(float(position)) for position in positions]),
@@ -99,14 +99,14 @@ def _plot(survey: Survey, course: Course, number: int) -> Plot:
     bars_y[0::3], bars_y[1::3] = values - wide, values + wide
     shown = symbol(quantity.unit)
     traces = [
-        Trace("95 % interval, by the run alone", bars_x, bars_y, Look.LINE, 0, shown),
+        Trace("95 % interval, from the run alone", bars_x, bars_y, Look.LINE, 0, shown),
         Trace("value", x, values, Look.POINTS, 0, shown),
     ]
     change = next((one for one in survey.changes if one.quantity.name == quantity.name), None)
     marks = []
     if change is not None:
-        marks.append(Mark(float(x[min(change.first_sure, x.size) - 1]), "first sure"))
-        traces.append(Trace("as it changed", *_shape(survey, number, x), Look.LINE, 1, shown))
+        marks.append(Mark(float(x[min(change.first_sure, x.size) - 1]), "first significant"))
+        traces.append(Trace("fitted change", *_shape(survey, number, x), Look.LINE, 1, shown))
     label = f"{plain_name(quantity.name)} [{shown}]" if shown not in ("", "1") else plain_name(quantity.name)
     return Plot(
         f"course-{number + 1}",
@@ -148,7 +148,7 @@ def _change(survey: Survey, number: int) -> dict[str, str]:
         "after": survey.amount(change.quantity, change.shape.after, change.shape.after_std),
         "between": f"{early} to {late}",
         "first": survey.read[min(change.first_sure, len(survey.read)) - 1].entry.label,
-        "chance": chance_text(change.p_value),
+        "chance": chance(change.p_value),
         "alike": ", ".join(plain_name(name) for name in change.alike),
     }
 
@@ -161,7 +161,7 @@ def _test(survey: Survey, number: int) -> dict[str, str]:
         "name": plain_name(quantity.name),
         "kind": {"parameter": "of each run", "held": "shared", "effect": "effect"}[quantity.kind],
         "between": between,
-        "chance": "not tested" if one.p_value is None else chance_text(one.p_value),
+        "chance": "not tested" if one.p_value is None else chance(one.p_value),
         "apart": ", ".join(read[k].entry.label for k in one.apart[:3]),
     }
 

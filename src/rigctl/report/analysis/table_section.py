@@ -86,7 +86,7 @@ def table_plot(models: Sequence[ModelComparison], quantity: str, key: str) -> Pl
         Panel(f"{title} [{unit}]", tuple(upper), height=1.9),
         Panel(f"model − measured [{residual_unit}]", tuple(lower), height=1.5),
     )
-    return Plot(key, f"{title} over {x_title}: marks measured, lines the model", x_title, panels)
+    return Plot(key, f"{title} over {x_title}: measured (markers) and model (lines)", x_title, panels)
 
 
 def _rows(model: ModelComparison, quantity: str) -> list[TableRow]:
@@ -184,7 +184,7 @@ def _residuals(models: Sequence[ModelComparison], curve: _Curve, unit: str, *, r
     )
     if not curve.label and len(models) == 1 and shows_unfitted(curve.rows):
         values = np.array([error(row, row.unfitted) for row in curve.rows])
-        name = "the same with the constants of its file"
+        name = "model with the constants of its file"
         traces.append(Trace(name, curve.at, values, Look.MARKED, 1, unit, faint=True))
     return traces
 

@@ -104,7 +104,7 @@ def safety(run: RunData) -> str:
         return ""
     if _known_safe(run):
         return "Safe: every output was put into its safe state at the end, and the bench confirmed it."
-    return "Nothing was recorded of how the outputs were left: look at the bench before you touch it."
+    return "The final state of the outputs was not recorded: look at the bench before you touch it."
 
 
 def _known_safe(run: RunData) -> bool:

@@ -43,7 +43,7 @@ export const history = async (container, model, { version: openVersion, open, be
   const alike = new Set(listing.errors.map((error) => JSON.stringify([error.runs, error.hold_out, error.only, error.assume])));
   container.replaceChildren(
     listing.errors.length ? h("div", { class: "falls" }, ...channels.map((name) => chart(name, listing.errors))) : h("p", { class: "note" }, "No version has been held against runs yet."),
-    alike.size > 1 ? h("p", { class: "note" }, "Not all were found on the same runs and held-out records: compare with care.") : "",
+    alike.size > 1 ? h("p", { class: "note" }, "Not all errors were computed on the same runs and held-out records: compare with care.") : "",
     h("ol", { class: "versions" }, ...listing.versions.map((one) => h("li", { value: one.version, class: one.version === listing.current ? "current" : "" }, h("strong", {}, one.done), one.version === openVersion ? h("span", { class: "mark" }, " open here") : h("span", { class: "buttons" },
       button("Open", () => open(one.version, listing.current), { class: "small", "aria-label": `Open version ${one.version}` }),
       button("Compare", () => beside(one.version), { class: "small", "aria-label": `Compare version ${one.version} with version ${openVersion}`, title: "Both on these records, beside each other" })),
