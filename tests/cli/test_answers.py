@@ -126,7 +126,7 @@ def test_an_interrupted_survey_without_reuse_has_kept_nothing(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("rigctl.cli.commands.survey._opened", interrupt)
     command = ("survey", "--model", "models/hl32-textbook.yaml")
-    with pytest.raises(RigctlError, match="what was read is kept"):
+    with pytest.raises(RigctlError, match="what has been read is kept"):
         told(*command)
     with pytest.raises(RigctlError, match="nothing was saved"):
         told(*command, "--no-cache")

@@ -133,7 +133,7 @@ def test_a_dry_run_moves_nothing(rigctl: Rigctl) -> None:
         (["abort", "20990101"], "there are no runs in"),
         (["jog", "valv", "extend"], "did you mean 'valve'"),
         (["jog", "valve", "sideways"], "unknown position"),
-        (["jog", "valve", "extend", "--speed", "max"], "nobody answers that fast"),
+        (["jog", "valve", "extend", "--speed", "max"], "its operator cannot answer at this speed"),
         (["jog", "heater", "on", "--for", "5 bar"], "wrong dimension"),
         (["monitor", "--for", "soon"], "--for: not a quantity"),
         (["monitor", "--for", "5 bar"], "expected a time in s, ms, min, h or day"),

@@ -104,7 +104,7 @@ def test_two_points_are_fitted_with_a_warning(rigctl: Rigctl, tmp_path: Path) ->
     assert answer["residual_std"] is None
     assert [point["reference"] for point in answer["points"]] == pytest.approx([0.0, 20.0])
     assert any("take more" in remark for remark in answer["remarks"])
-    assert any("only extended" in remark for remark in answer["remarks"])
+    assert any("extrapolated" in remark for remark in answer["remarks"])
 
 
 @pytest.mark.parametrize(
@@ -185,7 +185,7 @@ def test_calibration_points_can_come_from_a_run_that_prompted_for_the_reference(
         rigctl("supply_pressure", "--run", "latest", "--against", "reference_presure")
     with pytest.raises(RigctlError, match="which value"):
         rigctl("supply_pressure", "--run", "latest")
-    with pytest.raises(RigctlError, match="points come from one place"):
+    with pytest.raises(RigctlError, match="points come from one source"):
         rigctl("supply_pressure", "--run", "latest", "--points", "points.csv")
 
 

@@ -162,7 +162,7 @@ def test_check_refuses_foreign_and_invalid_files(
 ) -> None:
     (tmp_path / "data.csv").write_text("time [s],a\n0,1\n", encoding="utf-8")
     assert call(monkeypatch, "check", str(tmp_path / "data.csv")) == 2
-    assert "this is not a file of rigctl" in capsys.readouterr().err
+    assert "this is not a rigctl file" in capsys.readouterr().err
     (tmp_path / "list.yaml").write_text("- a\n", encoding="utf-8")
     assert call(monkeypatch, "check", str(tmp_path / "list.yaml")) == 2
     assert "got 'a list'" in capsys.readouterr().err  # it said 'nothing'

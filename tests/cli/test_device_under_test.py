@@ -150,7 +150,7 @@ def test_every_command_enforces_the_required_identity(project: Path, monkeypatch
     monkeypatch.chdir(project)
     known = {"person": "Ada", "device": {"serial_number": "HB-0042"}}
     for said in ({}, {**known, "person": ""}, {**known, "device": {}}):
-        with pytest.raises(RigctlError, match="the procedure demands"):
+        with pytest.raises(RigctlError, match="the procedure requires"):
             rigctl.run("procedures/acceptance.yaml", backend="emulated", **said)  # type: ignore[arg-type]
     with pytest.raises(RigctlError, match="does not match"):
         rigctl.run("procedures/acceptance.yaml", backend="emulated", device={"serial_number": "x"})

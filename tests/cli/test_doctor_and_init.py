@@ -105,7 +105,7 @@ def test_doctor_reports_a_port_without_an_answer() -> None:
     shown = CliRunner().invoke(app, ["doctor", "--port", "/dev/no-such-port"], env={"COLUMNS": "300"})
     assert shown.exit_code == 1
     assert "/dev/no-such-port" in shown.stdout
-    assert "has it power?" in shown.stdout
+    assert "does it have power?" in shown.stdout
 
 
 def test_doctor_checks_the_rig_files(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

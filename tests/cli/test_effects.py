@@ -111,7 +111,7 @@ def test_the_json_answer_has_the_signature_as_data() -> None:
 
 def test_the_signature_of_base_physics_is_the_change_from_removing_it() -> None:
     text = said("effects", "show", "spool_lag")
-    assert "taken away by spool_time = 0.001 (SI)" in text
+    assert "removed by spool_time = 0.001 (SI)" in text
     assert "position: largest +7." in text
 
 

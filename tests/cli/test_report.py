@@ -69,6 +69,6 @@ def test_an_unknown_run_is_reported_with_the_nearest(project: Path) -> None:
 
 def test_a_report_with_diagnosis_requires_a_model(project: Path) -> None:
     said = str(rigctl("report", "latest", "--diagnose").exception)
-    assert "--diagnose says what a model lacks, and none was named" in said
+    assert "--diagnose needs a model, and none was named" in said
     assert "--model models/hl32-textbook.yaml" in said
     assert not list(project.glob("*.html"))

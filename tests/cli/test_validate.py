@@ -110,7 +110,7 @@ def test_ctrl_c_prints_what_is_kept_and_how_to_continue(monkeypatch: pytest.Monk
         return work(scenario)
 
     monkeypatch.setattr("rigctl.validation.work.carry_out", stopped)
-    with pytest.raises(RigctlError, match="every finished trial is kept, and '--resume' goes on") as end:
+    with pytest.raises(RigctlError, match="every finished trial is kept, and '--resume' continues") as end:
         told("--tier", "quick")
     assert end.value.exit_code == ExitCode.INTERRUPTED
     assert len(Path("validation/quick.jsonl").read_text("utf-8").splitlines()) == 1

@@ -261,7 +261,7 @@ def test_a_misspelt_model_is_reported_with_the_nearest_name() -> None:
     [
         (["compare", "--model", MODEL], "nothing was saved"),
         (["diagnose", "--model", MODEL], "nothing was saved"),
-        (["diagnose", "--model", MODEL, "--apply"], "each step that was saved before stays"),
+        (["diagnose", "--model", MODEL, "--apply"], "the steps saved so far are kept"),
         (["model", "fit", MODEL], "nothing was saved"),
     ],
 )

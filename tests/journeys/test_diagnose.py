@@ -101,7 +101,7 @@ def test_adding_and_removing_show_the_error_before_and_after() -> None:
 
 
 def test_without_runs_there_is_nothing_to_fit_to() -> None:
-    assert "Name a RUN, or say --no-fit" in refusal("model", "add", MODEL, "valve_leakage")
+    assert "Name a RUN, or use --no-fit" in refusal("model", "add", MODEL, "valve_leakage")
     model = textbook_copy("unfitted")
     assert answer("model", "add", model, "valve_leakage", "--no-fit")["after"] is None
     assert "conductance" in Path(model).read_text("utf-8")

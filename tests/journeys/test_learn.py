@@ -63,7 +63,7 @@ def test_a_refused_command_leaves_no_files() -> None:
     known = ("learn", *CAMPAIGN, "--model", "models/own.yaml")
     assert "valve_leakage" in refusal(*known, "--with", "valve_leakge")
     for share in ("much", "0 %", "200 %", "3 mm"):
-        assert "--precision: no share" in refusal(*known, "--precision", share)
+        assert "--precision: not a percentage" in refusal(*known, "--precision", share)
     assert "only a simulated bench hides" in refusal(*known, "--backend", "emulated", "--with", LEAK)
     assert call("learn", "--resume", "procedures/campaign.yaml").exit_code != 0
     assert set(Path().rglob("*")) == before

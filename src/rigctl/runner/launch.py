@@ -127,7 +127,7 @@ def _require_identity(plan: Plan, how: Launch) -> None:
     _, missing = settled(plan.procedure.identity, _identity(how))
     if missing and (how.backend or plan.rig.backend.kind) not in ("simulated", "replay"):
         named = " and the ".join(name.replace("_", " ") for name in missing)
-        raise RigctlError(f"the procedure demands the {named}", where=plan.root.where)
+        raise RigctlError(f"the procedure requires the {named}", where=plan.root.where)
 
 
 def _identity(how: Launch) -> dict[str, str | None]:

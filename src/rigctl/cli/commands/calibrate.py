@@ -85,7 +85,7 @@ def calibrate(
     from rigctl.units import read_si
 
     if (points is not None) + (run is not None) > 1:
-        raise RigctlError("points come from one place", value="--points and --run", expected="one of them")
+        raise RigctlError("points come from one source", value="--points and --run", expected="one of them")
     bench = open_rig(rig)
     if channel not in bench.channels:
         raise unknown_name("channel", channel, bench.channels)
@@ -228,11 +228,11 @@ def _remarks(channel: Channel, fit: CalibrationFit) -> list[str]:
     unit, remarks = channel.unit, []
     if fit.residual_std is None:
         remarks.append(
-            f"{len(fit.points)} points fix {len(fit.coefficients)} coefficients: nothing is left to see "
-            "whether the curve is right; take more"
+            f"{len(fit.points)} points determine {len(fit.coefficients)} coefficients exactly: none is left "
+            "to check the curve; take more"
         )
     if fit.bent:
-        remarks.append(f"the points are bent: --degree {fit.degree + 1} fits better than chance explains")
+        remarks.append(f"the points are curved: --degree {fit.degree + 1} fits significantly better")
     if channel.range is not None:
         low, high = (
             channel.display.from_si(float(end), difference=channel.difference) for end in channel.range
@@ -241,7 +241,7 @@ def _remarks(channel: Channel, fit: CalibrationFit) -> list[str]:
         if max(values) - min(values) < 0.5 * (high - low):
             remarks.append(
                 f"calibrated from {min(values):g} to {max(values):g} {unit}; the channel may read {low:g} to "
-                f"{high:g} {unit}, and beyond the points the curve is only extended"
+                f"{high:g} {unit}, and beyond the points the curve is extrapolated"
             )
     return remarks
 

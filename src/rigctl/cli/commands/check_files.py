@@ -38,7 +38,7 @@ def kind_of(path: Path) -> str:
 
 def _none_of_ours(path: Path, content: str) -> RigctlError:
     return RigctlError(
-        "this is not a file of rigctl",
+        "this is not a rigctl file",
         value=content,
         expected="a procedure ('procedure: name' in it), a rig ('channels:'), a model ('model: FAMILY'), "
         "a family ('family: name') or an effect ('effect: name')",

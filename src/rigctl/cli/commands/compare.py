@@ -186,7 +186,7 @@ def _lead_on(comparison: Comparison, runs: list[str], model: str, choice: DataOp
 
     if comparison.models[-1].adequate and comparison.models[-1].rows:
         command = analysis("diagnose", runs, model, choice)
-        show_next(command, "shows what so few values can reveal, and what to measure next")
+        show_next(command, "shows what so few values can tell, and what to measure next")
     elif comparison.models[-1].adequacy.below_noise:
         command = page_of("compare", runs, model, choice)
         show_next(command, "makes the page of it; a record at rest or a repeated condition shows the noise")

@@ -62,7 +62,7 @@ def demo(
 
     console = Console(stderr=as_json, highlight=False)
     if (directory / "rigctl.toml").exists():
-        console.print(f"[bold]1[/] The project in {escape(str(directory))} is there already")
+        console.print(f"[bold]1[/] Using the project that is already in {escape(str(directory))}")
     else:
         create_project(directory)
         console.print(f"[bold]1[/] A project folder with the published bench: {escape(str(directory))}")
@@ -127,7 +127,7 @@ def _compare(path: Path, run: Run, console: Console) -> Comparison:
 
     with progress_display() as on_progress:
         compared = compare([run], [load_model(path)], hold_out=_HELD_OUT, on_progress=on_progress)
-    console.print(f"[bold]3[/] The textbook model against what was measured: {escape(str(path))}")
+    console.print(f"[bold]3[/] The textbook model compared with the measurements: {escape(str(path))}")
     console.print(f"  {escape(compared.models[0].statement)}", soft_wrap=True)
     return compared
 
@@ -166,7 +166,7 @@ def _learn(directory: Path, model: Path, run: Run, seed: int, hidden: str, conso
 
     session = Kept.create(directory, task, "demo")
     learned = Learner(session, bench, runs, proposed, working=progress_display, on_round=judged).learn()
-    console.print(f"[bold]5[/] What came of it, judged also where the fit never looked ({_HELD_OUT})")
+    console.print(f"[bold]5[/] The result, evaluated also on records that no fit saw ({_HELD_OUT})")
     console.print(f"  {escape(learned.statement)}", soft_wrap=True)
     answer = _effects_text(learned, model)
     console.print(f"  hidden: {escape(hidden)}; found: [bold]{escape(answer)}[/]", soft_wrap=True)

@@ -121,7 +121,7 @@ def diagnose(
     require_page(output, force=force)
     path = own_model(model) if apply else model
     choice = DataOptions(only, hold_out, assume or ())
-    message = "each step that was saved before stays" if apply else "nothing was saved"
+    message = "the steps saved so far are kept" if apply else "nothing was saved"
     with progress_display(message) as on_progress:
         compared = _compared(runs, path, choice, on_progress)
         if apply:
@@ -254,7 +254,7 @@ def _law_first(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOp
     fitted = "exponent" if first.offered == "power" else "factor"
     show_next(
         f"{remove} && {add}" if present else add,
-        f"adds it{instead} with its {fitted} fitted, and tells the error before and after",
+        f"adds it{instead} with its {fitted} fitted, and reports the error before and after",
     )
     return True
 

@@ -28,7 +28,7 @@ def port_findings(ports: Sequence[PortInfo]) -> Iterator[Finding]:
         yield Finding("serial ports", "optional", detail, missing_port_fix())
     for port in ports:
         parts = (port.guess or port.description, port.usb, port.serial_number or "")
-        detail = ", ".join(part for part in parts if part and part != "n/a") or "nothing known of it"
+        detail = ", ".join(part for part in parts if part and part != "n/a") or "nothing is known about it"
         if port.accessible:
             yield Finding(port.device, "ok", detail, "")
         else:
@@ -36,7 +36,7 @@ def port_findings(ports: Sequence[PortInfo]) -> Iterator[Finding]:
             yield Finding(
                 port.device,
                 "broken" if port.vendor is not None else "optional",
-                f"{detail}; you may not open it",
+                f"{detail}; you have no permission to open it",
                 port.fix,
             )
 
@@ -67,7 +67,7 @@ def ask_port(url: str, baud: int) -> tuple[Finding, dict[str, Any]]:
     try:
         device = probe(lambda: PyserialPort(url, baud, clock), clock)
     except PortLost as error:
-        fix = "is it the right port and --baud? Is the board flashed, and has it power?"
+        fix = "are the port and --baud right? Is the board flashed, and does it have power?"
         return Finding(url, "broken", str(error), fix), {**document, "error": str(error)}
     except RigctlError as error:
         return Finding(url, "broken", str(error), error.hint or ""), {**document, "error": str(error)}
@@ -89,10 +89,12 @@ def ask_rig(path: Path, url: str | None) -> tuple[list[Finding], dict[str, Any]]
         address = address_of(rig, url)
         document |= {"port": address.url}
         if rig.lines is None:
-            raise RigctlError("this rig's board is asked by its port alone", expected=f"--port {address.url}")
+            raise RigctlError(
+                "this rig's board is queried through its port only", expected=f"--port {address.url}"
+            )
         reading = read_once(rig, rig.lines, address, real_clock())
     except PortLost as error:
-        fix = "is the address right, has the device power, and does a firewall let it through?"
+        fix = "is the address right, does the device have power, and does a firewall let it through?"
         return [Finding(path.name, "broken", str(error), fix)], {**document, "error": str(error)}
     except RigctlError as error:
         return [Finding(path.name, "broken", str(error), error.hint or "")], {**document, "error": str(error)}

@@ -196,7 +196,7 @@ def _open(
     effect = _find(written, find_family(family) if family else family_of(rig) if rig is not None else None)
     if rig is not None and family_of(rig).name != effect.family:
         raise RigctlError(
-            f"the rig '{rig.name}' is of another family of models than {effect.name}",
+            f"the rig '{rig.name}' belongs to another family of models than {effect.name}",
             value=str(rig.model),
             expected=effect.family,
         )

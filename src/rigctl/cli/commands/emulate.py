@@ -40,7 +40,7 @@ def emulate(
     from rigctl.runner.signals import Signals
 
     if speed == "max":
-        raise RigctlError("other clients live in real time", value=speed, expected="1x, or e.g. 5x")
+        raise RigctlError("other clients run in real time", value=speed, expected="1x, or e.g. 5x")
     path = rig if rig.exists() else find_project().resolve(rig)
     options: dict[str, object] = {"baud": baud} if seed is None else {"baud": baud, "seed": seed}
     board = make_board(load_rig(path), options)

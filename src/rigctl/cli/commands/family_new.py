@@ -126,7 +126,7 @@ def _name(written: str) -> str:
     name = re.sub(r"[^a-z0-9]+", "_", written.strip().casefold()).strip("_")
     if not _NAME.fullmatch(name):
         raise RigctlError(
-            "not a name for a family", value=written, expected="a letter, then letters, digits and _"
+            "not a valid name for a family", value=written, expected="a letter, then letters, digits and _"
         )
     from rigctl.physics.families import FAMILIES
 
@@ -224,7 +224,9 @@ def _show(document: Mapping[str, Any], tried: FirstFit | None) -> None:
         listed = table("column", "is", "unit", "why")
         for column in document["columns"]:
             unit = (
-                column["unit"] if column["unit"] != "1" or column["unit_stated"] else "none: --unit says it"
+                column["unit"]
+                if column["unit"] != "1" or column["unit_stated"]
+                else "none; give it with --unit"
             )
             listed.add_row(column["theirs"], column["role"], unit, column["reason"])
         console().print(listed)

@@ -73,7 +73,7 @@ def import_(
         str | None,
         typer.Option(
             metavar="POLICY",
-            help="Treatment of rows whose time does not increase: refuse, drop, spread (equal "
+            help="What to do with rows whose time does not increase: refuse, drop, spread (equal "
             "times) or split (new record).",
         ),
     ] = None,

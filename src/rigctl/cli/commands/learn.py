@@ -98,7 +98,7 @@ def learn(
     *,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Carry out every round without asking.")] = False,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Resume the last session; more time or rounds may be given.")
+        bool, typer.Option("--resume", help="Resume the last session; more time or rounds can be given.")
     ] = False,
     serve: ServeOption = False,
     verbose: Evidence = False,
@@ -186,7 +186,7 @@ def read_share(text: str) -> float:
     except RigctlError:
         share = 0.0
     if not 0.0 < share < 1.0:
-        raise RigctlError("--precision: no share", value=text, expected="e.g. 10 %")
+        raise RigctlError("--precision: not a percentage", value=text, expected="e.g. 10 %")
     return share
 
 
@@ -202,7 +202,7 @@ def _resumed(
 
     if procedure is not None or model is not None:
         raise RigctlError(
-            "--resume: procedure and model are those it began with", expected="rigctl learn --resume"
+            "--resume: procedure and model are those of the session", expected="rigctl learn --resume"
         )
     session = Kept.find(find_project().root)
     session.reopen(budget=time, rounds=rounds, precision=precision)

@@ -27,7 +27,7 @@ _NO_ANSWER = 1.5  # s after which the operator is told what to do by hand
 RigFile = Annotated[Path | None, typer.Option(help="Rig file; by default the project's.", show_default=False)]
 Backend = Annotated[str | None, typer.Option(help="Backend; by default that of the rig file.")]
 Port = Annotated[str | None, typer.Option(help="Serial port or pyserial URL, e.g. /dev/ttyACM0.")]
-Speed = Annotated[str, typer.Option(help="Speed of a bench that is not real: 1x, 10x or max.")]
+Speed = Annotated[str, typer.Option(help="Speed of a simulated, emulated or replayed bench: 1x, 10x or max.")]
 
 
 def off(
@@ -116,7 +116,9 @@ def jog(
     by_person = needs_person(bench, actuator, duration, access)
     if by_person and speed == "max":
         raise RigctlError(
-            f"{actuator}: nobody answers that fast", expected="--for, or --speed 1x", value=speed
+            f"{actuator}: its operator cannot answer at this speed",
+            expected="--for, or --speed 1x",
+            value=speed,
         )
     with Console("operator") as console:
         how = operated(access, console if by_person else AutomaticOperator(), console)
@@ -202,7 +204,7 @@ def open_rig(path: Path | None) -> Rig:
         "which rig?",
         expected=" or ".join(f"--rig {rig.relative_to(project.root).as_posix()}" for rig in paths)
         or "--rig FILE",
-        hint=f'{MARKER} can name one for good: rig = "rigs/my-bench.yaml"',
+        hint=f'{MARKER} can name one permanently: rig = "rigs/my-bench.yaml"',
     )
 
 
@@ -240,7 +242,7 @@ def open_rig_at(port: str) -> Rig:
         if device.identity.startswith(begin):
             return load_rig(shipped("rigs", name))
     raise RigctlError(
-        "nobody knows what makes this device safe", value=device.identity, expected="--rig FILE"
+        "the safe state of this device is not known", value=device.identity, expected="--rig FILE"
     )
 
 

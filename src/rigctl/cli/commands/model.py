@@ -180,7 +180,7 @@ def add(
     from rigctl.project import own_model
 
     if fitting and not runs:
-        raise RigctlError("there is nothing to fit the effect to", hint="Name a RUN, or say --no-fit")
+        raise RigctlError("there is nothing to fit the effect to", hint="Name a RUN, or use --no-fit")
     path = own_model(model)
     addition, values, files = read_effect(load_model(path), effect)
     wanted = Wanted(

@@ -110,9 +110,9 @@ def _require_model(model: list[Path] | None, *, diagnose: bool, assume: list[str
         return
     named = "Name one, e.g. --model models/hl32-textbook.yaml"
     if diagnose:
-        raise RigctlError("--diagnose says what a model lacks, and none was named", hint=named)
+        raise RigctlError("--diagnose needs a model, and none was named", hint=named)
     if assume:
-        raise RigctlError("--assume says what an input of a model was, and no model was named", hint=named)
+        raise RigctlError("--assume gives an input of a model, and no model was named", hint=named)
 
 
 def _analysis(runs: list[Run], models: list[Model], *, diagnose: bool) -> list[Section]:

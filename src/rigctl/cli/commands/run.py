@@ -39,7 +39,9 @@ def run(
         ),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed for a simulated bench.")] = None,
-    speed: Annotated[str, typer.Option(help="1x; on a bench that is no real one also 10x or max.")] = "1x",
+    speed: Annotated[
+        str, typer.Option(help="1x; for a simulated, emulated or replayed bench also 10x or max.")
+    ] = "1x",
     family: FamilyOption = None,
     *,
     dry: Annotated[bool, typer.Option("--dry", help="Arm and read, but move nothing.")] = False,

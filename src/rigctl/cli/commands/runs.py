@@ -200,7 +200,7 @@ def upload(
     for folder in folders:
         try:
             if silent == _SILENT_RUNS:
-                raise StorageSilent("not tried, since the storage does not answer")
+                raise StorageSilent("not tried, because the storage does not respond")
             done = send(folder, store)
         except StorageSilent as problem:
             silent = min(silent + 1, _SILENT_RUNS)
@@ -212,7 +212,7 @@ def upload(
             outcomes.append({"run": done.run, "sent": done.sent, "there": done.there, "problem": None})
         if not as_json:
             last = outcomes[-1]
-            outcome = last["problem"] or f"{last['sent']} files sent, {last['there']} were there"
+            outcome = last["problem"] or f"{last['sent']} files sent, {last['there']} were already there"
             echo(f"{folder.name}: {outcome}")
     if as_json:
         _print_json({"address": address, "runs": outcomes})

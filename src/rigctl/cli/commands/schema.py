@@ -34,7 +34,7 @@ def schema(
         Path | None, typer.Option("--output", "-o", help="File to write instead of stdout.")
     ] = None,
     *,
-    force: Annotated[bool, typer.Option("--force", help="Replace a file that is no schema.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace a file that is not a schema.")] = False,
 ) -> None:
     """Print the JSON Schema of a kind of file, which an editor uses to complete and check it.
 

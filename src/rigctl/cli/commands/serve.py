@@ -64,7 +64,7 @@ def serve(
     def started(address: str) -> None:
         base, _, token = address.partition("#")
         address = f"{base}{page}#{token}"
-        echo(f"{target.root.name} is shown at\n  {address}\nCtrl-C ends it; a run in progress goes on.")
+        echo(f"{target.root.name} is shown at\n  {address}\nCtrl-C ends it; a run in progress continues.")
         if not no_browser and can_open():
             open_browser(address)
 

@@ -100,10 +100,10 @@ def survey(
 
     Each run is fitted, and the size of each effect that the model may lack is estimated in it. Only
     significant changes are reported: where nothing changes, at most 1 survey in 100 reports one, whatever
-    the number of runs and quantities and the scatter of single runs; a level that wanders slowly by itself
-    counts as changed. A diagnosis of a run after the change
-    determines which effect it is. Results of runs are kept: a survey that was interrupted, or is repeated
-    with another run, reuses them. A run that cannot be read is reported and skipped.
+    the number of runs and quantities and the scatter of single runs; a level that drifts slowly by itself
+    counts as changed. A diagnosis of a run after the change determines which effect it is. Results of runs
+    are kept: a survey that was interrupted, or is repeated with another run, reuses them. A run that cannot
+    be read is reported and skipped.
 
     Examples:
 
@@ -128,7 +128,9 @@ def survey(
         require_output(junit, force=force)
     (opened,) = open_models([model])
     message = (
-        "nothing was saved" if no_cache else "what was read is kept, and the same command goes on with it"
+        "nothing was saved"
+        if no_cache
+        else "what has been read is kept, and the same command continues from there"
     )
     with progress_display(message) as on_progress:
         measured, damaged = _opened(runs or ["all"], where)
@@ -189,5 +191,5 @@ def _opened(written: list[str], where: str | None) -> tuple[list[Run], list[str]
     if not runs and damaged:
         raise damaged[0]
     if not runs:
-        raise RigctlError("there is no run to survey", hint="'rigctl runs list' shows those that there are")
+        raise RigctlError("there is no run to survey", hint="'rigctl runs list' shows the available runs")
     return list(runs.values()), [f"left out: {problem}" for problem in damaged]

@@ -171,7 +171,7 @@ def _outcomes(
         raise RigctlError(
             "results of this version are there already",
             value=str(path),
-            hint="'--resume' goes on with them, another '--out' begins anew",
+            hint="'--resume' continues them, another '--out' starts afresh",
         )
     with _trial_progress() as progress:
         return run_scenarios(trials, work, store, workers=workers, progress=progress)
@@ -184,7 +184,7 @@ def _trial_progress() -> Iterator[Callable[[BenchmarkProgress], None]]:
 
     often = 0.0 if sys.stderr.isatty() else _OFTEN
     last = -math.inf
-    with progress_display("every finished trial is kept, and '--resume' goes on") as report:
+    with progress_display("every finished trial is kept, and '--resume' continues") as report:
 
         def report_progress(standing: BenchmarkProgress) -> None:
             nonlocal last

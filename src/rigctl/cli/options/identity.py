@@ -47,7 +47,7 @@ def identified(plan: Plan, given: Mapping[str, str | None], *, demanded: bool = 
     if not typing_possible():
         options = " and ".join(f"--{name.replace('_', '-')}" for name in missing)
         raise RigctlError(
-            f"the procedure demands the {' and the '.join(name.replace('_', ' ') for name in missing)}",
+            f"the procedure requires the {' and the '.join(name.replace('_', ' ') for name in missing)}",
             expected=options,
             where=plan.root.where,
         )

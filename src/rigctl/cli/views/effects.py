@@ -98,7 +98,7 @@ def show_effect(effect: Effect) -> None:
         out.print(_points(effect.curve))
     if effect.base:
         taken = ", ".join(f"{name} = {value:g}" for name, value in effect.base.items())
-        out.print(f"  base physics, in every model; taken away by {taken} (SI)")
+        out.print(f"  base physics, in every model; removed by {taken} (SI)")
     if effect.parameters:
         out.print(_parameters(effect))
     for title, text in (
@@ -227,7 +227,7 @@ def show_trial(trial: Trial, rig: Rig | None) -> None:
             )
     alike = ", ".join(f"{each.name} ({each.likeness:.3f})" for each in trial.alike[:_FEW])
     if alike:
-        out.print(f"  most like it in the library, 1 being the same: {alike}")
+        out.print(f"  most similar in the library (1 is identical): {alike}")
     for warning in trial.warnings:
         out.print(f"[yellow]warning:[/] {escape(warning)}", soft_wrap=True)
 
