@@ -281,7 +281,7 @@ def test_where_no_term_would_be_visible_the_search_says_so() -> None:
 
 
 @pytest.mark.parametrize(
-    ("reason", "said"), [("adequate", "makes the page of it"), ("replicates", "plots where the model fails")]
+    ("reason", "said"), [("adequate", "writes a page"), ("replicates", "plots where the model fails")]
 )
 def test_a_model_that_agrees_is_not_said_to_fail(
     reason: str, said: str, capsys: pytest.CaptureFixture[str]

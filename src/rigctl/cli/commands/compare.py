@@ -189,10 +189,10 @@ def _lead_on(comparison: Comparison, runs: list[str], model: str, choice: DataOp
         show_next(command, "shows what so few values can tell, and what to measure next")
     elif comparison.models[-1].adequacy.below_noise:
         command = page_of("compare", runs, model, choice)
-        show_next(command, "makes the page of it; a record at rest or a repeated condition shows the noise")
+        show_next(command, "writes a page; a record at rest or a repeated condition would show the noise")
     elif comparison.models[-1].adequate:
         command = page_of("compare", runs, model, choice)
-        show_next(command, "makes the page of it; these data require nothing more")
+        show_next(command, "writes a page; these data call for nothing more")
     else:
         command = analysis("diagnose", runs, model, choice)
         show_next(command, "finds the missing effect")

@@ -207,13 +207,13 @@ def _lead_on(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOpti
         return
     if diagnosis.next_steps and diagnosis.verdict is not Verdict.MISSING_EFFECT:
         command = page_of("diagnose", runs, model, choice)
-        show_next(command, "makes the page of it, with what to measure next")
+        show_next(command, "writes a page, with what to measure next")
     elif diagnosis.doubt:
         command = page_of("compare", runs, model, choice)
-        show_next(command, "makes the page of it; a record at rest or a repeated condition shows the noise")
+        show_next(command, "writes a page; a record at rest or a repeated condition would show the noise")
     elif diagnosis.verdict is Verdict.ADEQUATE:
         command = page_of("compare", runs, model, choice)
-        show_next(command, "makes the page of it; these data require nothing more")
+        show_next(command, "writes a page; these data call for nothing more")
     elif diagnosis.verdict is Verdict.AMBIGUOUS and any(len(names) > 1 for names in diagnosis.classes):
         command = analysis("design", runs, model, choice)
         show_next(f"{command} -o next.yaml", "designs the records that would distinguish them")

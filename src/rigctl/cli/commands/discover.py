@@ -133,5 +133,5 @@ def _lead_on(discovery: Discovery, runs: list[str], model: str, choice: DataOpti
         show_next(f"{again} -o effects", "writes them as effect files, for 'model add' and 'compare'")
     else:
         agrees = discovery.gate.reason == "adequate"
-        draws = "makes the page of it" if agrees else "plots where the model fails"
+        draws = "writes a page" if agrees else "plots where the model fails"
         show_next(f"{analysis('compare', runs, model, choice)} -o page.html", draws)
