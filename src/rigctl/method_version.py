@@ -15,4 +15,4 @@ FINGERPRINT = "c0c9a66d48e9"
 #: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 5
 #: hash of the code of this version of the search
-DISCOVERY_FINGERPRINT = "5d5746c9eb8d"
+DISCOVERY_FINGERPRINT = "94730792f66d"

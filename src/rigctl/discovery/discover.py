@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from rigctl.analysis.adequacy import Adequacy
+from rigctl.analysis.adequacy import Adequacy, chance_text
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.decision_levels import ALPHA, STAND_IN
@@ -209,13 +209,13 @@ def _too_weak(searched: Map) -> str:
         return (
             f"Not certain enough to discover: the best of {searched.tests} terms tested, {best.name}, has a "
             f"size of {best.size:.1f} sigma, but its residuals vary so much from record to record that "
-            f"chance alone may explain it (p = {best.p_value:.2g}); record more conditions"
+            f"chance alone may explain it ({chance_text(best.p_value)}); record more conditions"
         )
     factor = max((searched.needed / best.size) ** 2 if best.size else math.inf, 1.1)
     more = f", or about {factor:.2g} times as many records like these" if factor < 100.0 else ""
     return (
         f"Too weak to discover: the best of {searched.tests} terms tested, {best.name}, has a size of "
-        f"{best.size:.1f} sigma (p = {best.p_value:.2g}); {searched.needed:.1f} are needed{more}"
+        f"{best.size:.1f} sigma ({chance_text(best.p_value)}); {searched.needed:.1f} are needed{more}"
     )
 
 
