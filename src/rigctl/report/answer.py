@@ -47,7 +47,7 @@ def comparison_answer(model: ModelComparison) -> Answer:
     """How well one model agrees, and where it fails most."""
     facts = [("error", error_text(falls([model.fit], left_of(model))))]
     if not model.adequate:
-        facts += [("mostly at", _most(model)), ("wanted", _wanted(model))]
+        facts += [("mostly at", _most(model)), ("lacks", _wanted(model))]
     facts.append(("held out", held_out_text([model.fit])))
     below = model.adequacy.below_noise
     return Answer(

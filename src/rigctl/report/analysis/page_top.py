@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 #: most channels in one overlay
 _MOST_CHANNELS = 2
 #: facts that are drawn as bars, or have a separate folded section
-_ELSEWHERE = ("error", "wanted")
+_ELSEWHERE = ("error", "lacks")
 #: a channel whose error is below this share of the largest one is not drawn
 _DRAWN = 0.5
 
