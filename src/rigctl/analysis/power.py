@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from rigctl.analysis.decision_levels import SEEN_IN_LIBRARY
+import math
+
+from rigctl.analysis.decision_levels import ALPHA, SEEN_IN_LIBRARY
 from rigctl.analysis.nuisance_projection import Projected
 
 
@@ -36,3 +38,21 @@ def power_text(projected: Projected) -> list[str]:
             "repeats"
         ]
     return [f"might not be seen in these data at their typical size: {', '.join(names)}"]
+
+
+def significant_size(degrees: float, effects: int, tests: int) -> float:
+    """The size in sigmas from which the largest of several effects is significant at `ALPHA`.
+
+    Student's t quantile at ``ALPHA/(2·effects·tests)``: Bonferroni's bound, over the effects, and over the
+    tests of which the smallest p-value counts.
+
+    Parameters
+    ----------
+    degrees: degrees of freedom of the noise; infinite if it is known.
+    effects: that these data can test.
+    tests: number of tests of a model's adequacy.
+    """
+    from scipy.special import ndtri, stdtrit
+
+    level = 0.5 * ALPHA / (max(effects, 1) * max(tests, 1))
+    return -float(stdtrit(degrees, level) if math.isfinite(degrees) else ndtri(level))

@@ -12,7 +12,9 @@ import pytest
 from scipy.stats import nct, t
 
 from rigctl.analysis.comparison import judge
+from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.fitting import fit_model
+from rigctl.analysis.power import significant_size
 from rigctl.analysis.single_values import next_values as module
 from rigctl.analysis.single_values.next_values import next_against_chance
 from rigctl.dataset import open_run
@@ -28,7 +30,7 @@ def score(z: float, kappa: float = 0.5) -> Any:
     return SimpleNamespace(effect="leak", candidate=0, z=z, kappa=kappa)
 
 
-def before(one: Any, rows: int, degrees: int) -> Any:
+def before(one: Any, rows: int, degrees: int, tests: int = 3) -> Any:
     """Rows with their own unknowns, so that no point beyond their ends is searched."""
     problem = SimpleNamespace(
         records=(None,) * rows,
@@ -37,7 +39,11 @@ def before(one: Any, rows: int, degrees: int) -> Any:
         measurements=SimpleNamespace(variables=("oil",)),
         model=SimpleNamespace(family=SimpleNamespace(standard_record=object())),
     )
-    return SimpleNamespace(fit=SimpleNamespace(problem=problem), screening=SimpleNamespace(scores=(one,)))
+    return SimpleNamespace(
+        fit=SimpleNamespace(problem=problem),
+        screening=SimpleNamespace(scores=(one,)),
+        adequacy=SimpleNamespace(tests=dict.fromkeys(range(tests))),
+    )
 
 
 @pytest.mark.parametrize("z", [2.6, 3.0, 3.4])
@@ -54,9 +60,9 @@ def test_the_suggested_repeats_have_a_power_of_90_percent(z: float, rows: int, d
     assert float(found[2]) == pytest.approx(z * np.sqrt(repeats), abs=0.06)
 
     def shown(count: int) -> float:
-        """Power of Student's test at 1 %, with the noise estimated from the repeats as well."""
+        """Power of Student's test, one of three at 1 %, with the noise estimated from the repeats as well."""
         known = degrees + rows * (count - 1)
-        return float(nct.sf(t.isf(0.005, known), known, z * np.sqrt(count)))
+        return float(nct.sf(t.isf(0.005 / 3, known), known, z * np.sqrt(count)))
 
     assert shown(repeats) > 0.88
     assert repeats == 2 or shown(repeats - 1) < 0.92
@@ -102,3 +108,14 @@ def test_the_predicted_change_beyond_a_table_matches_a_fit_with_the_effect(tmp_p
     assert float(found[1]) == pytest.approx(100.0 * (with_it / without - 1.0), abs=1.0)
     sigma = float(noise.model.channels[0].sigma_at(np.array([without]))[0])
     assert float(found[2]) == pytest.approx(abs(with_it - without) / sigma, rel=0.1)
+
+
+@pytest.mark.parametrize(("effects", "degrees"), [(1, 4), (6, 4), (6, 10)])
+def test_the_largest_of_several_effects_exceeds_the_stated_size_by_chance_in_one_percent(
+    effects: int, degrees: int
+) -> None:
+    """At most, of all models that are right: the smallest p-value of three tests counts three times."""
+    rng = np.random.default_rng(8)
+    sizes = rng.standard_normal((200_000, effects)) / np.sqrt(rng.chisquare(degrees, (200_000, 1)) / degrees)
+    exceeded = np.mean(np.abs(sizes).max(axis=1) > significant_size(degrees, effects, 3))
+    assert 0.4 * ALPHA / 3 < exceeded < 1.1 * ALPHA / 3

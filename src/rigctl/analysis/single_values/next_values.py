@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.comparison_result import ModelComparison
-from rigctl.analysis.decision_levels import ALPHA
+from rigctl.analysis.power import significant_size
 from rigctl.analysis.refit_alone import alone
 from rigctl.analysis.score_test import Score
 from rigctl.analysis.single_values.rows import short_condition
@@ -285,15 +285,16 @@ def _at(fit: FitResult, points: Sequence[Mapping[str, float]]) -> Floats:
 
 def _repeats(before: ModelComparison, score: Score) -> int:
     """Number of readings of each row at which an effect of this size is significant; 0 if out of reach."""
-    from scipy.special import ndtri, stdtrit
+    from scipy.special import ndtri
 
     channel = before.fit.problem.noise.channels[0]
     rows = len(before.fit.problem.records)
+    effects, tests = len(before.screening.scores), len(before.adequacy.tests)
     if not channel.degrees:
         return 0
     for count in range(2, _MOST_REPEATS + 1):
         degrees = channel.degrees + rows * (count - 1)
-        needed = -float(stdtrit(degrees, 0.5 * ALPHA) + ndtri(_MISSED))
+        needed = significant_size(degrees, effects, tests) - float(ndtri(_MISSED))
         if score.z * math.sqrt(count) > needed:
             return count
     return 0

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from rigctl.analysis.adequacy import Adequacy, chance_text, chi2_tail
-from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.linearisation import Linearisation
+from rigctl.analysis.power import significant_size
 from rigctl.analysis.score_test import Score, Screening
 from rigctl.analysis.single_values.rows import TableRow, shows_unfitted
 from rigctl.model.fit.fit import FitResult
@@ -66,7 +66,7 @@ def table_findings(
     lines += end_left_out(linearisation, rows)
     lines += _held_out([row for row in every if not row.fitted])
     lines += _levels(fit)
-    lines += _power(fit, rows)
+    lines += _power(fit, rows, len(screening.scores), len(adequacy.tests))
     if adequacy.adequate:
         lines += _undecided(screening)
     return tuple(lines)
@@ -198,7 +198,7 @@ def _levels(fit: FitResult) -> list[str]:
     ]
 
 
-def _power(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
+def _power(fit: FitResult, rows: Sequence[TableRow], effects: int, tests: int) -> list[str]:
     """Sentences on the numbers of values and constants, and on the smallest detectable effect."""
     known = fit.problem.model.fitted
     free = [u.name for u in fit.problem.shared if u.name in known and u.prior is None]
@@ -212,13 +212,12 @@ def _power(fit: FitResult, rows: Sequence[TableRow]) -> list[str]:
     degrees = min((channel.degrees for channel in fit.problem.noise.channels if channel.degrees), default=0)
     if not degrees:
         return [f"{many}, and the noise is only guessed: no verdict is more certain than that guess"]
-    from scipy.special import stdtrit
-
-    needed = -float(stdtrit(degrees, 0.5 * ALPHA))
+    of_effects = "an effect" if effects == 1 else f"the largest of {effects} effects"
     return [
-        f"{many} leave {dof} to judge by, and their noise is itself known only to about "
-        f"{100 / math.sqrt(2 * degrees):.0f} %: an effect is significant above {needed:.1f} sigma, "
-        f"which would be {-stdtrit(1e9, 0.5 * ALPHA):.1f} if the noise were known"
+        f"{many} leave {dof} degrees of freedom; the noise is itself known only to about "
+        f"{100 / math.sqrt(2 * degrees):.0f} %: {of_effects} is significant above "
+        f"{significant_size(degrees, effects, tests):.1f} sigma, which would be "
+        f"{significant_size(math.inf, effects, tests):.1f} if the noise were known"
     ]
 
 
