@@ -71,7 +71,7 @@ class Verdict:
                 f"so few pairs give no bound; {fewest} are the fewest" if self.pairs < fewest else "no bound"
             )
             return f"{text}, {why}"
-        return f"{text}, below {self.bound:.2f} in 95 of 100 cases"
+        return f"{text}, below {self.bound:.2f} with 95 % confidence"
 
     def document(self) -> dict[str, Any]:
         """The machine-readable answer; errors in the unit."""

@@ -48,7 +48,7 @@ def fall_plot(
     """One record of some channels, measured and of one or two models, with the residuals below it.
 
     `models` are names and the predictions of the same records. Residuals are in sigmas of one reading, with
-    the band that contains 19 of 20 of noise alone. If they are smaller than the noise of one reading, means
+    the band that contains 95 % of pure noise. If they are smaller than the noise of one reading, means
     of several readings are drawn, in which the noise averages out.
     """
     problem = models[0][1].problem
