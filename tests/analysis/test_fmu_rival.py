@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from scipy.stats import binomtest
 
-from commands import answer, told
+from commands import answer, refusal, told
 from rigctl.analysis.fitting import fit_to_data, read_runs
 from rigctl.analysis.fmu_rival import judge_fmu
 from rigctl.analysis.fmu_rival.judge import sign_test
@@ -120,7 +120,6 @@ def test_an_fmu_that_crashes_or_does_not_match_the_data_is_reported(
     files["sources/slave.c"] = files["sources/slave.c"].replace(b"s->time = at;", b"abort();", 1)
     broken = _compiled(files, Path(library).name)
     with_text(source, project / "crashing.fmu", library, lambda _: broken)
-    (project / "text.fmu").write_text("no archive", encoding="utf-8")
     with_text(
         source,
         project / "other.fmu",
@@ -128,12 +127,36 @@ def test_an_fmu_that_crashes_or_does_not_match_the_data_is_reported(
         lambda text: text.replace(b'name="heater_1"', b'name="heater_7"'),
     )
     for name, said in (
-        ("crashing", "the FMU has crashed"),
-        ("text", "not an FMU"),
-        ("other", "needs an input that the data do not have, got 'heater_7'"),
+        ("crashing", r"crashing\.fmu: the FMU has crashed"),
+        (
+            "other",
+            r"other\.fmu: the FMU needs an input that the data do not have, got 'heater_7'.*"
+            r"did you mean 'heater_\d'\?",
+        ),
     ):
         with pytest.raises(RigctlError, match=said):
             judge_fmu(project / f"{name}.fmu", fits["right"], "right")
+
+
+def test_a_file_that_is_no_fmu_is_refused_before_any_work(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It used to be refused after the comparison: here not even the run exists."""
+    monkeypatch.chdir(project)
+    Path("text.fmu").write_text("no archive", encoding="utf-8")
+    with zipfile.ZipFile("bare.fmu", "w") as archive:
+        archive.writestr("model.txt", "no description")
+    with zipfile.ZipFile("double.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", "<fmiModelDescription/>")
+        with pytest.warns(UserWarning, match="Duplicate name"):
+            archive.writestr("modelDescription.xml", "<fmiModelDescription/>")
+    for name, said in (
+        ("text", "it is not a zip archive"),
+        ("bare", "it has no modelDescription.xml"),
+        ("double", "it has 2 files modelDescription.xml"),
+    ):
+        words = ("compare", "no-such-run", "-m", "models/right.yaml", "--rival", f"{name}.fmu")
+        assert refusal(*words) == f"{name}.fmu: this is not an FMU: {said}"
 
 
 def hanging(project: Path, where: bytes) -> Path:

@@ -19,7 +19,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.errors import ExitCode, RigctlError
+from rigctl.analysis.fmu_rival.archive import checked_platforms
+from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
@@ -46,6 +47,19 @@ class FmuOutputs:
     begun: frozenset[str]
 
 
+def require_fmu(path: Path) -> None:
+    """Refuse a file that is no FMU, before any work is done; what it describes is read by `run_fmu`.
+
+    Raises
+    ------
+    RigctlError
+        FMPy is not installed, or as `checked_platforms`.
+    """
+    if find_spec("fmpy") is None:
+        raise RigctlError("running an FMU needs FMPy", hint="pip install 'rigctl[fmu]'")
+    checked_platforms(path)
+
+
 def run_fmu(
     path: Path,
     fitted: FitResult,
@@ -67,11 +81,10 @@ def run_fmu(
     Raises
     ------
     RigctlError
-        FMPy is not installed, the FMU does not fit the data, it fails, crashes, or a simulation takes longer
-        than `patience`.
+        as `require_fmu`; the FMU does not fit the data, it fails, crashes, or a simulation takes longer than
+        `patience`.
     """
-    if find_spec("fmpy") is None:
-        raise RigctlError("running an FMU needs FMPy", hint="pip install 'rigctl[fmu]'")
+    require_fmu(path)
     problem = fitted.problem
     names = problem.measurements.outputs
     starts = [_first_readings(problem, index) for index in range(len(problem.records))]
@@ -127,25 +140,27 @@ def _simulated(
         job, answer = Path(folder) / "job.json", Path(folder) / "answer.json"
         job.write_text(json.dumps(_job(path, fitted, starts)), "utf-8")
         command = [sys.executable, "-m", "rigctl.analysis.fmu_rival.worker", str(job), str(answer)]
-        code = _watched(path.name, command, on_progress, patience)
+        code = _watched(path, command, on_progress, patience)
         if not answer.exists():
             raise RigctlError(
                 f"the FMU has crashed (exit code {code})",
-                value=path.name,
+                where=Location(path),
                 exit_code=ExitCode.FAILED,
             )
         reply: dict[str, Any] = json.loads(answer.read_text("utf-8"))
     if "what" in reply:
         raise RigctlError(
-            f"{path.name}: {reply['what']}",
+            reply["what"],
             value=reply["value"],
             expected=reply["expected"],
+            nearest=reply["nearest"],
             hint=reply["hint"],
+            where=Location(path),
         )
     return reply
 
 
-def _watched(name: str, command: Sequence[str], on_progress: Callable[[str], None], patience: float) -> int:
+def _watched(path: Path, command: Sequence[str], on_progress: Callable[[str], None], patience: float) -> int:
     """Run the process to its end, which comes soon after an exception such as that of Ctrl-C; its exit code.
 
     Raises
@@ -165,13 +180,13 @@ def _watched(name: str, command: Sequence[str], on_progress: Callable[[str], Non
                 with suppress(Empty, ValueError):
                     number, count = map(int, lines.get(timeout=_LOOK).split())
                     since = time.monotonic()
-                    on_progress(f"Running {name}: simulation {number} of {count}")
+                    on_progress(f"Running {path.name}: simulation {number} of {count}")
                 allowed = patience if number else max(patience, PATIENCE)  # which includes the imports
                 if time.monotonic() - since > allowed:
                     what = f"finished simulation {number} of {count}" if number else "been loaded"
                     raise RigctlError(
                         f"the FMU has not {what} in {allowed:g} s",
-                        value=name,
+                        where=Location(path),
                         hint="'--rival-timeout' sets this time, e.g. '10 min'",
                         exit_code=ExitCode.FAILED,
                     )

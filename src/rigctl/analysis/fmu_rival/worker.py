@@ -11,22 +11,17 @@ import json
 import math
 import os
 import sys
-import zipfile
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
+from rigctl.analysis.fmu_rival.archive import checked_platforms
 from rigctl.errors import RigctlError, nearest_name
 from rigctl.units import parse_unit
 
 #: possible names of the variable that sets a channel's initial value
 _STARTS = ("state.{}", "{}_start", "{}_0")
-_ABOUT = "modelDescription.xml"
-#: bytes that an FMU may unpack to at most, from which it counts as large, and that its description may have
-_LARGEST, _LARGE, _LONGEST = 2_000_000_000, 100_000_000, 50_000_000
-#: compression ratio beyond which a large archive is taken for a decompression bomb
-_SQUEEZED = 100
 #: two times closer than this are equal, s
 _SAME = 1e-12
 
@@ -37,13 +32,11 @@ class _Fmu:
     def __init__(self, path: Path, folder: str) -> None:
         from fmpy import extract, platform, read_model_description
 
+        platforms = checked_platforms(path)
         try:
-            platforms = _checked_platforms(path)
             self.description: Any = read_model_description(str(path))
-        except RigctlError:
-            raise
         except Exception as problem:
-            raise RigctlError(f"not an FMU: {problem}", value=path.name) from problem
+            raise RigctlError(f"the description of the FMU cannot be read: {problem}") from problem
         if self.description.fmiVersion != "2.0" or self.description.coSimulation is None:
             raise RigctlError(
                 "an unsupported kind of FMU",
@@ -87,39 +80,6 @@ class _Fmu:
         one = self._by_name[name]
         declared = getattr(one.declaredType, "unit", None) if one.declaredType is not None else None
         return parse_unit(one.unit or declared or "1")
-
-
-def _checked_platforms(path: Path) -> list[str]:
-    """The platforms for which the FMU contains a binary.
-
-    Raises
-    ------
-    RigctlError
-        the archive would fill the disk or write elsewhere, or its XML declares entities.
-    """
-    with zipfile.ZipFile(path) as archive:
-        entries = archive.infolist()
-        size = sum(entry.file_size for entry in entries)
-        if size > _LARGEST or size > max(_LARGE, _SQUEEZED * path.stat().st_size):
-            raise RigctlError(
-                "the FMU unpacks to too much",
-                value=f"{size / 1e6:.0f} MB from {path.stat().st_size / 1e6:.1f} MB",
-            )
-        for entry in entries:
-            name = entry.filename
-            if ".." in PurePosixPath(name).parts or name.startswith("/") or "\\" in name or ":" in name:
-                raise RigctlError("a file of the FMU lies outside its folder", value=name)
-        (about,) = (one for one in entries if one.filename == _ABOUT)
-        if about.file_size > _LONGEST:
-            raise RigctlError(
-                "the description of the FMU is too long", value=f"{about.file_size / 1e6:.0f} MB"
-            )
-        text = archive.read(about)
-    # entities can include local files, or expand beyond the memory
-    if b"<!DOCTYPE" in text or b"<!ENTITY" in text or text[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        raise RigctlError("the description of the FMU declares a document type", value=_ABOUT)
-    parts = [PurePosixPath(entry.filename).parts for entry in entries]
-    return sorted({one[1] for one in parts if len(one) > 2 and one[0] == "binaries"})
 
 
 def simulate(job: Mapping[str, Any], folder: str, on_progress: Callable[[str], None]) -> dict[str, Any]:
@@ -267,12 +227,7 @@ def main(job: str, answer: str) -> None:
                 lambda text: print(text, file=progress, flush=True),
             )
         except RigctlError as error:
-            result = {
-                "what": error.what,
-                "value": error.value,
-                "expected": error.expected,
-                "hint": error.hint,
-            }
+            result = error.as_dict()
     Path(answer).write_text(json.dumps(result), "utf-8")
 
 

@@ -133,10 +133,9 @@ def compare(
     from rigctl.cli.views.compare import show_comparison, show_fmu_rivals
     from rigctl.command_line import DataOptions
     from rigctl.files.quantity import Q
-    from rigctl.project import find_file
 
     require_page(output, force=force)
-    fmus = [find_file(path) for path in rival or ()]
+    fmus = _require_fmus(rival or ())
     patience = Q("s", positive=True).read(rival_timeout)
     models = open_models(model)
     opened = open_runs(runs, models[0], assume)
@@ -163,6 +162,19 @@ def compare(
         show_comparison(comparison, verbose=verbose)
         show_fmu_rivals(rivals)
         _lead_on(comparison, runs, str(model[-1]), DataOptions(only, hold_out, assume or ()))
+
+
+def _require_fmus(written: Sequence[Path]) -> list[Path]:
+    """The named FMUs; a file that is none is refused before the models are fitted."""
+    if not written:
+        return []
+    from rigctl.analysis.fmu_rival import require_fmu
+    from rigctl.project import find_file
+
+    found = [find_file(path) for path in written]
+    for path in found:
+        require_fmu(path)
+    return found
 
 
 def _rivals(
