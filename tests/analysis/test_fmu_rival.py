@@ -19,6 +19,7 @@ from rigctl.analysis.fitting import fit_to_data, read_runs
 from rigctl.analysis.fmu_rival import judge_fmu
 from rigctl.analysis.fmu_rival.judge import sign_test
 from rigctl.cli.commands.init import create_project
+from rigctl.cli.views.compare import show_fmu_rivals
 from rigctl.dataset import open_run
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.model import load_model
@@ -95,6 +96,23 @@ def with_text(source: Path, target: Path, name: str, change: Callable[[bytes], b
         for entry in old.infolist():
             content = old.read(entry)
             new.writestr(entry, change(content) if entry.filename == name else content)
+
+
+def test_channels_that_start_from_the_own_value_of_the_fmu_are_named(
+    project: Path, fits: dict[str, FitResult], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with_text(
+        project / "right.fmu",
+        project / "fixed.fmu",
+        "modelDescription.xml",
+        lambda text: text.replace(b'name="state.temperature_1"', b'name="hidden"'),
+    )
+    found = judge_fmu(project / "fixed.fmu", fits["right"], "right")
+    assert found.own_initial_values == ("temperature_1",)
+    assert found.document()["begins_elsewhere"] == ["temperature_1"]
+    show_fmu_rivals([found])
+    shown = capsys.readouterr().out
+    assert "the initial value of temperature_1 cannot be set in fixed.fmu: its own is used" in shown
 
 
 def test_outputs_are_converted_from_the_units_declared_by_the_fmu(

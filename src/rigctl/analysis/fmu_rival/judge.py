@@ -41,7 +41,8 @@ class FmuRival:
         others the difference is no more than a fit absorbs.
     p_value: of the two-sided sign test on these two numbers.
     held_out: the records are those that no fit saw.
-    missing: channels that the FMU does not have; `begins` those whose initial value could be set.
+    missing: channels that the FMU does not have; `own_initial_values` those whose initial value cannot be
+        set, so that every record starts from the FMU's own.
     """
 
     name: str
@@ -55,7 +56,7 @@ class FmuRival:
     p_value: float
     held_out: bool
     missing: tuple[str, ...]
-    begins: tuple[str, ...]
+    own_initial_values: tuple[str, ...]
 
     @property
     def decided(self) -> bool:
@@ -92,7 +93,7 @@ class FmuRival:
             "p_value": self.p_value,
             "held_out": self.held_out,
             "missing": list(self.missing),
-            "begins_elsewhere": list(self.begins),
+            "begins_elsewhere": list(self.own_initial_values),
             "statement": self.statement,
         }
 
@@ -141,7 +142,7 @@ def judge_fmu(
         p_value=sign_test(nearer, nearer + further),
         held_out=bool(fitted.held_out),
         missing=tuple(name for name in problem.measurements.outputs if name not in simulated.outputs),
-        begins=tuple(name for name in names if name not in simulated.begun),
+        own_initial_values=tuple(name for name in names if name not in simulated.settable),
     )
 
 

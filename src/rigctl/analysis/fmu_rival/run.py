@@ -39,12 +39,12 @@ _LOOK: Final = 0.2
 class FmuOutputs:
     """The outputs of an FMU: for each record (samples, outputs) in SI, NaN in columns that it does not have.
 
-    `begun` names the channels whose initial value could be set.
+    `settable` names the channels whose initial value could be set.
     """
 
     outputs: tuple[str, ...]
     records: tuple[Floats, ...]
-    begun: frozenset[str]
+    settable: frozenset[str]
 
 
 def require_fmu(path: Path) -> None:
@@ -94,7 +94,7 @@ def run_fmu(
         for begin, step in zip(starts, steps, strict=True)
     ]
     reply = _simulated(path, fitted, tried, on_progress, patience)
-    settable = frozenset(reply["begun"])
+    settable = frozenset(reply["settable"])
     columns = [column for column, name in enumerate(names) if name in settable]
     outputs = _outputs(reply, fitted, len(names) + 1)
     if columns:

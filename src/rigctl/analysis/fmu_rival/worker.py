@@ -118,7 +118,7 @@ def simulate(job: Mapping[str, Any], folder: str, on_progress: Callable[[str], N
         on_progress(f"{number} {len(job['records'])}")
         results.append(_record(fmu, job, record, inputs, outputs, starts))
     settable = [channel for channel, variable in starts.items() if variable is not None]
-    return {"outputs": outputs, "records": results, "begun": settable}
+    return {"outputs": outputs, "records": results, "settable": settable}
 
 
 def _record(

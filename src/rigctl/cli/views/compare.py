@@ -48,8 +48,12 @@ def show_fmu_rivals(rivals: Sequence[FmuRival]) -> None:
         out.print(f"{escape(rival.statement)}.", soft_wrap=True)
         for name in rival.missing:
             out.print(f"  {escape(name)} is not an output of {escape(rival.name)}: it is not compared")
-        for name in rival.begins:
-            out.print(f"  {escape(rival.name)} cannot be started at {escape(name)}: its own value is used")
+        for name in rival.own_initial_values:
+            out.print(
+                f"  the initial value of {escape(name)} cannot be set in {escape(rival.name)}: "
+                "its own is used",
+                soft_wrap=True,
+            )
         shown = table("channel", "RMSE/noise of the FMU", "of the model")
         for name, error in rival.channels.items():
             shown.add_row(name, significant(error.nrmse, 3), significant(rival.beside[name].nrmse, 3))
