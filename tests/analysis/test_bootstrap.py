@@ -76,9 +76,11 @@ def test_the_intervals_do_not_depend_on_the_number_of_workers(independent: FitRe
 def test_a_bootstrap_needs_more_than_one_record_and_a_fitted_parameter(independent: FitResult) -> None:
     from dataclasses import replace
 
-    with pytest.raises(RigctlError, match="one record"):
+    with pytest.raises(RigctlError, match=r"two fitted records, better ten, got '1'"):
         bootstrap(replace(independent, fitted=(0,)), 10)
-    with pytest.raises(RigctlError, match="nothing was fitted"):
+    with pytest.raises(
+        RigctlError, match="no parameter was fitted, so there is nothing to bootstrap; expected a model"
+    ):
         bootstrap(replace(independent, solution=None), 10)
 
 
@@ -93,3 +95,22 @@ def test_a_diagnosis_reports_bootstrap_intervals_on_request(
     assert (found["repetitions"], found["by"], found["level"]) == (20, "condition", 0.95)
     assert set(found["parameters"]) == {"vogel_a", "vogel_b", "vogel_c"}
     assert "--bootstrap and --apply do not go together" in refusal(*ask, "--bootstrap", "20", "--apply")
+
+
+def test_options_of_the_bootstrap_are_refused_before_the_diagnosis(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A single record was refused after the diagnosis; what distributes the bootstrap was ignored without."""
+    monkeypatch.chdir(tmp_path)
+    create_project(tmp_path)
+    told("import", "data/hl32-viscosity.csv")
+    monkeypatch.setattr("rigctl.analysis.diagnosis.diagnose_comparison", None)
+    text = Path("models/hl32-oil.yaml").read_text("utf-8")
+    for fixed in ("1132.5833 K", "147.4466 K"):
+        text = text.replace(f"{fixed}, fit: true", f"{fixed}, fit: false")
+    Path("models/one.yaml").write_text(text, "utf-8")
+    ask = ("diagnose", "latest", "--model", "models/one.yaml")
+    one = ("--bootstrap", "20", "--only", "record == 1")
+    assert "at least two fitted records, better ten, got '1'" in refusal(*ask, *one)
+    assert "--workers is for --bootstrap, which was not given" in refusal(*ask, "--workers", "2")
+    assert "--cluster is for --bootstrap, which was not given" in refusal(*ask, "--cluster", "local:2")

@@ -186,6 +186,10 @@ def test_values_are_set_by_hand_as_the_next_version() -> None:
         (("flow_area=-1 mm^2",), "out of bounds"),
         (("piston_leakage.conductance=1e-15 m^3",), "no parameter|unknown"),
         (("flow_area",), "name=value"),
+        (
+            ("flow_area=3.9 mm^2", "--assume", "heatr=0"),
+            "--assume .* no run was named. Name .* '--run'",
+        ),
     ],
 )
 def test_an_invalid_setting_is_refused_and_makes_no_version(words: tuple[str, ...], message: str) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from rigctl.dataset import open_run
 from rigctl.dataset.exporting import export_run
-from rigctl.dataset.outputs import is_figure, is_page, require_output
+from rigctl.dataset.outputs import is_figure, is_page, require_folder, require_output
 from rigctl.errors import RigctlError
 from rigctl.report import write_report
 
@@ -37,6 +37,18 @@ def test_an_output_path_through_a_link_into_a_run_is_refused(make_run: RunMaker,
         pytest.fail("this system lets a test make no symbolic link")
     with pytest.raises(RigctlError, match="into a run"):
         require_output(link / "page.html", force=True)
+    with pytest.raises(RigctlError, match="into a run"):
+        require_folder(link / "effects")
+
+
+def test_an_output_below_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "notes").write_text("mine", encoding="utf-8")
+    require_folder(tmp_path / "new" / "effects")
+    for folder in ("notes", "notes/effects"):
+        with pytest.raises(RigctlError, match="notes: a file is there; expected the name of a folder"):
+            require_folder(tmp_path / folder)
+    with pytest.raises(RigctlError, match="notes: a file is there; expected the name of a folder"):
+        require_output(tmp_path / "notes" / "page.html", force=True)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from commands import answer, told
+from commands import answer, refusal, told
 from flywheel import drag, write_bench
 
 
@@ -113,6 +113,9 @@ def test_the_law_of_an_effect_added_earlier_is_corrected_too(folder: Path) -> No
 def test_a_right_exponent_is_not_corrected(folder: Path) -> None:
     write_bench(folder, partial(drag, exponent=2.0), seed=4)
     run = answer("import", "log.csv", "--rig", "rig.yaml")["run"]
+    Path("notes").write_text("mine", "utf-8")
+    refused = refusal("diagnose", "no-such-run", "--model", "model.yaml", "--laws", "notes")
+    assert refused == "notes: a file is there; expected the name of a folder"  # before the run is opened
     document = answer("diagnose", run, "--model", "model.yaml", "--laws", "effects")
     assert document["effects"] == ["fan"]
     (law,) = document["laws"]

@@ -129,16 +129,13 @@ def bootstrap(
     Raises
     ------
     RigctlError
-        nothing was fitted, there are fewer than two records, or hardly any repetition can be fitted.
+        as `require_resampling`, or hardly any repetition can be fitted.
     """
-    if fitted.solution is None or not fitted.problem.shared:
-        raise RigctlError("nothing was fitted, so there is no parameter to give an interval for")
+    require_resampling(fitted)
     groups = [fitted.problem.records[index].group for index in fitted.fitted]
     by = "condition" if len(set(groups)) >= _CONDITIONS else "record"
     clusters = groups if by == "condition" else list(range(len(groups)))
     count = len(set(clusters))
-    if count < 2:
-        raise RigctlError("one record cannot be resampled", expected="at least two records, better ten")
     work = partial(_repeated, without_derived(fitted), tuple(clusters), seed)
 
     def report(done: int, total: int) -> None:
@@ -156,6 +153,25 @@ def bootstrap(
             exit_code=ExitCode.FAILED,
         )
     return Bootstrap(len(ended), repetitions - len(ended), by, count, _intervals(fitted, np.array(ended)))
+
+
+def require_resampling(fitted: FitResult) -> None:
+    """Refuse a fit that the bootstrap cannot repeat, before the work whose result it would be given for.
+
+    Raises
+    ------
+    RigctlError
+        no parameter was fitted, or only one record.
+    """
+    if fitted.solution is None or not fitted.problem.shared:
+        raise RigctlError(
+            "no parameter was fitted, so there is nothing to bootstrap",
+            expected="a model with free parameters",
+        )
+    if len(fitted.fitted) < 2:
+        raise RigctlError(
+            "the bootstrap needs at least two fitted records, better ten", value=str(len(fitted.fitted))
+        )
 
 
 @one_thread()

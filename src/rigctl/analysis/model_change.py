@@ -109,9 +109,15 @@ def change_model(
 
 def _unmeasured(model: Model, wanted: Wanted) -> tuple[Model, Change]:
     """A change that needs no records."""
-    for option, value in (("--hold-out", wanted.hold_out), ("--only", wanted.only)):
+    selects = "selects among the records of runs"
+    named = "Name one with '--run'" if wanted.kind == "set" else "Name a RUN"
+    for option, value, does in (
+        ("--hold-out", wanted.hold_out, selects),
+        ("--only", wanted.only, selects),
+        ("--assume", wanted.assume, "gives what runs did not record"),
+    ):
         if value:
-            raise RigctlError(f"{option} selects among the records of runs, and no run was named")
+            raise RigctlError(f"{option} {does}, and no run was named", hint=named)
     return wanted.changed(model), Change(wanted.kind, effect=wanted.effect, note=wanted.note)
 
 

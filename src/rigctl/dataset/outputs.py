@@ -55,15 +55,10 @@ def require_output(
     Raises
     ------
     RigctlError
-        the path is in a run's folder, is a folder, or is another file.
+        the path is in a run's folder or below a file, is a folder, or is another file.
     """
-    run = containing_run(path)
-    if run is not None:
-        raise RigctlError(
-            "nothing is written into a run: what was recorded stays as it is",
-            where=Location(path),
-            expected=f"a path outside {run}",
-        )
+    _require_outside_runs(path)
+    _require_no_file(path.parent)
     if path.is_dir():
         raise RigctlError("a folder is there", where=Location(path), expected="the name of a file")
     if not (path.exists() or path.is_symlink()) or force:
@@ -81,6 +76,37 @@ def require_outputs(paths: Sequence[Path], *, replaces: Callable[[bytes], bool],
     """Call `require_output` for several files."""
     for path in paths:
         require_output(path, replaces=replaces, force=force)
+
+
+def require_folder(folder: Path) -> None:
+    """Refuse a folder for new files, before the work that they are the result of; it need not exist.
+
+    Raises
+    ------
+    RigctlError
+        the folder is in a run's folder, or it or one above it is a file.
+    """
+    _require_outside_runs(folder)
+    _require_no_file(folder)
+
+
+def _require_outside_runs(path: Path) -> None:
+    run = containing_run(path)
+    if run is not None:
+        raise RigctlError(
+            "nothing is written into a run: what was recorded stays as it is",
+            where=Location(path),
+            expected=f"a path outside {run}",
+        )
+
+
+def _require_no_file(folder: Path) -> None:
+    """Refuse a folder that cannot be made because it or one above it is a file."""
+    for there in (folder, *folder.parents):
+        if there.is_dir():
+            return
+        if there.exists():
+            raise RigctlError("a file is there", where=Location(there), expected="the name of a folder")
 
 
 def containing_run(path: Path) -> Path | None:

@@ -7,27 +7,15 @@ from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
+from rigctl.dataset.outputs import require_folder
 from rigctl.discovery.effect_file import file_text
 from rigctl.discovery.result import Discovery, FoundFormula
 from rigctl.effects.registry import library
 from rigctl.effects.user.names import name_in_file
 from rigctl.effects.validity import Provenance
-from rigctl.errors import Location, RigctlError
 from rigctl.files.write import write_text
 from rigctl.method_version import DISCOVERY_VERSION, METHOD_VERSION
 from rigctl.model.model import Model
-
-
-def require_folder(folder: Path | None) -> None:
-    """Refuse a folder that is a file, before any work is done.
-
-    Raises
-    ------
-    RigctlError
-        it is one.
-    """
-    if folder is not None and folder.exists() and not folder.is_dir():
-        raise RigctlError("effect files need a folder, but this is a file", where=Location(folder))
 
 
 def write_files(discovery: Discovery, folder: Path) -> Discovery:
@@ -36,7 +24,7 @@ def write_files(discovery: Discovery, folder: Path) -> Discovery:
     Raises
     ------
     RigctlError
-        the folder is a file, or cannot be written.
+        as `require_folder`, or the folder cannot be written to.
     """
     require_folder(folder)
     model = discovery.diagnosis.before.fit.problem.model

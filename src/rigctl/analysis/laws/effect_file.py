@@ -12,6 +12,7 @@ import numpy as np
 
 from rigctl.analysis.laws.answer import LawAnswer
 from rigctl.analysis.laws.power_law import driver_text
+from rigctl.dataset.outputs import require_folder
 from rigctl.effects.declaration import Effect
 from rigctl.effects.drivers import Driver
 from rigctl.effects.registry import library
@@ -38,10 +39,11 @@ def write_law(
     Raises
     ------
     RigctlError
-        the folder cannot be written to.
+        as `require_folder`, or the folder cannot be written to.
     """
     if not answer.offered:
         return answer
+    require_folder(folder)
     path = _free(folder, f"{answer.effect}_{answer.offered}")
     provenance = Provenance(
         runs=tuple(runs),

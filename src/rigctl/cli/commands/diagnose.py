@@ -83,7 +83,7 @@ def diagnose(
         typer.Option(
             metavar="N",
             min=1,
-            help="Number of processes for it; by default one per core.",
+            help="Number of processes for --bootstrap; by default one per core.",
             show_default=False,
         ),
     ] = None,
@@ -107,7 +107,6 @@ def diagnose(
     """
     from rigctl.analysis.diagnosis import diagnose_comparison
     from rigctl.analysis.improve import improve
-    from rigctl.cli.analysis_page import require_page
     from rigctl.cli.commands.compare import open_runs
     from rigctl.cli.progress import progress_display
     from rigctl.cli.tables import print_json
@@ -117,13 +116,14 @@ def diagnose(
     from rigctl.tasks import Workers
 
     _require_no_apply(apply, design=design, bootstrap=bool(repetitions))
+    _require_bootstrap(repetitions, workers=workers, cluster=cluster)
     at = Workers(workers, cluster=cluster)
-    require_page(output, force=force)
+    _require_places(output, laws, force=force)
     path = own_model(model) if apply else model
     choice = DataOptions(only, hold_out, assume or ())
     message = "the steps saved so far are kept" if apply else "nothing was saved"
     with progress_display(message) as on_progress:
-        compared = _compared(runs, path, choice, on_progress)
+        compared = _compared(runs, path, choice, on_progress, resampled=bool(repetitions))
         if apply:
             done = improve(compared, path, most=most, on_progress=on_progress)
         else:
@@ -137,11 +137,10 @@ def diagnose(
             from rigctl.design.design import with_next_experiment
 
             diagnosis, next_one = with_next_experiment(diagnosis, open_runs(runs), on_progress=on_progress)
-    if laws is not None:
-        if apply:
-            done = replace(done, last=_with_files(done.last, laws))
-        else:
-            diagnosis = _with_files(diagnosis, laws)
+    if apply:
+        done = replace(done, last=_with_files(done.last, laws))
+    else:
+        diagnosis = _with_files(diagnosis, laws)
     if output is not None:
         _write_page(
             open_runs(runs), output, compared, done if apply else diagnosis, path, next_one, force=force
@@ -170,6 +169,27 @@ def _require_no_apply(apply: bool, **others: bool) -> None:
             raise RigctlError(f"--{name} and --apply do not go together", hint=f"'{again}' after --apply")
 
 
+def _require_bootstrap(repetitions: int, **distributing: object) -> None:
+    """Refuse options that distribute the bootstrap where none is requested."""
+    from rigctl.errors import RigctlError
+
+    for name, given in distributing.items():
+        if given is not None and not repetitions:
+            raise RigctlError(
+                f"--{name} is for --bootstrap, which was not given", hint="Add '--bootstrap 200'"
+            )
+
+
+def _require_places(page: Path | None, laws: Path | None, *, force: bool) -> None:
+    """Refuse a page or a folder that could not be written, before any work is done."""
+    from rigctl.cli.analysis_page import require_page
+    from rigctl.dataset.outputs import require_folder
+
+    require_page(page, force=force)
+    if laws is not None:
+        require_folder(laws)
+
+
 def _with_intervals(
     diagnosis: Diagnosis, repetitions: int, at: Workers, on_progress: Callable[[str], None]
 ) -> Diagnosis:
@@ -183,10 +203,12 @@ def _with_intervals(
     )
 
 
-def _with_files(diagnosis: Diagnosis, folder: Path) -> Diagnosis:
-    """The diagnosis with the effect files of its laws, where it has any."""
+def _with_files(diagnosis: Diagnosis, folder: Path | None) -> Diagnosis:
+    """The diagnosis with the effect files of its laws, where it has any and they are requested."""
     from rigctl.analysis.laws.effect_file import write_law
 
+    if folder is None:
+        return diagnosis
     written = tuple(write_law(one, folder, diagnosis.runs, diagnosis.model) for one in diagnosis.laws)
     return replace(diagnosis, laws=written)
 
@@ -292,8 +314,12 @@ def _compared(
     path: Path,
     choice: DataOptions,
     on_progress: Callable[[str], None],
+    *,
+    resampled: bool,
 ) -> Comparison:
-    """The model fitted to the runs; one without free parameters is refused before any work."""
+    """The model fitted to the runs; one without free parameters is refused before any work, and a fit that is
+    to be `resampled` and cannot be before the diagnosis."""
+    from rigctl.analysis.bootstrap import require_resampling
     from rigctl.analysis.comparison import compare
     from rigctl.analysis.fitting import require_free_parameters
     from rigctl.cli.commands.compare import open_models, open_runs
@@ -301,4 +327,7 @@ def _compared(
     (model,) = open_models([path])
     require_free_parameters(model)
     opened = open_runs(runs, model, choice.assume)
-    return compare(opened, [model], hold_out=choice.hold_out, only=choice.only, on_progress=on_progress)
+    compared = compare(opened, [model], hold_out=choice.hold_out, only=choice.only, on_progress=on_progress)
+    if resampled:
+        require_resampling(compared.models[0].fit)
+    return compared

@@ -73,12 +73,14 @@ def discover(
     from rigctl.cli.tables import print_json
     from rigctl.cli.views.discover import show_discovery
     from rigctl.command_line import DataOptions
+    from rigctl.dataset.outputs import require_folder
     from rigctl.discovery.discover import discover as discovered
     from rigctl.discovery.discover import require_slot
-    from rigctl.discovery.written_effects import require_folder, write_files
+    from rigctl.discovery.written_effects import write_files
     from rigctl.tasks import Workers
 
-    require_folder(output)
+    if output is not None:
+        require_folder(output)
     require_page(page, force=force)
     (opened,) = open_models([model])
     require_slot(opened.family, slot)
