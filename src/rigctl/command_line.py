@@ -15,26 +15,31 @@ _ACTIVE = frozenset('"$`!')
 
 @dataclass(frozen=True)
 class DataOptions:
-    """The options about the runs of an analysis, which a following command must repeat.
+    """The options about the data of an analysis, which every following command must repeat.
 
     Attributes
     ----------
     only, hold_out: expressions that select records.
     assume: ``NAME=VALUE`` of inputs that were not recorded.
+    family: the name or file of the user's own family, which the model may not name.
     """
 
     only: str | None = None
     hold_out: str | None = None
     assume: Sequence[str] = ()
+    family: str | None = None
 
 
-def analysis(verb: str, runs: Sequence[str], model: str, choice: DataOptions | None = None) -> str:
-    """A command for a model and runs, with the same options: ``rigctl diagnose latest --model …``."""
-    return command([verb, *runs, "--model", model], choice)
+def analysis(verb: str, runs: Sequence[str], model: str, choice: DataOptions | None = None, *own: str) -> str:
+    """A command for a model and runs, with the same options: ``rigctl diagnose latest --model …``.
+
+    `own` are the words of options that other commands do not have: ``"--slot", "friction"``.
+    """
+    return command([verb, *runs, "--model", model, *own], choice)
 
 
 def command(arguments: Sequence[str], choice: DataOptions | None = None) -> str:
-    """A command with these arguments, and the options that select records."""
+    """A command with these arguments, and the options about the data."""
     chosen = choice or DataOptions()
     words = ["rigctl", *map(_quoted, arguments)]
     for option, value in (("--only", chosen.only), ("--hold-out", chosen.hold_out)):
@@ -42,6 +47,8 @@ def command(arguments: Sequence[str], choice: DataOptions | None = None) -> str:
             words += [option, f'"{value}"' if not _ACTIVE & set(value) else shlex.quote(value)]
     for text in chosen.assume:
         words += ["--assume", _quoted(text)]
+    if chosen.family:
+        words += ["--family", _quoted(chosen.family)]
     return " ".join(words)
 
 

@@ -12,8 +12,15 @@ def test_the_next_command_keeps_the_selection_of_records() -> None:
     assert told == f'rigctl diagnose latest --model "my models/a.yaml" {chosen}'
 
 
+def test_the_next_command_names_the_family_of_the_user() -> None:
+    told = analysis("diagnose", ["latest"], "a.yaml", DataOptions(family="my families/tank.py"))
+    assert told == 'rigctl diagnose latest --model a.yaml --family "my families/tank.py"'
+
+
 def test_the_suggested_page_covers_the_records_of_the_answer() -> None:
     assert page_of("compare", ["latest"], "a.yaml") == "rigctl report latest --model a.yaml"
     assert page_of("diagnose", ["latest"], "a.yaml") == "rigctl report latest --model a.yaml --diagnose"
     chosen = page_of("compare", ["latest"], "a.yaml", DataOptions(hold_out="record > 3"))
     assert chosen == 'rigctl compare latest --model a.yaml --hold-out "record > 3" -o page.html'
+    own = page_of("diagnose", ["latest"], "a.yaml", None, "--max-effects", "1")
+    assert own == "rigctl diagnose latest --model a.yaml --max-effects 1 -o page.html"

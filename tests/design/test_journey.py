@@ -126,6 +126,11 @@ def test_the_design_keeps_within_its_budget(run: str) -> None:
     found = answer("design", run, "--model", MODEL, "--budget", "3m", "--records", "1")
     assert found["duration"] <= 180.0
     assert len(found["records"]) == 1
+    # the suggested command wrote another design: without the options of this one
+    chosen = ("--budget", "3m", "--records", "1", "--seed", "2", "--only", "record > 1")
+    shown = told("design", run, "--model", MODEL, *chosen)
+    suggested = '--budget 3m --records 1 --seed 2 --only "record > 1"'
+    assert f"rigctl design {run} --model {MODEL} {suggested}" in shown
 
 
 @pytest.fixture(scope="module")

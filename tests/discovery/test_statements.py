@@ -287,6 +287,15 @@ def test_a_model_that_agrees_is_not_said_to_fail(
     reason: str, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     found: Any = SimpleNamespace(formulas=(), gate=SimpleNamespace(reason=reason))
-    _lead_on(found, ["latest"], "own.yaml", DataOptions(), saved=False)
+    _lead_on(found, ["latest"], "own.yaml", DataOptions(), None, saved=False)
     printed = capsys.readouterr()
     assert said in printed.out + printed.err
+
+
+def test_the_suggested_search_is_at_the_same_location(capsys: pytest.CaptureFixture[str]) -> None:
+    """Without --slot it would have written the formulas of another search."""
+    accepted = SimpleNamespace(accepted=True, file=None)
+    found: Any = SimpleNamespace(formulas=(accepted,), gate=SimpleNamespace(reason="open"))
+    _lead_on(found, ["latest"], "own.yaml", DataOptions(only="record > 3"), "friction", saved=False)
+    suggested = 'rigctl discover latest --model own.yaml --slot friction --only "record > 3" -o effects'
+    assert suggested in capsys.readouterr().out

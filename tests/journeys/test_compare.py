@@ -38,6 +38,8 @@ def test_a_model_agrees_once_it_is_fitted() -> None:
     told = call("compare", "latest", *two, "-v").stdout
     for words in ("other@1 does not agree", "other agrees", "p of plane test", "adequate"):
         assert words in told
+    # its page showed the second model alone, fitted again
+    assert f"rigctl compare latest --model {other}@1 --model {other} --no-fit -o page.html" in told
 
 
 def test_a_comparison_reports_noise_held_out_records_and_places_of_misfit() -> None:

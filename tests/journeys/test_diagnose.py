@@ -78,13 +78,17 @@ def test_the_ranking_shows_evidence_against_each_effect() -> None:
 
 def test_the_answer_takes_at_most_seven_lines() -> None:
     shown = told("diagnose", "latest", "--model", MODEL, "--max-effects", "1")
-    lines = shown.partition("\n\nNext:")[0].splitlines()
+    answered, _, suggested = shown.partition("\n\nNext:")
+    lines = answered.splitlines()
     assert "valve_leakage" in lines[0]
     assert len(lines) <= 7
     heads = [line.split("  ")[1] for line in lines[1:]]
     assert {"how sure", "error", "left", "-v shows"} <= set(heads)
     assert "l/min at 50 bar, 80 degC" in shown
     assert "position from" in shown
+    assert (
+        f"rigctl diagnose latest --model {MODEL} --max-effects 1 --" in suggested
+    )  # it would add up to four
     for only_when_asked in ("ΔmBIC", "Noise:", "not testable"):
         assert only_when_asked not in shown
 

@@ -15,8 +15,11 @@ def show_next(command: str, why: str) -> None:
     console().print(f"\nNext: [bold]{escape(command)}[/]\n  {escape(why)}", soft_wrap=True)
 
 
-def page_of(verb: str, runs: Sequence[str], model: str, choice: DataOptions | None = None) -> str:
-    """The command that makes the page of `verb` for the selected records; `report` would use all records."""
-    if choice is not None and (choice.only or choice.hold_out):
-        return f"{analysis(verb, runs, model, choice)} -o page.html"
+def page_of(verb: str, runs: Sequence[str], model: str, choice: DataOptions | None = None, *own: str) -> str:
+    """The command that makes the page of `verb` for the selected records, with its `own` options.
+
+    `report`, which is shorter, uses all records and has none of these options.
+    """
+    if own or (choice is not None and (choice.only or choice.hold_out)):
+        return f"{analysis(verb, runs, model, choice, *own)} -o page.html"
     return analysis("report", runs, model, choice) + " --diagnose" * (verb == "diagnose")

@@ -161,7 +161,8 @@ def compare(
     else:
         show_comparison(comparison, verbose=verbose)
         show_fmu_rivals(rivals)
-        _lead_on(comparison, runs, str(model[-1]), DataOptions(only, hold_out, assume or ()))
+        choice = DataOptions(only, hold_out, assume or (), family)
+        _lead_on(comparison, runs, [str(one) for one in model], choice, fit=fit)
 
 
 def _require_fmus(written: Sequence[Path]) -> list[Path]:
@@ -191,23 +192,25 @@ def _rivals(
     return rivals
 
 
-def _lead_on(comparison: Comparison, runs: list[str], model: str, choice: DataOptions) -> None:
-    """The next command: find what is missing, or make the page."""
+def _lead_on(
+    comparison: Comparison, runs: list[str], models: Sequence[str], choice: DataOptions, *, fit: bool
+) -> None:
+    """The next command: find what the last model lacks, or make the page of all."""
     from rigctl.cli.next_command import page_of, show_next
     from rigctl.command_line import analysis
 
+    first, *others = models
+    own = [word for other in others for word in ("--model", other)] + ["--no-fit"] * (not fit)
+    page = page_of("compare", runs, first, choice, *own)
+    diagnosis = analysis("diagnose", runs, models[-1], choice)
     if comparison.models[-1].adequate and comparison.models[-1].rows:
-        command = analysis("diagnose", runs, model, choice)
-        show_next(command, "shows what so few values can tell, and what to measure next")
+        show_next(diagnosis, "shows what so few values can tell, and what to measure next")
     elif comparison.models[-1].adequacy.below_noise:
-        command = page_of("compare", runs, model, choice)
-        show_next(command, "writes a page; a record at rest or a repeated condition would show the noise")
+        show_next(page, "writes a page; a record at rest or a repeated condition would show the noise")
     elif comparison.models[-1].adequate:
-        command = page_of("compare", runs, model, choice)
-        show_next(command, "writes a page; these data call for nothing more")
+        show_next(page, "writes a page; these data call for nothing more")
     else:
-        command = analysis("diagnose", runs, model, choice)
-        show_next(command, "finds the missing effect")
+        show_next(diagnosis, "finds the missing effect")
 
 
 def open_runs(

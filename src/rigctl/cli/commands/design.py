@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +14,7 @@ from rigctl.cli.options.family import FamilyOption
 from rigctl.cli.options.workers import Cluster
 
 if TYPE_CHECKING:
+    from rigctl.command_line import DataOptions
     from rigctl.dataset import Run
     from rigctl.design.result import DesignResult
 
@@ -100,6 +102,7 @@ def design(
     from rigctl.cli.progress import progress_display
     from rigctl.cli.tables import print_json
     from rigctl.cli.views.design import show_design
+    from rigctl.command_line import DataOptions
     from rigctl.dataset.outputs import is_designed, require_output
     from rigctl.design.design import design_experiment
     from rigctl.tasks import Workers
@@ -136,7 +139,9 @@ def design(
         print_json(result.as_json())
     else:
         show_design(result, verbose=verbose)
-        _lead_on(result, runs, str(model), output)
+        choice = DataOptions(only, hold_out, assume or (), family)
+        own = _own_options(budget, records, separate, seed, sensors=sensors)
+        _lead_on(result, runs, str(model), choice, own, output)
 
 
 def read_budget(text: str) -> float:
@@ -206,20 +211,38 @@ def _write_page(runs: list[Run], page: Path, result: DesignResult, *, force: boo
     write_page(runs, page, sections, force=force)
 
 
-def _lead_on(result: DesignResult, runs: list[str], model: str, output: Path | None) -> None:
-    """The next command: write the procedure, check it, or look for a sensor."""
-    from rigctl.cli.next_command import show_next
-    from rigctl.command_line import analysis, command
+def _own_options(
+    budget: str | None, records: int | None, separate: str | None, seed: int, *, sensors: bool
+) -> list[str]:
+    """The words of the given options that no other command has."""
+    given = (("--budget", budget), ("--records", records), ("--separate", separate), ("--seed", seed or None))
+    words = [word for option, value in given if value is not None for word in (option, str(value))]
+    return [*words, *(["--sensors"] if sensors else [])]
 
-    again = analysis("design", runs, model)
+
+def _lead_on(
+    result: DesignResult,
+    runs: list[str],
+    model: str,
+    choice: DataOptions,
+    own: Sequence[str],
+    output: Path | None,
+) -> None:
+    """The next command: write the procedure, check it, or look for a sensor; with `own` the options."""
+    from rigctl.cli.next_command import show_next
+    from rigctl.command_line import DataOptions, analysis, command
+
+    again = analysis("design", runs, model, choice, *own)
+    diagnosis = analysis("diagnose", runs, model, choice)
     rows = bool(result.records) and not result.procedure
     if rows:
-        show_next(analysis("diagnose", runs, model), "shows what other than rows would distinguish them")
+        show_next(diagnosis, "shows what other than rows would distinguish them")
     elif not result.separable and result.aim != "precision" and not result.sensors:
         show_next(f"{again} --sensors", "shows which sensor would distinguish them")
     elif not result.procedure:
-        show_next(analysis("diagnose", runs, model), "shows what these data can decide and what not")
+        show_next(diagnosis, "shows what these data can decide and what not")
     elif output is None:
         show_next(f"{again} -o next.yaml", "writes the procedure")
     else:
-        show_next(command(["check", output.as_posix()]), "shows what it will do before anything moves")
+        check = command(["check", output.as_posix()], DataOptions(family=choice.family))
+        show_next(check, "shows what it will do before anything moves")

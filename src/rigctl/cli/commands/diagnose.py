@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from rigctl.dataset import Run
     from rigctl.design.result import DesignResult
     from rigctl.tasks import Workers
+
+
+#: largest number of effects that are added by default
+_MOST = 4
 
 
 def diagnose(
@@ -46,7 +50,7 @@ def diagnose(
             min=1,
             help="Maximum number of effects to add with --apply; 1 excludes pairs of effects.",
         ),
-    ] = 4,
+    ] = _MOST,
     assume: Assume = None,
     family: FamilyOption = None,
     no_cache: NoCache = False,
@@ -119,8 +123,9 @@ def diagnose(
     _require_bootstrap(repetitions, workers=workers, cluster=cluster)
     at = Workers(workers, cluster=cluster)
     _require_places(output, laws, force=force)
+    limit = ["--max-effects", str(most)] if most != _MOST else []
     path = own_model(model) if apply else model
-    choice = DataOptions(only, hold_out, assume or ())
+    choice = DataOptions(only, hold_out, assume or (), family)
     message = "the steps saved so far are kept" if apply else "nothing was saved"
     with progress_display(message) as on_progress:
         compared = _compared(runs, path, choice, on_progress, resampled=bool(repetitions))
@@ -149,14 +154,15 @@ def diagnose(
         print_json(done.document() if apply else diagnosis.document())
     elif apply:
         show_improvement(done, verbose=verbose)
-        _lead_on(done.last, runs, str(model), choice)
+        _lead_on(done.last, runs, str(model), choice, limit)
     else:
         show_diagnosis(diagnosis, verbose=verbose)
         if next_one is not None:
             from rigctl.cli.views.design import show_design
 
             show_design(next_one, verbose=verbose)
-        _lead_on(diagnosis, runs, str(model), choice)
+        shown = ["--design"] * design + ["--bootstrap", str(repetitions)] * bool(repetitions)
+        _lead_on(diagnosis, runs, str(model), choice, limit, shown)
 
 
 def _require_no_apply(apply: bool, **others: bool) -> None:
@@ -213,22 +219,33 @@ def _with_files(diagnosis: Diagnosis, folder: Path | None) -> Diagnosis:
     return replace(diagnosis, laws=written)
 
 
-def _lead_on(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOptions) -> None:
-    """The next command: add what is missing, show where nothing helps, or make the page."""
+def _lead_on(
+    diagnosis: Diagnosis,
+    runs: list[str],
+    model: str,
+    choice: DataOptions,
+    limit: Sequence[str],
+    shown: Sequence[str] = (),
+) -> None:
+    """The next command: add what is missing, show where nothing helps, or make the page.
+
+    `limit` are the words of the options on which the diagnosis depends, `shown` those of what only a page of
+    it would lack without them.
+    """
     from rigctl.analysis.diagnosis_result import Verdict
     from rigctl.cli.next_command import page_of, show_next
     from rigctl.command_line import analysis
     from rigctl.command_line import command as command_text
     from rigctl.discovery.gate import gate_of
 
-    again = analysis("diagnose", runs, model, choice)
+    again = analysis("diagnose", runs, model, choice, *limit)
     gate = gate_of(diagnosis)
     # two effects that may only imitate what is missing: the law of either is of no use
     imitating = (gate.open and len(diagnosis.effects) > 1) or bool(diagnosis.certain_besides)
     if not imitating and _law_first(diagnosis, runs, model, choice, again):
         return
     if diagnosis.next_steps and diagnosis.verdict is not Verdict.MISSING_EFFECT:
-        command = page_of("diagnose", runs, model, choice)
+        command = page_of("diagnose", runs, model, choice, *limit, *shown)
         show_next(command, "writes a page, with what to measure next")
     elif diagnosis.doubt:
         command = page_of("compare", runs, model, choice)
@@ -259,7 +276,7 @@ def _lead_on(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOpti
 def _law_first(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOptions, again: str) -> bool:
     """If the data suggest another law of an effect: write it, or add what was written."""
     from rigctl.cli.next_command import show_next
-    from rigctl.command_line import command
+    from rigctl.command_line import DataOptions, command
 
     laws = [one for one in diagnosis.laws if one.offered]
     if not laws:
@@ -271,7 +288,7 @@ def _law_first(diagnosis: Diagnosis, runs: list[str], model: str, choice: DataOp
     present = first.effect in diagnosis.before.fit.problem.model.effects
     shapes = ["--fit-shapes"] if first.offered == "power" else []
     add = command(["model", "add", model, first.file.as_posix(), *runs, *shapes], choice)
-    remove = command(["model", "remove", model, first.effect])
+    remove = command(["model", "remove", model, first.effect], DataOptions(family=choice.family))
     instead = f" in place of {first.effect}" * present
     fitted = "exponent" if first.offered == "power" else "factor"
     show_next(

@@ -84,7 +84,7 @@ def discover(
     require_page(page, force=force)
     (opened,) = open_models([model])
     require_slot(opened.family, slot)
-    choice = DataOptions(only, hold_out, assume or ())
+    choice = DataOptions(only, hold_out, assume or (), family)
     measured = open_runs(runs, opened, choice.assume)
     with progress_display("nothing was saved") as on_progress:
         discovery = discovered(
@@ -104,7 +104,7 @@ def discover(
         print_json(discovery.document())
     else:
         show_discovery(discovery, verbose=verbose)
-        _lead_on(discovery, runs, str(model), choice, saved=output is not None)
+        _lead_on(discovery, runs, str(model), choice, slot, saved=output is not None)
 
 
 def _write_page(runs: list[Run], page: Path, discovery: Discovery, *, force: bool) -> None:
@@ -117,7 +117,9 @@ def _write_page(runs: list[Run], page: Path, discovery: Discovery, *, force: boo
     write_page(runs, page, [*discovery_sections(discovery), *began], force=force)
 
 
-def _lead_on(discovery: Discovery, runs: list[str], model: str, choice: DataOptions, *, saved: bool) -> None:
+def _lead_on(
+    discovery: Discovery, runs: list[str], model: str, choice: DataOptions, slot: str | None, *, saved: bool
+) -> None:
     """The next command: diagnose, save the formulas, or add the first of them."""
     from rigctl.cli.next_command import show_next
     from rigctl.command_line import analysis, command
@@ -131,7 +133,8 @@ def _lead_on(discovery: Discovery, runs: list[str], model: str, choice: DataOpti
         words = ["model", "add", model, accepted[0].file.as_posix(), *runs, "--fit-shapes"]
         show_next(command(words, choice), "adds the first of them as the model's next version")
     elif accepted and not saved:
-        again = analysis("discover", runs, model, choice)
+        own = ["--slot", slot] if slot is not None else []
+        again = analysis("discover", runs, model, choice, *own)
         show_next(f"{again} -o effects", "writes them as effect files, for 'model add' and 'compare'")
     else:
         agrees = discovery.gate.reason == "adequate"

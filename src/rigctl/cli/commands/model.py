@@ -131,7 +131,7 @@ def fit(
     from rigctl.project import own_model
 
     wanted = Wanted("fit", lambda model: model, True, hold_out, only, assume or ())
-    carry_out(own_model(model), wanted, runs, as_json=as_json, verbose=verbose)
+    carry_out(own_model(model), wanted, runs, family=family, as_json=as_json, verbose=verbose)
 
 
 @app.command()
@@ -193,7 +193,7 @@ def add(
         effect=addition.name,
         effect_files=files,
     )
-    carry_out(path, wanted, runs or (), as_json=as_json, verbose=verbose)
+    carry_out(path, wanted, runs or (), family=family, as_json=as_json, verbose=verbose)
 
 
 @app.command()
@@ -229,7 +229,7 @@ def remove(
     wanted = Wanted(
         "remove", lambda one: one.without_effect(effect), fitting, hold_out, only, assume or (), effect=effect
     )
-    carry_out(own_model(model), wanted, runs or (), as_json=as_json, verbose=verbose)
+    carry_out(own_model(model), wanted, runs or (), family=family, as_json=as_json, verbose=verbose)
 
 
 @app.command(name="set")
@@ -293,7 +293,7 @@ def set_values(
     wanted = settings_wanted(
         load_model(path), values or (), add_effect or (), remove_effect or (), (hold_out, only, assume or ())
     )
-    carry_out(path, wanted, runs or (), as_json=as_json, verbose=verbose)
+    carry_out(path, wanted, runs or (), family=family, as_json=as_json, verbose=verbose)
 
 
 @app.command()

@@ -31,9 +31,17 @@ _NAMED = 4
 
 
 def carry_out(
-    path: Path, wanted: Wanted, runs: Sequence[str], *, as_json: bool, verbose: bool = False
+    path: Path,
+    wanted: Wanted,
+    runs: Sequence[str],
+    *,
+    family: str | None,
+    as_json: bool,
+    verbose: bool = False,
 ) -> None:
     """Change the model file `path`, and show the change of the error.
+
+    `family` is as given, for the next command.
 
     Raises
     ------
@@ -43,7 +51,7 @@ def carry_out(
     with progress_display("nothing was saved") as on_progress:
         opened = open_runs(runs, load_model(path), wanted.assume) if runs else []
         changed = change_model(path, wanted, opened, on_progress=on_progress)
-    print_json(changed.document()) if as_json else _show(changed, verbose=verbose)
+    print_json(changed.document()) if as_json else _show(changed, family, verbose=verbose)
 
 
 def read_effect(model: Model, written: str) -> tuple[Effect, dict[str, float], tuple[Path, ...]]:
@@ -57,7 +65,7 @@ def read_effect(model: Model, written: str) -> tuple[Effect, dict[str, float], t
     return effect, values, (find_file(Path(written.partition(":")[0])),) if from_file else ()
 
 
-def _show(changed: Changed, *, verbose: bool) -> None:
+def _show(changed: Changed, family: str | None, *, verbose: bool) -> None:
     """Show the new version, the change of the error, and the values; with `verbose` bars and a table."""
     version = changed.version
     done, head = version.done, version.head
@@ -92,7 +100,7 @@ def _show(changed: Changed, *, verbose: bool) -> None:
     show_departures(changed.outside)
     echo(f"Version {version.parent} is kept: rigctl model diff {head}@{version.parent} {head}")
     if done.runs:
-        choice = DataOptions(done.only, done.hold_out, done.assume)
+        choice = DataOptions(done.only, done.hold_out, done.assume, family)
         command = analysis("compare", done.runs, str(head), choice)
         show_next(f"{command} --no-fit", "shows whether it agrees with them now")
 
