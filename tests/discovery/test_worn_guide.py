@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import chdir
 from pathlib import Path
@@ -150,7 +151,7 @@ def _answers_in_a_few_lines(found: Discovery, capsys: pytest.CaptureFixture[str]
     show_discovery(found)
     short = capsys.readouterr().out
     assert len(short.splitlines()) <= 3 + len(found.formulas)
-    assert "% of it" in short
+    assert re.search(r"% of it, [0-9.]+ sigma \(p [<=] [0-9.e-]+\)", short)  # it was "(< 1e-6)"
     assert found.formulas[0].term in short
     assert "-v shows" in short
     show_discovery(found, verbose=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from rigctl.analysis.adequacy import Adequacy
+from rigctl.analysis.adequacy import Adequacy, chance_text
 from rigctl.analysis.linearisation import Linearisation
 from rigctl.analysis.localisation import CellMap, Place
 from rigctl.analysis.located_error import LocatedError
@@ -236,7 +236,7 @@ class Comparison:
             verdict = "adequate" if model.adequate else "not adequate"
             if model.adequacy.below_noise:
                 verdict = "not decided"
-            lines.append(f"{model.name}: {verdict} (p = {model.adequacy.p_value:.2g}); error {errors}")
+            lines.append(f"{model.name}: {verdict} ({chance_text(model.adequacy.p_value)}); error {errors}")
             lines.append(f"  {model.statement}")
         return "\n".join(lines)
 

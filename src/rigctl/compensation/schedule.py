@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.comparison import compare
 from rigctl.analysis.comparison_result import ModelComparison
 from rigctl.analysis.fitting import OnProgress, no_progress
@@ -309,8 +310,8 @@ def _notes(
     notes = []
     if not judged.adequate:
         notes.append(
-            f"{judged.name} does not agree with these data (p = {judged.adequacy.p_value:.2g}): a schedule "
-            "is as good as its model; 'rigctl diagnose' says what it lacks"
+            f"{judged.name} does not agree with these data ({chance_text(judged.adequacy.p_value)}): a "
+            "schedule is as good as its model; 'rigctl diagnose' says what it lacks"
         )
     name, low, high, unit = valid[1]
     beyond = [row for row in solution.rows if row.reached and not low <= row.vary <= high]

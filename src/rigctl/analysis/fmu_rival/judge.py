@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.adequacy import chance_text
 from rigctl.analysis.comparison_result import in_unit
 from rigctl.analysis.decision_levels import ALPHA, QUANTILE
 from rigctl.analysis.fmu_rival.run import PATIENCE, FmuOutputs, run_fmu
@@ -67,7 +68,7 @@ class FmuRival:
     def statement(self) -> str:
         """One plain sentence."""
         exposure = "no fit saw them" if self.held_out else "the model was fitted to them, the FMU was not"
-        sure = f"sign test, p = {self.p_value:.2g}"
+        sure = f"sign test, {chance_text(self.p_value)}"
         if not self.decided:
             return (
                 f"these {self.records} records do not show which of the two is better ({exposure}): "
