@@ -8,6 +8,7 @@ import pytest
 
 from rigctl.errors import RigctlError
 from rigctl.files.shipped import shipped
+from rigctl.planning import preview
 from rigctl.planning.rates import refuse_rates
 from rigctl.procedure import expand, parse_procedure
 from rigctl.rig import load_rig
@@ -21,6 +22,25 @@ def test_a_loop_between_records_that_is_too_fast_is_refused() -> None:
     refuse_rates(expand(parse_procedure(text.replace("RATE", "10 Hz")), rig, {}))
     with pytest.raises(RigctlError, match="20 Hz is more than the device can be asked for: 10 Hz"):
         refuse_rates(expand(parse_procedure(text.replace("RATE", "20 Hz")), rig, {}))
+
+
+def test_a_record_faster_than_the_board_is_refused_before_the_run() -> None:
+    """It used to end the run when the record began; `check` said nothing."""
+    rig = load_rig(shipped("rigs", "hl32-bench-uno.yaml"))
+    text = "procedure: p\nsteps:\n  - record: {name: fast, rate: RATE}\n    do: [wait: 1 s]\n"
+    plans = [expand(parse_procedure(text.replace("RATE", rate)), rig, {}) for rate in ("2 kHz", "5 kHz")]
+    refuse_rates(plans[0])
+    said = "5000 Hz is more than the device can be asked for: 2000 Hz"
+    with pytest.raises(RigctlError, match=said):
+        refuse_rates(plans[1])
+    (warning,) = (message for _, message in preview(plans[1]).warnings)
+    assert said in warning
+    simulated = expand(
+        parse_procedure(text.replace("RATE", "5 kHz")), load_rig(shipped("rigs", "hl32-bench.yaml")), {}
+    )
+    refuse_rates(simulated)
+    with pytest.raises(RigctlError, match=said):
+        refuse_rates(simulated, "emulated")
 
 
 @pytest.mark.parametrize("block", ["on_failure", "on_abort", "finally"])

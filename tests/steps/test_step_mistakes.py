@@ -61,6 +61,7 @@ MISTAKES: list[tuple[str, str, list[str]]] = [
     ("- record: {name: a, channels: [positin]}\n    do: [wait: 1 s]", "3:34", ["did you mean 'position'?"]),
     ("- record: {name: a, channels: []}\n    do: [wait: 1 s]", "3:33", ["no channel is recorded"]),
     ("- record: {name: a, rate: 0 Hz}\n    do: [wait: 1 s]", "3:29", ["more than zero"]),
+    ("- record: {name: a, rate: 1e12 Hz}\n    do: [wait: 1 s]", "3:29", ["too large", "at most 1e+06 Hz"]),
     ("- record: {name: a}", "3:5", ["'do' is missing"]),
     ("- record: {name: a}\n    do: []", "4:9", ["too few entries", "at least 1"]),
     (

@@ -13,6 +13,7 @@ from pydantic_core import CoreSchema
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.expressions import Expression, parse, type_of_unit
 from rigctl.files.quantity import quantity_text, reader_schema
+from rigctl.rig.rates import FASTEST
 from rigctl.units import Quantity, describe, parse_quantity, parse_unit
 
 #: the value of ``$name``: a quantity, or a list of quantities for a sweep
@@ -209,7 +210,7 @@ def with_value(quantity: Quantity, value: float) -> Quantity:
 LONGEST = 1e8
 DURATION = Kind("s", more_than=0.0, at_most=LONGEST)
 PERIOD = Kind("s", at_least=0.0, at_most=LONGEST)
-RATE = Kind("Hz", more_than=0.0, examples=("100 Hz",))
+RATE = Kind("Hz", more_than=0.0, at_most=FASTEST, examples=("100 Hz",))
 TEMPERATURE = Kind("K", at_least=0.0)
 TEMPERATURE_TOLERANCE = Kind("K", difference=True, more_than=0.0, examples=("0.5 K",))
 PRESSURE = Kind("Pa")

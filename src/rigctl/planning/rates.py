@@ -9,14 +9,18 @@ from rigctl.rig import Rig
 _ROUNDING = 1e-9
 
 
-def too_fast(rig: Rig, rate: float) -> str | None:
-    """Why the rig's real bench cannot sample at a rate (Hz); None if it can."""
-    if rate <= rig.fastest * (1.0 + _ROUNDING):
+def too_fast(rig: Rig, rate: float, kind: str | None = None) -> str | None:
+    """Why the rig's real bench cannot sample at a rate (Hz); None if it can.
+
+    `kind` is the kind of backend, by default the rig's own.
+    """
+    fastest = rig.fastest if kind is None else rig.fastest_on(kind)
+    if rate <= fastest * (1.0 + _ROUNDING):
         return None
-    return f"{rate:g} Hz is more than the device can be asked for: {rig.fastest:g} Hz"
+    return f"{rate:g} Hz is more than the device can be asked for: {fastest:g} Hz"
 
 
-def refuse_rates(plan: Plan) -> None:
+def refuse_rates(plan: Plan, kind: str | None = None) -> None:
     """Refuse a plan with such a record or loop, also in a cleanup block, before anything moves.
 
     Raises
@@ -28,6 +32,6 @@ def refuse_rates(plan: Plan) -> None:
         rate = node.rate if isinstance(node, RecordNode) else 0.0
         if isinstance(node, Leaf):
             rate = node.action.needed_rate
-        message = too_fast(plan.rig, rate)
+        message = too_fast(plan.rig, rate, kind)
         if message is not None:
             raise RigctlError(f"{node.label}: {message}", where=node.where)

@@ -67,7 +67,7 @@ def _rates(rig: Rig) -> Iterator[Problem]:
             error = RigctlError(
                 f"{name}: more than the device can be asked for",
                 value=f"{rate:g} Hz",
-                expected=f"at most {rig.fastest:g} Hz, as backend.{part}.fastest says",
+                expected=f"at most {rig.fastest:g} Hz" + f", as backend.{part}.fastest says" * bool(part),
             )
             yield Problem((name,), error)
 

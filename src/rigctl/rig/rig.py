@@ -26,12 +26,16 @@ from rigctl.rig.lines import Lines
 from rigctl.rig.modbus import Modbus
 from rigctl.rig.opcua import OpcUa
 from rigctl.rig.possible_sensors import PossibleChannel
+from rigctl.rig.rates import BOARD_RATES, FASTEST
 from rigctl.rig.roles import Roles
 from rigctl.rig.setting import Setting
 from rigctl.rig.simulation import Simulation
 
 #: cached properties, which are computed from the fields and the text of a rig
 _WORKED_OUT = ("layout", "sha256")
+
+
+_Rate = Annotated[float, Q("Hz", positive=True, high=f"{FASTEST:g} Hz")]
 
 
 class Backend(Part):
@@ -82,10 +86,8 @@ class Rig(Part):
     safe_state: dict[Name, Setting] = Field(
         default_factory=dict, description="values of all driven actuators in the event of a fault"
     )
-    monitor_rate: Annotated[float, Q("Hz", positive=True)] = Field(
-        default=10.0, description="sampling rate between records"
-    )
-    moving_rate: Annotated[float, Q("Hz", positive=True)] = Field(
+    monitor_rate: _Rate = Field(default=10.0, description="sampling rate between records")
+    moving_rate: _Rate = Field(
         default=100.0,
         description="sampling rate between records while a directional valve is not in its safe state",
     )
@@ -172,9 +174,15 @@ class Rig(Part):
 
     @property
     def fastest(self) -> float:
-        """The highest polling rate of the device, Hz; infinite if not stated."""
+        """The highest sampling rate of the device, Hz; infinite if not stated."""
+        return self.fastest_on(self.backend.kind)
+
+    def fastest_on(self, kind: str) -> float:
+        """The same with a kind of backend that may be another than the rig's."""
         device = self.backend.lines or self.backend.modbus or self.backend.opcua
-        return math.inf if device is None or device.fastest is None else device.fastest
+        if device is None:
+            return BOARD_RATES[1] if kind in ("serial", "emulated") else math.inf
+        return math.inf if device.fastest is None else device.fastest
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Rig:
         """Return a copy with some fields changed; cached properties are discarded."""

@@ -26,6 +26,7 @@ from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.plan.loop import LoopSettings, LoopState
 from rigctl.rig import Rig
+from rigctl.rig.rates import BOARD_RATES
 
 HOST_SILENT = "host silent"  #: the trip whose cause ends when a host connects
 _SAFE_ANSWER, _SAFE_TRIES = 0.1, 8  # s, attempts: outputs are safe within 1 s even if lines are lost
@@ -175,9 +176,12 @@ class ArduinoBench(PortBench[Board]):
     # --- samples ------------------------------------------------------------------------------------------
 
     def _check_rate(self, rate: float) -> None:
-        if not 0.01 <= rate <= 2000.0:
+        slowest, fastest = BOARD_RATES
+        if not slowest <= rate <= fastest:
             raise RigctlError(
-                "the board cannot sample like this", value=f"{rate:g} Hz", expected="0.01 to 2000 Hz"
+                "the board cannot sample like this",
+                value=f"{rate:g} Hz",
+                expected=f"{slowest:g} to {fastest:g} Hz",
             )
 
     def _begin_sampling(self) -> None:
