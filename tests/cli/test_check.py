@@ -77,6 +77,50 @@ def test_mistakes_exit_with_2_and_a_message_without_a_traceback(
     assert "Traceback" not in captured.err
 
 
+@pytest.mark.parametrize("kind", ["rig", "model", "procedure"])
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (
+            "discharge_coefficient: 0.62",
+            "discharge_coefficient: -0.62",
+            "discharge_coefficient is out of bounds, got '-0.62'; expected 0.3 to 1",
+        ),
+        (
+            "throttle_area: 3.3 mm^2",
+            "throttle_area: -3.3 mm^2",
+            "throttle_area is out of bounds, got '-3.3 mm^2'; expected 0.1 mm^2 to 100 mm^2",
+        ),
+        (
+            "monitor_rate: 10 Hz",
+            "monitor_rate: 1e12 Hz",
+            "too large, got '1e12 Hz'; expected at most 1e+06 Hz",
+        ),
+    ],
+)
+def test_an_impossible_value_in_a_rig_file_is_refused_with_every_file_that_uses_it(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    kind: str,
+    old: str,
+    new: str,
+    said: str,
+) -> None:
+    """A model with a negative flow coefficient was accepted if the rig file gave it."""
+    text = (ROOT / "rigs" / "hl32-bench.yaml").read_text("utf-8")
+    assert old in text
+    (tmp_path / "rig.yaml").write_text(text.replace(old, new), encoding="utf-8")
+    (tmp_path / "model.yaml").write_text("model: hydraulic_cylinder\nrig: rig.yaml\n", encoding="utf-8")
+    procedure = "procedure: p\nrig: rig.yaml\nsteps: [wait: 1 s]\n"
+    (tmp_path / "procedure.yaml").write_text(procedure, encoding="utf-8")
+    line = text[: text.index(old)].count("\n") + 1
+    assert call(monkeypatch, "check", str(tmp_path / f"{kind}.yaml")) == 2
+    captured = capsys.readouterr().err
+    assert f"rig.yaml:{line}:" in captured
+    assert said in captured
+
+
 @pytest.mark.parametrize("encoding", ["ascii", "cp437", "cp1252"])
 def test_check_prints_to_a_terminal_with_a_limited_character_set(
     monkeypatch: pytest.MonkeyPatch, encoding: str

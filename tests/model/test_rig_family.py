@@ -55,6 +55,11 @@ def test_a_rig_file_may_name_its_family_by_path() -> None:
         (TANK, "nowhere.yaml", "tank.yaml:2:8: there is no such file, got 'nowhere.yaml'"),
         ("base_area:", "bse_area:", "tank.yaml:8:12: unknown constant of water_tank, got 'bse_area'"),
         ("0.03 m^2", "0.03 m", "tank.yaml:8:23: wrong dimension, got '0.03 m'"),
+        (
+            "4 W/K",
+            "-4 W/K",
+            "tank.yaml:9:31: loss_coefficient is out of bounds, got '-4 W/K'; expected 0 W/K to",
+        ),
         ("10 degC", "10 W", "tank.yaml:9:56: wrong dimension, got '10 W'; expected a temperature"),
         ("unit: mm, quantity: position", "unit: l, quantity: volume", "tank.yaml:4:17"),
     ],

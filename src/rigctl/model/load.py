@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
@@ -19,8 +18,10 @@ from rigctl.files.reader import Reader
 from rigctl.files.validate import validate
 from rigctl.files.version_suffix import split_version, with_version
 from rigctl.files.yaml import Document, parse_document, read_document
+from rigctl.model.bounds import within
 from rigctl.model.history.store import read_version
 from rigctl.model.model import Model, Value
+from rigctl.model.rig_family import require_constants
 from rigctl.model.schema import Known, ModelFile, Setting
 from rigctl.model.values import parameter_values
 from rigctl.physics.families import find_family
@@ -29,7 +30,7 @@ from rigctl.physics.oil import find_oil
 from rigctl.project import find_project
 from rigctl.rig.load import load_rig
 from rigctl.rig.rig import Rig
-from rigctl.units import Quantity, onto_bound, read_si, show
+from rigctl.units import Quantity, read_si
 
 
 @checks_argument_types
@@ -70,6 +71,8 @@ def _build(document: Document, path: Path | None) -> Model:
     reader.stop_at_errors()
     assert family is not None  # noqa: S101 - the reader has stopped where it is
     rig = reader.read(("rig",), partial(_rig, written.rig, path))
+    if rig is not None:
+        reader.read(("rig",), partial(require_constants, rig, family))
     if written.oil is not None:
         reader.read(("oil",), partial(find_oil, written.oil))
     parameters = dict(_parameters(reader, family, written))
@@ -142,11 +145,8 @@ def _parameters(reader: Reader, family: ModelFamily, written: ModelFile) -> Iter
 
 
 def _value(declared: ParameterDeclaration, written: Quantity) -> float:
-    value = onto_bound(read_si(written, declared.unit), declared.low, declared.high)
-    if not declared.low <= value <= declared.high:
-        ends = [show(end, declared.unit) for end in (declared.low, declared.high) if math.isfinite(end)]
-        raise RigctlError(f"{declared.name} is out of bounds", value=str(written), expected=" to ".join(ends))
-    return value
+    si = read_si(written, declared.unit)
+    return within(declared.name, si, declared.low, declared.high, declared.unit, str(written))
 
 
 def _prior(declared: ParameterDeclaration, written: Known | None) -> Prior | None:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 from rigctl.errors import RigctlError, unknown_name
+from rigctl.files.amount import Amount
 from rigctl.files.reader import Reader
 from rigctl.files.yaml import parse_document
+from rigctl.model.bounds import within
 from rigctl.model.inputs import require_unit_of
 from rigctl.physics.families import FAMILIES, find_family
-from rigctl.physics.family import ModelFamily
+from rigctl.physics.family import ModelFamily, ParameterDeclaration
 from rigctl.rig.rig import Rig
 from rigctl.units import parse_unit
 
@@ -25,8 +27,9 @@ def family_of(rig: Rig) -> ModelFamily:
     ------
     RigctlError
         it names none, or one that does not exist; a channel or an actuator has another dimension than the
-        family's output or input of its name; or the rig gives a constant that a user's own family does not
-        have (`rigctl.rig.checks` checks those of the shipped families).
+        family's output or input of its name; or the rig gives a constant that is out of the bounds of the
+        parameter, or that a user's own family does not have (`rigctl.rig.checks` checks the names for the
+        shipped families).
     """
     if rig.model is None:
         raise RigctlError(
@@ -38,18 +41,26 @@ def family_of(rig: Rig) -> ModelFamily:
         family = reader.read(("model",), partial(find_family, rig.model, rig.path))
         reader.stop_at_errors()
         assert family is not None  # noqa: S101 - the reader has stopped where it is
-    _check(rig, family)
+    _check(rig, [*_signals(rig, family), *_constants(rig, family)])
     return family
+
+
+def require_constants(rig: Rig, family: ModelFamily) -> None:
+    """Refuse a rig whose constants, as far as a family has them, are not possible as its parameters.
+
+    Raises
+    ------
+    RigctlError
+        one has another dimension or is out of bounds; with its location in the rig file.
+    """
+    _check(rig, [check for check in _constants(rig, family) if not check[1]])
 
 
 def _reader(rig: Rig) -> Reader:
     return Reader(parse_document(rig.text, rig.path))
 
 
-def _check(rig: Rig, family: ModelFamily) -> None:
-    checks = [*_signals(rig, family)]
-    if family.name not in FAMILIES:
-        checks += _constants(rig, family)
+def _check(rig: Rig, checks: Sequence[_Check]) -> None:
     wrong: list[_Check] = []
     for check in checks:
         try:
@@ -79,15 +90,24 @@ def _signals(rig: Rig, family: ModelFamily) -> Iterator[_Check]:
 
 
 def _constants(rig: Rig, family: ModelFamily) -> Iterator[_Check]:
+    """Every constant has the dimension of the input or parameter of its name, and is within its bounds."""
     units = {item.name: item.unit for item in family.inputs}
     units |= {parameter.name: parameter.unit for parameter in family.parameters}
     units |= {name: units[meant[0]] for name, meant in family.rig_names.items()}
+    declared = {parameter.name: parameter for parameter in family.parameters}
     for part, amounts in (("geometry", rig.geometry), ("constants", rig.constants)):
         for name, amount in amounts.items():
+            meant = [declared[one] for one in family.rig_names.get(name, (name,)) if one in declared]
             if name in units:
-                yield (part, name), False, partial(amount.check, units[name])
-            else:
+                yield (part, name), False, partial(_check_constant, name, amount, units[name], meant)
+            elif family.name not in FAMILIES:
                 yield (part, name), True, partial(_refuse_constant, name, family, units)
+
+
+def _check_constant(name: str, amount: Amount, unit: str, meant: Sequence[ParameterDeclaration]) -> None:
+    amount.check(unit)
+    for one in meant:
+        within(name, amount, one.low, one.high, one.unit, amount.text)
 
 
 def _refuse_constant(name: str, family: ModelFamily, known: dict[str, str]) -> None:

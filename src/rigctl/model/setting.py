@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 
 from rigctl.effects.declaration import qualified
 from rigctl.effects.option import read_parameter
 from rigctl.errors import RigctlError, unknown_name
+from rigctl.model.bounds import within
 from rigctl.model.model import Model
 from rigctl.model.writing.numbers import value_text
 from rigctl.physics.family import ParameterDeclaration
-from rigctl.units import onto_bound, read_si, show
+from rigctl.units import read_si
 
 
 def read_settings(model: Model, written: Mapping[str, str]) -> dict[str, float]:
@@ -40,12 +40,11 @@ def read_settings(model: Model, written: Mapping[str, str]) -> dict[str, float]:
 
 def _value(declared: ParameterDeclaration, text: str) -> float:
     try:
-        value = onto_bound(read_si(text, declared.unit), declared.low, declared.high)
+        si = read_si(text, declared.unit)
     except RigctlError as error:
         error.what = f"{declared.name}: {error.what}"
         raise
-    _require_within(declared.name, value, declared.low, declared.high, declared.unit, text)
-    return value
+    return within(declared.name, si, declared.low, declared.high, declared.unit, text)
 
 
 def require_possible(model: Model, name: str, si: float) -> None:
@@ -60,23 +59,10 @@ def require_possible(model: Model, name: str, si: float) -> None:
     if dot:
         declared = model.effect(effect).parameter(parameter)
         low, high = declared.widest
-        _require_within(name, si, low, high, declared.unit, difference=declared.difference)
+        within(name, si, low, high, declared.unit, difference=declared.difference)
     else:
         of_family = model.family.parameter(name)
-        _require_within(name, si, of_family.low, of_family.high, of_family.unit)
-
-
-def _require_within(
-    name: str, si: float, low: float, high: float, unit: str, written: str = "", *, difference: bool = False
-) -> None:
-    if low <= si <= high:
-        return
-    ends = [show(end, unit, difference=difference) for end in (low, high) if math.isfinite(end)]
-    shown = written or show(si, unit, difference=difference)
-    expected = (
-        " to ".join(ends) if len(ends) > 1 else f"{'at least' if low > -math.inf else 'at most'} {ends[0]}"
-    )
-    raise RigctlError(f"{name} is out of bounds", value=shown, expected=expected)
+        within(name, si, of_family.low, of_family.high, of_family.unit)
 
 
 def set_by_hand(model: Model, values: Mapping[str, float]) -> Model:

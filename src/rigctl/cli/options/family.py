@@ -46,16 +46,14 @@ def use_family(context: typer.Context, written: str | None) -> str | None:
 
 
 def check_family_of(rig: Rig) -> None:
-    """Require that the rig's own family is registered and matches the rig file.
+    """Require that the rig's family, if it names one, is registered and matches the rig file.
 
     Raises
     ------
     RigctlError
-        it is not, or does not; a shipped family was checked with the rig file.
+        it is not, or does not.
     """
-    from rigctl.rig.constants import CONSTANTS
-
-    if rig.model is not None and rig.model not in CONSTANTS:
+    if rig.model is not None:
         from rigctl.model.rig_family import family_of
 
         family_of(rig)
