@@ -28,11 +28,12 @@ from linear_problem import (
 )
 from rigctl.analysis.comparison_result import Comparison
 from rigctl.analysis.decision_levels import LEAST_DIFFERENCE, LEAST_SEPARATION
-from rigctl.analysis.diagnosis import diagnose_comparison
+from rigctl.analysis.diagnosis import diagnose, diagnose_comparison
 from rigctl.analysis.diagnosis_result import Diagnosis, Verdict
 from rigctl.analysis.improve import Improvement, ImprovementEnd, improve
 from rigctl.analysis.pair_gains import pair_gains
 from rigctl.analysis.search import Search
+from rigctl.errors import RigctlError
 from rigctl.model.load import load_model
 
 Floats = NDArray[np.float64]
@@ -316,6 +317,18 @@ def test_improve_adds_the_largest_gain_first_and_stops_when_adequate(
     assert {name: own["size"].si for name, own in saved.effects.items()} == pytest.approx(
         {"delta": 12.0, "beta": 9.0}, abs=1e-2
     )
+
+
+def test_a_search_for_no_effect_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A diagnosis tried single effects all the same, and `improve` said that it had added the most."""
+    design = made_design(PLAIN, np.eye(6))
+    said = "too few effects to search for, got '0'; expected at least 1"
+    with pytest.raises(RigctlError, match=said):
+        improved(design, {"beta": 9.0}, tmp_path, monkeypatch, most=0)
+    with pytest.raises(RigctlError, match=said):
+        diagnose_comparison(compared(design, readings_of(design, {"beta": 9.0})), most=0)
+    with pytest.raises(RigctlError, match=said):
+        diagnose([], load_model(tmp_path / "m.yaml"), most=0)
 
 
 def test_effects_that_improve_the_fit_only_together_are_added_together(

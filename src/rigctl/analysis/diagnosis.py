@@ -20,7 +20,7 @@ from rigctl.analysis.ranking import most_visible, ranking_of
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import share_text
 from rigctl.analysis.repeated_fit import from_another_start, in_noise_of_the_leader
-from rigctl.analysis.search import Search
+from rigctl.analysis.search import Search, require_number_of_effects
 from rigctl.analysis.single_values.remarks import table_remarks
 from rigctl.analysis.text import (
     Statement,
@@ -65,8 +65,9 @@ def diagnose(
     Raises
     ------
     RigctlError
-        as `rigctl.analysis.comparison.compare`; or the model has no free parameters.
+        as `rigctl.analysis.comparison.compare`; the model has no free parameters; or `most` is less than one.
     """
+    require_number_of_effects(most)
     require_free_parameters(model)
     compared = compare(
         runs, [model], hold_out=hold_out, only=only, excluded=excluded, on_progress=on_progress
@@ -96,7 +97,13 @@ def diagnose_comparison(
 
     `further_laws` is called with the diagnosis, and says whether the laws of the effects that the model has
     are to be estimated too, on which nothing else in it depends; those of the named effects always are.
+
+    Raises
+    ------
+    RigctlError
+        `most` is less than one, or the model cannot be simulated at its fit.
     """
+    require_number_of_effects(most)
     search, found = _searched(before, most, on_progress or no_progress)
     judgement = judge_set(search, found)
     before, best, verdict = search.before, judgement.best, judgement.verdict

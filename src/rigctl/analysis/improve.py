@@ -19,6 +19,7 @@ from rigctl.analysis.held_out_group import HeldOutGroup
 from rigctl.analysis.ranking import found_parameters
 from rigctl.analysis.refit import RefittedSet, refit
 from rigctl.analysis.refitted_sets import RefittedSets
+from rigctl.analysis.search import require_number_of_effects
 from rigctl.analysis.text import effect_text
 from rigctl.argument_types import checks_argument_types
 from rigctl.model.fit.model_error import model_error
@@ -198,8 +199,9 @@ def improve(
     Raises
     ------
     RigctlError
-        a version cannot be saved, or as `rigctl.analysis.comparison.judge`.
+        a version cannot be saved, `most` is less than one, or as `rigctl.analysis.comparison.judge`.
     """
+    require_number_of_effects(most)
     require_known(excluded, [compared.models[0].fit.model])
     report = on_progress or no_progress
     current, steps, source = compared.models[0], list[Step](), Path(path)

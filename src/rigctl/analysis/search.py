@@ -42,6 +42,18 @@ _SIZES = 2
 _TOGETHER = 2
 
 
+def require_number_of_effects(most: int) -> None:
+    """Refuse a search for sets of no effect, which a comparison is.
+
+    Raises
+    ------
+    RigctlError
+        `most` is less than one.
+    """
+    if most < 1:
+        raise RigctlError("too few effects to search for", value=str(most), expected="at least 1")
+
+
 @dataclass
 class Search(RefittedSets):
     """The search for the best set of one comparison.
