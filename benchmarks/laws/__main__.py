@@ -42,10 +42,10 @@ def attempt(exponent: float, drag: float, noise: float, seed: int) -> tuple[list
     (linear,) = estimated_laws(Search(found.before, found.before.whole), found.best)
     off = (law.exponent - exponent) / law.exponent_std
     size = next(one.size for one in found.ranking if one.effect == "fan")
-    by_bends = f"{2.0 + linear.change:.4f} ± {linear.change_std:.4f}"
+    by_splines = f"{2.0 + linear.change:.4f} ± {linear.change_std:.4f}"
     fitted = f"{law.exponent:.4f} ± {law.exponent_std:.4f}"
     told = "told" if law.power is not None else "not told from 2"
-    return [f"{exponent:g}", f"{size:.0f}", by_bends, fitted, told, f"{off:+.1f}"], off
+    return [f"{exponent:g}", f"{size:.0f}", by_splines, fitted, told, f"{off:+.1f}"], off
 
 
 def main() -> int:
@@ -59,7 +59,7 @@ def main() -> int:
             row, off = attempt(exponent, drag, noise, 20 + seed)
             rows.append(row)
             errors.append(off)
-    heads = ["truth", "sigmas", "by the bends", "fitted", "", "error/std"]
+    heads = ["truth", "sigmas", "by splines", "fitted", "", "error/std"]
     table("Exponents", [heads, *rows])
     print(f"root mean square of the last column: {math.sqrt(sum(e * e for e in errors) / len(errors)):.2f}")
     return 0

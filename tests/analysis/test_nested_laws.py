@@ -106,5 +106,5 @@ def test_a_law_with_two_parameters_equal_is_the_simpler_law() -> None:
 def test_a_law_with_an_undetermined_parameter_is_not_claimed() -> None:
     effects = {"stribeck_friction": find_effect("stribeck_friction", "hydraulic_cylinder")}
     for spare in ((), ("stribeck_friction",)):
-        (one,) = levels_of([["stribeck_friction"]], effects, sure=True, bent=False, spare=spare)
+        (one,) = levels_of([["stribeck_friction"]], effects, sure=True, other_shape=False, spare=spare)
         assert (one.place_sure, one.driver_sure, one.law_sure) == (True, True, not spare)

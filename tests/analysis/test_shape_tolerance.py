@@ -55,16 +55,16 @@ def test_laws_of_one_cause_share_location_and_driver() -> None:
     assert not same_cause(coulomb, spring)
 
 
-def level(classes: list[str], *, sure: bool = True, bent: bool = False) -> tuple[bool, bool, bool]:
+def level(classes: list[str], *, sure: bool = True, other_shape: bool = False) -> tuple[bool, bool, bool]:
     effects: dict[str, Effect] = {name: find_effect(name, FAMILY) for name in classes}
-    (found,) = levels_of([classes], effects, sure=sure, bent=bent)
+    (found,) = levels_of([classes], effects, sure=sure, other_shape=other_shape)
     assert found.statement == "" or not found.law_sure
     return found.place_sure, found.driver_sure, found.law_sure
 
 
 def test_a_level_is_claimed_only_if_the_whole_class_agrees_on_it() -> None:
     assert level(["coulomb_friction"]) == (True, True, True)
-    assert level(["coulomb_friction"], bent=True) == (True, True, False)
+    assert level(["coulomb_friction"], other_shape=True) == (True, True, False)
     assert level(["coulomb_friction", "stribeck_friction"]) == (True, True, False)
     assert level(["coulomb_friction", "viscous_friction"]) == (True, False, False)
     assert level(["coulomb_friction", "spring_load"]) == (False, False, False)
@@ -77,7 +77,7 @@ def test_remainders_unusual_sizes_and_constants_withdraw_levels_of_an_answer() -
     }
 
     def levels(name: str, **known: object) -> tuple[bool, bool, bool]:
-        (one,) = levels_of([[name]], effects, sure=True, bent=False, **known)
+        (one,) = levels_of([[name]], effects, sure=True, other_shape=False, **known)
         return one.place_sure, one.driver_sure, one.law_sure
 
     assert levels("spring_load", complete=False) == (True, True, False)

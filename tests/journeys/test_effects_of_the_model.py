@@ -58,7 +58,7 @@ def test_a_deviation_within_the_shape_tolerance_of_a_law_is_not_named_as_an_effe
     found = answer("diagnose", "latest", "--model", "model.yaml")
     assert (found["verdict"], found["effects"]) == ("outside_library", [])
     assert "within 10 % of the law of leak_on_heat_middle" in found["statement"]
-    assert "is more than such deviations explain" in found["statement"]
+    assert "but such deviations explain all but" in found["statement"]
 
 
 def test_no_formula_is_accepted_for_a_drift_in_time(folder: Path) -> None:

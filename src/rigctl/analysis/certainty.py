@@ -164,7 +164,7 @@ def _by_itself(
 
 def _levels(answer: Answer, laws: Sequence[LawAnswer], scatters: Sequence[SizeScatter]) -> tuple[Levels, ...]:
     search, best, remaining = answer.search, answer.best, answer.remaining
-    bent = search.evidence(best) - search.mbic(best) < -LEAST_DIFFERENCE
+    other_shape = search.evidence(best) - search.mbic(best) < -LEAST_DIFFERENCE
     effects = {name: search.effect(name) for names in answer.classes for name in names}
     constant = {
         name: [law.law.driver.name for law in laws if law.effect == name and law.constant] for name in effects
@@ -179,7 +179,7 @@ def _levels(answer: Answer, laws: Sequence[LawAnswer], scatters: Sequence[SizeSc
     steady = best.effects if single and remaining is not None and search.scatter_is_all(best) else ()
     alone = (
         {names[0] for names in answer.classes if len(names) == 1}
-        if usual and not bent and remaining is None
+        if usual and not other_shape and remaining is None
         else ()
     )
     return levels_of(
@@ -187,7 +187,7 @@ def _levels(answer: Answer, laws: Sequence[LawAnswer], scatters: Sequence[SizeSc
         effects,
         sure=sure,
         usual=usual,
-        bent=bent,
+        other_shape=other_shape,
         spare=[one.name for one in best.candidates if one.name in alone and simpler_does(search, best, one)],
         complete=remaining is None,
         constant=constant,

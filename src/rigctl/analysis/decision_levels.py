@@ -68,7 +68,7 @@ SLOT_LINEAR: Final = 0.01
 SHAPE_TOLERANCE: Final = 0.1
 #: a rival that leaves more than this share of what the named effect explains is compared by mBIC alone: no
 #: discrepancy of its law could make up for so much
-BENDS: Final = 0.5
+DISCREPANCY_LIMIT: Final = 0.5
 #: difference in mBIC, as a share of what the named effect explains, below which a rival may only be standing
 #: in for an effect that neither law describes; and the share of the misfit above which a formula does so
 STAND_IN: Final = 0.18

@@ -216,14 +216,14 @@ def _shape_alone(search: Search) -> str:
     return (
         "Nothing more is missing that these data show: the model does not agree with the measurements "
         f"({chance_text(search.before.adequacy.p_value)}), but what is left is within "
-        f"{share_text(SHAPE_TOLERANCE)} of the law of {_laws_of(search)}, which the bench need not follow "
-        "exactly"
+        f"{share_text(SHAPE_TOLERANCE)} of the law of {_laws_of(search)}, by which a bench may deviate "
+        "from it"
     )
 
 
 def _shape_mostly(search: Search, best: RefittedSet) -> str:
     """The sentence that a further effect explains little beyond the model's shape tolerance; else ""."""
-    if best.candidates or not search.bends_model or agrees_within_tolerance(search):
+    if best.candidates or not search.has_discrepancies or agrees_within_tolerance(search):
         return ""
     paying = [one for one in search.trials.values() if search.mbic(one) < search.mbic(search.none)]
     if not paying:
@@ -233,9 +233,9 @@ def _shape_mostly(search: Search, best: RefittedSet) -> str:
     beyond = max(search.evidence(search.none) - search.evidence(nearest), 0.0) / explained
     return (
         "Something is missing, but these data do not show what. Most of it is within "
-        f"{share_text(SHAPE_TOLERANCE)} of the law of {_laws_of(search)}, which the bench need not follow "
-        f"exactly; not all of it is. The nearest in the library is {' and '.join(nearest.effects)}, but only "
-        f"{share_text(beyond)} of what that explains is more than such deviations explain"
+        f"{share_text(SHAPE_TOLERANCE)} of the law of {_laws_of(search)}, by which a bench may deviate from "
+        f"it; not all of it is. The nearest in the library is {' and '.join(nearest.effects)}, but such "
+        f"deviations explain all but {share_text(beyond)} of what it explains"
     )
 
 

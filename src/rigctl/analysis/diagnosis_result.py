@@ -180,7 +180,7 @@ class Diagnosis:
     excluded: for a table, effects that cannot by themselves be what is missing; `excluded_because` in words.
     next_steps: for a table, what to measure next.
     levels: for each of `effects`, how far the answer goes: its location, its explanatory variables, its law.
-    laws: for each of `effects`, and for those already in the model, the law that the data ask for.
+    laws: for each of `effects`, and for those already in the model, the law as estimated from the data.
     outside: where the model with `effects` leaves the ranges over which their laws were learned.
     next_experiment: what to measure next, machine-readable; None if not requested, or nothing is left.
     bootstrap: intervals of the parameters of the model with `effects`; None if not requested.

@@ -189,7 +189,7 @@ def _remedy(evaluated: HeldOutGroup, one: Remedy) -> str:
         )
         return (
             f"{share} would disappear ({_errors(evaluated, one)}) with other values of the same parameters "
-            f"({moved}): the properties that they describe are different there"
+            f"({moved}): what they describe has other values there"
         )
     return f"of the library, {one.names[0]} alone would remove {share}"
 

@@ -31,7 +31,7 @@ class Levels:
     effect: the most probable effect.
     place: its slots; `place_sure` if every effect that cannot be distinguished from it acts there.
     driver: the states and inputs on which it depends; `driver_sure` if all of these depend on the same ones.
-    law_sure: whether it is distinguished from all others, and the data ask for all of it and no other shape.
+    law_sure: whether it is distinguished from all others, and the data require all of it and no other shape.
     """
 
     effect: str
@@ -106,7 +106,7 @@ def levels_of(
     effects: Mapping[str, Effect],
     *,
     sure: bool,
-    bent: bool,
+    other_shape: bool,
     usual: bool = True,
     spare: Collection[str] = (),
     complete: bool = True,
@@ -121,7 +121,7 @@ def levels_of(
     classes: for each member, itself and the effects that are not distinguished from it.
     effects: all of these by name.
     sure: whether any level may be claimed: the set's remainder and its predictions show that it is right.
-    bent: whether the data require another shape of the law of any member.
+    other_shape: whether the data require another shape of the law of any member.
     usual: no parameter is outside its usual range, which speaks against a law.
     spare: members that a simpler law, a limiting case of theirs, could replace.
     complete: the data show nothing more.
@@ -146,7 +146,12 @@ def levels_of(
                 and not constant.get(first.name)
                 and (complete or bool(variables) or first.name in steady)
                 and first.name not in varying,
-                law_sure=sure and usual and complete and not others and not bent and first.name not in spare,
+                law_sure=sure
+                and usual
+                and complete
+                and not others
+                and not other_shape
+                and first.name not in spare,
             )
         )
     return tuple(levels)

@@ -308,12 +308,15 @@ def _reason(diagnosis: Diagnosis, trial: RefittedSet, effects: tuple[str, ...], 
         text += f", the most that one effect gains; {rest} follows"
     unusual = [text for name, text in trial.unusual.items() if name in effects]
     if unusual:
-        text += f". It has its {', and its '.join(unusual)}"
+        text += f". It fits only with its {', and its '.join(unusual)}"
     classes = [names for names in diagnosis.classes if len(names) > 1 and set(names) & set(effects)]
     if classes:
         text += f". These data cannot tell it from {', '.join(classes[0][1:])}: it is the most probable"
     if diagnosis.verdict is Verdict.OUTSIDE_LIBRARY:
-        text += ". It is not all that is missing, has another shape, or is only the nearest in the library"
+        text += (
+            ". Something else may be missing as well, its law may have a different shape, or it is only the "
+            "nearest in the library"
+        )
     return text
 
 

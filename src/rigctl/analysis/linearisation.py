@@ -124,10 +124,10 @@ class Linearisation:
             for k, name in enumerate(self.candidates[index].columns)
             if name not in self.fit.at_bound
         ]
-        bent = self.shapes if tolerance > 0.0 else ()
-        shapes = range(self.full_lengths.size - len(bent), self.full_lengths.size)
+        discrepancies = self.shapes if tolerance > 0.0 else ()
+        shapes = range(self.full_lengths.size - len(discrepancies), self.full_lengths.size)
         joined = [*(column for column, _ in moved), *shapes]
-        scale = np.array([*np.ones(len(moved)), *np.full(len(bent), tolerance)])
+        scale = np.array([*np.ones(len(moved)), *np.full(len(discrepancies), tolerance)])
         columns = [
             column
             for index in remaining
@@ -146,7 +146,7 @@ class Linearisation:
             self,
             candidates=chosen,
             starts=tuple(int(start) for start in starts),
-            nuisances=(*self.nuisances, *(name for _, name in moved), *bent),
+            nuisances=(*self.nuisances, *(name for _, name in moved), *discrepancies),
             records=tuple(
                 replace(
                     one,
@@ -227,8 +227,8 @@ def _triangles(
     known: KnownSlopes | None,
 ) -> _Triangles:
     local = [fit.local[k] for k in fit.fitted]
-    bends = shapes[0].shape[2] if shapes else 0
-    triangles, squares = [], np.zeros(sum(len(one.columns) for one in chosen) + bends)
+    shape_count = shapes[0].shape[2] if shapes else 0
+    triangles, squares = [], np.zeros(sum(len(one.columns) for one in chosen) + shape_count)
     parts = inner.parts(len(names) + len(inner.local_names) + len(inner.initial_names) + squares.size)
     tried_at = [(one.columns, one.shapes, one.secants) for one in chosen]
     point = point_of(base_at(inner, fit), local), tuple(names), tried_at
@@ -241,7 +241,7 @@ def _triangles(
             slopes = stored.of(part)
         if known is not None and stored is None and len(parts) == 1:
             known.keep(point, slopes.of(part))
-        if bends:
+        if shape_count:
             for index, k in enumerate(part):
                 slopes.signatures[index] = np.concatenate([slopes.signatures[index], shapes[k]], axis=2)
         record_points = [(index, local[k], fit.outputs[fit.fitted[k]]) for index, k in enumerate(part)]

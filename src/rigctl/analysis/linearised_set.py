@@ -100,7 +100,7 @@ class LinearisedSet:
         """The tests with the laws exactly as declared."""
         return self.view(0.0).adequacy
 
-    def bend_evidence(self, tolerance: float) -> float:
+    def discrepancy_evidence(self, tolerance: float) -> float:
         """``−gᵀ(I + A)⁻¹g + ln|I + A|`` of the discrepancies of the laws; 0 if there are none."""
         shaped = self.shaped()
         count = len(shaped.shapes)
@@ -178,7 +178,7 @@ class LinearisedSet:
 
     @cached_property
     def _alone(self) -> Linearisation:
-        """The linearisation without the effects to be added, which hold most columns; for `bend_evidence`."""
+        """The linearisation without the effects to be added, which hold most columns."""
         known: Linearisation | None = self.__dict__.get("_everything")
         return self._linearised(()) if known is None else known
 
@@ -210,9 +210,9 @@ class LinearisedSet:
         """Names and readings of the laws' discrepancies, followed by what each switch contributes, in case
         that is the action of an effect without explanatory variables."""
         names, readings = self.shapes.names, self.shapes.readings
-        bent = {bend.effect for bend in self.shapes.bends}
+        with_columns = {one.effect for one in self.shapes.discrepancies}
         problem = self.trial.fit.problem
-        if problem.measurements.table or set(problem.model.with_laws) <= bent:
+        if problem.measurements.table or set(problem.model.with_laws) <= with_columns:
             return names, readings
         switches, moved = switch_columns(self.trial.fit, self.whole)
         if not switches:
@@ -231,10 +231,10 @@ class LinearisedSet:
         model, values = self.trial.fit.problem.model, self.trial.fit.values
         known = {one.name: float(v) for one, v in zip(self.trial.fit.problem.shared, values, strict=True)}
         columns = [*lin.nuisances, *(name for one in lin.candidates for name in one.columns)]
-        bent = {bend.effect for bend in self.shapes.bends}
+        with_columns = {one.effect for one in self.shapes.discrepancies}
         result = []
         for effect in (model.effect(name) for name in model.effects):
-            if effect.name in bent or not effect.terms:
+            if effect.name in with_columns or not effect.terms:
                 continue
             null = {
                 qualified(effect.name, one.name): one.at_null for one in effect.parameters if not one.shape

@@ -96,9 +96,9 @@ class LocatedError:
             return table_statement(name, self.adequacy, self.rows, sentence(self.trends))
         if self.adequacy.below_noise:
             return (
-                f"{name} is nearer to the measurements than their noise: a test sees a pattern in the "
-                f"residuals ({chance}), but the noise of these readings is not as learned, so they cannot "
-                "decide"
+                f"{name} deviates from the measurements by less than their noise: a test detects a pattern "
+                f"in the residuals ({chance}), but the noise of these readings differs from its estimate, so "
+                "that they cannot decide"
             )
         if self.adequacy.adequate:
             return self._agreement

@@ -82,7 +82,7 @@ def _ranking(search: Search, best: RefittedSet) -> list[Ranked]:
 
 def _factor(search: Search, best: RefittedSet) -> float:
     """Factor by which differences of mBIC are reduced: 1 if the best set leaves only noise."""
-    view = search.bent(best) if best.candidates else search.start
+    view = search.with_discrepancies(best) if best.candidates else search.start
     return 1.0 if view.adequacy.agrees else variance_factor(best.fit)
 
 

@@ -67,7 +67,7 @@ class RefittedSets:
     trials: dict[tuple[str, ...], RefittedSet] = field(default_factory=dict, kw_only=True)
     alone: dict[str, Alone | None] = field(default_factory=dict, kw_only=True)
     _points: dict[tuple[str, ...], LinearisedSet] = field(default_factory=dict, kw_only=True)
-    _bends: dict[tuple[str, ...], float] = field(default_factory=dict, kw_only=True)
+    _discrepancy_evidence: dict[tuple[str, ...], float] = field(default_factory=dict, kw_only=True)
     _tried_starts: set[tuple[tuple[str, ...], float]] = field(default_factory=set, kw_only=True)
     _rivals: dict[tuple[tuple[str, ...], str], list[tuple[RefittedSet, float, float]]] = field(
         default_factory=dict, kw_only=True
@@ -92,7 +92,7 @@ class RefittedSets:
         return self.at(self.none).view(self.tolerance)
 
     @property
-    def bends_model(self) -> bool:
+    def has_discrepancies(self) -> bool:
         """Whether the model already has effects, whose laws have a shape tolerance."""
         return self.start is not self.before
 
@@ -144,7 +144,7 @@ class RefittedSets:
         """
         if self.at(trial).adequacy.agrees:
             return 0.0
-        return self._excess_in(self.bent(trial))
+        return self._excess_in(self.with_discrepancies(trial))
 
     def _excess_in(self, view: View) -> float:
         """χ² that a view of a set leaves, see `excess`."""
@@ -176,7 +176,7 @@ class RefittedSets:
         None for several effects, for one with explanatory variables, for a table, and for a model that
         already has effects: their laws have a tolerance of their own.
         """
-        if len(trial.candidates) != 1 or not self.tolerance or self.bends_model:
+        if len(trial.candidates) != 1 or not self.tolerance or self.has_discrepancies:
             return None
         (member,) = trial.candidates
         point = self.at(trial)
@@ -207,7 +207,7 @@ class RefittedSets:
         """
         explained = without.chi2 - best.chi2
         little = explained < SLIGHT * reached
-        if not (little or self.bends_model or (self.tolerance and self.sure(without))):
+        if not (little or self.has_discrepancies or (self.tolerance and self.sure(without))):
             return False
         if self.tolerance:
             beyond = self.evidence(without) - self.evidence(best)
@@ -253,7 +253,7 @@ class RefittedSets:
             self._points[key] = LinearisedSet(trial, self.whole, self.before.excluded, known)
         return self._points[key]
 
-    def bent(self, trial: RefittedSet) -> View:
+    def with_discrepancies(self, trial: RefittedSet) -> View:
         """The linearisation and the tests within the shape tolerance of the laws of all effects."""
         return self.at(trial).view(self.tolerance)
 
@@ -265,9 +265,11 @@ class RefittedSets:
         the fitted unknowns projected off, ``A = S̃ᵀS̃`` and ``g = S̃ᵀr̃``.
         """
         key = _key(trial.candidates)
-        if key not in self._bends:
-            self._bends[key] = self.at(trial).bend_evidence(self.tolerance) if self.tolerance else 0.0
-        return self.mbic(trial) + self._bends[key]
+        if key not in self._discrepancy_evidence:
+            self._discrepancy_evidence[key] = (
+                self.at(trial).discrepancy_evidence(self.tolerance) if self.tolerance else 0.0
+            )
+        return self.mbic(trial) + self._discrepancy_evidence[key]
 
     def rivals(self, trial: RefittedSet, member: Candidate) -> list[tuple[RefittedSet, float, float]]:
         """(rival set, cosine, separation d) of the sets with another effect in place of `member`.
@@ -354,7 +356,7 @@ class RefittedSets:
             if again is not None and again.chi2 < known.chi2 - UNSEEN:
                 self.trials[key] = again
                 self._points.pop(key, None)
-                self._bends.pop(key, None)
+                self._discrepancy_evidence.pop(key, None)
                 self._rivals.clear()  # it may be a rival of others, or what they are compared with
         return self.trials[key]
 

@@ -68,9 +68,9 @@ def remainder(search: Search, best: RefittedSet) -> Remainder | None:
     if not best.candidates:
         return None
     excess = search.excess(best)
-    if search.at(best).adequacy.agrees or search.bent(best).adequacy.agrees:
+    if search.at(best).adequacy.agrees or search.with_discrepancies(best).adequacy.agrees:
         return None
-    view = search.bent(best)
+    view = search.with_discrepancies(best)
     name, slot, absorbed = _next(search, best, excess)
     if absorbed < _MOST:
         evidence = slot_evidence(best.fit)

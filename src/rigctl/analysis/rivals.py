@@ -12,7 +12,7 @@ import numpy as np
 from rigctl.analysis.candidates import Candidate
 from rigctl.analysis.decision_levels import (
     AT_LIMIT,
-    BENDS,
+    DISCREPANCY_LIMIT,
     LEAST_DIFFERENCE,
     LEAST_SEPARATION,
     REFIT_SCATTER,
@@ -115,7 +115,7 @@ def find_rivals(search: Search, best: RefittedSet) -> list[Rival]:
             distance = max(d, _by_refit(trial, best))
             share = (trial.chi2 - best.chi2) / max(explained, 1e-12)
             difference = search.mbic(trial) - search.mbic(best)
-            if difference >= LEAST_DIFFERENCE and share < BENDS:
+            if difference >= LEAST_DIFFERENCE and share < DISCREPANCY_LIMIT:
                 difference = min(difference, search.evidence(trial) - search.evidence(best))
             if search.left(best) > 0.0 and difference < STAND_IN * explained:
                 # neither is right, so the noise no longer gives the probability of a difference

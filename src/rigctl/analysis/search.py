@@ -233,7 +233,7 @@ class Search(RefittedSets):
         return best
 
     def _exchanges(self, best: RefittedSet) -> list[RefittedSet]:
-        view = self.bent(best)
+        view = self.with_discrepancies(best)
         sets = []
         for score in sorted(view.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
             candidate = view.linearisation.candidates[score.candidate]
@@ -245,7 +245,7 @@ class Search(RefittedSets):
 
     def _forward(self, best: RefittedSet) -> None:
         """Refit `best` with each of the effects for which its own linearisation predicts the largest gain."""
-        view = self.bent(best)
+        view = self.with_discrepancies(best)
         for score in sorted(view.screening.scores, key=lambda one: -one.gain)[:_PAIRS]:
             if score.gain > WORTH:
                 candidate = view.linearisation.candidates[score.candidate]
@@ -292,7 +292,7 @@ class Search(RefittedSets):
 
     def _beyond_laws(self, best: RefittedSet) -> RefittedSet:
         """The empty set if the model's own laws explain much of `best` within their shape tolerance."""
-        if len(best.candidates) == 1 and self.bends_model and self.slight(best, self.none):
+        if len(best.candidates) == 1 and self.has_discrepancies and self.slight(best, self.none):
             return self.none
         return best
 

@@ -44,7 +44,7 @@ _VARIES = 0.005
 
 
 @dataclass(frozen=True)
-class Bend:
+class LawDiscrepancy:
     """The splines over one variable of one effect: a discrepancy of its law.
 
     Attributes
@@ -76,20 +76,20 @@ class ShapeColumns:
 
     Attributes
     ----------
-    bends: the meaning of the columns.
+    discrepancies: the meaning of the columns.
     readings: (n, channels, columns) for each record, the derivatives by the amplitudes a.
     """
 
-    bends: tuple[Bend, ...]
+    discrepancies: tuple[LawDiscrepancy, ...]
     readings: tuple[Floats, ...] = field(repr=False)
 
     @property
     def names(self) -> tuple[str, ...]:
         """A name for each column."""
         return tuple(
-            f"shape of {bend.effect} over {bend.driver.name}, {k}"
-            for bend in self.bends
-            for k in range(bend.columns.stop - bend.columns.start)
+            f"shape of {discrepancy.effect} over {discrepancy.driver.name}, {k}"
+            for discrepancy in self.discrepancies
+            for k in range(discrepancy.columns.stop - discrepancy.columns.start)
         )
 
 
@@ -112,7 +112,7 @@ def shape_columns(fit: FitResult, problem: Problem, effects: Sequence[Effect]) -
     if not wanted:
         return ShapeColumns((), nothing)
     simulated = at.simulate(np.empty(0), local).require()
-    bends: list[Bend] = []
+    discrepancies: list[LawDiscrepancy] = []
     arguments: list[SplineArgument] = []
     columns: list[SplineColumn] = []
     root = prior_root()
@@ -124,8 +124,8 @@ def shape_columns(fit: FitResult, problem: Problem, effects: Sequence[Effect]) -
         first = len(columns)
         columns += [SplineColumn(carried, (len(arguments), k)) for k in range(FUNCTIONS)]
         arguments.append(SplineArgument(dict(driver.weights), knots))
-        bends.append(Bend(effect.name, driver, knots, slice(first, len(columns)), root))
-    if not bends:
+        discrepancies.append(LawDiscrepancy(effect.name, driver, knots, slice(first, len(columns)), root))
+    if not discrepancies:
         return ShapeColumns((), nothing)
     readings: list[Floats] = []
     for part in at.parts(len(columns)):
@@ -136,9 +136,9 @@ def shape_columns(fit: FitResult, problem: Problem, effects: Sequence[Effect]) -
         for array in slopes.sensitivities:
             sensitivity = np.take(array, at.channels, axis=1)
             readings.append(
-                np.concatenate([sensitivity[:, :, one.columns] @ one.root for one in bends], axis=2)
+                np.concatenate([sensitivity[:, :, one.columns] @ one.root for one in discrepancies], axis=2)
             )
-    return ShapeColumns(tuple(bends), tuple(readings))
+    return ShapeColumns(tuple(discrepancies), tuple(readings))
 
 
 def _carried(effect: Effect, problem: Problem, base: Floats) -> dict[str, float]:

@@ -28,7 +28,7 @@ from rigctl.analysis.linearisation import Linearisation, linearise
 from rigctl.analysis.nuisance_projection import project
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.search import Search
-from rigctl.analysis.shape_tolerance import Bend, courses, shape_columns
+from rigctl.analysis.shape_tolerance import LawDiscrepancy, courses, shape_columns
 from rigctl.effects.declaration import Effect
 from rigctl.effects.drivers import Driver
 from rigctl.model.fit.fit import FitResult
@@ -101,10 +101,10 @@ def estimated_laws(search: Search, trial: RefittedSet) -> tuple[EstimatedLaw, ..
     Empty if no term has a discrepancy: for effects without variables, or with variables that do not vary.
     """
     point = search.at(trial)
-    if not point.shapes.bends:
+    if not point.shapes.discrepancies:
         return ()
     agrees = point.view(SHAPE_TOLERANCE).adequacy.agrees
-    return _laws(trial.fit, point.shaped(), point.shapes.bends, 1.0 if agrees else None)
+    return _laws(trial.fit, point.shaped(), point.shapes.discrepancies, 1.0 if agrees else None)
 
 
 def laws_of(fit: FitResult, effects: Sequence[Effect]) -> tuple[EstimatedLaw, ...]:
@@ -116,28 +116,32 @@ def laws_of(fit: FitResult, effects: Sequence[Effect]) -> tuple[EstimatedLaw, ..
         the model cannot be simulated there.
     """
     shapes = shape_columns(fit, fit.problem, effects)
-    if not shapes.bends:
+    if not shapes.discrepancies:
         return ()
-    return _laws(fit, linearise(fit, fit.problem, (), (shapes.names, shapes.readings)), shapes.bends, None)
+    return _laws(
+        fit, linearise(fit, fit.problem, (), (shapes.names, shapes.readings)), shapes.discrepancies, None
+    )
 
 
 def _laws(
-    fit: FitResult, shaped: Linearisation, bends: Sequence[Bend], noise: float | None
+    fit: FitResult, shaped: Linearisation, discrepancies: Sequence[LawDiscrepancy], noise: float | None
 ) -> tuple[EstimatedLaw, ...]:
     course = _Course(fit)
-    visited = {bend.driver: course.range(bend.driver) for bend in bends}
+    visited = {discrepancy.driver: course.range(discrepancy.driver) for discrepancy in discrepancies}
     laws = []
-    for bend in bends:
-        term = law_term(course.known, fit.problem.model.effect(bend.effect), bend.driver)
+    for discrepancy in discrepancies:
+        term = law_term(course.known, fit.problem.model.effect(discrepancy.effect), discrepancy.driver)
         if term is None:
             continue
         others = tuple(
             (driver, *visited[driver])
-            for driver in dict.fromkeys(one.driver for one in bends if one.effect == bend.effect)
-            if driver != bend.driver
+            for driver in dict.fromkeys(
+                one.driver for one in discrepancies if one.effect == discrepancy.effect
+            )
+            if driver != discrepancy.driver
         )
-        law = _law(shaped, bend, term, len(bends), noise)
-        laws.append(replace(law, visited=visited[bend.driver], others=others))
+        law = _law(shaped, discrepancy, term, len(discrepancies), noise)
+        laws.append(replace(law, visited=visited[discrepancy.driver], others=others))
     return tuple(laws)
 
 
@@ -171,17 +175,19 @@ class _Course:
         return values[np.isfinite(values)]
 
 
-def _law(shaped: Linearisation, bend: Bend, term: LawTerm, count: int, noise: float | None) -> EstimatedLaw:
+def _law(
+    shaped: Linearisation, discrepancy: LawDiscrepancy, term: LawTerm, count: int, noise: float | None
+) -> EstimatedLaw:
     """One effect over one variable, with the other discrepancies free within the tolerance.
 
     `noise` is the variance of whitened residuals; if None, that which the widest discrepancy leaves.
     """
-    of_bend = np.zeros(len(shaped.shapes), dtype=bool)
-    of_bend[bend.columns] = True
-    weights = np.where(of_bend, 1.0, SHAPE_TOLERANCE)
+    of_discrepancy = np.zeros(len(shaped.shapes), dtype=bool)
+    of_discrepancy[discrepancy.columns] = True
+    weights = np.where(of_discrepancy, 1.0, SHAPE_TOLERANCE)
     rows = _rows(shaped, weights)
-    projected = project(_with_other_bends(shaped, of_bend))
-    columns, residual = projected.signatures[:, of_bend], projected.residual
+    projected = project(_with_other_discrepancies(shaped, of_discrepancy))
+    columns, residual = projected.signatures[:, of_discrepancy], projected.residual
     if noise is None:
         absorbed = _evidence(columns * _WIDTHS[-1], residual)[1]
         noise = max(1.0, (float(residual @ residual) - absorbed) / max(projected.dof, 1))
@@ -189,17 +195,17 @@ def _law(shaped: Linearisation, bend: Bend, term: LawTerm, count: int, noise: fl
     width, evidence, explained = min(
         ((one, *_evidence(columns * one, residual)) for one in _WIDTHS), key=lambda known: known[1]
     )
-    x = np.linspace(bend.knots[3], bend.knots[-4], _POINTS)
+    x = np.linspace(discrepancy.knots[3], discrepancy.knots[-4], _POINTS)
     assumed = term.values(x)
-    estimate, spread = _posterior(rows, bend, of_bend, width, noise, term, x, assumed)
-    change, std = _power_change(columns, residual, bend, x)
+    estimate, spread = _posterior(rows, discrepancy, of_discrepancy, width, noise, term, x, assumed)
+    change, std = _power_change(columns, residual, discrepancy, x)
     price = 2.0 * math.log(count * len(_WIDTHS))
     table = shaped.fit.problem.measurements.table
     degrees = projected.noise_degrees or (max(projected.dof, 1) if table else 0)
     clear = count * chance_of(change / std, degrees) < ALPHA
     return EstimatedLaw(
         effect=term.effect,
-        driver=bend.driver,
+        driver=discrepancy.driver,
         slot=term.slot,
         x=x,
         assumed=assumed,
@@ -241,9 +247,9 @@ def _rows(shaped: Linearisation, weights: Floats) -> _Rows:
     return _Rows(shaped.nuisances, nuisance, shapes * weights, residual)
 
 
-def _with_other_bends(shaped: Linearisation, of_bend: NDArray[np.bool_]) -> Linearisation:
+def _with_other_discrepancies(shaped: Linearisation, of_discrepancy: NDArray[np.bool_]) -> Linearisation:
     """The discrepancies of the other laws among the nuisances, within the tolerance."""
-    others = np.flatnonzero(~of_bend)
+    others = np.flatnonzero(~of_discrepancy)
     weight, prior = shaped.prior
     more = others.size
     joint = np.pad(weight, (0, more))
@@ -271,8 +277,8 @@ def _evidence(columns: Floats, residual: Floats) -> tuple[float, float]:
 
 def _posterior(
     rows: _Rows,
-    bend: Bend,
-    of_bend: NDArray[np.bool_],
+    discrepancy: LawDiscrepancy,
+    of_discrepancy: NDArray[np.bool_],
     width: float,
     noise: float,
     term: LawTerm,
@@ -281,7 +287,7 @@ def _posterior(
 ) -> tuple[Floats, Floats]:
     """(points) The term that the data support and its standard deviation: the combined result of the effect's
     fitted sizes and the discrepancy, with all other unknowns free as well."""
-    shapes = np.where(of_bend, width, 1.0) * rows.shapes
+    shapes = np.where(of_discrepancy, width, 1.0) * rows.shapes
     joint = np.hstack([rows.nuisance, shapes]) / math.sqrt(noise)
     scale = np.linalg.norm(joint, axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
@@ -295,27 +301,31 @@ def _posterior(
     for index, name in enumerate(rows.names):
         acts[:, index] = term.slope(name, x)
     # discrepancy of the term: the splines' amplitudes are L·a, a = width·(this unknown)
-    acts[:, first + np.flatnonzero(of_bend)] = assumed[:, None] * (_basis(bend, x) @ bend.root) * width
+    acts[:, first + np.flatnonzero(of_discrepancy)] = (
+        assumed[:, None] * (_basis(discrepancy, x) @ discrepancy.root) * width
+    )
     acts = acts / scale
     spread = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", acts, covariance, acts), 0.0))
     return assumed + acts @ mean, spread
 
 
-def _basis(bend: Bend, x: Floats) -> Floats:
+def _basis(discrepancy: LawDiscrepancy, x: Floats) -> Floats:
     """(points, functions) the splines."""
     from scipy.interpolate import BSpline
 
-    inside = np.clip(x, bend.knots[3], bend.knots[-4])
-    count = bend.columns.stop - bend.columns.start
-    return np.column_stack([BSpline(bend.knots, unit, 3)(inside) for unit in np.eye(count)])
+    inside = np.clip(x, discrepancy.knots[3], discrepancy.knots[-4])
+    count = discrepancy.columns.stop - discrepancy.columns.start
+    return np.column_stack([BSpline(discrepancy.knots, unit, 3)(inside) for unit in np.eye(count)])
 
 
-def _power_change(columns: Floats, residual: Floats, bend: Bend, x: Floats) -> tuple[float, float]:
+def _power_change(
+    columns: Floats, residual: Floats, discrepancy: LawDiscrepancy, x: Floats
+) -> tuple[float, float]:
     """δ of ``T·|x|^δ`` and its standard deviation, to first order; 0 and infinite if undetermined."""
     largest = float(np.abs(x).max())
     wanted = 0.5 * np.log(np.square(x / largest) + _CORNER**2)
-    coefficients = np.linalg.lstsq(_basis(bend, x), wanted, rcond=None)[0]
-    signature = columns @ np.linalg.solve(bend.root, coefficients)
+    coefficients = np.linalg.lstsq(_basis(discrepancy, x), wanted, rcond=None)[0]
+    signature = columns @ np.linalg.solve(discrepancy.root, coefficients)
     square = float(signature @ signature)
     if not square > 0.0:
         return 0.0, math.inf
