@@ -11,8 +11,8 @@ from __future__ import annotations
 #: increased by one when a verdict may differ
 METHOD_VERSION = 32
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
-FINGERPRINT = "75795d0ad495"
+FINGERPRINT = "ecdaa1543b21"
 #: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 5
 #: hash of the code of this version of the search
-DISCOVERY_FINGERPRINT = "5fdd6a67397b"
+DISCOVERY_FINGERPRINT = "c92148f6dca6"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,6 +18,7 @@ from rigctl.analysis.single_values.rows import TableRow
 from rigctl.analysis.slopes import KnownSlopes
 from rigctl.analysis.slot_evidence import SlotEvidence
 from rigctl.analysis.trends import Trend
+from rigctl.json_values import finite_or_none
 from rigctl.model.curve_bands import CurveBand
 from rigctl.model.fit.errors import ChannelError
 from rigctl.model.fit.fit import FitResult
@@ -152,7 +152,7 @@ class ModelComparison:
             unknown.name: {
                 "value": float(value),
                 "unit": unknown.unit,
-                "std": _finite(self.fit.std.get(unknown.name, 0.0)),
+                "std": finite_or_none(self.fit.std.get(unknown.name, 0.0)),
             }
             for unknown, value in zip(self.fit.problem.shared, self.fit.values, strict=True)
         }
@@ -162,7 +162,7 @@ class ModelComparison:
             "below_noise": self.adequacy.below_noise,
             "p_value": self.adequacy.p_value,
             "tests": tests,
-            "chi2_reduced": _finite(self.fit.chi2_reduced),
+            "chi2_reduced": finite_or_none(self.fit.chi2_reduced),
             "channels": self.channels(),
             "parameters": parameters,
             "where": [place.document() for place in self.where],
@@ -276,7 +276,7 @@ def _channel(
         "on_edges": noise.edges,
         "nrmse": error.nrmse,
         "chi2_reduced": error.chi2_reduced,
-        "r2": _finite(error.r2),
+        "r2": finite_or_none(error.r2),
         "heldout_rmse": None if held_out is None else in_unit(held_out, unit)["rmse"],
     }
 
@@ -294,7 +294,3 @@ def _growth(noise: ChannelNoise, unit: str) -> dict[str, Any] | None:
         "per_rate_s": law.rate,
         "from_level": (law.origin - shown.offset) / shown.factor,
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -31,9 +31,9 @@ SEEN_IN_LIBRARY: Final = 4.5
 UNSEEN: Final = 20.0
 
 # --- which effect is it?
-#: half width of a 95 % interval, in standard deviations: an effect whose sizes all lie this close to none is
+#: half-width of a 95 % interval, in standard deviations; an effect whose sizes all lie this close to none is
 #: not determined, whatever it explains
-SIZE_INTERVAL: Final = 1.96
+INTERVAL: Final = 1.96
 #: smallest separation d of two effects that counts as distinguishable: the right one wins with probability
 #: Φ(d), here 1 − `ALPHA`
 LEAST_SEPARATION: Final = QUANTILE

@@ -15,6 +15,7 @@ from rigctl.analysis.laws.answer import LawAnswer
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.remainder import Remainder
 from rigctl.effects.declaration import EffectParameter
+from rigctl.json_values import finite_or_none
 from rigctl.model.validity import Departure
 from rigctl.notebook import as_html, one_line
 from rigctl.units import parse_unit, with_uncertainty
@@ -124,15 +125,15 @@ class Ranked:
             "delta_bic": self.delta_bic,
             "kappa": self.kappa,
             "hidden_in": self.hidden_in,
-            "heldout_before": _finite(self.heldout_before),
-            "heldout_after": _finite(self.heldout_after),
+            "heldout_before": finite_or_none(self.heldout_before),
+            "heldout_after": finite_or_none(self.heldout_after),
             "error_drop": self.error_drop,
             "size": self.size,
             "parameters": {
                 name: {
                     "value": one.value,
                     "unit": one.unit,
-                    "std": _finite(one.std),
+                    "std": finite_or_none(one.std),
                     "unusual": one.unusual,
                 }
                 for name, one in self.parameters.items()
@@ -283,8 +284,8 @@ class Diagnosis:
                     "before": d.before,
                     "after": d.after,
                     "unit": d.unit,
-                    "before_std": _finite(d.before_std),
-                    "after_std": _finite(d.after_std),
+                    "before_std": finite_or_none(d.before_std),
+                    "after_std": finite_or_none(d.after_std),
                 }
                 for d in self.drift
             ],
@@ -297,7 +298,7 @@ class Diagnosis:
             "bootstrap": None if self.bootstrap is None else self.bootstrap.document(),
             "outside_validity": [one.document() for one in self.outside],
             "p_value": self.before.adequacy.p_value,
-            "p_value_after": _finite(self.p_value_after),
+            "p_value_after": finite_or_none(self.p_value_after),
             "held_out": list(self.held_out),
             "evidence": list(self.evidence),
             "notes": list(self.notes),
@@ -329,7 +330,3 @@ class Diagnosis:
     def _repr_html_(self) -> str:
         """The summary and the ranking, as a notebook shows them."""
         return as_html(self.summary(), self.frame())
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -28,6 +28,7 @@ from rigctl.analysis.decision_levels import ALPHA
 from rigctl.analysis.linearisation import free_unknowns
 from rigctl.engine.least_squares import Refused
 from rigctl.engine.least_squares.unknown import prior_rows
+from rigctl.json_values import finite_or_none
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.unknowns import LocalUnknown
 from rigctl.units import parse_unit, show
@@ -151,9 +152,9 @@ class RecordQuantity:
             "lowest": values[0],
             "mean": values[1],
             "highest": values[2],
-            "p_value": _finite(self.p_value),
+            "p_value": finite_or_none(self.p_value),
             "over": self.over or None,
-            "over_p_value": _finite(self.over_p_value),
+            "over_p_value": finite_or_none(self.over_p_value),
             "tests": self.count,
             "evidence": self.exceeds or self.follows,
             "statement": self.statement,
@@ -168,9 +169,9 @@ class RecordQuantity:
                 "unit": self.unit,
                 "record": one.record,
                 "value": self._in_unit(one.value),
-                "std": _finite(one.std / factor),
-                "prior_mean": _finite(self._in_unit(one.prior_mean)),
-                "prior_std": _finite(one.prior_std / factor),
+                "std": finite_or_none(one.std / factor),
+                "prior_mean": finite_or_none(self._in_unit(one.prior_mean)),
+                "prior_std": finite_or_none(one.prior_std / factor),
             }
             for one in self.estimates
         ]
@@ -394,7 +395,3 @@ def _mean_input(fit: FitResult, k: int, index: int) -> float:
     total = float(lengths.sum())
     values = record.inputs[:, index]
     return float(values @ lengths) / total if total else float(values[0])
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.candidates import Candidate
-from rigctl.analysis.decision_levels import SIZE_INTERVAL
+from rigctl.analysis.decision_levels import INTERVAL
 from rigctl.analysis.mbic import mbic
 from rigctl.analysis.parameter_bounds import (
     beyond_usual,
@@ -89,7 +89,7 @@ class RefittedSet:
         sizes = [name for name in candidate.columns if not candidate.parameter(name).shape]
         away = [(self.value(name), candidate.parameter(name).at_null) for name in sizes]
         return not away or any(
-            value != null and not abs(value - null) <= SIZE_INTERVAL * std for (value, std), null in away
+            value != null and not abs(value - null) <= INTERVAL * std for (value, std), null in away
         )
 
     def value(self, column: str) -> tuple[float, float]:

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from rigctl.analysis.decision_levels import INTERVAL
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.model import Model
 from rigctl.units import parse_unit
-
-#: quantile of the normal distribution for a 95 % interval
-_QUANTILE = 1.96
 
 
 def unit_of(model: Model, column: str) -> str:
@@ -21,7 +19,7 @@ def unit_of(model: Model, column: str) -> str:
 
 def half_width(model: Model, column: str, std: float) -> float:
     """The half-width for a standard deviation, SI, in the unit in which the parameter is shown."""
-    return _QUANTILE * std / parse_unit(unit_of(model, column)).factor
+    return INTERVAL * std / parse_unit(unit_of(model, column)).factor
 
 
 def known_to(fitted: FitResult, columns: Iterable[str]) -> dict[str, float]:
@@ -37,7 +35,7 @@ def relative_width(fitted: FitResult, effects: Iterable[str]) -> float:
 
     Shape parameters (a width, a velocity) are not sizes and do not count. 0 if nothing is fitted.
     """
-    wanted, model, factor = set(effects), fitted.problem.model, _QUANTILE * _widened(fitted)
+    wanted, model, factor = set(effects), fitted.problem.model, INTERVAL * _widened(fitted)
     shares = [0.0]
     for unknown, value in zip(fitted.problem.shared, fitted.values, strict=True):
         effect, _, name = unknown.name.partition(".")

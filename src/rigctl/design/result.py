@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.diagnosis_result import Diagnosis, FoundParameter
+from rigctl.json_values import finite_or_none
 from rigctl.notebook import as_html, one_line
 from rigctl.units import significant
 
@@ -58,7 +59,7 @@ class DesignRival:
             "chi2": self.chi2,
             "chi2_reduced": self.chi2_reduced,
             "parameters": {
-                name: {"value": one.value, "unit": one.unit, "std": _finite(one.std)}
+                name: {"value": one.value, "unit": one.unit, "std": finite_or_none(one.std)}
                 for name, one in self.parameters.items()
             },
         }
@@ -388,7 +389,3 @@ def _numbers(record: ProposedRecord) -> dict[str, float]:
         "P": record.after,
         "duration [s]": record.duration,
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rigctl.analysis.decision_levels import INTERVAL
 from rigctl.analysis.shape_tolerance import prior_root
 from rigctl.discovery.effect_file import factor_text
 from rigctl.discovery.formulas import FINE_PRODUCT, Factor, Formula, following, points_over
@@ -35,8 +36,6 @@ _FUNCTIONS = 20
 _SMOOTH = (1.5, 3.0, 6.0)
 #: grid of τ, times the length of the longest column
 _SIZES = np.geomspace(1.0, 1e5, 26)
-#: two-sided 95 % quantile of the normal distribution
-_WIDTH = 1.96
 
 
 @dataclass(frozen=True)
@@ -149,11 +148,11 @@ def _known(mean: Floats, covariance: Floats) -> tuple[Floats, Floats, int]:
     variances, directions = np.linalg.eigh(covariance)
     spreads = np.sqrt(np.maximum(variances, 0.0))
     amplitudes = directions.T @ mean
-    determined = np.abs(amplitudes) > _WIDTH * spreads
+    determined = np.abs(amplitudes) > INTERVAL * spreads
     known = float(np.linalg.norm(amplitudes[determined]))
     free = ~determined & (spreads > known) if determined.any() else np.zeros(determined.size, dtype=bool)
     basis = directions[:, ~free]
-    spread = _WIDTH * np.sqrt(np.maximum(np.square(basis) @ variances[~free], 0.0))
+    spread = INTERVAL * np.sqrt(np.maximum(np.square(basis) @ variances[~free], 0.0))
     return basis @ amplitudes[~free], spread, int(free.sum())
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from rigctl.discovery.dimensions import Tier
 from rigctl.discovery.formula_fit import Fitted
 from rigctl.discovery.gate import Gate
 from rigctl.discovery.locate import Located, Map
+from rigctl.json_values import finite_or_none
 from rigctl.notebook import as_html, one_line
 from rigctl.units import parse_unit, show, with_uncertainty
 
@@ -114,14 +114,14 @@ class FoundFormula:
             "tier": self.tier.letter,
             "tier_statement": self.tier.statement,
             "parameters": {
-                name: {"value": one.value, "unit": one.unit, "std": _finite(one.std)}
+                name: {"value": one.value, "unit": one.unit, "std": finite_or_none(one.std)}
                 for name, one in self.parameters.items()
             },
             "delta": self.delta,
             "alike": list(self.alike),
             "accepted": self.accepted,
-            "heldout_before": None if check is None else _finite(check.before),
-            "heldout_after": None if check is None else _finite(check.after),
+            "heldout_before": None if check is None else finite_or_none(check.before),
+            "heldout_after": None if check is None else finite_or_none(check.after),
             "folds": 0 if check is None else check.folds,
             "p_value_after": self.p_value_after,
             "share_left": self.left,
@@ -289,7 +289,3 @@ def parameter(si: float, std: float, unit: str, *, point: bool = False) -> Formu
 def _in_unit(si: float, unit: str) -> float:
     shown = parse_unit(unit)
     return (si - shown.offset) / shown.factor
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -19,8 +19,6 @@ from rigctl.units import parse_unit, show, with_uncertainty
 if TYPE_CHECKING:
     import pandas as pd
 
-#: half-width of a 95 % interval, in standard deviations
-INTERVAL = 1.96
 #: largest number of step levels in a sentence
 _LEVELS = 6
 #: number of entries that a note names

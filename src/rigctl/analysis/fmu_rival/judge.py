@@ -23,6 +23,7 @@ from rigctl.analysis.comparison_result import in_unit
 from rigctl.analysis.decision_levels import ALPHA, QUANTILE
 from rigctl.analysis.fmu_rival.run import PATIENCE, FmuOutputs, run_fmu
 from rigctl.errors import RigctlError
+from rigctl.json_values import finite_or_none
 from rigctl.model.fit.errors import ChannelError, channel_errors, whitened_residual
 from rigctl.model.fit.fit import FitResult
 
@@ -85,7 +86,11 @@ class FmuRival:
             "fmu": self.name,
             "model": self.model,
             "channels": {
-                name: {**in_unit(error, self.units[name]), "nrmse": error.nrmse, "r2": _finite(error.r2)}
+                name: {
+                    **in_unit(error, self.units[name]),
+                    "nrmse": error.nrmse,
+                    "r2": finite_or_none(error.r2),
+                }
                 for name, error in self.channels.items()
             },
             "records": self.records,
@@ -178,7 +183,3 @@ def _difference(fitted: FitResult, theirs: Sequence[Floats], ours: Sequence[Floa
         free += len(problem.shared) / len(fitted.fitted)
     allowance = free + QUANTILE * math.sqrt(2.0 * free)
     return 0 if abs(fmu_chi2 - model_chi2) <= allowance else int(math.copysign(1.0, fmu_chi2 - model_chi2))
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.decision_levels import ALPHA, AT_LIMIT, SHAPE_TOLERANCE
+from rigctl.analysis.decision_levels import ALPHA, AT_LIMIT, INTERVAL, SHAPE_TOLERANCE
 from rigctl.analysis.laws.posterior import EstimatedLaw, chance_of, estimated_laws, laws_of
 from rigctl.analysis.laws.power_law import PowerLaw, fit_power, shown_unit
 from rigctl.analysis.refit import RefittedSet
@@ -23,8 +23,6 @@ from rigctl.units import parse_unit, with_uncertainty
 
 Floats = NDArray[np.float64]
 
-#: half-width of a 95 % interval, in standard deviations
-_BAND = 1.96
 #: an exponent with a larger standard deviation than this is hardly determined
 _ROUGH = 0.4
 #: least share of a misfit that a law must remove to be reported if no effect is named
@@ -102,7 +100,7 @@ class LawAnswer:
 
     def document(self) -> dict[str, Any]:
         """Its machine-readable form; the values of the term in SI units of its slot."""
-        low, high = (self.exponent + side * _BAND * self.exponent_std for side in (-1.0, 1.0))
+        low, high = (self.exponent + side * INTERVAL * self.exponent_std for side in (-1.0, 1.0))
         known = self.exponent_std < _UNKNOWN
         return {
             "effect": self.effect,

@@ -22,7 +22,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.decision_levels import ALPHA, LEAST_DIFFERENCE, SHAPE_TOLERANCE
+from rigctl.analysis.decision_levels import ALPHA, INTERVAL, LEAST_DIFFERENCE, SHAPE_TOLERANCE
 from rigctl.analysis.laws.term import LawTerm, law_term
 from rigctl.analysis.linearisation import Linearisation, linearise
 from rigctl.analysis.nuisance_projection import project
@@ -39,8 +39,6 @@ Floats = NDArray[np.float64]
 _WIDTHS = tuple(SHAPE_TOLERANCE * 2.0**k for k in range(5))
 #: points of a curve
 _POINTS = 41
-#: standard normal quantile of a 95 % band
-_BAND = 1.96
 #: share of a variable's largest magnitude within which its logarithm is rounded
 _CORNER = 0.01
 
@@ -210,8 +208,8 @@ def _law(
         x=x,
         assumed=assumed,
         asked=estimate,
-        low=estimate - _BAND * spread,
-        high=estimate + _BAND * spread,
+        low=estimate - INTERVAL * spread,
+        high=estimate + INTERVAL * spread,
         differs=evidence + price < -LEAST_DIFFERENCE and (clear or not degrees),
         width=width,
         change=change,

@@ -212,12 +212,12 @@ def _power(fit: FitResult, rows: Sequence[TableRow], effects: int, tests: int) -
     degrees = min((channel.degrees for channel in fit.problem.noise.channels if channel.degrees), default=0)
     if not degrees:
         return [f"{many}, and the noise is only guessed: no verdict is more certain than that guess"]
-    of_effects = "an effect" if effects == 1 else f"the largest of {effects} effects"
+    needed = f"{significant_size(degrees, effects, tests):.1f} sigma"
+    with_noise = f"{significant_size(math.inf, effects, tests):.1f} if the noise were known"
+    which = "an effect" if effects == 1 else f"whatever the correlation of the {effects} effects, one"
     return [
         f"{many} leave {dof} degrees of freedom; the noise is itself known only to about "
-        f"{100 / math.sqrt(2 * degrees):.0f} %: {of_effects} is significant above "
-        f"{significant_size(degrees, effects, tests):.1f} sigma, which would be "
-        f"{significant_size(math.inf, effects, tests):.1f} if the noise were known"
+        f"{100 / math.sqrt(2 * degrees):.0f} %: {which} is significant above {needed}, {with_noise}"
     ]
 
 

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from rigctl.analysis.decision_levels import INTERVAL
 from rigctl.compensation.result import Row, Schedule
 from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.section import Section, plot_slot, render
 from rigctl.report.signals import plain_name
 from rigctl.units import parse_unit, show, with_uncertainty
-
-#: standard deviations of the bands
-_BAND = 1.96
 
 
 def compensation_sections(schedule: Schedule) -> list[Section]:
@@ -51,9 +49,9 @@ def _plot(schedule: Schedule) -> Plot:
         parse_unit(unit) for unit in (schedule.over_unit, schedule.vary_unit, schedule.unit)
     )
     x = np.array([over.from_si(row.over) for row in schedule.rows])
-    wide = _BAND * np.array([row.std for row in schedule.rows]) / vary.factor
+    wide = INTERVAL * np.array([row.std for row in schedule.rows]) / vary.factor
     set_point = np.array([vary.from_si(row.vary) for row in schedule.rows])
-    scatter = _BAND * np.array([row.scatter for row in schedule.rows]) / quantity_unit.factor
+    scatter = INTERVAL * np.array([row.scatter for row in schedule.rows]) / quantity_unit.factor
     quantity = np.array([quantity_unit.from_si(row.kept) for row in schedule.rows])
     unchanged = np.array([quantity_unit.from_si(row.fixed) for row in schedule.rows])
     v, q = symbol(schedule.vary_unit), symbol(schedule.unit)
