@@ -326,3 +326,26 @@ def test_effects_at_null_change_no_output() -> None:
         )
         outputs.append(simulate(compiled, [record]).require().outputs[0])
     assert outputs[0] == pytest.approx(outputs[1], rel=1e-4, abs=1e-3)
+
+
+def test_limits_at_an_input_that_is_declared_at_zero_are_in_its_own_unit() -> None:
+    """One SI unit, 6e7 ml/min, was assumed for a pump of 20: no dead band of it could be found."""
+    family = parse_family("""
+family: syringe
+states:
+  pressure: {start: 150 mbar, scale: 10 mbar, rate: (pump - flow)/compliance}
+inputs:
+  pump: {value: 0 ml/min}
+parameters:
+  compliance: {value: 0.35 ml/bar, bounds: [0.01 ml/bar, 10 ml/bar]}
+  resistance: {value: 5 bar*s/ml, bounds: [0.1 bar*s/ml, 100 bar*s/ml]}
+definitions:
+  flow: {unit: ml/min, formula: pressure/resistance}
+outputs:
+  pressure: {unit: mbar, formula: pressure}
+""")
+    unit = parse_unit("ml/min").factor
+    effects = {effect.name: effect for effect in generic_effects(family)}
+    for name in ("dead_band_of_pump", "saturation_of_pump"):
+        limit = next(one for one in effects[name].parameters if one.name == "limit")
+        assert limit.low < 0.1 * unit < limit.start < 10.0 * unit < limit.high < 1e5 * unit

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from rigctl.errors import RigctlError
+from rigctl.files.shipped import shipped
 from rigctl.model.measured.groups import group_numbers
 from rigctl.model.measured.hold_out import chosen, held_out
 from rigctl.model.measured.phases import phases_of
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.physics.families import find_family
+from rigctl.rig import load_rig
 
 UNITS = {"oil_temperature": "degC", "relief_valve": "bar"}
 CONDITIONS = [(t, p) for t in (20.0, 40.0, 60.02) for p in (20.0, 50.0)]
@@ -46,6 +50,20 @@ def test_equality_of_temperatures_holds_within_a_kelvin() -> None:
 @pytest.mark.parametrize("name", ["oil", "temperature", "oil_temperature"])
 def test_a_condition_accepts_the_usual_names_of_a_variable(name: str) -> None:
     assert held_out(measurements(), f"{name} > 50 degC and supply == 20 bar", UNITS) == (4,)
+
+
+def test_records_are_chosen_by_a_command_that_is_no_condition_of_theirs() -> None:
+    """Where a temperature is measured, it alone distinguishes imported records: "unknown name 'valve'"."""
+    every = measurements()
+    records = tuple(
+        replace(one, inputs=np.array([[0.0], [0.5 + 0.1 * k]])) for k, one in enumerate(every.records)
+    )
+    driven = replace(every, records=records, rig=load_rig(shipped("rigs", "hl32-bench.yaml")))
+    assert held_out(driven, "valve > 0.75", UNITS) == (3, 4, 5)
+    assert chosen(driven, "valve == 0.5 and oil < 30 degC", UNITS) == (0,)
+    unrecorded = replace(driven, records=tuple(replace(one, unrecorded=("valve",)) for one in records))
+    with pytest.raises(RigctlError, match="unknown name"):
+        held_out(unrecorded, "valve > 0.75", UNITS)
 
 
 def test_records_are_counted_from_one() -> None:

@@ -237,7 +237,7 @@ def _lead_on(
     rows = bool(result.records) and not result.procedure
     if rows:
         show_next(diagnosis, "shows what other than rows would distinguish them")
-    elif not result.separable and result.aim != "precision" and not result.sensors:
+    elif not result.separable and result.aim != "precision" and "--sensors" not in own:
         show_next(f"{again} --sensors", "shows which sensor would distinguish them")
     elif not result.procedure:
         show_next(diagnosis, "shows what these data can decide and what not")

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 
 from rigctl.physics.family import ModelFamily, StateVariable
 from rigctl.physics.scope import Scope
+from rigctl.units import parse_unit
 
 #: range of a state, as a multiple of its relevant change
 _CHANGES = 300.0
@@ -25,6 +26,7 @@ class Magnitudes:
         initial = record.initial if record is not None else {}
         self._states = {state.name: _range(state, initial) for state in family.states}
         self._inputs = {item.name: [item.value] for item in family.inputs}
+        self._units = {item.name: parse_unit(item.shown or item.unit).factor for item in family.inputs}
         for _, changed in record.switches if record is not None else ():
             for name, value in changed.items():
                 self._inputs[name].append(value)
@@ -36,9 +38,10 @@ class Magnitudes:
         return self._states[name]
 
     def input(self, name: str) -> float:
-        """The range over which an input is commanded; 1 if unknown."""
+        """The range over which an input is commanded; one of the family's own unit if unknown, as of a pump
+        whose only value is ``0 ml/min``."""
         values = self._inputs[name]
-        return max(values) - min(values) or max(map(abs, values)) or 1.0
+        return max(values) - min(values) or max(map(abs, values)) or self._units[name]
 
     def rate(self, state: str) -> float:
         """The typical rate of a state when it is driven."""

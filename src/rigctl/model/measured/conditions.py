@@ -41,7 +41,8 @@ def with_conditions(
     """
     if len({tuple(sorted(record.condition.items())) for record in records}) > 1:
         return list(records)
-    extra = [dict(_commanded(record, model)) for record in records]
+    inputs = [item.name for item in model.family.inputs]
+    extra = [levels_of_inputs(record, inputs) for record in records]
     for name, values in _started(records, outputs).items():
         for one, value in zip(extra, values, strict=True):
             one[f"{START}{name}"] = value
@@ -63,12 +64,12 @@ def with_conditions(
     ]
 
 
-def _commanded(record: MeasuredRecord, model: Model) -> dict[str, float]:
-    """The largest value of each input."""
+def levels_of_inputs(record: MeasuredRecord, inputs: Sequence[str]) -> dict[str, float]:
+    """The largest value of each of the model's inputs that the record has, SI."""
     return {
-        item.name: float(record.inputs[:, k][np.argmax(np.abs(record.inputs[:, k]))])
-        for k, item in enumerate(model.family.inputs)
-        if item.name not in record.unrecorded
+        name: float(record.inputs[:, k][np.argmax(np.abs(record.inputs[:, k]))])
+        for k, name in enumerate(inputs)
+        if name not in record.unrecorded
     }
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from rigctl.errors import RigctlError
 from rigctl.expressions import Expression, ValueType, parse, type_of_unit
 from rigctl.expressions.nodes import Comparison, Constant, Name, walk
+from rigctl.model.measured.conditions import levels_of_inputs
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.units import show
 
@@ -60,7 +61,10 @@ def held_out(
 
 
 def _chosen(measurements: Measurements, text: str, units: Mapping[str, str], none: str) -> tuple[int, ...]:
-    named = [_named(record, units) | {"record": k + 1.0} for k, record in enumerate(measurements.records)]
+    named = [
+        _named(measurements, record, units) | {"record": k + 1.0}
+        for k, record in enumerate(measurements.records)
+    ]
     types = _types(measurements, units)
     expression = parse(text)
     kind = expression.check(types)
@@ -79,16 +83,23 @@ def _types(measurements: Measurements, units: Mapping[str, str]) -> dict[str, Va
     for record in measurements.records:
         for name in record.condition:
             types.setdefault(name, type_of_unit(units[name]))
-        for name in _named(record, units):
-            if name not in types:
+        for name in _named(measurements, record, units):
+            if name not in types and measurements.rig is not None and name in measurements.rig.actuators:
+                types[name] = type_of_unit(measurements.rig.actuators[name].display_unit)
+            elif name not in types:
                 dimension = {called: unit for unit, names in _CALLED.items() for called in names}
                 types[name] = type_of_unit(dimension[name])
     return types
 
 
-def _named(record: MeasuredRecord, units: Mapping[str, str]) -> dict[str, float]:
-    """The condition, also under the usual names of its dimensions if no other variable has them."""
+def _named(measurements: Measurements, record: MeasuredRecord, units: Mapping[str, str]) -> dict[str, float]:
+    """The condition and the levels of the actuators, the former also under the usual names of its dimensions
+    if no other variable has them."""
     values = dict(record.condition)
+    actuators = {} if measurements.rig is None else measurements.rig.actuators
+    for name, level in levels_of_inputs(record, measurements.inputs).items():
+        if name in actuators:
+            values.setdefault(name, level)
     for dimension, names in _CALLED.items():
         same = [
             name
