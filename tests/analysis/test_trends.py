@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -86,6 +87,8 @@ def test_the_sign_of_a_change_that_the_model_does_not_make_is_not_wrong() -> Non
     assert trend.significant
     assert trend.text.endswith("the model says it stays the same")
     assert not trend.wrong_sign
+    (trend,) = trends(fitted("flow", "m^3/s", measured, (1.0, 0.999, 0.998)))
+    assert not trend.wrong_sign  # hardly any change is none, not one in the wrong direction
     (trend,) = trends(fitted("flow", "m^3/s", measured, (1.0, 0.976, 0.952)))
     assert trend.wrong_sign
 
@@ -108,3 +111,38 @@ def test_what_differs_from_record_to_record_is_not_taken_for_a_trend(count: int)
         found.append(trends(fit)[0].z)
     assert np.mean(np.abs(found) > 3.0) < 0.008
     assert np.std(found) == pytest.approx(1.0, abs=0.06)
+
+
+def test_what_a_command_does_is_not_taken_for_the_effect_of_a_temperature() -> None:
+    """A motor heats up as its voltage is raised: the speed seemed to depend on the temperature alone."""
+    rng = np.random.default_rng(3)
+    volts = np.repeat([6.0, 12.0, 20.0], 6)
+    warm = 20.0 + volts + 4.0 * rng.standard_normal(volts.size)
+    speed = 10.0 * volts + 0.01 * rng.standard_normal(volts.size)
+    fit: Any = fitted("speed", "rad/s", tuple(speed), tuple(9.9 * volts), tuple(warm))
+    records = tuple(
+        replace(one, inputs=np.array([[0.0], [volt]]))
+        for one, volt in zip(fit.problem.records, volts, strict=True)
+    )
+    rig = SimpleNamespace(channels={}, actuators={"heater": SimpleNamespace(display_unit="V")})
+    (alone,) = trends(fit)
+    fit.problem.records = records
+    fit.problem.measurements = replace(fit.problem.measurements, records=records, rig=cast("Any", rig))
+    (beside,) = trends(fit)
+    assert alone.measured > 0.3
+    assert abs(beside.measured) < 0.01
+    assert abs(beside.predicted) < 0.01
+    assert not beside.significant
+
+
+def test_a_command_that_goes_with_the_variable_is_no_second_explanation() -> None:
+    fit: Any = fitted("flow", "m^3/s", (1.0, 1.1, 1.2, 1.3), (1.0,) * 4, (20.0, 40.0, 60.0, 80.0))
+    fit.problem.records = tuple(
+        replace(one, inputs=np.array([[0.0], [float(k)]])) for k, one in enumerate(fit.problem.records)
+    )
+    rig = SimpleNamespace(channels={}, actuators={"heater": SimpleNamespace(display_unit="W")})
+    fit.problem.measurements = replace(
+        fit.problem.measurements, records=fit.problem.records, rig=cast("Any", rig)
+    )
+    (trend,) = trends(fit)
+    assert trend.measured == pytest.approx(0.3)

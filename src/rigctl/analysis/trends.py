@@ -10,15 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigctl.analysis.decision_levels import TREND
+from rigctl.analysis.decision_levels import TOLERANCE, TREND
 from rigctl.model.fit.fit import FitResult
-from rigctl.model.measured.conditions import variable_units
+from rigctl.model.measured.conditions import levels_of_inputs, variable_units
 from rigctl.units import parse_unit, show, significant
 
 Floats = NDArray[np.float64]
 
 #: least change that is displayed as one: a share, or kelvin
 _LEAST = {"1": 5e-4, "K": 5e-3}
+#: least share of a command's variation, and of each variable's, that is not determined by the others
+_OWN = 0.3
 #: largest z that is stated: beyond it the tail of a distribution is zero in floating point
 _LARGEST = 37.0
 
@@ -66,10 +68,11 @@ class Trend:
 
     @property
     def wrong_sign(self) -> bool:
-        """True if the measured change is significant, and the model's is opposite and large enough to be
-        displayed."""
+        """True if the measured change is significant, and the model's is opposite and not negligible: large
+        enough to be displayed, and a tenth of the measured one."""
         measured = abs(self.z * self.measured) > TREND * abs(self.measured - self.predicted)
-        return self.measured * self.predicted < 0.0 and measured and abs(self.predicted) >= _LEAST[self.unit]
+        least = max(_LEAST[self.unit], TOLERANCE * abs(self.measured))
+        return self.measured * self.predicted < 0.0 and measured and abs(self.predicted) >= least
 
     @property
     def significant(self) -> bool:
@@ -177,7 +180,7 @@ def _trend(
         if name != variable
     ]
     columns = [np.ones(points.size), points, *(o for o in others if np.unique(o[np.isfinite(o)]).size > 1)]
-    matrix = np.column_stack(columns)[good]
+    matrix = _with_commands(fit, np.column_stack(columns)[good], np.flatnonzero(good))
     if not np.isfinite(matrix).all() or matrix.shape[0] <= matrix.shape[1]:
         matrix = np.column_stack([np.ones(points.size), points])[good]
     scale = np.abs(matrix).max(axis=0)
@@ -197,6 +200,43 @@ def _trend(
             break
     unit = "K" if kelvin else "1"
     return Trend(quantity, variable, low, high, share, predicted_share, z, moves, predicted_moves, ends, unit)
+
+
+def _with_commands(fit: FitResult, matrix: Floats, rows: NDArray[np.intp]) -> Floats:
+    """The columns of a plane, with the levels of those actuators that are no operating variable.
+
+    Where a temperature is measured, it alone may distinguish the records: what a voltage does to them would
+    count as its effect. A command that goes with the variables, which no plane separates, is left out.
+
+    Parameters
+    ----------
+    rows: the indices, among the fitted records, of the rows of `matrix`.
+    """
+    measurements = fit.problem.measurements
+    actuators = {} if measurements.rig is None else measurements.rig.actuators
+    names = [name for name in measurements.inputs if name in actuators and name not in measurements.variables]
+    levels = [
+        levels_of_inputs(fit.problem.records[k], measurements.inputs) for k in np.array(fit.fitted)[rows]
+    ]
+    for name in names:
+        column = np.array([one.get(name, math.nan) for one in levels])
+        wider = np.column_stack([matrix, column])
+        if wider.shape[0] > wider.shape[1] and np.isfinite(wider).all() and _independent(wider):
+            matrix = wider
+    return matrix
+
+
+def _independent(matrix: Floats) -> bool:
+    """Whether each column but the first, which is constant, keeps a share of its variation beside the
+    others."""
+    for index in range(1, matrix.shape[1]):
+        column = matrix[:, index] - matrix[:, index].mean()
+        rest = np.delete(matrix, index, axis=1)
+        scaled = rest / np.where(np.abs(rest).max(axis=0) > 0.0, np.abs(rest).max(axis=0), 1.0)
+        left = column - scaled @ np.linalg.lstsq(scaled, column, rcond=None)[0]
+        if not np.linalg.norm(left) > _OWN * np.linalg.norm(column):
+            return False
+    return True
 
 
 def _standardised(matrix: Floats, difference: Floats, weights: Floats, noise: float) -> float:
