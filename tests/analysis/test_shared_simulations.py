@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rigctl.analysis import linearisation as module
+from rigctl.analysis import slopes as module
 from rigctl.analysis.candidates import Candidate, candidates
 from rigctl.analysis.slopes import slopes_at
 from rigctl.engine.one_thread import one_thread

@@ -131,7 +131,9 @@ def test_a_full_queue_keeps_the_newest_output_in_order() -> None:
     assert outlet.drain(30.0)
     said = "".join(stream.took)
     assert said.endswith("299 " * 2000 + "\n")
-    assert len(said) < 1_300_000
+    assert (
+        len(said) < 2 * (1 << 20) + 10_000
+    )  # what the thread took at once, and a full queue, of 2.3 million
     numbers = [int(word) for word in said.split()]
     assert numbers == sorted(numbers)
 
