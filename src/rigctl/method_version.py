@@ -11,7 +11,7 @@ from __future__ import annotations
 #: increased by one when a verdict may differ
 METHOD_VERSION = 33
 #: hash of the deciding code of this version, computed by ``tools/method_version.py``
-FINGERPRINT = "96b8e69528a2"
+FINGERPRINT = "a9b0c956200a"
 #: increased by one when a search for formulas may find other locations or formulas
 DISCOVERY_VERSION = 5
 #: hash of the code of this version of the search

@@ -23,6 +23,7 @@ from rigctl.model.measured.conditions import variable_units
 from rigctl.model.measured.record import MeasuredRecord
 from rigctl.units import show
 
+#: most values of a variable that are listed one by one
 _FEW = 4
 
 

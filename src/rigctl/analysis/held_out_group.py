@@ -18,6 +18,7 @@ from rigctl.units import parse_unit
 
 #: an error larger than where the model was fitted, by no more than this factor, counts as equally good
 _AS_GOOD = 1.1
+#: most variables by which a group or a record is described
 MOST_VARIABLES = 2
 #: one record is named if it holds more than this share of the misfit
 _MOST_OF_IT = 0.4

@@ -96,13 +96,12 @@ def verdict_text(
         opening = _unnamed_text(visible, doubt)
         return Statement(opening, opening)
     if verdict is Verdict.OUTSIDE_LIBRARY:
-        of_share = remaining if remaining is not None and remaining.share > allowed else None
-        if not _failed_text(checks):
-            of_share = remaining
+        too_much = remaining is not None and remaining.share > allowed
+        left = remaining if too_much or not failed_checks(checks) else None
         several = len(chosen) > 1
         opening, referring = (
-            _outside_text(nearest, of_share, checks, doubt, several=several)
-            for nearest in (names, "these" if several and of_share is not None else "this")
+            _outside_text(nearest, left, checks, doubt, several=several)
+            for nearest in (names, "these" if several and left is not None else "this")
         )
         return Statement(opening, f"{referring}: {described}")
     close = _each_once([rival for rival in rivals if not rival.separable])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rigctl.analysis.decision_levels import TOLERANCE, TREND
 from rigctl.model.fit.fit import FitResult
-from rigctl.model.measured.conditions import levels_of_inputs, variable_units
+from rigctl.model.measured.conditions import commanded_levels, variable_units
 from rigctl.units import parse_unit, show, significant
 
 Floats = NDArray[np.float64]
@@ -96,16 +96,30 @@ class Trend:
 
 def trends(fit: FitResult) -> tuple[Trend, ...]:
     """The trends of every quantity over every operating variable, the worst modelled first."""
-    measurements = fit.problem.measurements
+    measurements, records = fit.problem.measurements, [fit.problem.records[k] for k in fit.fitted]
     units = variable_units(measurements)
+    points = {
+        name: np.array([record.condition.get(name, math.nan) for record in records])
+        for name in measurements.variables
+    }
+    levels = [commanded_levels(measurements, record) for record in records]
+    commands = {
+        name: np.array([level.get(name, math.nan) for level in levels])
+        for name in measurements.inputs
+        if name not in points
+    }
     result = []
     for quantity, column, measured, predicted, noise in _quantities(fit):
         kelvin = parse_unit(measurements.units[column]).absolute_temperature
-        for variable in measurements.variables:
-            points = np.array([fit.problem.records[k].condition.get(variable, math.nan) for k in fit.fitted])
-            trend = _trend(fit, quantity, variable, points, measured, predicted, noise, units, kelvin=kelvin)
-            if trend is not None:
-                result.append(trend)
+        for variable in points:
+            if variable == quantity:
+                continue
+            plane = _plane(variable, points, commands, np.isfinite(measured))
+            if plane is not None:
+                trend = _trend(
+                    quantity, variable, units[variable], plane, measured, predicted, noise, kelvin=kelvin
+                )
+                result += [] if trend is None else [trend]
     return tuple(sorted(result, key=lambda trend: -abs(trend.z)))
 
 
@@ -159,68 +173,66 @@ def _level(fit: FitResult, k: int, column: int) -> _Level:
     return _Level(name, of(record.values), of(fit.expected_outputs[k]), noise)
 
 
-def _trend(
-    fit: FitResult,
-    quantity: str,
-    variable: str,
-    points: Floats,
-    measured: Floats,
-    predicted: Floats,
-    noise: float,
-    units: dict[str, str],
-    *,
-    kelvin: bool,
-) -> Trend | None:
-    good = np.isfinite(points) & np.isfinite(measured)
-    if np.unique(points[good]).size < 2 or variable == quantity:
+@dataclass(frozen=True)
+class _Plane:
+    """The plane over the operating variables that is fitted to one number of each record.
+
+    Attributes
+    ----------
+    rows: (records) True for those that have the variable and the number.
+    points: (n) the variable in these, SI.
+    matrix: M, n × p, each column scaled to a largest magnitude of 1; the second is the variable.
+    inverse: M⁺, p × n.
+    """
+
+    rows: NDArray[np.bool_]
+    points: Floats
+    matrix: Floats
+    inverse: Floats
+
+    @property
+    def slope(self) -> Floats:
+        """(n) weights of the records in the change from the low to the high end of the variable."""
+        return np.asarray(self.inverse[1] * np.ptp(self.points) / (np.abs(self.points).max() or 1.0))
+
+    @property
+    def degrees(self) -> int:
+        """Degrees of freedom that are left: n less the rank of M, which is the trace of ``M M⁺``."""
+        return self.points.size - round(float(np.sum(self.matrix.T * self.inverse)))
+
+
+def _plane(
+    variable: str, points: Mapping[str, Floats], commands: Mapping[str, Floats], known: NDArray[np.bool_]
+) -> _Plane | None:
+    """The plane of a variable, beside the others and the commands; None if the variable does not vary."""
+    rows = np.isfinite(points[variable]) & known
+    of_variable = points[variable][rows]
+    if np.unique(of_variable).size < 2:
         return None
-    others = [
-        np.array([fit.problem.records[k].condition.get(name, math.nan) for k in fit.fitted])
-        for name in fit.problem.measurements.variables
-        if name != variable
-    ]
-    columns = [np.ones(points.size), points, *(o for o in others if np.unique(o[np.isfinite(o)]).size > 1)]
-    matrix = _with_commands(fit, np.column_stack(columns)[good], np.flatnonzero(good))
+    others = [one for name, one in points.items() if name != variable]
+    varying = [one for one in others if np.unique(one[np.isfinite(one)]).size > 1]
+    alone = np.column_stack([np.ones(of_variable.size), of_variable])
+    matrix = _with_commands(np.column_stack([alone, *(one[rows] for one in varying)]), commands, rows)
     if not np.isfinite(matrix).all() or matrix.shape[0] <= matrix.shape[1]:
-        matrix = np.column_stack([np.ones(points.size), points])[good]
+        matrix = alone
+    matrix = _scaled(matrix)
+    return _Plane(rows, of_variable, matrix, np.asarray(np.linalg.pinv(matrix)))
+
+
+def _scaled(matrix: Floats) -> Floats:
+    """Each column divided by its largest magnitude."""
     scale = np.abs(matrix).max(axis=0)
-    inverse = np.linalg.pinv(matrix / np.where(scale > 0, scale, 1.0))[1] / (scale[1] or 1.0)
-    low, high = float(points[good].min()), float(points[good].max())
-    span = high - low
-    change, predicted_change = float(inverse @ measured[good]) * span, float(inverse @ predicted[good]) * span
-    z = _standardised(matrix, (predicted - measured)[good], inverse, noise)
-    base = 1.0 if kelvin else float(np.mean(measured[good][points[good] == low]))
-    if base == 0.0 or noise == 0.0:
-        return None
-    share, predicted_share = change / abs(base), predicted_change / abs(base)
-    ends = f"from {show(low, units[variable], digits=3)} to {show(high, units[variable], digits=3)}"
-    for digits in (2, 3, 4, 2):  # as many as show the difference, unless none do
-        moves, predicted_moves = (_moves(one, digits, kelvin=kelvin) for one in (share, predicted_share))
-        if moves != predicted_moves:
-            break
-    unit = "K" if kelvin else "1"
-    return Trend(quantity, variable, low, high, share, predicted_share, z, moves, predicted_moves, ends, unit)
+    return np.asarray(matrix / np.where(scale > 0.0, scale, 1.0))
 
 
-def _with_commands(fit: FitResult, matrix: Floats, rows: NDArray[np.intp]) -> Floats:
+def _with_commands(matrix: Floats, commands: Mapping[str, Floats], rows: NDArray[np.bool_]) -> Floats:
     """The columns of a plane, with the levels of those actuators that are no operating variable.
 
     Where a temperature is measured, it alone may distinguish the records: what a voltage does to them would
     count as its effect. A command that goes with the variables, which no plane separates, is left out.
-
-    Parameters
-    ----------
-    rows: the indices, among the fitted records, of the rows of `matrix`.
     """
-    measurements = fit.problem.measurements
-    actuators = {} if measurements.rig is None else measurements.rig.actuators
-    names = [name for name in measurements.inputs if name in actuators and name not in measurements.variables]
-    levels = [
-        levels_of_inputs(fit.problem.records[k], measurements.inputs) for k in np.array(fit.fitted)[rows]
-    ]
-    for name in names:
-        column = np.array([one.get(name, math.nan) for one in levels])
-        wider = np.column_stack([matrix, column])
+    for levels in commands.values():
+        wider = np.column_stack([matrix, levels[rows]])
         if wider.shape[0] > wider.shape[1] and np.isfinite(wider).all() and _independent(wider):
             matrix = wider
     return matrix
@@ -231,42 +243,65 @@ def _independent(matrix: Floats) -> bool:
     others."""
     for index in range(1, matrix.shape[1]):
         column = matrix[:, index] - matrix[:, index].mean()
-        rest = np.delete(matrix, index, axis=1)
-        scaled = rest / np.where(np.abs(rest).max(axis=0) > 0.0, np.abs(rest).max(axis=0), 1.0)
-        left = column - scaled @ np.linalg.lstsq(scaled, column, rcond=None)[0]
+        rest = _scaled(np.delete(matrix, index, axis=1))
+        left = column - rest @ np.linalg.lstsq(rest, column, rcond=None)[0]
         if not np.linalg.norm(left) > _OWN * np.linalg.norm(column):
             return False
     return True
 
 
-def _standardised(matrix: Floats, difference: Floats, weights: Floats, noise: float) -> float:
-    """A slope of the differences between model and measurement in its standard errors.
+def _trend(
+    quantity: str,
+    variable: str,
+    unit: str,
+    plane: _Plane,
+    measured: Floats,
+    predicted: Floats,
+    noise: float,
+    *,
+    kelvin: bool,
+) -> Trend | None:
+    measured, predicted = measured[plane.rows], predicted[plane.rows]
+    low, high = float(plane.points.min()), float(plane.points.max())
+    base = 1.0 if kelvin else abs(float(np.mean(measured[plane.points == low])))
+    if base == 0.0 or noise == 0.0:
+        return None
+    share, predicted_share = (float(plane.slope @ one) / base for one in (measured, predicted))
+    ends = f"from {show(low, unit, digits=3)} to {show(high, unit, digits=3)}"
+    for digits in (2, 3, 4, 2):  # as many as show the difference, unless none do
+        moves, predicted_moves = (_moves(one, digits, kelvin=kelvin) for one in (share, predicted_share))
+        if moves != predicted_moves:
+            break
+    z = _standardised(plane, predicted - measured, noise)
+    of_change = "K" if kelvin else "1"
+    return Trend(
+        quantity, variable, low, high, share, predicted_share, z, moves, predicted_moves, ends, of_change
+    )
+
+
+def _standardised(plane: _Plane, difference: Floats, noise: float) -> float:
+    """The change of the differences between model and measurement over the variable, in standard errors.
 
     ``w·d / (s ‖w‖)`` with ``s² = |d − M M⁺d|² / (n − p)``, Student's t with ``n − p`` degrees of freedom, as
     the quantile of the normal distribution with the same tail: what differs from record to record (a supply,
-    a room, a gauge) counts as well as the noise of the readings. No larger than with that noise alone.
+    a room, a gauge) counts as well as the noise of the readings. No larger than with that noise alone; 0 if
+    no degree of freedom is left.
 
     Parameters
     ----------
-    matrix: M, n × p, of the plane over the operating variables.
     difference: d, predicted less measured, n.
-    weights: w, the row of M⁺ of the slope.
     noise: standard deviation of d due to the noise of the readings.
     """
     from scipy.special import ndtri, stdtr
 
-    scale = np.abs(matrix).max(axis=0)
-    scaled = matrix / np.where(scale > 0.0, scale, 1.0)
-    solution, _, rank, _ = np.linalg.lstsq(scaled, difference, rcond=None)
-    degrees = matrix.shape[0] - int(rank)
-    if degrees < 1:
+    if plane.degrees < 1:
         return 0.0
-    slope, norm = float(weights @ difference), float(np.linalg.norm(weights))
-    residual = difference - scaled @ solution
-    scatter = float(np.linalg.norm(residual)) / math.sqrt(degrees)
-    within_noise = min(abs(slope) / (noise * norm), _LARGEST)
-    t = abs(slope) / (scatter * norm) if scatter > 0.0 else math.inf
-    return math.copysign(min(within_noise, -float(ndtri(stdtr(degrees, -t)))), slope)
+    change, norm = float(plane.slope @ difference), float(np.linalg.norm(plane.slope))
+    residual = difference - plane.matrix @ (plane.inverse @ difference)
+    scatter = float(np.linalg.norm(residual)) / math.sqrt(plane.degrees)
+    within_noise = min(abs(change) / (noise * norm), _LARGEST)
+    t = abs(change) / (scatter * norm) if scatter > 0.0 else math.inf
+    return math.copysign(min(within_noise, -float(ndtri(stdtr(plane.degrees, -t)))), change)
 
 
 def _moves(change: float, digits: int, *, kelvin: bool = False) -> str:

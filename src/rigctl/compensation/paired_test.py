@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rigctl.compensation.check_text import COMPENSATED, PAIR, TARGET
 from rigctl.dataset.run import Run
 from rigctl.errors import RigctlError
+from rigctl.json_values import finite_or_none
 from rigctl.units import parse_unit, show
 
 Floats = NDArray[np.float64]
@@ -85,7 +86,7 @@ class Verdict:
             "error_with": self.with_it / factor,
             "error_without": self.without / factor,
             "ratio": self.ratio,
-            "bound": self.bound if math.isfinite(self.bound) else None,
+            "bound": finite_or_none(self.bound),
             "accepted": self.accepted,
             "statement": self.statement,
         }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import tempfile
 import time
@@ -15,6 +14,7 @@ from pathlib import Path, PurePath
 from typing import Any, Final
 
 from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.json_values import finite_or_none
 
 #: errors of Windows for a file that another program has open: access denied, sharing violation
 _IN_USE: Final = (5, 32)
@@ -177,7 +177,7 @@ def _plain_scalar(value: object) -> str | bool | int | float | None:
     if value is None or isinstance(value, str | bool | int):
         return value
     if isinstance(value, float):
-        return value if math.isfinite(value) else None
+        return finite_or_none(value)
     if isinstance(value, date):
         return value.isoformat()
     if isinstance(value, PurePath):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev
 
 import numpy as np
 
+from rigctl.json_values import finite_or_none
 from rigctl.report.numbers import symbol
 from rigctl.report.plot import Look, Panel, Plot, Trace
 from rigctl.report.run_data import RecordData, RunData
@@ -191,7 +191,7 @@ def _same_unit(value: float, unit: str, wanted: str) -> float | None:
         if parse_unit(unit).dimension != parse_unit(wanted).dimension:
             return None
         value = convert(value, unit, wanted)
-    return value if math.isfinite(value) else None
+    return finite_or_none(value)
 
 
 def _response(

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+from rigctl.json_values import finite_or_none
 from rigctl.plan.tree import Leaf
 
 if TYPE_CHECKING:
@@ -115,6 +116,6 @@ class SetPoints:
             "channel": set_point.channel,
             "from": to if start is None else start,
             "to": to,
-            "seconds": seconds if math.isfinite(seconds) else None,
+            "seconds": finite_or_none(seconds),
             "within": None if set_point.within is None else set_point.within / unit.factor,
         }

@@ -42,7 +42,7 @@ def with_conditions(
     if len({tuple(sorted(record.condition.items())) for record in records}) > 1:
         return list(records)
     inputs = [item.name for item in model.family.inputs]
-    extra = [levels_of_inputs(record, inputs) for record in records]
+    extra = [_levels_of_inputs(record, inputs) for record in records]
     for name, values in _started(records, outputs).items():
         for one, value in zip(extra, values, strict=True):
             one[f"{START}{name}"] = value
@@ -64,13 +64,20 @@ def with_conditions(
     ]
 
 
-def levels_of_inputs(record: MeasuredRecord, inputs: Sequence[str]) -> dict[str, float]:
+def _levels_of_inputs(record: MeasuredRecord, inputs: Sequence[str]) -> dict[str, float]:
     """The largest value of each of the model's inputs that the record has, SI."""
     return {
         name: float(record.inputs[:, k][np.argmax(np.abs(record.inputs[:, k]))])
         for k, name in enumerate(inputs)
         if name not in record.unrecorded
     }
+
+
+def commanded_levels(measurements: Measurements, record: MeasuredRecord) -> dict[str, float]:
+    """The largest value of each actuator that commands an input of the model, SI; none without a rig."""
+    actuators = {} if measurements.rig is None else measurements.rig.actuators
+    levels = _levels_of_inputs(record, measurements.inputs)
+    return {name: level for name, level in levels.items() if name in actuators}
 
 
 def _within_noise(records: Sequence[MeasuredRecord], model: Model, name: str) -> bool:

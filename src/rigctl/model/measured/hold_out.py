@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from rigctl.errors import RigctlError
 from rigctl.expressions import Expression, ValueType, parse, type_of_unit
 from rigctl.expressions.nodes import Comparison, Constant, Name, walk
-from rigctl.model.measured.conditions import levels_of_inputs
+from rigctl.model.measured.conditions import commanded_levels
 from rigctl.model.measured.record import MeasuredRecord, Measurements
 from rigctl.units import show
 
@@ -95,11 +95,7 @@ def _types(measurements: Measurements, units: Mapping[str, str]) -> dict[str, Va
 def _named(measurements: Measurements, record: MeasuredRecord, units: Mapping[str, str]) -> dict[str, float]:
     """The condition and the levels of the actuators, the former also under the usual names of its dimensions
     if no other variable has them."""
-    values = dict(record.condition)
-    actuators = {} if measurements.rig is None else measurements.rig.actuators
-    for name, level in levels_of_inputs(record, measurements.inputs).items():
-        if name in actuators:
-            values.setdefault(name, level)
+    values = {**commanded_levels(measurements, record), **record.condition}
     for dimension, names in _CALLED.items():
         same = [
             name

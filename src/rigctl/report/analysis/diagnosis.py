@@ -12,6 +12,7 @@ from rigctl.analysis.diagnosis_result import Diagnosis, Drift, Ranked, Verdict
 from rigctl.analysis.refit import RefittedSet
 from rigctl.analysis.text import parameters_text
 from rigctl.effects.record_level import RECORD
+from rigctl.json_values import finite_or_none
 from rigctl.report.analysis.bars import Bar, bars
 from rigctl.report.analysis.laws import law_plots
 from rigctl.report.analysis.overlay import typical_records
@@ -122,8 +123,8 @@ def _row(one: Ranked) -> dict[str, object]:
         "delta_bic": one.delta_bic,
         "kappa": one.kappa,
         "hidden_in": "record-level parameters" if one.hidden_in == RECORD else plain_name(one.hidden_in),
-        "before": one.heldout_before if np.isfinite(one.heldout_before) else None,
-        "after": one.heldout_after if np.isfinite(one.heldout_after) else None,
+        "before": finite_or_none(one.heldout_before),
+        "after": finite_or_none(one.heldout_after),
         "parameters": parameters_text(one.parameters),
     }
 
