@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
+
+#: the installed command
+RIGCTL = shutil.which("rigctl", path=sysconfig.get_path("scripts")) or "rigctl"
 
 
 def begin(folder: Path, *arguments: str) -> subprocess.Popen[str]:

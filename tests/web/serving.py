@@ -8,13 +8,14 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from own_process import RIGCTL
 
 if TYPE_CHECKING:
     from playwright.sync_api import BrowserContext, Page
@@ -95,7 +96,7 @@ class Served:
 @contextmanager
 def serving(project: Path, *options: str, state: Path) -> Iterator[Served]:
     """`rigctl serve`, until the block ends: then by Ctrl-C."""
-    command = [sys.executable, "-m", "rigctl", "serve", str(project), "--no-browser", *options]
+    command = [RIGCTL, "serve", str(project), "--no-browser", *options]
     environment = {**os.environ, "XDG_STATE_HOME": str(state), "PYTHONUNBUFFERED": "1"}
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, cwd=project

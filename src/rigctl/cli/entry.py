@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 
+from rigctl.child_process import isolate_children
 from rigctl.cli.closed_output import UNREAD, by_closed_pipe, discard_output, is_unread
 
 #: exit status after Ctrl-C, as `rigctl.errors.ExitCode` has it, which is imported later
@@ -19,6 +20,7 @@ def main() -> None:
 
     Where the reader of the output has closed the pipe, as ``head`` does, the process ends without a message.
     """
+    isolate_children()
     code: int | str | None = 0
     unread = False
     try:

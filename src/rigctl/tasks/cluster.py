@@ -9,6 +9,7 @@ from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeVar
 
+from rigctl.child_process import isolated_children
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.method_version import DISCOVERY_VERSION, METHOD_VERSION
 from rigctl.tasks.workers import Workers
@@ -178,13 +179,14 @@ def _client(workers: Workers) -> Iterator[Client]:
         ) from problem
     cluster = None
     if workers.local_count is not None:
-        cluster = LocalCluster(
-            n_workers=workers.local_count,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            host="127.0.0.1",
-        )
+        with isolated_children():
+            cluster = LocalCluster(
+                n_workers=workers.local_count,
+                threads_per_worker=1,
+                processes=True,
+                dashboard_address=None,
+                host="127.0.0.1",
+            )
     try:
         client = _connected(Client, workers.cluster if cluster is None else cluster)
         try:

@@ -17,11 +17,11 @@ from concurrent.futures import (
     wait,
 )
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from functools import cache
 from multiprocessing import get_context, parent_process
 from typing import Any, Final, TypeVar
 
+from rigctl.child_process import isolated_children
 from rigctl.errors import RigctlError
 
 T = TypeVar("T")
@@ -83,7 +83,7 @@ def _in_new_processes(
 ) -> Generator[tuple[int, R], None, None]:
     import cloudpickle
 
-    with _one_thread_each():
+    with isolated_children(**_one_thread_each()):
         pool = ProcessPoolExecutor(
             count,
             mp_context=get_context("spawn"),
@@ -177,13 +177,6 @@ def _end_with_parent() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Limit new processes to one thread each by their environment, unless the user has set it."""
-    added = {name: "1" for name in _THREADS if name not in os.environ}
-    os.environ.update(added)
-    try:
-        yield
-    finally:
-        for name in added:
-            os.environ.pop(name, None)
+def _one_thread_each() -> dict[str, str]:
+    """The environment that limits a process to one thread, unless the user has set it."""
+    return {name: "1" for name in _THREADS if name not in os.environ}

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import multiprocessing
 import subprocess
-import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -22,6 +21,7 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import IO, Any, Final, Literal
 
+from rigctl.child_process import module_command
 from rigctl.command_line import command
 from rigctl.errors import ExitCode, RigctlError
 
@@ -146,7 +146,7 @@ class Jobs:
             self._require_room()
             job = Job(name, command(arguments))
             process = subprocess.Popen(  # noqa: S603 - this program, no shell
-                [sys.executable, "-m", "rigctl", *arguments, "--json"],
+                module_command("rigctl", *arguments, "--json"),
                 cwd=self._folder,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 import threading
 from collections.abc import Sequence
 from contextlib import suppress
@@ -13,6 +12,7 @@ from pathlib import Path
 from time import monotonic, sleep
 from typing import TYPE_CHECKING, Any, Final
 
+from rigctl.child_process import module_command
 from rigctl.command_line import command
 from rigctl.errors import ExitCode, RigctlError, SeveralErrors
 from rigctl.web.report import inside, project_files
@@ -149,7 +149,7 @@ class Procedures:
         group = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
         alone: dict[str, Any] = {"creationflags": group} if group else {"start_new_session": True}
         process = subprocess.Popen(  # noqa: S603 - this program, no shell
-            [sys.executable, "-m", "rigctl", *words],
+            module_command("rigctl", *words),
             cwd=self._site.project.root,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,

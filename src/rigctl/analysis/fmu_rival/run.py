@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -20,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.analysis.fmu_rival.archive import checked_platforms
+from rigctl.child_process import module_command
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult
@@ -139,7 +139,7 @@ def _simulated(
     with TemporaryDirectory(prefix="rigctl-fmu-", ignore_cleanup_errors=True) as folder:
         job, answer = Path(folder) / "job.json", Path(folder) / "answer.json"
         job.write_text(json.dumps(_job(path, fitted, starts)), "utf-8")
-        command = [sys.executable, "-m", "rigctl.analysis.fmu_rival.worker", str(job), str(answer)]
+        command = module_command("rigctl.analysis.fmu_rival.worker", str(job), str(answer))
         code = _watched(path, command, on_progress, patience)
         if not answer.exists():
             raise RigctlError(

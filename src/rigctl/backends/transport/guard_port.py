@@ -7,13 +7,13 @@ import secrets
 import select
 import socket
 import subprocess
-import sys
 from contextlib import suppress
 
 from rigctl.backends.transport.guard import Orders
 from rigctl.backends.transport.guard_frames import Frame, FrameReader, send_frame
 from rigctl.backends.transport.port import PortLost
 from rigctl.backends.transport.safe_commands import Duty, Outputs
+from rigctl.child_process import module_command
 from rigctl.clock import Clock
 from rigctl.errors import ExitCode, RigctlError
 
@@ -165,9 +165,8 @@ def _start() -> tuple[socket.socket, subprocess.Popen[str]]:
     flags = getattr(subprocess, "CREATE_NO_WINDOW", 0) | getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
     with socket.create_server(("127.0.0.1", 0), backlog=1) as server:
         server.settimeout(_STARTS_WITHIN)
-        # -P: no module is imported from the current folder
         port = str(server.getsockname()[1])
-        command = [sys.executable, "-P", "-m", "rigctl.backends.transport.guard", port]
+        command = module_command("rigctl.backends.transport.guard", port)
         process = subprocess.Popen(  # noqa: S603 - this Python, this package
             command,
             stdin=subprocess.PIPE,

@@ -15,6 +15,7 @@ from typing import IO, Annotated
 
 import typer
 
+from rigctl.child_process import module_command
 from rigctl.cli.echo import echo
 
 ServeOption = Annotated[
@@ -48,7 +49,7 @@ def _begin() -> subprocess.Popen[str] | None:
     from rigctl.project import find_project
 
     require_web()
-    command = [sys.executable, "-m", "rigctl", "serve", str(find_project().root), "--page", "live"]
+    command = module_command("rigctl", "serve", str(find_project().root), "--page", "live")
     # Ctrl-C ends only the command, not the server: the end of a run can be watched too
     group = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
     server = subprocess.Popen(  # noqa: S603 - this program, no shell

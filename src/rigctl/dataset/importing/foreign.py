@@ -21,6 +21,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
+from rigctl.child_process import module_command
 from rigctl.dataset.importing.groups import Column, Group, GroupedFile, is_text
 from rigctl.dataset.importing.limits import OUT_OF_MEMORY
 from rigctl.dataset.importing.options import Options
@@ -88,15 +89,13 @@ def _size(path: Path) -> int:
 
 def _start(task: Mapping[str, Any]) -> int:
     """Run a task in a separate process; return its exit status."""
-    # -P: imports nothing from the working folder
-    command = [sys.executable, "-P", "-X", "utf8", "-m", "rigctl.dataset.importing.foreign"]
     threads = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_MAX_THREADS")
     return subprocess.run(  # noqa: S603 - this program itself, and nothing from the file
-        command,
+        module_command("rigctl.dataset.importing.foreign"),
         input=json.dumps(task).encode("utf-8"),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        env={**os.environ, **dict.fromkeys(threads, "1")},
+        env={**os.environ, **dict.fromkeys(threads, "1"), "PYTHONUTF8": "1"},
         timeout=_PATIENCE * task["seconds"],
         check=False,
     ).returncode

@@ -173,13 +173,13 @@ def _compiler(library: str) -> list[str]:
     """
     wished = os.environ.get("CC")
     for name in filter(None, (wished, "cc", "gcc", "clang")):
-        compiler = shutil.which(name)
+        compiler = _found(name)
         if compiler is not None:
             shared = ["-dynamiclib"] if sys.platform == "darwin" else ["-shared"]
             plain = ["-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden"]
             position = [] if sys.platform == "win32" else ["-fPIC"]
             return [compiler, *shared, *position, *plain, "slave.c", "-o", library, "-lm"]
-    microsoft = shutil.which("cl") if sys.platform == "win32" else None
+    microsoft = _found("cl") if sys.platform == "win32" else None
     if microsoft is not None:
         return [microsoft, "/nologo", "/LD", "/O2", "slave.c", f"/Fe:{library}"]
     raise RigctlError(
@@ -187,6 +187,12 @@ def _compiler(library: str) -> list[str]:
         expected="cc, gcc or clang, or cl on Windows",
         hint="Install one, name it in CC, or write '--sources-only'",
     )
+
+
+def _found(name: str) -> str | None:
+    """The path of a program, but not of one in the working folder, where Windows looks first."""
+    program = shutil.which(name)
+    return program if program is None or Path(name).name != name or Path(program).is_absolute() else None
 
 
 def _write(path: Path, files: Mapping[str, bytes]) -> None:
