@@ -26,7 +26,9 @@ class Trial(Protocol):
 
 
 AnyTrial = TypeVar("AnyTrial", bound=Trial)
-Verdict: TypeAlias = Literal["adequate", "missing_effect", "ambiguous", "outside_library"]
+Verdict: TypeAlias = Literal[
+    "adequate", "missing_effect", "ambiguous", "outside_library", "undecided", "refused"
+]
 
 
 @dataclass(frozen=True)

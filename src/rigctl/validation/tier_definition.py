@@ -12,7 +12,7 @@ from rigctl.validation.outcome import AnyTrial, TrialOutcome
 if TYPE_CHECKING:
     from rigctl.validation.figures import Figures
 
-TierName: TypeAlias = Literal["quick", "full", "anyone", "shape", "discovery", "design"]
+TierName: TypeAlias = Literal["quick", "full", "anyone", "moving", "shape", "discovery", "design"]
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,13 @@ def tier_definition(name: TierName) -> TierDefinition[Any]:
         from rigctl.validation.anyone.work import carry_out_trial
 
         return TierDefinition(bench_trials(), carry_out_trial, BenchTrial.read, bench_figures)
+    if name == "moving":
+        from rigctl.validation.moving.rates import moving_figures
+        from rigctl.validation.moving.tier import moving_trials
+        from rigctl.validation.moving.trial import MovingTrial
+        from rigctl.validation.moving.work import carry_out_moving
+
+        return TierDefinition(moving_trials(), carry_out_moving, MovingTrial.read, moving_figures)
     if name == "discovery":
         from rigctl.validation.planted.rates import planted_figures
         from rigctl.validation.planted.trial import PlantedTrial, planted_trials

@@ -33,6 +33,7 @@ class TierName(StrEnum):
     QUICK = "quick"
     FULL = "full"
     ANYONE = "anyone"
+    MOVING = "moving"
     SHAPE = "shape"
     DISCOVERY = "discovery"
     DESIGN = "design"
@@ -42,9 +43,10 @@ def validate(
     tier: Annotated[
         TierName,
         typer.Option(
-            help="quick takes minutes, full hours; anyone: ten small benches; shape: laws other "
-            "than the library's; discovery: terms that are in no library, and formulas for "
-            "them; design: predicted power of designed records, and their results."
+            help="quick takes minutes, full hours; anyone: ten small benches; moving: the same benches, "
+            "never at rest, with noise of every colour; shape: laws other than the library's; discovery: "
+            "terms that are in no library, and formulas for them; design: predicted power of designed "
+            "records, and their results."
         ),
     ] = TierName.QUICK,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")] = Path("validation"),
@@ -73,12 +75,13 @@ def validate(
 
     That bench shares no equation and no integrator with the models under test, and its hidden effects have
     shapes other than the library's. The tier anyone has ten small benches instead, each with family, rig and
-    model as a user writes them, tested from a CSV file to the verdict; the tier shape has effects of up to
-    1000 sigmas with laws far from the library's, alone, in pairs, and removed from the library; the tier
-    discovery plants terms that are in no library, and searches for their formulas; the tier design runs
-    'learn' on that bench, and compares the predicted power of designed records with the results. Every
-    finished trial is kept: after a kill, --resume continues. The tables are also written into the folder, as
-    Markdown.
+    model as a user writes them, tested from a CSV file to the verdict; the tier moving has twins of them that
+    never rest, with white, correlated, 1/f and drifting noise that the rig file states, does not state or
+    states wrongly, and logs with which no verdict can be right; the tier shape has effects of up to 1000
+    sigmas with laws far from the library's, alone, in pairs, and removed from the library; the tier discovery
+    plants terms that are in no library, and searches for their formulas; the tier design runs 'learn' on that
+    bench, and compares the predicted power of designed records with the results. Every finished trial is
+    kept: after a kill, --resume continues. The tables are also written into the folder, as Markdown.
 
     Example: rigctl validate --tier quick
     """

@@ -2,7 +2,7 @@
 
 numba caches compiled functions, and invalidates an entry when the function's own file changes: it would not
 notice a change of a called function in another file. The name of the cache folder is therefore a hash of all
-files of this package.
+files of the function's package.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def compiled(function: Callable[..., Any]) -> Any:
     For functions called from Python; those called only from compiled code are compiled into their callers
     and need only ``njit``. Without a writable cache it is compiled in each process.
     """
-    folder = folder_of(Path(__file__).parent)
+    folder = folder_of(Path(function.__code__.co_filename).parent)
     if folder is None:
         return njit(function)
     with _kept_in(folder):
