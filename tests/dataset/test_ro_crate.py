@@ -15,6 +15,7 @@ import pytest
 from rocrate.rocrate import ROCrate
 
 from commands import call, refusal, told
+from dataset.forgery import sealed
 from rigctl.dataset import RunWriter, calibrations_of, open_run
 from rigctl.dataset.exporting import export_junit, export_ro_crate
 from rigctl.dataset.storage import Store, upload
@@ -128,13 +129,6 @@ def test_a_failed_export_leaves_nothing_behind(runs: list[Path]) -> None:
     assert sorted(path.name for path in Path().iterdir()) == ["rigctl.toml", "runs", "there"]
 
 
-def _sealed(info: dict[str, Any]) -> str:
-    """A run.json with the checksum that the format's page describes."""
-    said = {key: value for key, value in info.items() if key != "checksum"}
-    text = json.dumps(said, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
-    return json.dumps({**said, "checksum": hashlib.sha256(text.encode("ascii")).hexdigest()})
-
-
 @pytest.mark.parametrize(
     ("field", "value", "says"),
     [
@@ -142,7 +136,7 @@ def _sealed(info: dict[str, Any]) -> str:
         ("files", {"C:x": {"bytes": 6, "sha256": ""}}, "names a file that is not in the run's"),
         ("files", None, "'files' is not what rigctl writes"),
         ("device", ["HC-0042"], "'device' is not what rigctl writes"),
-        ("procedure", {"name": None, "text": ""}, "the name in 'procedure' is not a text"),
+        ("procedure", {"name": None, "text": ""}, "'procedure' is not what rigctl writes"),
         ("calibrations", {"position": None}, "'calibrations' is not what rigctl writes"),
         ("duration", None, "'duration' is not what rigctl writes"),
     ],
@@ -157,7 +151,7 @@ def test_a_forged_run_is_refused_and_hides_no_other(
     if isinstance(value, dict) and field == "files":
         value = {name: {"bytes": 6, "sha256": hashlib.sha256(b"SECRET").hexdigest()} for name in value}
     info = {**json.loads((forged / "run.json").read_text(encoding="utf-8")), "id": forged.name, field: value}
-    (forged / "run.json").write_text(_sealed(info), encoding="utf-8")
+    (forged / "run.json").write_text(sealed(info), encoding="utf-8")
     for to in ("ro-crate", "junit"):
         said = refusal("export", forged.name, "--to", to, "-o", "out", exit_code=ExitCode.FAILED)
         assert says in said

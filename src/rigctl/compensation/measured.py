@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from rigctl.dataset.run import Run
 from rigctl.errors import RigctlError, unknown_name
+from rigctl.json_values import parse_json
 from rigctl.plan import Group, Leaf, Node, Plan
 from rigctl.plan.statistics import DURATION, Stretch
 from rigctl.plan.tree import GroupKind, RecordNode, children
@@ -139,7 +139,8 @@ def find_measure(runs: Sequence[Run], rig: Rig, target: Target) -> TakenMeasure:
 def _measures_of_records(run: Run) -> set[str]:
     events = run.events
     measured = events[events["kind"] == "measure"]
-    return {str(json.loads(data)["name"]) for data in measured["data"]}
+    with run.event_data():
+        return {str(parse_json(data)["name"]) for data in measured["data"]}
 
 
 def _when(runs: Sequence[Run], name: str) -> float:
@@ -149,9 +150,12 @@ def _when(runs: Sequence[Run], name: str) -> float:
         begins = dict(zip(run.records["record"], run.records["start"], strict=True))
         events = run.events
         measured = events[(events["kind"] == "measure") & (events["record"] >= 0)]
-        for time, record, data in zip(measured["time"], measured["record"], measured["data"], strict=True):
-            if json.loads(data)["name"] == name and record in begins:
-                times.append(float(time) - float(begins[record]))
+        with run.event_data():
+            for time, record, data in zip(
+                measured["time"], measured["record"], measured["data"], strict=True
+            ):
+                if parse_json(data)["name"] == name and record in begins:
+                    times.append(float(time) - float(begins[record]))
     return float(np.median(times))
 
 

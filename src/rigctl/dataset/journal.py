@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.regular import regular
+from rigctl.json_values import parse_json
 
 if TYPE_CHECKING:
     import numpy as np
@@ -296,7 +297,7 @@ class JournalReader:
         if first is None or first.number != 0:
             self.close()
             return False
-        self.facts = json.loads(payload)
+        self.facts = parse_json(payload)
         begins = first.start + first.length
         size = os.fstat(self._file.fileno()).st_size
         near = size - self._most
@@ -355,7 +356,7 @@ def _scan(path: Path, file: BinaryIO) -> Journal:
             at = after
             continue
         if frame.number == 0:
-            facts = json.loads(payload)
+            facts = parse_json(payload)
         elif not frames or frame.number > frames[-1].number:
             frames.append(frame)
         at = frame.start + frame.length
@@ -371,7 +372,7 @@ def _scan_first_format(path: Path, file: BinaryIO, size: int) -> Journal:
         if not payload or len(payload) != length or zlib.crc32(payload) != checksum:
             break
         if facts is None:
-            facts = json.loads(payload)
+            facts = parse_json(payload)
         else:
             frames.append(Frame(len(frames) + 1, rows, at + _FIRST_HEADER.size, length))
             rows += length // (8 * len(facts["columns"]))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.dataset.history import History, TakenMeasure
+from rigctl.json_values import parse_json
 from rigctl.plan.measured import MeasuredValue
 from rigctl.units import show
 
@@ -94,14 +94,18 @@ def taken_in(run: Run) -> list[TakenMeasure]:
     events = run.table("events")
     columns = (events[name].to_pylist() for name in ("kind", "time", "path", "data"))
     measures = []
-    for kind, time, path, data in zip(*columns, strict=True):
-        if kind == "measure":
-            fields = json.loads(data)
-            facts = {key: fields[key] for key in ("name", "unit", "low", "high", "passed", "difference")}
-            value = math.nan if fields["value"] is None else float(fields["value"])
-            measured = MeasuredValue(value=value, **facts, typed=fields.get("typed", False), path=path or "")
-            measures.append(TakenMeasure(float(time), int(fields["record"]), measured))
+    with run.event_data():
+        for kind, time, path, data in zip(*columns, strict=True):
+            if kind == "measure":
+                measures.append(_taken(float(time), path or "", parse_json(data)))
     return measures
+
+
+def _taken(time: float, path: str, fields: Mapping[str, Any]) -> TakenMeasure:
+    facts = {key: fields[key] for key in ("name", "unit", "low", "high", "passed", "difference")}
+    value = math.nan if fields["value"] is None else float(fields["value"])
+    measured = MeasuredValue(value=value, **facts, typed=fields.get("typed", False), path=path)
+    return TakenMeasure(time, int(fields["record"]), measured)
 
 
 def _judgement(taken: Iterable[TakenMeasure], names: Sequence[str], *, complete: bool) -> Judgement:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -16,10 +16,13 @@ from rigctl.dataset import journal, run_json, samples_file
 from rigctl.dataset.catalogue import locate_run
 from rigctl.dataset.header import RunHeader
 from rigctl.dataset.history import COMPLETE
-from rigctl.dataset.parquet import numbers, open_parquet
+from rigctl.dataset.parquet import numbers
 from rigctl.dataset.record_rows import RecordRows
+from rigctl.dataset.records_file import EVENTS
+from rigctl.dataset.table_columns import event_data, open_table
 from rigctl.dataset.writer_lock import in_progress
-from rigctl.errors import RigctlError, unknown_name
+from rigctl.errors import ExitCode, Location, RigctlError, unknown_name
+from rigctl.json_values import parse_json
 from rigctl.notebook import one_line
 from rigctl.units import parse_unit
 
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
     import pyarrow as pa
+    import pyarrow.parquet as pq
     from numpy.typing import NDArray
 
     from rigctl.dataset.storage.store import StoredFolder
@@ -164,7 +168,7 @@ class Run:
             return self._read(self.layout.columns, record)
         if name not in _TABLES:
             raise unknown_name("table", name, _TABLES)
-        with open_parquet(self.folder / f"{name}.parquet") as file:
+        with open_table(self.folder / f"{name}.parquet") as file:
             return file.read()
 
     @cached_property
@@ -192,14 +196,19 @@ class Run:
         rows = self.table("events")
         columns = (rows[name].to_pylist() for name in ("kind", "time", "record", "data"))
         switches = []
-        for kind, time, record, data in zip(*columns, strict=True):
-            if kind != "command":
-                continue
-            facts = json.loads(data)
-            if "actuator" in facts and facts.get("value") is not None:
-                value, uncertainty = float(facts["value"]), float(facts.get("uncertainty") or 0.0)
-                switches.append(Switch(float(time), facts["actuator"], value, uncertainty, int(record)))
+        with self.event_data():
+            for kind, time, record, data in zip(*columns, strict=True):
+                if kind != "command":
+                    continue
+                facts = parse_json(data)
+                if "actuator" in facts and facts.get("value") is not None:
+                    value, uncertainty = float(facts["value"]), float(facts.get("uncertainty") or 0.0)
+                    switches.append(Switch(float(time), facts["actuator"], value, uncertainty, int(record)))
         return tuple(switches)
+
+    def event_data(self) -> AbstractContextManager[None]:
+        """Report what is wrong with the data of an event in the block as damage of the file."""
+        return event_data(self.folder / EVENTS)
 
     @cached_property
     def usable(self) -> tuple[int, ...]:
@@ -243,7 +252,7 @@ class Run:
         RigctlError
             there is no such record.
         """
-        with open_parquet(self.folder / samples_file.NAME) as file:
+        with self._open_samples(self.layout.columns) as file:
             rows = RecordRows(file, self.layout.columns)
             for index in indices:
                 self._require(index)
@@ -282,11 +291,25 @@ class Run:
         for name in columns:
             if name not in self.layout.columns:
                 raise unknown_name("column", name, self.layout.columns)
-        with open_parquet(self.folder / samples_file.NAME) as file:
+        with self._open_samples(columns) as file:
             if record is None:
                 return file.read(columns=list(columns))
             self._require(record)
             return RecordRows(file, columns).of(record)
+
+    @contextmanager
+    def _open_samples(self, columns: Sequence[str]) -> Iterator[pq.ParquetFile]:
+        """Open the samples, which must have these columns, as the run's layout states."""
+        path = self.folder / samples_file.NAME
+        with open_table(path) as file:
+            if missing := [name for name in columns if name not in file.schema_arrow.names]:
+                raise RigctlError(
+                    "the file is damaged: it lacks a column of the run",
+                    value=missing[0],
+                    where=Location(path if isinstance(path, Path) else str(path)),
+                    exit_code=ExitCode.FAILED,
+                )
+            yield file
 
     def _require(self, record: int) -> None:
         count = self.info["records"]

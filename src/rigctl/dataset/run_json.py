@@ -10,9 +10,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
+from rigctl.dataset.run_json_shape import foreign_file, wrong_field
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.regular import regular
 from rigctl.files.write import to_json, write_json
+from rigctl.json_values import parse_json
 
 NAME: Final = "run.json"
 #: the field with the SHA-256 of all others, in their canonical text
@@ -21,17 +23,6 @@ _CHECKSUM: Final = "checksum"
 _PROTECTED: Final = 2
 #: status of a run in progress, or of one whose program was killed
 RUNNING: Final = "running"
-#: the types of fields that others rely on; a field may be missing
-_SHAPES: Final[dict[str, type | tuple[type, ...]]] = {
-    **dict.fromkeys(("procedure", "rig", "layout", "calibrations", "backend", "versions"), dict),
-    **dict.fromkeys(("arguments", "device", "test", "files"), dict),
-    **dict.fromkeys(("measures", "annotations", "sessions", "damaged_lines"), list),
-    **dict.fromkeys(("id", "status", "source", "started"), str),
-    **dict.fromkeys(("records", "rows"), int),
-    "duration": (int, float),
-}
-#: characters of a path that leads out of the run's folder
-_ELSEWHERE: Final = frozenset("/\\:\0")
 _canonical: Final = json.JSONEncoder(sort_keys=True, separators=(",", ":"), ensure_ascii=True).encode
 
 
@@ -74,33 +65,24 @@ def read_text(text: str, folder: os.PathLike[str]) -> dict[str, Any]:
 
 def _checked(text: str, file: str, run_id: str) -> dict[str, Any]:
     try:
-        info = json.loads(text)
+        info = parse_json(text)
     except ValueError as problem:
         raise _damaged(file, run_id) from problem
     if not isinstance(info, dict) or "id" not in info or "status" not in info:
         raise _damaged(file, run_id)
-    if info.get("format", _PROTECTED) >= _PROTECTED and info.get(_CHECKSUM) != _digest(info):
+    if not _is_unprotected(info) and info.get(_CHECKSUM) != _digest(info):
         raise _damaged(file, run_id, "the file was changed since it was written")
-    _require_shape(info, file, run_id)
+    if (wrong := wrong_field(info)) is not None:
+        raise _damaged(file, run_id, f"'{wrong}' is not what rigctl writes there")
+    if foreign_file(info):
+        raise _damaged(file, run_id, "it names a file that is not in the run's folder")
     return info
 
 
-def _require_shape(info: Mapping[str, Any], file: str, run_id: str) -> None:
-    """Refuse an intact file without the structure that rigctl writes: a forger can compute checksums too.
-
-    Without this check, one such run in a folder would make the list of all runs fail.
-    """
-    for name, kind in _SHAPES.items():
-        if name in info and not isinstance(info[name], kind):
-            raise _damaged(file, run_id, f"'{name}' is not what rigctl writes there")
-    for name in ("procedure", "rig"):
-        if not isinstance(info.get(name, {}).get("name", ""), str):
-            raise _damaged(file, run_id, f"the name in '{name}' is not a text")
-    for name in ("calibrations", "files"):
-        if not all(isinstance(value, dict) for value in info.get(name, {}).values()):
-            raise _damaged(file, run_id, f"'{name}' is not what rigctl writes there")
-    if any(_ELSEWHERE.intersection(name) for name in info.get("files", ())):
-        raise _damaged(file, run_id, "it names a file that is not in the run's folder")
+def _is_unprotected(info: Mapping[str, Any]) -> bool:
+    """Whether it is of the first format, which had no checksum; no other value omits the check."""
+    stated = info.get("format")
+    return type(stated) is int and 1 <= stated < _PROTECTED and _CHECKSUM not in info
 
 
 def require_own(folder: Path, run_id: object, path: Path) -> None:

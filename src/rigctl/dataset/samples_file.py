@@ -17,6 +17,7 @@ from rigctl.dataset.journal import Journal, read_journal
 from rigctl.dataset.parquet import numbers, open_parquet, replace_with
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.write import write_error
+from rigctl.json_values import parse_json
 from rigctl.units import parse_unit
 
 if TYPE_CHECKING:
@@ -163,8 +164,15 @@ def _state_of(path: Path) -> tuple[int | None, dict[int, Loss]]:
         return None, {}
     with open_parquet(path) as file:
         metadata = file.schema_arrow.metadata or {}
-    losses = json.loads(metadata.get(_LOSSES, b"{}"))
-    return int(metadata.get(_SESSION, b"0")), {int(key): Loss(*loss) for key, loss in losses.items()}
+    try:
+        losses = parse_json(metadata.get(_LOSSES, b"{}"))
+        return int(metadata.get(_SESSION, b"0")), {int(key): Loss(*loss) for key, loss in losses.items()}
+    except (ValueError, TypeError, AttributeError) as problem:
+        raise RigctlError(
+            "the file is damaged: its metadata are not what rigctl writes there",
+            where=Location(path),
+            exit_code=ExitCode.FAILED,
+        ) from problem
 
 
 def _chain(*parts: Iterator[pa.Table]) -> Iterator[pa.Table]:

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 from rigctl.argument_types import checks_argument_types
 from rigctl.dataset import journal, records_file, samples_file
 from rigctl.dataset.catalogue import list_runs
-from rigctl.dataset.index.rows import DAMAGED
-from rigctl.dataset.parquet import open_parquet
+from rigctl.dataset.index.rows import DAMAGED, utc
 from rigctl.dataset.run_json import RUNNING, read_info
+from rigctl.dataset.table_columns import open_table
 from rigctl.errors import RigctlError, unknown_name
 
 if TYPE_CHECKING:
@@ -207,7 +207,7 @@ def _files_as_one(folders: Iterable[Path | StoredFolder], file: str) -> ds.Datas
     schemas = [pa.schema([("run", pa.string())])]
     for folder in folders:
         path = folder / file
-        with open_parquet(path) as opened:
+        with open_table(path) as opened:
             schemas.append(pa.schema([(field.name, field.type) for field in opened.schema_arrow]))
         named = ds.field("run") == folder.name
         if isinstance(folder, Path):
@@ -230,7 +230,7 @@ def _files_as_one(folders: Iterable[Path | StoredFolder], file: str) -> ds.Datas
 def _make_runs(connection: duckdb.DuckDBPyConnection, infos: Iterable[Mapping[str, Any]]) -> None:
     columns = ", ".join(f'"{name}" {kind}' for name, kind, _ in _RUN_COLUMNS)
     connection.execute(f"CREATE TABLE runs ({columns})")
-    rows = [[_dig(info, path) for _, _, path in _RUN_COLUMNS] for info in infos]
+    rows = [[_cell(info, path, kind) for _, kind, path in _RUN_COLUMNS] for info in infos]
     _insert(connection, "runs", rows)
 
 
@@ -260,11 +260,12 @@ def _plain(value: Any) -> Any:
     return int(value) if value == value.to_integral_value() else float(value)
 
 
-def _dig(info: Mapping[str, Any], path: Sequence[str]) -> Any:
+def _cell(info: Mapping[str, Any], path: Sequence[str], kind: str) -> Any:
+    """Return a value of ``run.json`` for a column of this type."""
     value: Any = info
     for key in path:
         value = value.get(key) if isinstance(value, Mapping) else None
-    return value
+    return utc(value) if kind == "TIMESTAMPTZ" else value
 
 
 def _refuse(connection: duckdb.DuckDBPyConnection, problem: Exception) -> NoReturn:

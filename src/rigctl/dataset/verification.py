@@ -56,6 +56,9 @@ def verify(folder: Path) -> Verification:
             return _recover(folder, info)
     except RigctlError as problem:
         return Verification(folder.name, folder, Condition.BROKEN, tuple(str(problem).splitlines()))
+    except OSError as problem:
+        said = f"{problem.filename}: cannot read the file: {problem.strerror}"
+        return Verification(folder.name, folder, Condition.BROKEN, (said,))
     problems = _compare(folder, info)
     return Verification(folder.name, folder, Condition.BROKEN if problems else Condition.WHOLE, problems)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
 import platform
 import time
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.regular import regular
+from rigctl.json_values import parse_json
 
 if TYPE_CHECKING:
     from filelock import FileLock
@@ -192,7 +192,7 @@ def read_state(folder: Path) -> RunState | None:
     try:
         age = time.time() - path.stat().st_mtime
         with open(path, "rb", opener=regular) as file:
-            fields = json.loads(file.read().decode("utf-8"))
+            fields = parse_json(file.read().decode("utf-8"))
     except (OSError, ValueError):
         return None
     if not isinstance(fields, dict):

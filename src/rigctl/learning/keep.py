@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -12,6 +11,7 @@ from typing import Any
 from rigctl.dataset.run_id import new_run_id, next_free
 from rigctl.errors import RigctlError, nearest_name
 from rigctl.files.write import write_json, write_new
+from rigctl.json_values import parse_json
 from rigctl.learning.ending import LearningEnd
 from rigctl.learning.result import Learned, Round
 
@@ -131,7 +131,7 @@ class Kept:
     def _read(cls, folder: Path) -> Kept:
         path = folder / _STATE
         try:
-            document = json.loads(path.read_text(encoding="utf-8"))
+            document = parse_json(path.read_text(encoding="utf-8"))
             if document["version"] != _VERSION:
                 raise ValueError(f"version {document['version']}")
             rounds = [Round.read(one) for one in document["rounds"]]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from rigctl.dataset.history import EventEntry
 from rigctl.errors import RigctlError
+from rigctl.json_values import parse_json
 from rigctl.rig import Rig, parse_rig
 from rigctl.units import Dimension, parse_unit
 
@@ -110,15 +110,16 @@ def read_run(run: Run) -> RunData:
         name: Signal(name, layout.unit(name), _column(frame, name), command=name in layout.commands)
         for name in layout.signals
     }
-    events = tuple(_events(run.events))
-    measures = tuple(_measure(event) for event in events if event.kind == "measure")
-    records = _records(run.records, events, measures, frame["record"].to_numpy())
+    with run.event_data():
+        events = tuple(_events(run.events))
+        measures = tuple(_measure(event) for event in events if event.kind == "measure")
+        records = tuple(_records(run.records, events, measures, frame["record"].to_numpy()))
     return RunData(
         id=run.id,
         info=run.info,
         time=_column(frame, "time"),
         signals=signals,
-        records=tuple(records),
+        records=records,
         events=events,
         measures=tuple(measured for measured in measures if measured.record < 0),
         rig=_rig(run.info),
@@ -133,7 +134,7 @@ def _events(frame: pd.DataFrame) -> Iterator[EventEntry]:
     names = ("time", "kind", "record", "path", "message", "data")
     columns = [frame[name].tolist() for name in names]
     for time, kind, record, path, message, data in zip(*columns, strict=True):
-        facts = json.loads(data) if isinstance(data, str) else {}
+        facts = parse_json(data) if isinstance(data, str) else {}
         yield EventEntry(float(time), str(kind), int(record), _text(path), _text(message), facts)
 
 

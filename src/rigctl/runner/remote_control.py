@@ -20,6 +20,7 @@ from uuid import uuid4
 from rigctl.dataset.writer_lock import STATE_NAME, read_state
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.write import replace_file, to_json
+from rigctl.json_values import parse_json
 from rigctl.runner.appended_lines import LONGEST_LINE, AppendedLines
 from rigctl.runner.requests import Order, Request
 
@@ -183,7 +184,7 @@ def _await_answer(folder: Path, order_id: str, timeout: float) -> str:
 def _read_order(line: bytes) -> Order | None:
     """A request, or None for any other line: everybody with write access to the folder can add lines."""
     try:
-        fields = json.loads(line)
+        fields = parse_json(line)
         return Order(
             Request(fields["request"]),
             source=str(fields.get("source", "another terminal"))[:200],

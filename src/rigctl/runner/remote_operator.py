@@ -7,7 +7,6 @@ answers.
 
 from __future__ import annotations
 
-import json
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from uuid import uuid4
 
 from rigctl.dataset.writer_lock import read_state
 from rigctl.errors import ExitCode, RigctlError
+from rigctl.json_values import parse_json
 from rigctl.plan.behaviour import Answer, Question
 from rigctl.runner.appended_lines import AppendedLines
 from rigctl.runner.operator import read_answer
@@ -135,7 +135,7 @@ def send_answer(folder: Path, question: str, text: str) -> None:
 
 def _read_answer(line: bytes) -> tuple[str, str] | None:
     try:
-        fields = json.loads(line)
+        fields = parse_json(line)
         if fields["request"] != _ANSWER:
             return None
         return str(fields["question"]), str(fields["text"])

@@ -22,6 +22,7 @@ from rigctl.backends.processes import process_exists
 from rigctl.dataset.run_id import slug
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.write import replace_file
+from rigctl.json_values import parse_json
 from rigctl.runner.requests import Order, Request
 
 if TYPE_CHECKING:
@@ -199,10 +200,9 @@ class RigLock:
 
 def read_owner(path: Path) -> Owner | None:
     """The owner in a lock file; None if there is none or it cannot be read."""
-    import json
 
     try:
-        fields = json.loads(path.read_text(encoding="utf-8"))
+        fields = parse_json(path.read_text(encoding="utf-8"))
         owner = Owner(**fields)
         texts = (owner.token, owner.rig, owner.purpose, owner.host, owner.run)
         numbers = (owner.pid, owner.beat, owner.date)

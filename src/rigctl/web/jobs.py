@@ -24,6 +24,7 @@ from typing import IO, Any, Final, Literal
 from rigctl.child_process import module_command
 from rigctl.command_line import command
 from rigctl.errors import ExitCode, RigctlError
+from rigctl.json_values import parse_json
 
 State = Literal["working", "done", "failed", "stopped", "died"]
 #: most jobs at a time; each may use every core
@@ -289,10 +290,9 @@ class _Command:
 
 def _settle(job: Job, code: int, answer: str, messages: Sequence[str]) -> None:
     """Set the outcome of a command, from its exit code and its output."""
-    import json
 
     try:
-        result = json.loads(answer)
+        result = parse_json(answer)
     except ValueError:
         result = None
     if isinstance(result, dict) and "error" in result:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import logging
 import threading
 from collections.abc import Sequence
@@ -18,6 +17,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.write import to_json
+from rigctl.json_values import parse_json
 from rigctl.web.lease import Lease
 from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.server_state import Part, Site
@@ -255,7 +255,7 @@ class _Window:
                 if message["type"] == "websocket.disconnect":
                     return
                 with suppress(ValueError, TypeError, RecursionError):
-                    wanted = json.loads(message.get("text") or "")
+                    wanted = parse_json(message.get("text") or "")
                     if isinstance(wanted, dict):
                         self._wanted = wanted
                         self._changed.set()

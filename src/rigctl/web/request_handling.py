@@ -18,6 +18,7 @@ from starlette.routing import Route
 
 from rigctl.errors import ExitCode, RigctlError
 from rigctl.files.write import to_json
+from rigctl.json_values import parse_json
 
 logger = logging.getLogger(__name__)
 
@@ -153,7 +154,7 @@ async def read_fields(request: Request, most: int) -> Mapping[str, Any]:
 
 def _fields(content: bytes) -> Mapping[str, Any]:
     try:
-        fields = json.loads(content or b"{}")
+        fields = parse_json(content or b"{}")
     except (ValueError, RecursionError) as problem:
         raise RigctlError("the request is not JSON") from problem
     if not isinstance(fields, dict):

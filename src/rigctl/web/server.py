@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.errors import ExitCode, RigctlError
+from rigctl.json_values import parse_json
 from rigctl.project import Project
 
 if TYPE_CHECKING:
@@ -180,7 +181,7 @@ def one_server(project: Project) -> Iterator[Callable[[str], None]]:
 def served_at(project: Project) -> dict[str, Any] | None:
     """Address and process of the server of a project; None if none is known."""
     try:
-        facts = json.loads(_facts_path(project).read_text(encoding="utf-8"))
+        facts = parse_json(_facts_path(project).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     return facts if isinstance(facts, dict) and {"address", "pid"} <= facts.keys() else None

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from rigctl.analysis.fmu_rival.archive import checked_platforms
 from rigctl.child_process import module_command
 from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.json_values import parse_json
 from rigctl.model.fit.errors import whitened_residual
 from rigctl.model.fit.fit import FitResult
 from rigctl.model.fit.problem import Problem
@@ -147,7 +148,7 @@ def _simulated(
                 where=Location(path),
                 exit_code=ExitCode.FAILED,
             )
-        reply: dict[str, Any] = json.loads(answer.read_text("utf-8"))
+        reply: dict[str, Any] = parse_json(answer.read_text("utf-8"))
     if "what" in reply:
         raise RigctlError(
             reply["what"],

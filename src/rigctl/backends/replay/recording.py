@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigctl.errors import RigctlError, nearest_name
+from rigctl.json_values import parse_json
 from rigctl.rig import Rig
 
 if TYPE_CHECKING:
@@ -88,11 +88,14 @@ def _switches(run: Run, times: NDArray[np.float64]) -> tuple[Switch, ...]:
     if np.any(np.diff(times) < 0.0):
         return ()
     events = run.table("events").select(["time", "kind", "data"]).to_pylist()
-    commands = [(event["time"], json.loads(event["data"])) for event in events if event["kind"] == "command"]
-    return tuple(
-        Switch(float(time) - float(times[0]), data["actuator"], float(data["value"]))
-        for time, data in commands
-    )
+    begin = float(times[0])
+    with run.event_data():
+        commands = [
+            (event["time"], parse_json(event["data"])) for event in events if event["kind"] == "command"
+        ]
+        return tuple(
+            Switch(float(time) - begin, data["actuator"], float(data["value"])) for time, data in commands
+        )
 
 
 def _columns(signals: list[NDArray[np.float64]], rows: int) -> NDArray[np.float64]:

@@ -24,6 +24,7 @@ from rigctl.backends.transport.safe_commands import SafeOrder
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
 from rigctl.files.write import replace_file
+from rigctl.json_values import parse_json
 
 LASTS = 24 * 3600.0  #: s, after which the guard gives up
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.1, 5.0  # s between two attempts; doubled each time
@@ -312,7 +313,7 @@ def _folder() -> Path:
 
 def _read(path: Path) -> Notice | None:
     try:
-        notice = Notice(**json.loads(path.read_text(encoding="utf-8")))
+        notice = Notice(**parse_json(path.read_text(encoding="utf-8")))
         str(notice)  # raises if a value has another type
     except (OSError, ValueError, TypeError, OverflowError):
         return None

@@ -387,9 +387,9 @@ def _source(source: Mapping[str, str]) -> str:
 def _records(folder: Path | StoredFolder) -> tuple[list[dict[str, Any]], dict[str, dict[str, str]]]:
     """The rows of records.parquet, and the metadata of its columns."""
     from rigctl.dataset import records_file
-    from rigctl.dataset.parquet import open_parquet
+    from rigctl.dataset.table_columns import open_table
 
-    with open_parquet(folder / records_file.RECORDS) as file:
+    with open_table(folder / records_file.RECORDS) as file:
         rows: list[dict[str, Any]] = file.read().to_pylist()
         facts = {
             field.name: {key.decode(): value.decode("utf-8") for key, value in (field.metadata or {}).items()}

@@ -27,7 +27,10 @@ def simulate(
     ] = None,
     noise: Annotated[bool | None, typer.Option("--noise/--no-noise", help="Sensor noise.")] = None,
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Seed for everything random; by default that of the rig file.")
+        int | None,
+        typer.Option(
+            min=0, max=2**63 - 1, help="Seed for everything random; by default that of the rig file."
+        ),
     ] = None,
     speed: Annotated[str, typer.Option(help="max (as fast as it computes), 1x, 10x.")] = "max",
     fault: Annotated[

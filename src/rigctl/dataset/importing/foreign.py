@@ -28,6 +28,7 @@ from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Heading
 from rigctl.dataset.importing.times import ArrayClock
 from rigctl.errors import Location, RigctlError
+from rigctl.json_values import parse_json
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -228,7 +229,7 @@ def _as_arrow(values: NDArray[Any], rows: int) -> pa.Array:
 
 def _opened(path: Path, folder: Path) -> GroupedFile:
     """Return the file from its reader's `folder`, which exists as long as the result does."""
-    facts = json.loads((folder / _FACTS).read_text(encoding="utf-8"))
+    facts = parse_json((folder / _FACTS).read_text(encoding="utf-8"))
     if "error" in facts:
         error = facts["error"]
         where = Location(path, error.pop("line"), error.pop("column"))

@@ -17,7 +17,7 @@ from rigctl.dataset.run_status import status_of
 from rigctl.dataset.storage.store import StorageSilent, StoredFolder
 from rigctl.errors import RigctlError
 
-#: an instant in the format of `_utc`
+#: an instant in the format of `utc`
 _CANONICAL = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{6})?\+00:00")
 #: states in which a run may still change by itself
 OPEN = (run_json.RUNNING, "unclosed")
@@ -60,13 +60,13 @@ def file_state(folder: Path | str) -> FileState | None:
 
 def read_row(folder: Path, shard: str, state: FileState, *, channels: bool = True) -> Row:
     """Return a run's row; an unreadable run is marked as damaged."""
-    values: dict[str, Any] = {"id": folder.name, "shard": shard, **state._asdict(), "open": False}
+    values: dict[str, Any] = {"id": folder.name, "shard": shard, **state._asdict()}
     try:
         info = run_json.read_info(folder)
-        status = status_of(folder, info)
-        values |= facts_of(info) | {"status": status, "open": status in OPEN}
-    except (RigctlError, KeyError, TypeError, AttributeError):
+        values |= facts_of(info) | {"status": status_of(folder, info)}
+    except RigctlError:
         info, values["status"] = {}, DAMAGED
+    values["open"] = values["status"] in OPEN
     values |= order_of(folder, info)._asdict()
     closed = channels and not values["open"] and bool(info)
     return Row(values, ranges_of(folder, info) if closed else ())
@@ -94,9 +94,9 @@ def facts_of(info: Mapping[str, Any]) -> dict[str, Any]:
         "procedure": info["procedure"]["name"],
         "rig": info["rig"]["name"],
         "backend": info.get("backend", {}).get("kind"),
-        "started": _utc(info["started"]),
+        "started": utc(info["started"]),
         "started_as": info["started"],
-        "ended": _utc(info.get("ended")),
+        "ended": utc(info.get("ended")),
         "notes": sum(statement.kind == "note" for statement in annotations),
         "excluded": len(excluded_records(annotations)),
         **{name: info.get("device", {}).get(name, "") for name in ("serial_number", "part")},
@@ -105,14 +105,11 @@ def facts_of(info: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _utc(text: str | None) -> str | None:
+def utc(text: str | None) -> str | None:
     """Format an instant in UTC, so that texts sort by time."""
     if text is None or _CANONICAL.fullmatch(text):
         return text
-    try:
-        return datetime.fromisoformat(text).astimezone(UTC).isoformat()
-    except ValueError:
-        return text
+    return datetime.fromisoformat(text).astimezone(UTC).isoformat()
 
 
 def ranges_of(folder: Path | StoredFolder, info: Mapping[str, Any]) -> tuple[ChannelRange, ...]:
@@ -147,9 +144,9 @@ def _read_ranges(folder: Path | StoredFolder, info: Mapping[str, Any]) -> tuple[
             lows, highs = [], []
             for group in groups:
                 facts = group.column(index).statistics
-                if facts is not None and facts.has_min_max:
-                    lows.append(facts.min)
-                    highs.append(facts.max)
+                if facts is not None and facts.has_min_max and isinstance(facts.min, int | float):
+                    lows.append(float(facts.min))
+                    highs.append(float(facts.max))
             kind = "time" if name == "time" else "channel" if name in channels else "command"
             low, high = min(lows, default=None), max(highs, default=None)
             ranges.append(ChannelRange(name, str(units.get(name, "")), kind, low, high))

@@ -10,7 +10,7 @@ import logging
 import sqlite3
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from rigctl.dataset.index.refresh import insert_channels, insert_rows, remove_rows, transaction
 from rigctl.dataset.index.rows import DAMAGED, ChannelRange, Row, ranges_of, stored_row
@@ -68,16 +68,8 @@ def _read(store: Store, batch: Mapping[str, tuple[int, str]]) -> list[Row]:
     for run_id, (length, info) in store.infos(batch).items():
         size, tag = batch[run_id]
         state = (size, tag if length == size else "")
-        rows.append(_row(store, run_id, info, state))
+        rows.append(stored_row(store.folder(run_id), info, state))
     return rows
-
-
-def _row(store: Store, run_id: str, info: dict[str, Any] | None, state: tuple[int, str]) -> Row:
-    folder = store.folder(run_id)
-    try:
-        return stored_row(folder, info, state)
-    except (KeyError, TypeError, AttributeError):
-        return stored_row(folder, None, state)
 
 
 def _look_at_samples(index: sqlite3.Connection, store: Store) -> None:

@@ -7,7 +7,6 @@ Nothing in the folder is ever changed; `find_version` refuses a file that has be
 from __future__ import annotations
 
 import hashlib
-import json
 import re
 from collections.abc import Iterator
 from datetime import UTC, datetime
@@ -18,6 +17,7 @@ from rigctl.errors import Location, RigctlError
 from rigctl.files.version_suffix import split_version
 from rigctl.files.write import to_json, write_new
 from rigctl.files.yaml import Document, read_document
+from rigctl.json_values import parse_json
 from rigctl.model.history.change import Change
 from rigctl.model.history.version import Version
 
@@ -179,7 +179,7 @@ def _names(folder: Path) -> list[str]:
 
 def _read(head: Path, file: Path) -> Version:
     try:
-        written = json.loads(file.read_text(encoding="utf-8"))
+        written = parse_json(file.read_text(encoding="utf-8"))
         version, owner = Version.of_document(written, head, file.with_suffix(".yaml")), written["file"]
     except OSError as problem:
         raise RigctlError(

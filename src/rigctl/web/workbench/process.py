@@ -9,7 +9,6 @@ counts. Everything else is done in the order of the requests.
 
 from __future__ import annotations
 
-import json
 import logging
 import math
 import os
@@ -23,6 +22,7 @@ from typing import Any
 
 from rigctl.command_line import DataOptions
 from rigctl.errors import RigctlError
+from rigctl.json_values import parse_json
 from rigctl.web.workbench.describe import (
     opened_document,
     picture_frame,
@@ -87,7 +87,7 @@ class _Session:
     def read(self, message: bytes) -> None:
         """Handle a message of a page; anything but a JSON object is refused without further effect."""
         try:
-            request = json.loads(message)
+            request = parse_json(message)
         except (ValueError, RecursionError):
             request = None
         if isinstance(request, dict):
