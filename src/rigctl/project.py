@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rigctl.errors import Location, RigctlError, nearest_name, unknown_name
+from rigctl.files.regular import read_text
 from rigctl.files.shipped import shipped
 from rigctl.files.version_suffix import path_exists
 
@@ -146,7 +147,7 @@ def _read_settings(marker: Path) -> dict[str, str]:
 
     where = Location(marker)
     try:
-        settings = tomllib.loads(marker.read_text(encoding="utf-8-sig"))
+        settings = tomllib.loads(read_text(marker, "utf-8-sig"))
     except tomllib.TOMLDecodeError as problem:
         raise RigctlError(f"not valid TOML: {problem}", where=where) from problem
     except UnicodeDecodeError as problem:

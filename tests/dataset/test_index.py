@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from rigctl.dataset import RunWriter, annotate, day_folders, exclude, find_run, list_runs, open_run, query
+from rigctl.dataset.catalogue import page_of_runs
 from rigctl.dataset.index import file as index_file
 from rigctl.dataset.index.file import index_path, is_indexed
 from rigctl.dataset.run_order import run_folders
@@ -279,3 +280,26 @@ def test_two_processes_can_list_while_runs_end(four: list[Path], runs: Path, mak
     seen = [int(line) for line in counted.split()]
     assert (len(seen), seen, said) == (20, sorted(seen), "")
     assert len(ids(runs)) == rows_in(runs) == 24
+
+
+@pytest.mark.parametrize(
+    "bomb",
+    [
+        "length(zeroblob(2000000000)) > 1",
+        "length(randomblob(900000000)) > 1",
+        "id LIKE '" + "%a" * 20_000 + "'",
+        "(WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) SELECT count(*) FROM c) > 0",
+        "(" * 5000 + "1" + ")" * 5000,
+        "x" * 100_000,
+        "id = '\ud800'",
+    ],
+)
+def test_a_condition_that_needs_too_much_is_refused_in_one_message(
+    make_run: RunMaker, runs: Path, bomb: str
+) -> None:
+    """A blob of two gigabytes used to be a traceback, and an endless condition to occupy the server."""
+    make_run(records=1, rows=2)
+    with pytest.raises(RigctlError) as caught:
+        page_of_runs(runs, where=bomb, seconds=0.2)
+    assert len(str(caught.value)) < 2000
+    assert page_of_runs(runs, where="records = 1").found == 1

@@ -214,7 +214,7 @@ class Journal:
 
         size = rows * width * 8
         gathered = bytearray()
-        with self.path.open("rb") as file:
+        with open(self.path, "rb", opener=regular) as file:
             for frame in self.frames:
                 file.seek(frame.start)
                 gathered += file.read(frame.length)

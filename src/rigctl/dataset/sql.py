@@ -63,6 +63,11 @@ _RUN_COLUMNS: Final = (
 )
 #: interval of checks for Ctrl-C during a query, s; an unlimited wait ignores it on Windows
 _LOOK: Final = 0.2
+#: largest answer, bytes, and rows that are counted at a time
+_LARGEST: Final = 500_000_000
+_BATCH: Final = 100_000
+#: memory limit of the database
+_MEMORY: Final = "2GB"
 #: all views
 VIEWS: Final = ("runs", "records", "samples", "events", "units")
 
@@ -122,7 +127,7 @@ def _interruptible(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(1) as pool:
-        answer = pool.submit(lambda: connection.sql(sql).to_arrow_table())
+        answer = pool.submit(lambda: _whole_answer(connection, sql))
         try:
             while True:
                 try:
@@ -133,6 +138,30 @@ def _interruptible(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
         except BaseException:  # for any exception, since leaving would wait for the thread
             connection.interrupt()
             raise
+
+
+def _whole_answer(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
+    """Return the answer, unless it would fill the memory as Python's objects.
+
+    Raises
+    ------
+    RigctlError
+        it is too large.
+    """
+    import pyarrow as pa
+
+    reader = connection.sql(sql).to_arrow_reader(_BATCH)
+    batches, size = [], 0
+    for batch in reader:
+        batches.append(batch)
+        size += batch.nbytes
+        if size > _LARGEST:
+            raise RigctlError(
+                "the answer is too large",
+                expected=f"at most {_LARGEST / 1e6:.0f} MB",
+                hint="Select fewer rows or columns, or read the runs' files in Python",
+            )
+    return pa.Table.from_batches(batches, reader.schema)
 
 
 def _closed_runs(folders: Iterable[Path | StoredFolder]) -> dict[Path | StoredFolder, dict[str, Any]]:
@@ -180,6 +209,7 @@ def _make_views(
     for setting in (
         "TimeZone = 'UTC'",
         "temp_directory = ''",
+        f"memory_limit = '{_MEMORY}'",
         "enable_external_access = false",
         "disabled_filesystems = 'LocalFileSystem'",
         "autoinstall_known_extensions = false",

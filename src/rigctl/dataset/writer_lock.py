@@ -182,8 +182,8 @@ class RunState:
 
     @property
     def fresh(self) -> bool:
-        """Whether the next heartbeat is not overdue."""
-        return self.age <= FRESH
+        """Whether the next heartbeat is not overdue; one of the future is as unlikely as one of the past."""
+        return abs(self.age) <= FRESH
 
 
 def read_state(folder: Path) -> RunState | None:

@@ -5,6 +5,33 @@ from __future__ import annotations
 import errno
 import os
 import stat
+from pathlib import Path
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return the content of a regular file.
+
+    Raises
+    ------
+    OSError
+        as `regular`.
+    """
+    with open(path, "rb", opener=regular) as file:
+        return file.read()
+
+
+def read_text(path: Path, encoding: str = "utf-8", errors: str | None = None) -> str:
+    """Return the text of a regular file, its lines ended by "\\n".
+
+    Raises
+    ------
+    OSError
+        as `regular`.
+    UnicodeDecodeError
+        it is not in this encoding.
+    """
+    with open(path, encoding=encoding, errors=errors, opener=regular) as file:
+        return file.read()
 
 
 def regular(path: str, flags: int) -> int:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from rigctl.errors import Location, RigctlError
 from rigctl.files.nodes import Key, ListNode, MappingNode, Node, ScalarNode, descend
+from rigctl.files.regular import regular
 
 if TYPE_CHECKING:
     from ruamel.yaml.events import Event
@@ -72,7 +73,7 @@ def read_document(path: Path) -> Document:
             raise RigctlError("this is a folder", expected="a YAML file", where=where)
         if path.stat().st_size > MAX_BYTES:
             raise _too_large(where)
-        with path.open("rb") as file:  # read only up to the limit, since a device or a pipe might never end
+        with open(path, "rb", opener=regular) as file:  # read only up to the limit: it may grow
             content = file.read(MAX_BYTES + 1)
     except FileNotFoundError as problem:
         raise RigctlError("there is no such file", value=str(path), where=where) from problem

@@ -10,6 +10,7 @@ from typing import Any
 
 from rigctl.dataset.run_id import new_run_id, next_free
 from rigctl.errors import RigctlError, nearest_name
+from rigctl.files.regular import read_text
 from rigctl.files.write import write_json, write_new
 from rigctl.json_values import parse_json
 from rigctl.learning.ending import LearningEnd
@@ -131,7 +132,7 @@ class Kept:
     def _read(cls, folder: Path) -> Kept:
         path = folder / _STATE
         try:
-            document = parse_json(path.read_text(encoding="utf-8"))
+            document = parse_json(read_text(path))
             if document["version"] != _VERSION:
                 raise ValueError(f"version {document['version']}")
             rounds = [Round.read(one) for one in document["rounds"]]

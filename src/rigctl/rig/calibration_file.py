@@ -11,6 +11,7 @@ from typing import Any
 
 from rigctl.errors import ExitCode, Location, RigctlError
 from rigctl.files.edit import set_entries
+from rigctl.files.regular import read_bytes
 from rigctl.files.shipped import shipped
 from rigctl.files.write import write_bytes
 from rigctl.files.yaml import parse_document
@@ -96,7 +97,7 @@ def write_calibration(rig: Rig, text: str, now: datetime) -> Written:
             hint="'rigctl init' makes a project with a copy",
         )
     try:
-        content = path.read_bytes()
+        content = read_bytes(path)
     except OSError as problem:
         raise RigctlError(f"cannot read the file: {problem.strerror}", where=Location(path)) from problem
     if content.removeprefix(_BOM) != rig.text.encode("utf-8"):

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rigctl.errors import Location, RigctlError
+from rigctl.files.regular import read_text
 from rigctl.rig.calibration_fit import Point
 from rigctl.rig.channel import Channel
 from rigctl.units import Unit, parse_unit
@@ -27,7 +28,7 @@ def read_points(path: Path, channel: Channel) -> list[Point]:
         the file cannot be read, a column is missing, a unit has the wrong dimension, or a row has no number.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path, "utf-8-sig")
     except FileNotFoundError as problem:
         raise RigctlError("there is no such file", value=str(path), where=Location(path)) from problem
     except (OSError, UnicodeDecodeError) as problem:

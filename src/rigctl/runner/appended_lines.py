@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+from rigctl.files.regular import regular
+
 #: longest line that is read, bytes with its end
 LONGEST_LINE: Final = 4096
 _MOST_AT_ONCE: Final = 64 * LONGEST_LINE
@@ -32,7 +34,7 @@ class AppendedLines:
         """
         if _size(self._path) <= self._offset:
             return []
-        with self._path.open("rb") as file:
+        with open(self._path, "rb", opener=regular) as file:
             file.seek(self._offset)
             content = file.read(_MOST_AT_ONCE)
         *lines, rest = content.split(b"\n")

@@ -19,6 +19,7 @@ from uuid import uuid4
 
 from rigctl.dataset.writer_lock import STATE_NAME, read_state
 from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.files.regular import regular
 from rigctl.files.write import replace_file, to_json
 from rigctl.json_values import parse_json
 from rigctl.runner.appended_lines import LONGEST_LINE, AppendedLines
@@ -155,7 +156,7 @@ def write_line(folder: Path, line: Mapping[str, str], called: str) -> None:
             f"the {called} is too long", value=f"{len(written)} bytes", expected=f"at most {LONGEST_LINE}"
         )
     try:
-        with (folder / CONTROL_NAME).open("ab") as file:
+        with open(folder / CONTROL_NAME, "ab", opener=regular) as file:
             file.write(written)
     except OSError as problem:
         raise RigctlError(

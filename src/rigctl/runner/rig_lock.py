@@ -21,6 +21,7 @@ from uuid import uuid4
 from rigctl.backends.processes import process_exists
 from rigctl.dataset.run_id import slug
 from rigctl.errors import ExitCode, Location, RigctlError
+from rigctl.files.regular import read_text
 from rigctl.files.write import replace_file
 from rigctl.json_values import parse_json
 from rigctl.runner.requests import Order, Request
@@ -202,7 +203,7 @@ def read_owner(path: Path) -> Owner | None:
     """The owner in a lock file; None if there is none or it cannot be read."""
 
     try:
-        fields = parse_json(path.read_text(encoding="utf-8"))
+        fields = parse_json(read_text(path))
         owner = Owner(**fields)
         texts = (owner.token, owner.rig, owner.purpose, owner.host, owner.run)
         numbers = (owner.pid, owner.beat, owner.date)

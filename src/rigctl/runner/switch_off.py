@@ -22,6 +22,8 @@ from rigctl.runner.rig_lock import RigLock
 #: s of wall time for a run to answer, and again to report that its outputs are safe
 _ANSWER = 0.8
 _LOOK = 0.02
+#: s for all runs together; after that only the one that has the bench is asked
+_ALL_ANSWERS = 3.0
 _ENDED = ("finished", "failed", "aborted")
 
 
@@ -60,7 +62,11 @@ def switch_off(rig: Rig, how: Access) -> SwitchedOff:
     holder = folders[0] if folders else None
     folders += [folder for folder in _in_progress(rig, how.runs) if folder not in folders]
     ended, safe_by_run = [], False
+    give_up = monotonic() + _ALL_ANSWERS
     for folder in folders:
+        if folder != holder and monotonic() > give_up:  # many that do not answer must not delay the bench
+            ended.append(f"{folder.name}: not asked")
+            continue
         try:
             answer = send(folder, Request.ABORT, timeout=_ANSWER)
         except RigctlError as error:

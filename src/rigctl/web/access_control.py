@@ -22,6 +22,8 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 #: most sessions at a time; beyond that, the oldest must show the token again
 _MOST_SESSIONS: Final = 100
+#: key of a request's scope under which its session is stated
+SESSION: Final = "rigctl.session"
 _SAFE: Final = frozenset({"GET", "HEAD"})
 #: path at which the token is exchanged for the cookie
 SESSION_PATH: Final = "/api/session"
@@ -95,7 +97,7 @@ class Gate:
         try:
             host = self._require_host(headers)
             self._require_origin(scope, headers, host)
-            scope["rigctl.session"] = self._session(scope, headers)
+            scope[SESSION] = self._session(scope, headers)
         except Refused as refused:
             await _refuse(scope, receive, self._sealed(send, ""), refused)
             return

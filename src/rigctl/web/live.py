@@ -33,6 +33,8 @@ logger = logging.getLogger(__name__)
 _LOOK: Final = 1.0
 #: number of the newest runs searched for runs in progress
 _NEWEST: Final = 50
+#: windows that can watch at a time
+_MOST_WINDOWS: Final = 100
 _WINDOWS: Final = (1.0, 900.0)
 _WIDTHS: Final = (50, 4000)
 
@@ -44,7 +46,7 @@ def routes(site: Site) -> Sequence[BaseRoute]:
         get("/api/live", live.runs),
         get("/api/live/{run}", live.snapshot),
         post("/api/live/lease", live.lease_asked),
-        post("/api/live/off", live.off),
+        post("/api/live/off", live.off, reserved=True),
         post("/api/live/{run}/request", live.request),
         post("/api/live/{run}/answer", live.answer),
         WebSocketRoute("/api/live/stream", live.stream),
@@ -60,6 +62,7 @@ class Live:
         self._feeds: dict[str, Feed] = {}
         self._lock = threading.Lock()
         self._found: tuple[float, list[Path]] = (-1e9, [])
+        self._open = 0  # windows; counted by the event loop alone
 
     # --- requests of a page -------------------------------------------------------------------------------
 
@@ -130,14 +133,19 @@ class Live:
         """Serve a window until it closes: JSON for events, float32 for samples."""
         await socket.accept()
         viewer = socket.query_params.get("viewer", "")[:64]
+        if self._open >= _MOST_WINDOWS:
+            await socket.close(1013, f"{_MOST_WINDOWS} windows watch already")
+            return
         if not viewer:
             await socket.close(1008, "a window needs a name")
             return
         self._lease.connected(viewer)
         window = _Window(self, socket, viewer)
+        self._open += 1
         try:
             await window.serve()
         finally:
+            self._open -= 1
             self._lease.disconnected(viewer)
 
     # --- inside -------------------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 from rigctl.child_process import module_command
 from rigctl.command_line import command
 from rigctl.errors import ExitCode, RigctlError, SeveralErrors
+from rigctl.files.regular import read_text
 from rigctl.web.report import inside, project_files
 from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.server_state import Part, Site
@@ -58,7 +59,7 @@ class Procedures:
         """A file's text."""
         path = inside(self._site.require_project(), request.text("path"))
         try:
-            text = path.read_text(encoding="utf-8")
+            text = read_text(path)
         except UnicodeDecodeError as problem:
             raise RigctlError("the file is not UTF-8 text", value=request.text("path")) from problem
         return {"path": request.text("path"), "text": text, "sha256": _hash(text)}
@@ -94,7 +95,7 @@ class Procedures:
         root = self._site.require_project()
         path, text = self._writable(root, request.text("path")), request.text("text")
         with self._saving:  # if two windows save at once, the second is refused
-            current = path.read_text(encoding="utf-8", errors="replace") if path.is_file() else None
+            current = read_text(path, errors="replace") if path.is_file() else None
             known = request.text("sha256", "")
             if current is not None and _hash(current) != known:
                 raise RigctlError(
@@ -114,7 +115,7 @@ class Procedures:
         root = self._site.require_project()
         path = inside(root, request.text("path"))
         file = path.relative_to(root.resolve()).as_posix()
-        plan = _plan(path, path.read_text(encoding="utf-8"))
+        plan = _plan(path, read_text(path))
         if request.text("bench") == "simulated":
             speed = request.text("speed", "1x")
             if speed not in _SPEEDS:

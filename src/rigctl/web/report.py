@@ -13,6 +13,7 @@ from starlette.responses import HTMLResponse, Response
 
 from rigctl.command_line import command
 from rigctl.errors import RigctlError
+from rigctl.files.regular import read_text
 from rigctl.web.request_handling import PageRequest, get, post
 from rigctl.web.runs import plain_id
 from rigctl.web.server_state import Part, Site
@@ -78,7 +79,7 @@ class Pages:
         page = Path(str(file_name)).resolve()
         if not page.is_relative_to(self._site.jobs.scratch.resolve()):
             raise RigctlError("this work has made no page")
-        text = page.read_text(encoding="utf-8")
+        text = read_text(page)
         match = _POLICY.search(text)
         policy = html.unescape(match.group(1)) if match else "default-src 'none'"
         sealed = f"{policy}; frame-ancestors 'self'; sandbox allow-scripts allow-downloads allow-popups"

@@ -5,13 +5,16 @@ Exceptions become answers too: a `RigctlError` with its parts by name, as with `
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, Final, cast
 
-from starlette.concurrency import run_in_threadpool
+from anyio import CapacityLimiter, to_thread
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 from starlette.routing import Route
@@ -24,6 +27,11 @@ logger = logging.getLogger(__name__)
 
 #: bytes of a request's body; a procedure of a thousand steps has fifty thousand
 _MOST_BYTES: Final = 2_000_000
+#: requests that are carried out at a time, each in a thread, and how many may wait for one
+_AT_A_TIME: Final = 16
+_WAITING: Final = 64
+#: threads of those that must not wait for any other
+_RESERVED: Final = 4
 
 
 @dataclass(frozen=True)
@@ -92,9 +100,12 @@ def get(path: str, work: Work) -> Route:
     return Route(path, _endpoint(work), methods=["GET"])
 
 
-def post(path: str, work: Work) -> Route:
-    """A route with an effect; its body is a JSON object."""
-    return Route(path, _endpoint(work), methods=["POST"])
+def post(path: str, work: Work, *, reserved: bool = False) -> Route:
+    """A route with an effect; its body is a JSON object.
+
+    With `reserved` it has threads of its own, so that it is carried out however many others are stuck.
+    """
+    return Route(path, _endpoint(work, reserved=reserved), methods=["POST"])
 
 
 def delete(path: str, work: Work) -> Route:
@@ -102,11 +113,11 @@ def delete(path: str, work: Work) -> Route:
     return Route(path, _endpoint(work), methods=["DELETE"])
 
 
-def _endpoint(work: Work) -> Callable[[Request], Any]:
+def _endpoint(work: Work, *, reserved: bool = False) -> Callable[[Request], Any]:
     async def endpoint(request: Request) -> Response:
         try:
             page_request = await _read(request)
-            result = await run_in_threadpool(work, page_request)
+            result = await _threads(reserved=reserved).carry_out(work, page_request)
             if isinstance(result, Response):
                 return result
             return _json(to_json(result), 200)
@@ -124,6 +135,36 @@ def _endpoint(work: Work) -> Callable[[Request], Any]:
             )
 
     return endpoint
+
+
+class _Threads:
+    """Threads for requests, which wait for one in a queue of limited length."""
+
+    def __init__(self, count: int) -> None:
+        self._limiter = CapacityLimiter(count)
+        self._asked = 0
+
+    async def carry_out(self, work: Work, request: PageRequest) -> object:
+        """Return the result of the work.
+
+        Raises
+        ------
+        OSError
+            too many requests are waiting.
+        """
+        if self._asked >= self._limiter.total_tokens + _WAITING:
+            raise OSError(errno.EBUSY, os.strerror(errno.EBUSY), "the server, by other requests")
+        self._asked += 1
+        try:
+            return await to_thread.run_sync(work, request, limiter=self._limiter)
+        finally:
+            self._asked -= 1
+
+
+@cache
+def _threads(*, reserved: bool) -> _Threads:
+    """The threads of requests; those of sockets and of the page's files are others."""
+    return _Threads(_RESERVED if reserved else _AT_A_TIME)
 
 
 async def _read(request: Request) -> PageRequest:

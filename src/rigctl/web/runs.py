@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 #: runs on one page
 _MOST: Final = 500
+#: s that a condition may take
+_PATIENCE: Final = 10.0
 #: records that are listed of a run
 _MOST_RECORDS: Final = 2000
 
@@ -52,6 +54,7 @@ class Catalogue:
             descending=request.text("order", "down") != "up",
             first=request.whole("first", 0, 0, 1 << 40),
             count=request.whole("count", 50, 1, _MOST),
+            seconds=_PATIENCE,
         )
         document = {"runs": [asdict(run) for run in listing.runs], "found": listing.found, "all": listing.all}
         return document | {"store": self._site.project.store}

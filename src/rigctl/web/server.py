@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rigctl.errors import ExitCode, RigctlError
+from rigctl.files.regular import read_text
 from rigctl.json_values import parse_json
 from rigctl.project import Project
 
@@ -123,7 +124,6 @@ def serve(settings: Settings, started: Callable[[str], None], ends: Callable[[],
             access_log=False,
             proxy_headers=False,
             server_header=False,
-            limit_concurrency=200,
             timeout_graceful_shutdown=1,
             ssl_certfile=settings.certificate,
             ssl_keyfile=settings.key,
@@ -181,7 +181,7 @@ def one_server(project: Project) -> Iterator[Callable[[str], None]]:
 def served_at(project: Project) -> dict[str, Any] | None:
     """Address and process of the server of a project; None if none is known."""
     try:
-        facts = parse_json(_facts_path(project).read_text(encoding="utf-8"))
+        facts = parse_json(read_text(_facts_path(project)))
     except (OSError, ValueError):
         return None
     return facts if isinstance(facts, dict) and {"address", "pid"} <= facts.keys() else None

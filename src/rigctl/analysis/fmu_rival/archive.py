@@ -6,6 +6,7 @@ import zipfile
 from pathlib import Path, PurePosixPath
 
 from rigctl.errors import Location, RigctlError
+from rigctl.files.regular import regular
 
 _ABOUT = "modelDescription.xml"
 #: bytes that an FMU may unpack to at most, from which it counts as large, and that its description may have
@@ -24,7 +25,7 @@ def checked_platforms(path: Path) -> list[str]:
         XML declares entities.
     """
     try:
-        with zipfile.ZipFile(path) as archive:
+        with open(path, "rb", opener=regular) as file, zipfile.ZipFile(file) as archive:
             return _checked(archive, path.stat().st_size)
     except zipfile.BadZipFile as problem:
         raise RigctlError("this is not an FMU: it is not a zip archive", where=Location(path)) from problem

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rigctl.errors import RigctlError
+from rigctl.files.regular import read_text
 from rigctl.files.shipped import shipped
 
 FLASH = 32 * 1024  #: size of the ATmega328P's flash memory, bytes
@@ -35,7 +36,7 @@ def read_intel_hex(path: Path) -> bytes:
         the file cannot be read, a line is damaged (with its number), or it does not fit.
     """
     try:
-        lines = path.read_text(encoding="ascii").splitlines()
+        lines = read_text(path, "ascii").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise RigctlError("cannot read this firmware image", value=str(path), hint=str(error)) from None
     flash = bytearray(b"\xff" * FLASH)

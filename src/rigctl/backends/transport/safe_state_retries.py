@@ -23,6 +23,7 @@ from rigctl.backends.transport.port import Port, PortLost
 from rigctl.backends.transport.safe_commands import SafeOrder
 from rigctl.clock import Clock
 from rigctl.errors import RigctlError
+from rigctl.files.regular import read_text
 from rigctl.files.write import replace_file
 from rigctl.json_values import parse_json
 
@@ -259,13 +260,13 @@ def let_go(url: str, token: str) -> None:
     """Remove the record of `hold`, unless another process has opened the port since."""
     path = _holder_of(url)
     with suppress(OSError):
-        if path.read_text(encoding="utf-8") == token:
+        if read_text(path) == token:
             path.unlink()
 
 
 def _held_by_another(url: str, token: str) -> bool:
     try:
-        found = _holder_of(url).read_text(encoding="utf-8")
+        found = read_text(_holder_of(url))
         pid = int(found.partition(" ")[0])
     except (OSError, ValueError):
         return False
@@ -313,7 +314,7 @@ def _folder() -> Path:
 
 def _read(path: Path) -> Notice | None:
     try:
-        notice = Notice(**parse_json(path.read_text(encoding="utf-8")))
+        notice = Notice(**parse_json(read_text(path)))
         str(notice)  # raises if a value has another type
     except (OSError, ValueError, TypeError, OverflowError):
         return None

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rigctl.cli.echo import echo, echo_json
+from rigctl.files.regular import read_text
 
 if TYPE_CHECKING:
     from rigctl.dataset.importing import Imported
@@ -277,7 +278,7 @@ def _model_of(rig: Path | None) -> str | None:
 
 def _named(field: re.Pattern[str], path: Path) -> str | None:
     """The value of a field at the top of a file."""
-    match = field.search(path.read_text(encoding="utf-8", errors="replace"))
+    match = field.search(read_text(path, errors="replace"))
     return match.group(1) if match else None
 
 

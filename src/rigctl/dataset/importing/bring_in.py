@@ -27,6 +27,7 @@ from rigctl.dataset.run_id import new_run_id
 from rigctl.dataset.storage.sending import upload_if_wanted
 from rigctl.dataset.writer import RunWriter
 from rigctl.errors import Location, RigctlError
+from rigctl.files.regular import regular
 from rigctl.rig import Rig
 
 #: attempts at a name that other imports of the same file take at the same time
@@ -261,5 +262,5 @@ def _header(
 
 
 def _digest(path: Path) -> str:
-    with path.open("rb") as file:
+    with open(path, "rb", opener=regular) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -11,7 +11,7 @@ from rigctl.dataset.importing.foreign import open_in_process
 from rigctl.dataset.importing.long_format import is_long, open_long
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Source
-from rigctl.errors import RigctlError
+from rigctl.errors import Location, RigctlError
 
 #: opens a file, given its path and the caller's options
 Opener = Callable[[Path, Options], Source]
@@ -51,6 +51,8 @@ def open_source(path: Path, options: Options) -> Source:
 
 def _open(path: Path, options: Options) -> Source:
     module, function = OPENERS[ending_of(path)]
+    if path.exists() and not path.is_file() and not path.is_dir():  # reading it might never end
+        raise RigctlError("cannot read the file: it is a pipe or a device", where=Location(path))
     if module in _APART and isolated:
         return open_in_process(path, options, f"{_HERE}.{module}", function)
     opener = cast("Opener", getattr(import_module(f"{_HERE}.{module}"), function))

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import IO, Final, cast
 
 from rigctl.errors import Location, RigctlError, nearest_name
+from rigctl.files.regular import regular
 
 #: bytes of the file in memory at a time
 PIECE: Final = 1 << 23
@@ -112,7 +113,7 @@ def opened(path: Path) -> Iterator[IO[bytes]]:
     """Open the file for its decompressed bytes, with clear errors."""
     compressed = path.suffix.lower() == ".gz"
     try:
-        with path.open("rb") as file:
+        with open(path, "rb", opener=regular) as file:
             yield cast("IO[bytes]", gzip.GzipFile(fileobj=file)) if compressed else file
     except (gzip.BadGzipFile, EOFError, zlib.error) as problem:
         raise RigctlError("the file is damaged", expected="gzip", where=Location(path)) from problem

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 import sqlite3
+import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from time import monotonic
 from typing import Any, Final, NoReturn
 
 from rigctl.dataset.index.schema import CHANNEL_COLUMNS, INNER_COLUMNS, ORDER, RUN_COLUMNS, VIEWS, quoted
@@ -16,6 +19,22 @@ _COLUMNS: Final = (*RUN_COLUMNS, *INNER_COLUMNS)
 _READS: Final = frozenset({"runs", "channels", "run", "channel", "channel_name"})
 #: steps of the database between two checks for Ctrl-C
 _STEPS: Final = 100_000
+#: longest condition, and longest text or blob in it, in bytes
+_LONGEST: Final = 1_000_000
+#: longest pattern of a LIKE, whose time grows with its wildcards
+_PATTERN: Final = 1000
+#: errors of a condition, not of the file
+_ITS_OWN: Final = frozenset(
+    {
+        sqlite3.SQLITE_ERROR,
+        sqlite3.SQLITE_AUTH,
+        sqlite3.SQLITE_TOOBIG,
+        sqlite3.SQLITE_NOMEM,
+        sqlite3.SQLITE_INTERRUPT,
+        sqlite3.SQLITE_MISMATCH,
+        sqlite3.SQLITE_RANGE,
+    }
+)
 #: functions with effects beyond a query
 _FORBIDDEN: Final = frozenset({"load_extension", "readfile", "writefile", "edit", "fts3_tokenizer"})
 
@@ -68,6 +87,7 @@ def select_page(
     descending: bool = True,
     first: int = 0,
     count: int = 50,
+    seconds: float | None = None,
 ) -> Page:
     """Return a page of the runs.
 
@@ -77,6 +97,7 @@ def select_page(
     search: words, each of which must occur in one of the run's names.
     sort: a column of a run; runs without a value are last.
     first: index of the first run among those that meet the condition, from 0.
+    seconds: time limit for the condition.
 
     Raises
     ------
@@ -95,7 +116,7 @@ def select_page(
     order = ", ".join(f"{key}{way}" for key in keys)
     missing = f'"{sort}" IS NULL, ' if sort != "started" else ""
     sql = f"SELECT {quoted(_COLUMNS)} FROM run {chosen} ORDER BY {missing}{order} LIMIT ? OFFSET ?"  # noqa: S608
-    with _guarded(index, where):
+    with _guarded(index, where, seconds):
         rows = index.execute(sql, [*words, count, first]).fetchall()
         (matching,) = index.execute(f"SELECT count(*) FROM run {chosen}", words).fetchone()  # noqa: S608
     (every,) = index.execute("SELECT count(*) FROM run").fetchone()
@@ -103,23 +124,28 @@ def select_page(
 
 
 @contextmanager
-def _guarded(index: sqlite3.Connection, where: str | None) -> Iterator[None]:
-    """Restrict the database to reading its own tables, and handle Ctrl-C."""
+def _guarded(index: sqlite3.Connection, where: str | None, seconds: float | None = None) -> Iterator[None]:
+    """Restrict the database to reading its own tables, in limited memory and time, and handle Ctrl-C."""
     if where is None:
         yield
         return
     if where.count("(") != where.count(")") or ";" in where:
         raise RigctlError("not one condition", value=where, expected="e.g. rig = 'bench' AND records > 20")
     index.set_authorizer(_authorise)
-    index.set_progress_handler(lambda: 0, _STEPS)
+    end = math.inf if seconds is None else monotonic() + seconds
+    index.set_progress_handler(lambda: monotonic() > end, _STEPS)
+    index.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST)
+    index.setlimit(sqlite3.SQLITE_LIMIT_LIKE_PATTERN_LENGTH, _PATTERN)
     try:
         yield
     except sqlite3.DatabaseError as problem:
         # one without a code is of the binding: a '?' in the condition
         code = getattr(problem, "sqlite_errorcode", sqlite3.SQLITE_ERROR)
-        if code in (sqlite3.SQLITE_ERROR, sqlite3.SQLITE_AUTH):
+        if code & 0xFF in _ITS_OWN:
             _refuse(problem, where)
         raise
+    except (MemoryError, UnicodeError) as problem:
+        _refuse(problem, where)
     finally:
         index.set_authorizer(None)
         index.set_progress_handler(None, 0)
@@ -136,7 +162,9 @@ def _authorise(action: int, first: str | None, second: str | None, *_: str | Non
 
 
 def _refuse(problem: Exception, where: str) -> NoReturn:
-    text = str(problem)
+    text = str(problem) or "it needs too much memory"
+    if text == "interrupted":
+        text = "it takes too long"
     names: Sequence[str] = sorted({name for columns in VIEWS.values() for name in columns})
     if column := re.search(r"no such column: (\S+)", text):
         raise unknown_name("column", column.group(1).rpartition(".")[2], names) from problem
@@ -144,7 +172,7 @@ def _refuse(problem: Exception, where: str) -> NoReturn:
         raise unknown_name("table", table.group(1), VIEWS) from problem
     raise RigctlError(
         f"the condition cannot be understood: {text}",
-        value=where,
+        value=textwrap.shorten(where, 200),
         expected="e.g. rig = 'bench' AND records > 20",
         hint=f"Of a run there are {', '.join(RUN_COLUMNS)}; of its channels {', '.join(CHANNEL_COLUMNS)}",
     ) from problem

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from rigctl.errors import Location, RigctlError
+from rigctl.files.regular import read_text
 from rigctl.files.version_suffix import split_version
 from rigctl.files.write import to_json, write_new
 from rigctl.files.yaml import Document, read_document
@@ -179,7 +180,7 @@ def _names(folder: Path) -> list[str]:
 
 def _read(head: Path, file: Path) -> Version:
     try:
-        written = parse_json(file.read_text(encoding="utf-8"))
+        written = parse_json(read_text(file))
         version, owner = Version.of_document(written, head, file.with_suffix(".yaml")), written["file"]
     except OSError as problem:
         raise RigctlError(

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from rigctl.errors import Location, RigctlError
+from rigctl.files.regular import read_text
 from rigctl.units import Unit, parse_unit
 
 #: largest number of rows of a file
@@ -64,10 +65,8 @@ def read_table(
 
 
 def _text(path: Path) -> str:
-    """Return the file's text, of limited size, since a device or a pipe might never end."""
+    """Return the file's text, of limited size."""
     try:
-        if path.exists() and not path.is_file():
-            raise RigctlError("cannot read the table: it is no file", where=Location(path))
         if (size := path.stat().st_size) > _LARGEST:
             raise RigctlError(
                 "the table is too long",
@@ -75,7 +74,7 @@ def _text(path: Path) -> str:
                 expected=f"at most {_LARGEST / 1e6:.0f} MB",
                 where=Location(path),
             )
-        return path.read_text(encoding="utf-8-sig")
+        return read_text(path, "utf-8-sig")
     except (OSError, UnicodeDecodeError) as problem:
         raise RigctlError(f"cannot read the table: {problem}", where=Location(path)) from problem
 

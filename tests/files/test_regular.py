@@ -1,0 +1,81 @@
+"""No command waits for a pipe, or fills the memory from a device, in place of a file."""
+
+from __future__ import annotations
+
+import ast
+import os
+from itertools import product
+from pathlib import Path
+
+import pytest
+
+from commands import call
+from rigctl.cli.commands.init import create_project
+from rigctl.errors import RigctlError
+
+SOURCE = Path(__file__).parents[2] / "src" / "rigctl"
+COMMANDS = (
+    "check {}.yaml",
+    "simulate {}.yaml",
+    "check procedures/quick-check.yaml --rig {}.yaml",
+    "import {}.csv",
+    "import {}.csv.gz",
+    "import {}.xlsx",
+    "import {}.tdms",
+    "import {}.parquet",
+    "import data/hl32-viscosity.csv --rig {}.yaml",
+    "model show {}.yaml",
+    "model history {}.yaml",
+    "calibrate position --points {}.csv --dry",
+)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes in folders and /dev/zero are of POSIX")
+def test_pipes_and_devices_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    create_project(tmp_path / "project")
+    monkeypatch.chdir(tmp_path / "project")
+    for ending in ("yaml", "csv", "csv.gz", "xlsx", "tdms", "parquet"):
+        os.mkfifo(f"pipe.{ending}")
+        Path(f"device.{ending}").symlink_to("/dev/zero")
+    for name, command in product(("pipe", "device"), COMMANDS):
+        done = call(*command.format(name).split())
+        assert isinstance(done.exception, RigctlError), command
+
+
+#: modules that read only files of rigctl itself, or its own folders of the user, or in a process with limits
+OWN = {
+    "analysis/fmu_rival/run.py",
+    "analysis/fmu_rival/worker.py",
+    "backends/visa/client.py",  # of an instrument
+    "cli/commands/demo.py",
+    "cli/commands/init.py",
+    "dataset/importing/foreign.py",
+    "dataset/storage/store.py",  # of an object
+    "engine/cache.py",
+    "engine/kernels/portable.py",
+    "engine/result_cache/cached.py",
+    "engine/result_cache/store.py",
+    "model/fmu/export.py",
+    "physics/oil/published.py",
+    "report/page.py",
+    "testing/bench.py",
+    "web/app.py",
+    "web/docs.py",
+}
+
+
+def reads_anything(text: str) -> bool:
+    """Whether a module reads files by methods of paths, which open anything."""
+    calls = (node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call))
+    names = {node.func.attr for node in calls if isinstance(node.func, ast.Attribute)}
+    return bool(names & {"read_text", "read_bytes"})
+
+
+def test_files_of_users_are_opened_only_if_regular() -> None:
+    """By `rigctl.files.regular`."""
+    found = {
+        path.relative_to(SOURCE).as_posix()
+        for path in SOURCE.rglob("*.py")
+        if reads_anything(path.read_text("utf-8"))
+    }
+    assert {name for name in found - OWN if not name.startswith("validation/")} == set()
