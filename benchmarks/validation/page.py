@@ -21,6 +21,9 @@ _BLOCK = re.compile(
     r"(<!-- rates of the tier (?P<tier>\w+): make docs -->\n).*?(<!-- end of rates -->\n)", re.DOTALL
 )
 _SOURCE = "\nMade with {versions}; every trial is in `benchmarks/validation/{tier}.jsonl`.\n"
+_NOT_RUN = (
+    "Not yet run with this version: `rigctl validate --tier {tier} --resume --out benchmarks/validation`.\n"
+)
 #: meaning of the parts of a stored version
 _PARTS = {"method": "the method", "discovery": "the search for formulas"}
 
@@ -38,7 +41,10 @@ def rates(tier: TierName) -> str:
     """
     definition = tier_definition(tier)
     path = FOLDER / f"{tier}.jsonl"
-    version = list(ResultStore(path, "", definition.read).lines())[-1]["version"]
+    lines = list(ResultStore(path, "", definition.read).lines())
+    if not lines:
+        return f"\n{_NOT_RUN.format(tier=tier)}\n"
+    version = lines[-1]["version"]
     kept = {each.scenario.name: each for each in ResultStore(path, version, definition.read).outcomes()}
     first = [kept[trial.name] for trial in takewhile(lambda trial: trial.name in kept, definition.trials)]
     source = _SOURCE.format(versions=_versions(version), tier=tier)

@@ -104,11 +104,13 @@ class Figures:
     Attributes
     ----------
     confusion: by hidden effect, how often each answer was given; the right answer has the name of the row.
+    listing: the heading and the rows of a table of single trials; empty where there are too many of them.
     """
 
     outcomes: tuple[TrialOutcome[Any], ...]
     rates: tuple[Rate, ...]
     confusion: Mapping[str, Mapping[str, int]]
+    listing: tuple[tuple[str, ...], ...] = ()
 
     def document(self) -> dict[str, Any]:
         """The figures as plain data."""
@@ -119,5 +121,6 @@ class Figures:
             "failed": [{"scenario": o.scenario.name, "why": o.failure} for o in outcomes if o.failure],
             "rates": [rate.document() for rate in self.rates],
             "confusion": {truth: dict(named) for truth, named in self.confusion.items()},
+            "listing": [dict(zip(self.listing[0], row, strict=True)) for row in self.listing[1:]],
             "seconds": sum(outcome.seconds for outcome in outcomes),
         }

@@ -138,6 +138,31 @@ class LearningOutcome:
 
 
 @dataclass(frozen=True)
+class Improved:
+    """The errors of a model of a real log, before and after what the diagnosis added.
+
+    Attributes
+    ----------
+    added: the effects that were added, in order.
+    r2: by channel, of the model as given on the log to which it was fitted.
+    before, after: RMSE of a simulation of each unseen part, in the unit of the log's channel; NaN if the
+        simulation fails.
+    last: the verdict on the improved model.
+    """
+
+    added: tuple[str, ...] = ()
+    r2: Mapping[str, float | None] = field(default_factory=dict)
+    before: Mapping[str, float] = field(default_factory=dict)
+    after: Mapping[str, float] = field(default_factory=dict)
+    last: str = ""
+
+    @classmethod
+    def read(cls, document: Mapping[str, Any]) -> Improved:
+        """The object that `document` describes, also after JSON."""
+        return cls(**{**document, "added": tuple(document["added"])})
+
+
+@dataclass(frozen=True)
 class TrialOutcome(Generic[AnyTrial]):
     """The outcome of one trial.
 
@@ -157,6 +182,7 @@ class TrialOutcome(Generic[AnyTrial]):
     exponents: of laws that it corrects, with the exponent fitted to noise-free readings.
     searched: the result of a search for a formula, if one was made.
     learnt: the result of learning, if the bench was measured again.
+    improved: the errors before and after additions, of a real log.
     untested: why there was nothing to diagnose, e.g. that no amplitude has the wanted size.
     failure: the error, if any; such a trial counts against the tool.
     seconds: CPU time, s, without what was reused.
@@ -179,6 +205,7 @@ class TrialOutcome(Generic[AnyTrial]):
     exponents: tuple[Interval, ...] = ()
     searched: Searched | None = None
     learnt: LearningOutcome | None = None
+    improved: Improved | None = None
     untested: str = ""
     failure: str = ""
     seconds: float = 0.0
@@ -231,6 +258,8 @@ class TrialOutcome(Generic[AnyTrial]):
         fields["searched"] = None if searched is None else Searched.read(searched)
         learning = fields.get("learnt")
         fields["learnt"] = None if learning is None else LearningOutcome.read(learning)
+        improved = fields.get("improved")
+        fields["improved"] = None if improved is None else Improved.read(improved)
         return cls(**fields)
 
 

@@ -38,13 +38,28 @@ def confusion_table(figures: Figures) -> Table:
     return table
 
 
+def listing_table(figures: Figures) -> Table:
+    """The single trials, for the terminal."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(*figures.listing[0])
+    for row in figures.listing[1:]:
+        table.add_row(*map(Text, row))
+    return table
+
+
 def markdown(figures: Figures) -> str:
-    """Both tables in Markdown."""
+    """The tables in Markdown."""
     return "\n".join(
         [
             *_markdown(_HEADINGS, [_row(rate) for rate in figures.rates]),
             "",
-            *_markdown(_CONFUSED, _confused(figures)),
+            *(
+                _markdown(figures.listing[0], figures.listing[1:])
+                if figures.listing
+                else _markdown(_CONFUSED, _confused(figures))
+            ),
             "",
         ]
     )

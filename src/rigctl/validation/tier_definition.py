@@ -12,7 +12,7 @@ from rigctl.validation.outcome import AnyTrial, TrialOutcome
 if TYPE_CHECKING:
     from rigctl.validation.figures import Figures
 
-TierName: TypeAlias = Literal["quick", "full", "anyone", "moving", "shape", "discovery", "design"]
+TierName: TypeAlias = Literal["quick", "full", "anyone", "moving", "real", "shape", "discovery", "design"]
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,12 @@ def tier_definition(name: TierName) -> TierDefinition[Any]:
         from rigctl.validation.moving.work import carry_out_moving
 
         return TierDefinition(moving_trials(), carry_out_moving, MovingTrial.read, moving_figures)
+    if name == "real":
+        from rigctl.validation.real.rates import real_figures
+        from rigctl.validation.real.trial import RealTrial, real_trials
+        from rigctl.validation.real.work import carry_out_real
+
+        return TierDefinition(real_trials(), carry_out_real, RealTrial.read, real_figures)
     if name == "discovery":
         from rigctl.validation.planted.rates import planted_figures
         from rigctl.validation.planted.trial import PlantedTrial, planted_trials

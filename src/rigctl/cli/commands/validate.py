@@ -34,6 +34,7 @@ class TierName(StrEnum):
     FULL = "full"
     ANYONE = "anyone"
     MOVING = "moving"
+    REAL = "real"
     SHAPE = "shape"
     DISCOVERY = "discovery"
     DESIGN = "design"
@@ -44,9 +45,9 @@ def validate(
         TierName,
         typer.Option(
             help="quick takes minutes, full hours; anyone: ten small benches; moving: the same benches, "
-            "never at rest, with noise of every colour; shape: laws other than the library's; discovery: "
-            "terms that are in no library, and formulas for them; design: predicted power of designed "
-            "records, and their results."
+            "never at rest, with noise of every colour; real: published logs of real benches; shape: laws "
+            "other than the library's; discovery: terms that are in no library, and formulas for them; "
+            "design: predicted power of designed records, and their results."
         ),
     ] = TierName.QUICK,
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")] = Path("validation"),
@@ -77,11 +78,13 @@ def validate(
     shapes other than the library's. The tier anyone has ten small benches instead, each with family, rig and
     model as a user writes them, tested from a CSV file to the verdict; the tier moving has twins of them that
     never rest, with white, correlated, 1/f and drifting noise that the rig file states, does not state or
-    states wrongly, and logs with which no verdict can be right; the tier shape has effects of up to 1000
-    sigmas with laws far from the library's, alone, in pairs, and removed from the library; the tier discovery
-    plants terms that are in no library, and searches for their formulas; the tier design runs 'learn' on that
-    bench, and compares the predicted power of designed records with the results. Every finished trial is
-    kept: after a kill, --resume continues. The tables are also written into the folder, as Markdown.
+    states wrongly, and logs with which no verdict can be right; the tier real has seven published logs of
+    real benches, whole and cut, in the folder that RIGCTL_REAL_DATA names; the tier shape has effects of up
+    to 1000 sigmas with laws far from the library's, alone, in pairs, and removed from the library; the tier
+    discovery plants terms that are in no library, and searches for their formulas; the tier design runs
+    'learn' on that bench, and compares the predicted power of designed records with the results. Every
+    finished trial is kept: after a kill, --resume continues. The tables are also written into the folder, as
+    Markdown.
 
     Example: rigctl validate --tier quick
     """
@@ -108,6 +111,10 @@ def _carried_out(
     from rigctl.files.write import write_text
     from rigctl.validation.tier_definition import tier_definition
 
+    if tier is TierName.REAL:
+        from rigctl.validation.real.logs import data_folder
+
+        data_folder()  # one message instead of one for each trial
     path = out / f"{tier.value}.jsonl"
     definition = tier_definition(tier.value)
     trials = definition.trials[:first]
@@ -203,11 +210,11 @@ def _show(figures: Figures, path: Path) -> None:
     from rich.markup import escape
 
     from rigctl.cli.tables import console
-    from rigctl.validation.tables import confusion_table, left_out_text, rates_table
+    from rigctl.validation.tables import confusion_table, left_out_text, listing_table, rates_table
 
     screen = console()
     screen.print(rates_table(figures))
-    screen.print(confusion_table(figures))
+    screen.print(listing_table(figures) if figures.listing else confusion_table(figures))
     for line in left_out_text(figures):
         screen.print(escape(line), soft_wrap=True)
     screen.print(f"Every trial: {escape(str(path))}", soft_wrap=True)
