@@ -9,6 +9,7 @@ import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -303,3 +304,17 @@ def test_a_condition_that_needs_too_much_is_refused_in_one_message(
         page_of_runs(runs, where=bomb, seconds=0.2)
     assert len(str(caught.value)) < 2000
     assert page_of_runs(runs, where="records = 1").found == 1
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="Windows has no such permissions")
+def test_an_index_that_others_could_have_written_is_made_again(four: list[Path], runs: Path) -> None:
+    def procedures() -> set[str]:
+        return {run.procedure for run in list_runs(runs)}
+
+    assert len(four) == len(list_runs(runs))
+    with closing(sqlite3.connect(index_path(runs))) as index, index:
+        index.execute("UPDATE run SET procedure = 'forged'")
+    assert procedures() == {"forged"}
+    index_path(runs).chmod(0o666)
+    assert procedures() == {"stroke"}
+    assert index_path(runs).stat().st_mode & 0o077 == 0

@@ -105,6 +105,20 @@ def test_a_result_is_computed_once_and_bit_identical(folder: Path) -> None:
         assert one.ending is Ending.STEP
 
 
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="Windows has no such permissions")
+def test_a_result_that_others_could_have_written_is_not_believed(folder: Path) -> None:
+    """A noise of eight times the size, in a folder of a group, used to change a verdict."""
+    log: list[str] = []
+    cached("test", [1.0], Outcome, lambda: make(log))
+    folder.chmod(0o777)
+    cached("test", [1.0], Outcome, lambda: make(log))
+    assert (log, folder.stat().st_mode & 0o022) == (["made"], 0)
+    only_file(folder).chmod(0o666)
+    cached("test", [1.0], Outcome, lambda: make(log))
+    assert log == ["made", "made"]
+    assert only_file(folder).stat().st_mode & 0o022 == 0
+
+
 def test_the_cache_can_be_disabled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv(RESULTS_VARIABLE, "off")
     monkeypatch.chdir(tmp_path)

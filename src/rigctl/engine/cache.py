@@ -1,8 +1,9 @@
 """Machine code cached on disk: compiled once, verified by checksums, reused by later processes.
 
 An entry is a folder in the user's cache: an object file, the names of its functions, and a list of checksums.
-It is built in a temporary folder and renamed atomically, so that another process sees all of it or nothing.
-Its name is a hash of everything on which the code depends; an entry with a wrong checksum is rebuilt.
+Only what nobody else could have written is loaded, since it is executed. An entry is built in a temporary
+folder and renamed atomically, so that another process sees all of it or nothing. Its name is a hash of
+everything on which the code depends; an entry with a wrong checksum is rebuilt.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ from pathlib import Path
 
 from rigctl.engine.machine_code import MachineCode, loaded
 from rigctl.files.cache_folder import cache_folder
+from rigctl.files.private import is_private, private_folder
+from rigctl.files.regular import read_bytes, read_text
+from rigctl.json_values import parse_json
 
 logger = logging.getLogger(__name__)
 
@@ -72,6 +76,7 @@ def _addresses(
     folder: Path, make: Callable[[], MachineCode], before_compiling: Callable[[], None]
 ) -> Mapping[str, int]:
     try:
+        private_folder(folder.parent)
         addresses = _from_cache(folder)
         if addresses is None:
             with _one_builder(folder):
@@ -131,24 +136,28 @@ def _from_cache(folder: Path) -> Mapping[str, int] | None:
                 os.utime(folder)
             return addresses
     else:
-        logger.warning("the machine code in %s is damaged and is built again", folder)
+        logger.warning(
+            "the machine code in %s is damaged, or could be changed by others, and is built again", folder
+        )
     _remove(folder)
     return None
 
 
 def _read(folder: Path) -> MachineCode:
-    names = json.loads((folder / _NAMES).read_text(encoding="utf-8"))
-    return MachineCode((folder / _CODE).read_bytes(), tuple(names["defines"]), tuple(names["needs"]))
+    names = parse_json(read_text(folder / _NAMES))
+    return MachineCode(read_bytes(folder / _CODE), tuple(names["defines"]), tuple(names["needs"]))
 
 
 def _build(folder: Path, code: MachineCode) -> MachineCode:
     building = folder.with_name(f".{folder.name}.{uuid.uuid4().hex}")
-    building.mkdir(parents=True)
+    building.mkdir(mode=0o700, parents=True)
     names = json.dumps({"defines": code.defines, "needs": code.needs})
     try:
         (building / _CODE).write_bytes(code.content)
         (building / _NAMES).write_text(names, encoding="utf-8", newline="\n")
-        _write_manifest(building)
+        _write_manifest(building, folder.name)
+        for file in building.iterdir():
+            file.chmod(0o600)  # where the user's files are writable by a group by default
         try:
             building.replace(folder)
         except OSError:
@@ -179,22 +188,27 @@ def _one_builder(folder: Path) -> Iterator[None]:
         lock.release()
 
 
-def _checksums(folder: Path) -> dict[str, str]:
-    return {
-        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+def _checksums(folder: Path, name: str) -> dict[str, str]:
+    """The name of the entry, since another one could have been put in its place, and its files' checksums."""
+    sums = {
+        path.relative_to(folder).as_posix(): hashlib.sha256(read_bytes(path)).hexdigest()
         for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != _MANIFEST
+        if not path.is_dir() and path.name != _MANIFEST
     }
+    return {"": name, **sums}
 
 
-def _write_manifest(folder: Path) -> None:
-    (folder / _MANIFEST).write_text(json.dumps(_checksums(folder), indent=1), encoding="utf-8", newline="\n")
+def _write_manifest(folder: Path, name: str) -> None:
+    text = json.dumps(_checksums(folder, name), indent=1)
+    (folder / _MANIFEST).write_text(text, encoding="utf-8", newline="\n")
 
 
 def _is_intact(folder: Path) -> bool:
+    """Whether it is as it was built, and only this user could have changed it."""
     try:
-        expected = json.loads((folder / _MANIFEST).read_text(encoding="utf-8"))
-        return bool(expected == _checksums(folder))
+        if not all(map(is_private, (folder, *folder.iterdir()))):
+            return False
+        return bool(parse_json(read_text(folder / _MANIFEST)) == _checksums(folder, folder.name))
     except (OSError, ValueError):
         return False
 

@@ -78,8 +78,14 @@ def _extras() -> Iterator[Finding]:
 def _engine_cache() -> Finding:
     """The folder that keeps compiled models; without it every start compiles again."""
     from rigctl.engine.cache import cache_root
+    from rigctl.files.private import private_folder
 
     folder = cache_root()
+    try:
+        private_folder(folder)
+    except OSError as problem:
+        wanted = "make it your own, writable by nobody else"
+        return Finding("compiled models", "broken", f"not used: {problem}", wanted)
     if _writable(folder):
         return Finding("compiled models", "ok", str(folder))
     return Finding("compiled models", "broken", f"cannot write {folder}", "make the folder writable")

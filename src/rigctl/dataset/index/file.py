@@ -20,6 +20,7 @@ from rigctl.dataset.index.refresh import refresh
 from rigctl.dataset.index.schema import TABLES, VERSION
 from rigctl.dataset.index.stored import refresh_stored
 from rigctl.files.cache_folder import cache_folder
+from rigctl.files.private import is_private, private_folder
 
 if TYPE_CHECKING:
     from rigctl.dataset.storage.store import Store
@@ -146,10 +147,14 @@ def _remove_file(path: Path) -> None:
 
 
 def _ask_file(path: Path, update: _Update, question: Callable[[sqlite3.Connection], T]) -> T:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if path.exists() and not path.is_file():  # SQLite would wait for a pipe
-        raise OSError(f"{path} is not a file")
+    private_folder(path.parent)
+    if path.exists():
+        if not path.is_file():  # SQLite would wait for a pipe
+            raise OSError(f"{path} is not a file")
+        if not is_private(path):  # its rows could be anyone's
+            _remove_file(path)
     with closing(sqlite3.connect(path, timeout=_PATIENCE, isolation_level=None)) as index:
+        path.chmod(0o600)
         _prepare(index, path)
         update(index)
         return question(index)

@@ -19,6 +19,8 @@ import numpy as np
 
 from rigctl.engine.cache import cache_root
 from rigctl.engine.result_cache.coding import DTYPES, Damaged
+from rigctl.files.private import is_private, private_folder
+from rigctl.files.regular import read_bytes
 
 logger = logging.getLogger(__name__)
 
@@ -48,8 +50,8 @@ def results_folder() -> Path | None:
 class Store:
     """A folder of results, which several processes may use at once.
 
-    A file appears by one atomic rename. A damaged, foreign or missing one counts as absent; a folder that
-    cannot be written costs only a line in the log.
+    A file appears by one atomic rename. A damaged, foreign or missing one counts as absent, and so does one
+    that others could have written; a folder that cannot be written costs only a line in the log.
     """
 
     folder: Path
@@ -62,7 +64,10 @@ class Store:
         try:
             if path.stat().st_size > self.room_of_one:
                 return None
-            content = _unpack(path.read_bytes(), name)
+            private_folder(self.folder)
+            if not is_private(path):
+                raise PermissionError("other users can change it")
+            content = _unpack(read_bytes(path), name)
         except FileNotFoundError:
             return None
         except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as problem:
@@ -80,7 +85,7 @@ class Store:
         if len(content) > min(self.room_of_one, self.room):
             return
         try:
-            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            private_folder(self.folder)
             _put(self._path(name), content)
         except OSError as problem:  # a full or read-only disk, or on Windows a file that is being read
             logger.info("a result could not be kept in %s: %s", self.folder, problem)

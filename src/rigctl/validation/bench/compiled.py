@@ -19,6 +19,7 @@ from typing import Any
 from numba import config, njit
 
 from rigctl.files.cache_folder import cache_folder
+from rigctl.files.private import private_folder
 
 #: number of cache folders that are kept, those of the latest versions of this package
 _KEPT = 8
@@ -46,12 +47,25 @@ def folder_of(package: Path) -> Path | None:
     root = cache_folder() / "separate-bench"
     folder = root / content.hexdigest()[:24]
     try:
+        _make_unreachable(root)
         if not folder.is_dir():
             folder.mkdir(parents=True)
             _prune(root)
-    except OSError:  # another process has made it, or it cannot be made
+    except FileExistsError:  # another process has made it
         pass
+    except OSError:  # it cannot be made, or is another user's
+        return None
     return folder if os.access(folder, os.W_OK) else None
+
+
+def _make_unreachable(root: Path) -> None:
+    """Make a folder that others cannot enter: numba's files in it are executed, whoever wrote them.
+
+    One that others could enter is made anew.
+    """
+    if root.exists() and hasattr(os, "geteuid") and root.stat().st_mode & 0o077:
+        shutil.rmtree(root, ignore_errors=True)
+    private_folder(root)
 
 
 def _prune(root: Path) -> None:
