@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from rigctl.dataset.importing.table import Heading, Source
 from rigctl.errors import RigctlError, unknown_name
 from rigctl.physics.formulas import reserved_names
-from rigctl.units import Unit, interval_unit, is_speed_of_rotation, parse_unit
+from rigctl.units import Unit, interval_unit, parse_unit
 
 Floats = NDArray[np.float64]
 Role = Literal["input", "output", "left out"]
@@ -22,14 +21,6 @@ Role = Literal["input", "output", "left out"]
 #: rows that are examined: enough to classify a column
 _MOST_ROWS: Final = 200_000
 _RECORDS: Final = ("record", "run", "experiment", "trial", "segment")
-#: words in the name of a rotating quantity
-_TURNING: Final = ("drehzahl", "umdrehung", "rpm", "rotation", "revolution", "spindle", "shaft", "rotor")
-#: a unit at the end of a name: speed_rpm, pressure (bar)
-_IN_NAME: Final = re.compile(r"^(?P<name>.*?)[ _]*(?:\((?P<bracket>[^()]+)\)|_(?P<tail>[A-Za-z%]+))$")
-#: endings that are units, and nothing else that a name may end in
-_ENDINGS: Final = frozenset(
-    "s ms min mm cm um V mV A mA W kW N kN Nm bar mbar Pa kPa MPa degC K rpm Hz kHz kg rad deg".split()  # noqa: SIM905
-)
 
 
 @dataclass(frozen=True)
@@ -122,20 +113,22 @@ def read_columns(path: Path, units: Mapping[str, str]) -> Table:
         the file cannot be read, has no numbers or two columns of one name, or a unit is unknown.
     """
     from rigctl.dataset.importing.formats import open_source
-    from rigctl.dataset.importing.headings import TIMES, folded
+    from rigctl.dataset.importing.headings import folded
     from rigctl.dataset.importing.options import Options
-    from rigctl.dataset.importing.read_table import table_of
+    from rigctl.dataset.importing.read_table import stamped_column, table_of
+    from rigctl.dataset.importing.time_column import is_other_time, with_time_column
 
     source = open_source(path, Options())
     headings = {heading.name: _heading(heading, units) for heading in source.headings}
     _check_units(units, headings.values())
     plain = {name: heading.plain.strip().casefold() for name, heading in headings.items()}
-    time = next((name for name, ours in plain.items() if folded(ours) in TIMES), None)
+    found = with_time_column(((one.name, one.unit) for one in source.headings), Options())
+    time = next((name for name in headings if found.ours(name) == "time"), None)
     record = next((name for name, ours in plain.items() if ours in _RECORDS), None)
-    time = time or _stamps(path, source)
+    time = time or stamped_column(path, source, found)
     # a time may be written as a date, which only a time is read from
     named = {name: meaning for name, meaning in ((time, "time"), (record, "record")) if name is not None}
-    options = Options(columns=named)
+    options = Options(columns={**named, **found.columns})
     source = open_source(path, options)
     read = {heading.name: heading for heading in source.headings}
     table = table_of(source, path, options, keep_good=True, most=_MOST_ROWS)
@@ -146,17 +139,17 @@ def read_columns(path: Path, units: Mapping[str, str]) -> Table:
     clock = None if time is None else table.column(time)
     if time is not None and clock is not None:
         heading = _heading(read[time], units)
-        times = clock.values * parse_unit(heading.unit or "s").factor
+        unit = "s" if read[time].seconds else options.unit_of(time) or read[time].unit or "s"
+        times = clock.values * parse_unit(unit).factor
         codes = codes + np.concatenate([[0], np.cumsum(np.diff(times) < 0.0)]) if times.size else codes
         if time.casefold() != "time" or not heading.stated:
-            unit = "" if read[time].seconds else f" [{heading.unit or 's'}]"
-            renamed.append(f"{time}=time{unit}")
+            renamed.append(f"{time}=time" if read[time].seconds else f"{time}=time [{unit}]")
     if record is not None and record.casefold() != "record":
         renamed.append(f"{record}=record")
     renamed += [f"{name}=-" for name in table.texts]
     columns = list[Column]()
     for one in table.columns:
-        if one.name == time:
+        if one.name == time or (time is not None and is_other_time(one.name, one.unit, options)):
             continue
         column = _column(_heading(read[one.name], units), one.values, [c.name for c in columns])
         columns.append(column)
@@ -194,23 +187,6 @@ def _are_copies(columns: Sequence[Column], times: Floats | None, codes: NDArray[
     return again.size > 0 and all(same)
 
 
-def _stamps(path: Path, source: Source) -> str | None:
-    """The first column of dates or times of day, whatever its name; None without one."""
-    from rigctl.dataset.importing.formats import open_source
-    from rigctl.dataset.importing.options import Options
-    from rigctl.dataset.importing.read_table import table_of
-
-    for name in table_of(source, path, Options(), keep_good=True, most=1).texts:
-        options = Options(columns={name: "time"})
-        try:
-            read = table_of(open_source(path, options), path, options, keep_good=True, most=1)
-        except RigctlError:
-            continue  # other words, or a date that can be read in two ways
-        if read.time is not None:
-            return name
-    return None
-
-
 @dataclass(frozen=True)
 class _Heading:
     name: str  # as an import knows the column
@@ -220,32 +196,18 @@ class _Heading:
 
 
 def _heading(read: Heading, units: Mapping[str, str]) -> _Heading:
+    from rigctl.dataset.importing.headings import counts_turns, split_ending
+
     name, unit = read.name, "s" if read.seconds else read.unit
-    plain = name
-    guessed = None
-    match = _IN_NAME.match(name)
-    if match is not None and match["name"]:
-        written = match["bracket"] or match["tail"]
-        if match["bracket"] is not None or written in _ENDINGS:
-            guessed = written if _is_unit(written) else None
-            plain = match["name"] if guessed else name
+    plain, guessed = split_ending(name)
     given = units.get(name, units.get(_plain_name(plain)))
     if given is not None:
         parse_unit(given)
     stated = unit is not None and given is None and _is_unit(unit)
     unit_text = given or (unit if unit and _is_unit(unit) else guessed)
-    if given is None and unit_text is not None and _turns(_plain_name(plain), unit_text):
+    if given is None and unit_text is not None and counts_turns(plain, unit_text):
         return _Heading(name, "rpm", False, plain)
     return _Heading(name, unit_text, stated, plain)
-
-
-def _turns(name: str, unit: str) -> bool:
-    """Whether a count per minute is one of turns, by its name: ``Drehzahl [1/min]`` is in rpm."""
-    parsed = parse_unit(unit)
-    per_minute = (
-        parsed.dimension == parse_unit("1/min").dimension and parsed.factor == parse_unit("1/min").factor
-    )
-    return per_minute and not is_speed_of_rotation(unit) and any(word in name for word in _TURNING)
 
 
 def _is_unit(text: str) -> bool:
@@ -282,7 +244,9 @@ def _column(heading: _Heading, values: Floats, taken: list[str]) -> Column:
 
 def _plain_name(text: str) -> str:
     """A name that an expression can use: ``Motor Speed`` is ``motor_speed``."""
-    name = re.sub(r"[^a-z0-9]+", "_", text.strip().casefold()).strip("_")
+    from rigctl.dataset.importing.headings import identifier
+
+    name = identifier(text)
     name = name if name[:1].isalpha() else f"channel_{name}".strip("_")
     return f"{name}_value" if name in _RESERVED or name in reserved_names() else name[:60]
 

@@ -153,7 +153,7 @@ def test_common_names_are_kept_if_the_rig_lacks_them(importer: Importer) -> None
         ("time [s],position [bar]", "position: wrong dimension", 10),
         ("time [s],position [mn]", "unknown unit", 10),
         ("time [s],position [mm],position [mm]", "the column is there twice", 24),
-        ("time [s],", "column 2 has no name", 10),
+        ("time [s],", "unknown column", 10),
         ("time [mm],position [mm]", "time: wrong dimension", 1),
     ],
 )

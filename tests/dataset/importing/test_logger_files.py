@@ -277,10 +277,8 @@ def test_thousands_separators_are_read_when_the_decimal_sign_is_given(desk: Desk
 
 
 def test_a_number_that_may_mark_a_missing_value_is_reported(desk: Desk) -> None:
-    desk.run(f"time [s],{T1}\n0,-9999\n1,21\n2,22\n")
-    assert (
-        "temperature_1: there is -9999; if that marks a missing value, say so: --missing=-9999" in desk.notes
-    )
+    desk.run(f"time [s],{T1}\n0,-999\n1,-300\n2,-220\n3,20\n")
+    assert "temperature_1: there is -999; if that marks a missing value, say so: --missing=-999" in desk.notes
 
 
 def test_lines_that_are_not_rows_are_skipped(desk: Desk) -> None:
@@ -388,8 +386,8 @@ def test_suggested_names_belong_to_this_bench_and_have_the_same_dimension(desk: 
     assert "supply_pressure" not in str(problem)
     problem = desk.refusal(f"time [s],heater_1 [%],heater_2 [%],{T1},probe [degC]\n0,0,0,20,20\n")
     assert problem.nearest == "temperature_2"
-    problem = desk.refusal("Timestamp,temperature1 [degC],heatr [bar]\n0,1,2\n")
-    assert "Timestamp=time" in str(problem)
+    problem = desk.refusal("Moment,temperature1 [degC],heatr [bar]\n0,1,2\n")
+    assert "Moment=time" in str(problem)
     problem = desk.refusal("time [s],temperature1 [degC],heater_l [bar]\n0,1,2\n")
     assert "temperature1=temperature_1,heater_l=-" in str(problem)
 

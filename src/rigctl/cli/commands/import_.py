@@ -102,6 +102,15 @@ def import_(
     decimal: Annotated[
         str | None, typer.Option(metavar="SIGN", help="Decimal mark, '.' or ','; by default detected.")
     ] = None,
+    heading: Annotated[
+        int | None,
+        typer.Option(
+            metavar="LINE",
+            min=0,
+            help="Line of the heading in a text file or on a sheet; 0 if there is none. Columns without a "
+            "name have their number. By default detected.",
+        ),
+    ] = None,
     mapping: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Saved options for files of this logger.")
     ] = None,
@@ -147,6 +156,7 @@ def import_(
     from rigctl.rig import load_rig
 
     options = _options(
+        heading=heading,
         columns=columns,
         assume=assume,
         missing=missing,
@@ -214,6 +224,7 @@ def _options(
     columns: list[str] | None,
     assume: list[str] | None,
     missing: list[str] | None,
+    heading: int | None,
     choices: Mapping[str, str | None],
     mapping: Path | None,
 ) -> Options:
@@ -228,6 +239,7 @@ def _options(
         columns=read_mapping(columns or ()),
         assume=read_assumptions(assume or ()),
         missing=tuple(missing or ()),
+        heading=heading,
         **checked_choices(choices),
     )
     return options.over(load_mapping(find_file(mapping))) if mapping is not None else options

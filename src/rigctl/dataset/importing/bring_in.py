@@ -16,12 +16,14 @@ from rigctl.dataset.importing.campaign import Campaign, open_files
 from rigctl.dataset.importing.columns import assign, read_mapping
 from rigctl.dataset.importing.first_pass import Survey
 from rigctl.dataset.importing.formats import stem_of
-from rigctl.dataset.importing.notes import notes
+from rigctl.dataset.importing.notes import column_notes, notes
 from rigctl.dataset.importing.observations import Observations, take_observations
 from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.read_table import has_numbers, stamped_column
 from rigctl.dataset.importing.samples import Samples, take_samples
 from rigctl.dataset.importing.staging import NameTakenError, publish, staged
 from rigctl.dataset.importing.table import KEPT_FAULTS, Fault, refuse
+from rigctl.dataset.importing.time_column import with_time_column
 from rigctl.dataset.importing.times import checked_zone, instant
 from rigctl.dataset.run_id import new_run_id
 from rigctl.dataset.storage.sending import upload_if_wanted
@@ -153,10 +155,12 @@ def _write(
 
 def remarks_of(taken: Samples | Observations, rig: Rig | None, options: Options) -> tuple[str, ...]:
     """Return remarks on the data, one sentence each."""
-    remarks = taken.source.remarks
-    if isinstance(taken, Samples) and rig is not None:
+    remarks = (*taken.source.remarks, *column_notes(taken.source.headings, taken.assigned, options))
+    if isinstance(taken, Observations):
+        return (*remarks, *taken.remarks)
+    if rig is not None:  # as samples need
         assumed = assumed_values(options.assume, rig, taken.layout.columns)
-        remarks += tuple(taken.stages.remarks)
+        remarks += (*taken.stages.remarks, *taken.stages.mark_remarks())
         remarks += tuple(notes(taken.found, taken.layout, rig, assumed))
     return remarks
 
@@ -206,7 +210,15 @@ def take(
         a file cannot be read, or a column or the time zone is unknown.
     """
     checked_zone(options.zone)
+    if rig is not None:
+        options = replace(options, own=frozenset((*rig.channels, *rig.actuators)))
     source = open_files(paths, options)
+    options = with_time_column(((heading.name, heading.unit) for heading in source.headings), options)
+    if not any(options.ours(heading.name) == "time" for heading in source.headings):
+        stamped = stamped_column(paths[0], source, options)
+        if stamped is not None:
+            options = replace(options, columns={**options.columns, stamped: "time"})
+            source = open_files(paths, options)
     samples = any(options.ours(heading.name) == "time" for heading in source.headings)
     if samples and rig is None:
         raise RigctlError(
@@ -215,7 +227,8 @@ def take(
             where=Location(paths[0]),
         )
     merged = source.merged if isinstance(source, Campaign) else frozenset()
-    assigned = assign(source.headings, rig, replace(options, may_lack=options.may_lack | merged))
+    settings = replace(options, may_lack=options.may_lack | merged)
+    assigned = assign(source.headings, rig, settings, lambda index: has_numbers(source, index))
     if rig is None or not samples:
         if options.split or options.resample:
             raise RigctlError(
@@ -223,7 +236,8 @@ def take(
                 expected="a column 'time', or one that is mapped to it: --columns 'NAME=time [s]'",
                 where=Location(paths[0]),
             )
-        return take_observations(source, assigned, options.missing_numbers)
+        keep_marks = "none" in options.missing
+        return take_observations(source, assigned, options.missing_numbers, keep_marks=keep_marks)
     return take_samples(source, assigned, rig, options, keep_good=keep_good)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from rigctl.dataset.importing.formats import open_source, stem_of
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Heading, Labels, Part, Source
+from rigctl.dataset.importing.time_column import with_time_column
 from rigctl.errors import Location, RigctlError
 
 
@@ -93,6 +94,8 @@ def open_files(paths: Sequence[Path], options: Options) -> Source:
     if doubled is not None:
         raise RigctlError("the file is named twice", where=Location(doubled))
     sources = [open_source(path, options) for path in paths]
+    for source in sources:
+        options = with_time_column(((heading.name, heading.unit) for heading in source.headings), options)
     headings = _headings(sources, options)
     origins = [source.origin for source in sources]
     known = [origin for origin in origins if origin is not None]

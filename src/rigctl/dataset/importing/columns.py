@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal
 
-from rigctl.dataset.importing.headings import TIMES, folded, split_heading
+from rigctl.dataset.importing.headings import (
+    counts_turns,
+    folded,
+    identifier,
+    split_ending,
+    split_heading,
+    time_unit,
+)
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Heading
+from rigctl.dataset.importing.time_column import is_other_time
 from rigctl.errors import RigctlError, nearest_name, unknown_name
 from rigctl.rig.common_names import on_rig
 from rigctl.rig.layout import Layout
@@ -98,11 +106,21 @@ def _pairs(text: str) -> Iterator[str]:
         yield ",".join(waiting)
 
 
-def assign(headings: Sequence[Heading], rig: Rig | None, options: Options) -> list[Assigned]:
-    """Assign each column; one that is mapped to ``-`` is omitted.
+def assign(
+    headings: Sequence[Heading],
+    rig: Rig | None,
+    options: Options,
+    has_numbers: Callable[[int], bool] = lambda _: True,
+) -> list[Assigned]:
+    """Assign each column; one that is mapped to ``-`` is omitted, and so is one of samples that is not known
+    and has no numbers, such as remarks.
 
     Without a rig, only the names common to all benches are known. A table with ``time`` has samples, and
     every name must be known. A table without it has observations, which may have any names.
+
+    Parameters
+    ----------
+    has_numbers: whether there are numbers in the column with this index.
 
     Raises
     ------
@@ -124,7 +142,8 @@ def assign(headings: Sequence[Heading], rig: Rig | None, options: Options) -> li
         try:
             column = _assign(index, heading, rig, samples=samples)
         except UnknownColumn as error:
-            unknown.append(error)
+            if not samples or has_numbers(index):
+                unknown.append(error)
             continue
         key = heading.name if column.kind == "clock" else column.name
         if key in assigned:
@@ -151,7 +170,7 @@ def _suggest(errors: Sequence[UnknownColumn], rig: Rig | None, assigned: Mapping
     for error in errors:
         name, unit = error.value or "", error.unit
         fitting = [known for known in free if unit is None or _fits(known, unit, rig)]
-        near = "time" if folded(name) in TIMES and "time" in free else None
+        near = "time" if time_unit(name, unit)[0] and "time" in free else None
         if near is None and rig is not None:  # without a rig, any name would be a guess
             near = nearest_name(name, fitting)
         if near is None and unit is not None and rig is not None:
@@ -219,13 +238,40 @@ def _rename(heading: Heading, rig: Rig | None, options: Options) -> Heading:
     if not heading.name:
         return heading
     given = None if heading.seconds else options.unit_of(heading.name)
-    name = options.ours(heading.name)
-    if heading.name not in options.columns:
-        name = heading.name if name == "date" else name  # a date is one only beside a time of day
-        name = next((known for known in _names(rig) if folded(known) == folded(name)), name)
-        if options.split == f"column:{heading.name}" and name not in _names(rig):
-            name = LEAVE_OUT  # a record number and nothing else
-    return replace(heading, name=name, unit=given or heading.unit)
+    if heading.name in options.columns:
+        return replace(heading, name=options.ours(heading.name), unit=given or heading.unit)
+    name, unit = _known_name(heading, rig)
+    only_labels = options.split == f"column:{heading.name}"  # a record number and nothing else
+    if name not in _names(rig) and (only_labels or is_other_time(heading.name, heading.unit, options)):
+        name = LEAVE_OUT
+    return replace(heading, name=name, unit=unit)
+
+
+def _known_name(heading: Heading, rig: Rig | None) -> tuple[str, str | None]:
+    """Return the name on the bench of a column that the user has not mapped, and its unit.
+
+    ``Motor Speed`` and ``motor_speed_rpm`` are `motor_speed`; a name of the bench is never taken apart.
+    """
+    known = _names(rig)
+    plain, ending = split_ending(heading.name) if heading.unit is None else (heading.name, None)
+    for name, unit in ((heading.name, heading.unit), (plain, ending)):
+        match = next((ours for ours in known if folded(ours) == folded(name)), None)
+        # names that a formula cannot use are written differently in a rig file drafted from this log
+        key = identifier(name)
+        match = match or next(
+            (ours for ours in (key, f"{key}_value", f"channel_{key}") if ours in known), None
+        )
+        if match is not None:
+            turns = unit is not None and counts_turns(heading.name, unit)
+            return match, "rpm" if turns and is_speed_of_rotation(_unit_on(match, rig)) else unit
+    return (plain, ending) if ending is not None and rig is None else (heading.name, heading.unit)
+
+
+def _unit_on(name: str, rig: Rig | None) -> str:
+    """Return the unit of a channel or an actuator of the bench; 1 without one."""
+    if rig is not None and name in rig.channels:
+        return rig.channels[name].unit
+    return rig.actuators[name].display_unit if rig is not None and name in rig.actuators else "1"
 
 
 def places_of(assigned: Sequence[Assigned]) -> tuple[list[int], int | None]:
@@ -271,6 +317,8 @@ def _assign(index: int, heading: Heading, rig: Rig | None, *, samples: bool) -> 
 
 def _clock(index: int, heading: Heading, rig: Rig | None) -> Assigned:
     """Assign the times of all channels, or of one with its own clock, named after that channel."""
+    if heading.unit is None:
+        heading = replace(heading, unit="s")  # which is reported
     if heading.name == "time":
         return Assigned("time", "time", index, heading, _unit(heading, "s"), "s")
     name = heading.name.removeprefix(_CLOCK).strip()

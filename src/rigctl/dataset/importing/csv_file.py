@@ -14,13 +14,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from rigctl.dataset.importing.csv_rows import Cells, read_rows, with_times
-from rigctl.dataset.importing.dialect import Dialect, find_dialect
+from rigctl.dataset.importing.csv_rows import Cells, read_rows, split_rows, with_times
+from rigctl.dataset.importing.dialect import SAMPLE_ROWS, Dialect, find_dialect
 from rigctl.dataset.importing.missing_values import NO_VALUE
+from rigctl.dataset.importing.numbers import Thousands
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Heading, Labels, Part
 from rigctl.dataset.importing.text import HEAD, Lines, TextForm, find_form, not_text, opened
+from rigctl.dataset.importing.time_column import with_time_column
 from rigctl.dataset.importing.times import TimeFormat, TimeReader, find_format
+from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -58,8 +61,8 @@ class CsvFile:
             lines = Lines(self.path, file, self.form)
             lines.skip(self.lines)
             for line, piece in lines.pieces():
-                yield self._read_fast(piece, line, wanted, record, clock) or read_rows(
-                    self._decoded(piece, line), line, self.headings, self.cells, wanted, record, clock
+                yield self._read_fast(piece, line, wanted, record, clock) or self._read_slowly(
+                    piece, line, wanted, record, clock
                 )
 
     def texts(self, index: int) -> Iterator[tuple[Sequence[str], NDArray[np.int64]]]:
@@ -68,6 +71,27 @@ class CsvFile:
             labels = part.labels
             if labels is not None:
                 yield [labels.texts[code] for code in labels.codes.tolist()], part.lines
+
+    def _read_slowly(
+        self, piece: bytes, line: int, wanted: Collection[int], record: int | None, clock: TimeReader | None
+    ) -> Part:
+        """Read the rows of a piece one by one."""
+        text = self._decoded(piece, line)
+        try:
+            return read_rows(text, line, self.headings, self.cells, wanted, record, clock)
+        except RigctlError as problem:
+            raise problem.at(Location(self.path, problem.where.line)) from None
+
+    def cell_texts(self, indices: Sequence[int]) -> Iterator[tuple[list[list[str]], Sequence[int]]]:
+        """Yield the cells of some columns as texts, part by part, with their lines."""
+        with opened(self.path) as file:
+            lines = Lines(self.path, file, self.form)
+            lines.skip(self.lines)
+            for line, piece in lines.pieces():
+                rows = list(split_rows(self._decoded(piece, line), line, self.cells.delimiter))
+                wide = [(at, cells) for at, cells in rows if len(cells) > max(indices, default=0)]
+                columns = [[cells[index].strip() for _, cells in wide] for index in indices]
+                yield columns, [at for at, _ in wide]
 
     def _decoded(self, piece: bytes, line: int) -> str:
         try:
@@ -84,7 +108,7 @@ class CsvFile:
         import pyarrow as pa
 
         body = piece.rstrip(b"\r\n")
-        if not body:
+        if not body or body.startswith(b"#") or b"\n#" in body:  # a comment, or a mark such as #N/A
             return None
         if self.cells.delimiter == " ":
             body = re.sub(rb"(?m)^ +| +(?=\r?$)", b"", re.sub(rb"[ \t]+", b" ", body))
@@ -179,8 +203,37 @@ def open_csv(path: Path, options: Options) -> CsvFile:
         if time.kind == "date" and time.naive and time.zone is None:
             remarks.append("its times name no time zone; they are taken as UTC (--zone says otherwise)")
     missing = frozenset((*NO_VALUE, *options.missing))
-    cells = Cells(dialect.delimiter, dialect.decimal, missing, indices, stated=options.decimal is not None)
-    return CsvFile(path, headings, cells, form, dialect.lines, time, origin, tuple(remarks))
+    stated = options.decimal is not None
+    cells = Cells(dialect.delimiter, dialect.decimal, missing, indices, stated, dialect.repeats)
+    file = CsvFile(path, headings, cells, form, dialect.lines, time, origin, tuple(remarks))
+    if not stated:
+        _refuse_ambiguous_thousands(file, dialect, options, complete=complete)
+    return file
+
+
+def _refuse_ambiguous_thousands(file: CsvFile, dialect: Dialect, options: Options, *, complete: bool) -> None:
+    """Refuse ``1.011`` below ``978`` in a file without another number that shows what the point means."""
+    used = [index for index, one in enumerate(file.headings) if options.ours(one.name) != "-"]
+    check = Thousands(dialect.decimal)
+    for row in dialect.sample:
+        check.take([[row.cells[index].strip()] for index in used if index < len(row.cells)], [row.line])
+    if not check.settled and not (complete and len(dialect.sample) < SAMPLE_ROWS):
+        check = Thousands(dialect.decimal)
+        for cells, lines in file.cell_texts(used):
+            check.take(cells, lines)
+            if check.settled:
+                return
+    found = check.ambiguous()
+    if found is not None:
+        column, line, cell, whole = found
+        heading, sign = file.headings[used[column]], dialect.decimal
+        raise RigctlError(
+            f"{heading.name}: a decimal sign, or one between thousands?",
+            value=f"{cell} beside {whole}",
+            expected=f"--decimal '{sign}' ({cell.replace(sign, '.')}), or --decimal "
+            f"'{',' if sign == '.' else '.'}' ({cell.replace(sign, '')})",
+            where=Location(file.path, line),
+        )
 
 
 def _head(path: Path, form: TextForm) -> tuple[str, bool]:
@@ -202,6 +255,7 @@ def _find_time(
 ) -> tuple[tuple[Heading, ...], tuple[int, ...], TimeFormat | None]:
     """Return the headings, the indices of the cells that form the time, and its format; None for numbers."""
     headings = dialect.headings
+    options = with_time_column(((heading.name, heading.unit) for heading in headings), options)
     ours = [options.ours(heading.name) for heading in headings]
     if "time" not in ours:
         return headings, (), None

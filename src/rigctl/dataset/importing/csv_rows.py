@@ -9,10 +9,12 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from rigctl.dataset.importing.dialect import cell_place, split_row
-from rigctl.dataset.importing.missing_values import NO_VALUE
+from rigctl.dataset.importing.dialect import cell_place, split_row, stripped
+from rigctl.dataset.importing.layouts import Row, is_names
+from rigctl.dataset.importing.missing_values import NO_VALUE, is_comment
 from rigctl.dataset.importing.numbers import read_number
 from rigctl.dataset.importing.table import KEPT_FAULTS, Fault, Heading, Part, labels_of_texts
+from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
     from rigctl.dataset.importing.times import TimeReader
@@ -32,6 +34,7 @@ class Cells:
     time: indices of the cells that form the time, joined with a space, unless it is a plain number; the last
         of them is the index of the time column.
     stated: the user has specified the decimal sign.
+    repeats: the rows of names above the values, which are skipped where they come again.
     """
 
     delimiter: str
@@ -39,6 +42,7 @@ class Cells:
     missing: frozenset[str] = frozenset(NO_VALUE)
     time: tuple[int, ...] = ()
     stated: bool = False
+    repeats: frozenset[tuple[str, ...]] = frozenset()
 
 
 def read_rows(
@@ -50,7 +54,13 @@ def read_rows(
     record: int | None,
     clock: TimeReader | None,
 ) -> Part:
-    """Read the rows of a text that begins on `line`; rows that cannot be read become faults."""
+    """Read the rows of a text that begins on `line`; rows that cannot be read become faults.
+
+    Raises
+    ------
+    RigctlError
+        a row is the heading of another table: the rows below it are not those of this one.
+    """
     import numpy as np
 
     numbers = [index for index in wanted if clock is None or index not in cells.time]
@@ -60,9 +70,11 @@ def read_rows(
     times: list[str] = []
     faults: list[Fault] = []
     bad = 0
-    for at, row_cells in _rows(text, line, cells.delimiter):
+    for at, row_cells in split_rows(text, line, cells.delimiter):
         row = _read_row(at, row_cells, headings, cells, numbers)
         if isinstance(row, Fault):
+            if _is_heading(at, row_cells, headings, cells):
+                continue
             bad += 1
             if len(faults) < KEPT_FAULTS:
                 faults.append(row)
@@ -108,11 +120,11 @@ def with_times(
     )
 
 
-def _rows(text: str, first: int, delimiter: str) -> Iterator[tuple[int, list[str]]]:
+def split_rows(text: str, first: int, delimiter: str) -> Iterator[tuple[int, list[str]]]:
     """Yield the line number and cells of every row that is not blank."""
     if delimiter == " ":
         for number, written in enumerate(text.splitlines(), start=first):
-            if divided := split_row(written, " "):
+            if (divided := split_row(written, " ")) and not is_comment(divided):
                 yield number, divided
         return
     # a carriage return inside a row does not end it, and remains visible in its cell
@@ -128,8 +140,26 @@ def _rows(text: str, first: int, delimiter: str) -> Iterator[tuple[int, list[str
             cells = [str(problem)]
         if len(cells) > _MOST_CELLS:
             cells = [f"{len(cells)} cells"]
-        if any(cell.strip() for cell in cells) and not cells[0].startswith("#"):
+        if any(cell.strip() for cell in cells) and not is_comment(cells):
             yield line, cells
+
+
+def _is_heading(line: int, row_cells: list[str], headings: Sequence[Heading], cells: Cells) -> bool:
+    """Return whether a row repeats one above the values; refuse another heading."""
+    if stripped(row_cells) in cells.repeats:
+        return True
+    row = Row(line, line, tuple(row_cells))
+    known = {cell.strip() for cell in row_cells} & cells.missing
+    if not is_names(row) or known - {""} or 2 * len(row.filled) < len(headings):
+        return False
+    raise RigctlError(
+        "another heading, with other columns than the first: the rows below it belong to another table",
+        value=f"{cells.delimiter} ".join(row.filled) if cells.delimiter != " " else " ".join(row.filled),
+        expected=", ".join(heading.name for heading in headings if heading.name),
+        hint="Divide the file there, one table in each; or, if these are no names, mark them as missing "
+        f"values: --missing '{row.filled[0]}'",
+        where=Location(None, line),
+    )
 
 
 def _read_row(

@@ -7,12 +7,21 @@ import io
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from rigctl.dataset.importing.headings import is_unit, split_heading, unit_of
-from rigctl.dataset.importing.numbers import find_decimal, looks_numeric
+from rigctl.dataset.importing.headings import split_heading
+from rigctl.dataset.importing.layouts import (
+    Layout,
+    Row,
+    find_layout,
+    has_value,
+    is_data,
+    unit_row,
+)
+from rigctl.dataset.importing.missing_values import is_comment
+from rigctl.dataset.importing.numbers import find_decimal
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Heading
 from rigctl.errors import Location, RigctlError
@@ -20,23 +29,12 @@ from rigctl.errors import Location, RigctlError
 #: possible delimiters, the least likely to occur in a cell first
 DELIMITERS: Final = ("\t", ";", "|", ",", " ")
 #: number of rows used for detection
-_ROWS: Final = 400
+SAMPLE_ROWS: Final = 400
 #: share of the rows that must have the same number of cells if separated by spaces
 _MOST_ROWS: Final = 0.75
 #: names of delimiters on the command line
 _WORDS: Final = {"tab": "\t", "\\t": "\t", "space": " ", "comma": ",", "semicolon": ";", "pipe": "|"}
-_MOMENT: Final = re.compile(r".*\d[:/.-]\d.*")
 _BARE_RETURN: Final = re.compile(r"\r(?!\n)")
-_UNIT_ROW: Final = re.compile(r"[\[(]?\s*(?P<unit>[^\[\]()]*?)\s*[\])]?")
-
-
-@dataclass(frozen=True)
-class Row:
-    """Cells of one row of the file; `line` and `last` are its first and its last line."""
-
-    line: int
-    last: int
-    cells: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -48,6 +46,7 @@ class Dialect:
     headings: of the columns.
     lines: up to and with the heading.
     sample: the first rows after it.
+    repeats: the rows of names above the values, which a logger that starts again writes again.
     """
 
     delimiter: str
@@ -56,6 +55,7 @@ class Dialect:
     lines: int
     sample: tuple[Row, ...]
     remarks: tuple[str, ...]
+    repeats: frozenset[tuple[str, ...]] = frozenset()
 
     def location_of(self, path: Path, index: int) -> Location:
         """Return the place of a column's first cell, or of its heading in a file without rows."""
@@ -92,25 +92,48 @@ def find_dialect(path: Path, head: str, options: Options, *, complete: bool) -> 
         )
     delimiter, rows, index = best
     remarks: list[str] = []
-    cells, first, line = _heading(text, delimiter, rows, index)
-    if line == 0:
-        remarks.append(f"the file has no heading; its columns are called 1 to {len(cells)}")
-    elif rows[0].line < line and first:
-        remarks.append(f"{len(_before(rows, line))} lines before the heading, on line {line}, are left out")
-    sample = rows[first:]
-    units, sample = _unit_row(cells, sample)
-    lines = sample[0].line - 1 if sample else rows[-1].last
-    if first and not units:
-        lines = rows[first - 1].last
-    elif units:
-        lines = rows[first].last
-    headings = _headings(path, text, delimiter, line, cells, units, sample)
+    layout = _layout(text, delimiter, rows, index, options.heading)
+    if layout.line == 0 and options.heading is None:
+        remarks.append(f"the file has no heading; its columns are called 1 to {len(layout.cells)}")
+    before = [row for row in rows if row.line < layout.line]
+    if before and options.heading is None:
+        lines_before = "1 line" if len(before) == 1 else f"{len(before)} lines"
+        verb = "is" if len(before) == 1 else "are"
+        remarks.append(f"{lines_before} before the heading, on line {layout.line}, {verb} left out")
+    units, sample = list(layout.units), rows[layout.first :]
+    if not units and layout.line and sample and (units := unit_row(layout.cells, sample[0])):
+        sample = sample[1:]
+    start = len(rows) - len(sample)
+    lines = rows[start - 1].last if start else (sample[0].line - 1 if sample else 0)
+    lines = max(lines, layout.line)
+    headings = _numbered(_headings(path, text, delimiter, layout, units, sample), options)
     numbers = [cell.strip() for row in sample for cell in row.cells]
     decimal, doubtful = (options.decimal, False) if options.decimal else find_decimal(numbers)
     if doubtful:
         shown = next((cell for cell in numbers if "," in cell), "1,5")
         remarks.append(f"numbers such as {shown} are read with a decimal comma; --decimal . reads thousands")
-    return Dialect(delimiter, decimal, headings, lines, tuple(sample), tuple(remarks))
+    repeats = frozenset(
+        stripped(row.cells) for row in rows[:start] if len(row.filled) > 1 and not is_data(row)
+    )
+    return Dialect(delimiter, decimal, headings, lines, tuple(sample), tuple(remarks), repeats)
+
+
+def stripped(cells: Sequence[str]) -> tuple[str, ...]:
+    """Return the cells of a row without blanks around them, and without empty ones at its end."""
+    plain = [cell.strip() for cell in cells]
+    while plain and not plain[-1]:
+        plain.pop()
+    return tuple(plain)
+
+
+def _numbered(headings: tuple[Heading, ...], options: Options) -> tuple[Heading, ...]:
+    """Return the headings; a column that the user calls by its number has that name."""
+    names = {heading.name for heading in headings}
+    called = {name for name in options.columns if name.isdigit() and name not in names}
+    return tuple(
+        replace(heading, name=str(number), spent=False) if str(number) in called else heading
+        for number, heading in enumerate(headings, start=1)
+    )
 
 
 def checked_delimiter(written: str | None) -> str | None:
@@ -141,11 +164,11 @@ def split_row(line: str, delimiter: str) -> list[str]:
 def _rows(text: str, delimiter: str, *, complete: bool) -> list[Row]:
     """Yield the rows that are neither blank nor a comment."""
     if delimiter == " ":
-        lines = text.splitlines()[: _ROWS + 1]
+        lines = text.splitlines()[: SAMPLE_ROWS + 1]
         rows = [
             Row(number, number, tuple(cell.strip('"') for cell in split_row(line, " ")))
             for number, line in enumerate(lines, start=1)
-            if line.strip() and not line.startswith("#")
+            if line.strip() and not is_comment(split_row(line, " "))
         ]
     else:
         rows = []
@@ -154,13 +177,14 @@ def _rows(text: str, delimiter: str, *, complete: bool) -> list[Row]:
             before = 0
             for cells in reader:
                 line, before = before + 1, reader.line_num
-                if any(cell.strip() for cell in cells) and not cells[0].startswith(("#", "sep=")):
+                known = not is_comment(cells) and not (before <= 1 and cells[0].startswith("sep="))
+                if any(cell.strip() for cell in cells) and known:
                     rows.append(Row(line, before, tuple(cells)))
-                if len(rows) > _ROWS:
+                if len(rows) > SAMPLE_ROWS:
                     break
         except csv.Error:
             pass
-    cut = not complete and len(rows) > 1 and len(rows) <= _ROWS
+    cut = not complete and len(rows) > 1 and len(rows) <= SAMPLE_ROWS
     return rows[:-1] if cut else rows
 
 
@@ -186,30 +210,51 @@ def _divide(text: str, options: Options, *, complete: bool) -> tuple[str, list[R
     return ("," if best[0] == 0.0 and not delimiter_option else delimiter), rows, first
 
 
-def _is_data(row: Row) -> bool:
-    """Return whether a row has numbers, or a time and numbers, and no names."""
-    filled = [cell.strip() for cell in row.cells if cell.strip()]
-    return any(looks_numeric(cell) for cell in filled) and all(
-        looks_numeric(cell) or _MOMENT.fullmatch(cell) for cell in filled
-    )
+def _layout(text: str, delimiter: str, rows: list[Row], index: int, heading: int | None) -> Layout:
+    """Return the heading: the stated one, or the one that is found."""
+    if heading == 0:
+        return _unnamed(rows, index)  # and a row without values there is a bad one
+    if heading is not None:
+        return _stated(text, delimiter, rows, heading)
+    return find_layout(rows, index) or _as_wide(text, delimiter, rows, index)
 
 
-def _heading(text: str, delimiter: str, rows: list[Row], index: int) -> tuple[list[str], int, int]:
-    """Return the heading's cells, the index of the first row after it, and its line; 0 without a heading."""
-    row = rows[index]
-    if not _is_data(row):
+def _as_wide(text: str, delimiter: str, rows: list[Row], index: int) -> Layout:
+    """Return the first row as wide as the table as its heading; if it has values, what is above it."""
+    row, width = rows[index], len(rows[index].cells)
+    if not is_data(row):
         cells, index = _below_padding(rows, index)
-        return cells, index + 1, rows[index].line
-    if index and not _is_data(rows[index - 1]) and abs(len(rows[index - 1].cells) - len(row.cells)) <= 1:
-        return list(rows[index - 1].cells), index, rows[index - 1].line
+        return Layout(cells, rows[index].line, index + 1)
+    if index and not is_data(rows[index - 1]) and abs(len(rows[index - 1].cells) - width) <= 1:
+        return Layout(rows[index - 1].cells, rows[index - 1].line, index)
     before = text.splitlines()[: row.line - 1]
     for line in range(len(before), 0, -1):
         written = before[line - 1]
         if written.startswith("#"):
             cells = split_row(written.lstrip("# \t"), delimiter)
-            if len(cells) == len(row.cells) and not _is_data(Row(line, line, tuple(cells))):
-                return cells, index, line
-    return [str(number) for number in range(1, len(row.cells) + 1)], index, 0
+            if len(cells) == width and not is_data(Row(line, line, tuple(cells))):
+                return Layout(cells, line, index)
+    return _unnamed(rows, index)
+
+
+def _unnamed(rows: Sequence[Row], first: int) -> Layout:
+    return Layout([str(number) for number in range(1, len(rows[first].cells) + 1)], 0, first)
+
+
+def _stated(text: str, delimiter: str, rows: Sequence[Row], heading: int) -> Layout:
+    """Return the heading on the line that the user has stated."""
+    lines = text.splitlines()
+    written = lines[heading - 1] if heading <= len(lines) else ""
+    row = next((row for row in rows if row.line <= heading <= row.last), None)
+    cells = row.cells if row is not None else tuple(split_row(written.lstrip("# \t"), delimiter))
+    if not any(cell.strip() for cell in cells):
+        raise RigctlError(
+            f"--heading: there is nothing on line {heading}",
+            value=str(heading),
+            expected=f"a line with the names of the columns, up to {len(lines)}, or 0 if there are no names",
+        )
+    first = next((at for at, row in enumerate(rows) if row.line > heading), len(rows))
+    return Layout(cells, heading, first)
 
 
 def _below_padding(rows: Sequence[Row], index: int) -> tuple[list[str], int]:
@@ -220,68 +265,38 @@ def _below_padding(rows: Sequence[Row], index: int) -> tuple[list[str], int]:
     """
     cells = list(rows[index].cells)
     for number, below in enumerate(rows[index + 1 :], start=index + 1):
-        if all(cell.strip() for cell in cells) or len(below.cells) != len(cells) or _is_data(below):
+        if all(cell.strip() for cell in cells) or len(below.cells) != len(cells) or is_data(below):
             break
-        if _filled(below.cells) < _filled(cells):
+        if len(below.filled) < sum(bool(cell.strip()) for cell in cells):
             continue  # another note
-        if any(looks_numeric(cell) or _MOMENT.fullmatch(cell) for cell in below.cells if cell.strip()):
-            break  # values, some of which are texts
-        if _unit_row(cells, [below])[0]:
-            break
+        if has_value(below) or unit_row(cells, below):
+            break  # values, some of which are texts, or units
         pairs = zip(below.cells, cells, strict=True)
         cells, index = [lower if lower.strip() else above for lower, above in pairs], number
     return cells, index
 
 
-def _filled(cells: Sequence[str]) -> int:
-    return sum(bool(cell.strip()) for cell in cells)
-
-
-def _before(rows: Sequence[Row], line: int) -> list[Row]:
-    return [row for row in rows if row.line < line]
-
-
-def _unit_row(cells: Sequence[str], sample: list[Row]) -> tuple[list[str | None], list[Row]]:
-    """Return the units from a separate row below the heading, and the rows after it."""
-    if not sample or len(sample[0].cells) != len(cells) or any("[" in cell for cell in cells):
-        return [], sample
-    matches = [_UNIT_ROW.fullmatch(cell.strip()) for cell in sample[0].cells]
-    units = [match["unit"] if match else "?" for match in matches]
-    filled = [unit for unit in units if unit]
-    if not filled or not all(is_unit(unit) or ":" in unit for unit in filled) or _is_data(sample[0]):
-        return [], sample
-    return [unit_of(unit) for unit in units], sample[1:]
-
-
 def _headings(
-    path: Path,
-    text: str,
-    delimiter: str,
-    line: int,
-    cells: Sequence[str],
-    units: Sequence[str | None],
-    sample: Sequence[Row],
+    path: Path, text: str, delimiter: str, layout: Layout, units: Sequence[str | None], sample: Sequence[Row]
 ) -> tuple[Heading, ...]:
+    """Return a heading for each column; one without a name is called by its number."""
+    line, count = layout.line, len(layout.cells)
     written = text.splitlines()[line - 1] if line else ""
     headings = []
-    for number, cell in enumerate(cells, start=1):
+    for number, cell in enumerate(layout.cells, start=1):
         where = Location(path, line or None, cell_place(written, delimiter, number) if line else None)
         name, unit = split_heading(cell)
         if not name:
-            if (
-                number == len(cells)
-                and sample
-                and not any("".join(row.cells[number - 1 :]) for row in sample)
-            ):
+            if cell.strip():
+                raise RigctlError(
+                    f"column {number} has no name", value=cell, expected="name [unit]", where=where
+                )
+            if number == count and sample and not any("".join(row.cells[number - 1 :]) for row in sample):
                 headings.append(Heading("", None, where))  # rows end with a delimiter
                 continue
-            raise RigctlError(
-                f"column {number} has no name",
-                value=cell,
-                expected="a name and its unit: name [unit]",
-                where=where,
-            )
-        headings.append(Heading(name, (units[number - 1] if units else None) or unit, where))
+            name = str(number)
+        unit = (units[number - 1] if units else None) or unit
+        headings.append(Heading(name, unit, where, spent=number - 1 in layout.unused))
     return tuple(headings)
 
 

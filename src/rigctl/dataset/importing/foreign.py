@@ -68,7 +68,7 @@ def open_in_process(path: Path, options: Options, module: str, function: str) ->
             "folder": str(folder),
             "module": module,
             "function": function,
-            "options": {**asdict(options), "may_lack": sorted(options.may_lack)},
+            "options": {**asdict(options), "may_lack": sorted(options.may_lack), "own": sorted(options.own)},
             "memory": memory,
             "seconds": seconds,
         }
@@ -152,8 +152,9 @@ def read(task: Mapping[str, Any]) -> NoReturn:
     folder = Path(task["folder"])
     try:
         limit_process(task["memory"], task["seconds"])
-        fields = {**task["options"], "may_lack": frozenset(task["options"]["may_lack"])}
-        options = Options(**{**fields, "missing": tuple(fields["missing"])})
+        given = task["options"]
+        sets = {name: frozenset(given[name]) for name in ("may_lack", "own")}
+        options = Options(**{**given, **sets, "missing": tuple(given["missing"])})
         reader: Reader = getattr(import_module(task["module"]), task["function"])
         facts = _hand_over(reader(Path(task["path"]), options), folder)
     except RigctlError as problem:

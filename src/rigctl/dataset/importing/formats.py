@@ -11,6 +11,7 @@ from rigctl.dataset.importing.foreign import open_in_process
 from rigctl.dataset.importing.long_format import is_long, open_long
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import Source
+from rigctl.dataset.importing.time_column import with_time_column
 from rigctl.errors import Location, RigctlError
 
 #: opens a file, given its path and the caller's options
@@ -23,6 +24,9 @@ OPENERS: Final[Mapping[str, tuple[str, str]]] = {
     ".tsv": ("csv_file", "open_csv"),
     ".txt": ("csv_file", "open_csv"),
     ".csv.gz": ("csv_file", "open_csv"),
+    ".dat": ("csv_file", "open_csv"),
+    ".lvm": ("csv_file", "open_csv"),
+    ".asc": ("csv_file", "open_csv"),
     ".xlsx": ("xlsx_file", "open_xlsx"),
     ".xlsm": ("xlsx_file", "open_xlsx"),
     ".parquet": ("parquet_file", "open_parquet_file"),
@@ -46,7 +50,10 @@ def open_source(path: Path, options: Options) -> Source:
         the kind of file is unknown, its reader is not installed, or the file cannot be read.
     """
     source = _open(path, options)
-    return open_long(source, options) if is_long(source, options) else source
+    if not is_long(source, options):
+        return source
+    names = ((heading.name, heading.unit) for heading in source.headings)
+    return open_long(source, with_time_column(names, options))
 
 
 def _open(path: Path, options: Options) -> Source:

@@ -27,6 +27,7 @@ from rigctl.dataset.importing.table import (
     labels_of_numbers,
     labels_of_texts,
 )
+from rigctl.dataset.importing.time_column import with_time_column
 from rigctl.dataset.importing.times import ArrayClock, array_clock
 from rigctl.errors import Location, RigctlError
 
@@ -182,6 +183,8 @@ def open_groups(
         the file is empty, a column has two units, or the groups are not records.
     """
     with reading() as all_groups:
+        names = ((column.name, column.unit) for group in all_groups for column in group.columns)
+        options = with_time_column(names, options)
         groups, remarks = _with_time(all_groups, options, noun)
         if not groups:
             raise RigctlError("the file has no data", where=Location(path))

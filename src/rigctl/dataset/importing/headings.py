@@ -1,13 +1,18 @@
-"""Column names as in files: with a unit beside the name, and with other spellings of units."""
+"""Column names as in files: with a unit beside the name, and with other spellings of units and of time.
+
+Every reader of a file, and the draft of a first family, reads headings here, so that a heading that one
+command understands is understood by all.
+"""
 
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping
 from typing import Final
 
 from rigctl.errors import RigctlError
-from rigctl.units import parse_unit
+from rigctl.units import is_speed_of_rotation, parse_unit
 
 _BRACKETS: Final = re.compile(r"(?P<name>[^\[\]]*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?")
 #: other ways to write a unit after a name; accepted only if it is a unit
@@ -15,8 +20,12 @@ _BESIDE: Final = (
     re.compile(r"(?P<name>.+?)\s*\((?P<unit>[^()]+)\)"),
     re.compile(r"(?P<name>.+?)\s*\{(?P<unit>[^{}]+)\}"),
     re.compile(r"(?P<name>.+?)(?:\s+/|\s*[,;])\s*(?P<unit>\S+)"),
+    re.compile(r"(?P<name>[^\s/]{2,}|[A-Za-z])/(?P<unit>\S+)"),  # 'T/K'; 'm/s' is a unit itself
     re.compile(r"(?P<name>.+?)\s+in\s+(?P<unit>\S{2,})"),  # 'pressure in A' names a place
 )
+#: as HOBO loggers write the logger, the sensor and its label after a name, and the zone after a time
+_SERIAL: Final = re.compile(r"(?P<name>.+?)\s*\((?:LGR|SEN) S/N:[^()]*?(?:LBL: (?P<label>[^(),]+))?\)")
+_ZONED: Final = re.compile(r"(?P<name>(?:Date )?Time), GMT[+-]\d{2}:\d{2}")
 #: other programs' names of units
 _UNITS: Final[Mapping[str, str]] = {
     "deg C": "degC",
@@ -40,16 +49,60 @@ _UNITS: Final[Mapping[str, str]] = {
     "-": "1",
     "none": "1",
     "percent": "%",
+    "pct": "%",
+    "Volt": "V",
+    "Volts": "V",
+    "volts": "V",
+    "VDC": "V",
+    "Amp": "A",
+    "Amps": "A",
+    "RPM": "rpm",
+    "PSI": "psi",
+    "BAR": "bar",
+    "millis": "ms",
+    "milliseconds": "ms",
+    "micros": "us",
+    "microseconds": "us",
+    "minutes": "min",
+    "hours": "h",
 }
 #: names with the same meaning in every file, ignoring case
 SPECIAL: Final = ("time", "record", "date")
-#: names of time columns in other programs, case-folded
-TIMES: Final = frozenset(
+#: names of time columns in other programs and languages, as `_key` returns them
+_TIMES: Final = frozenset(
     (  # noqa: SIM905
-        "time t time_s t_s seconds elapsed elapsed_time clock clock_time time_of_day timestamp time_stamp "
-        "datetime date_time zeit uhrzeit zeitpunkt zeitstempel datum_zeit"
+        "time t seconds secs sec millis milliseconds msec micros microseconds elapsed elapsed_time "
+        "time_elapsed elapsed_seconds clock clock_time time_of_day timestamp time_stamp datetime date_time "
+        "date_and_time relative_time rel_time absolute_time abs_time run_time runtime sample_time "
+        "measurement_time rec_time "
+        "zeit uhrzeit zeitpunkt zeitstempel datum_zeit datum_uhrzeit messzeit laufzeit sekunden "
+        "tiempo hora fecha_hora fecha_y_hora marca_de_tiempo segundos "
+        "tempo ora data_ora data_e_ora data_hora secondi temps heure date_heure horodatage secondes "
+        "tijd tijdstip datum_tijd tid tidpunkt tidsstempel klokkeslett czas cas aika ido zaman "
+        "\u0432\u0440\u0435\u043c\u044f \u65f6\u95f4 \u6642\u9593 \u6642\u523b"
     ).split()
 )
+#: time columns whose name is a unit of them
+_NAMED_UNITS: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("seconds", "secs", "sec", "elapsed_seconds", "sekunden", "segundos"), "s"),
+    **dict.fromkeys(("secondi", "secondes"), "s"),
+    **dict.fromkeys(("millis", "milliseconds", "msec"), "ms"),
+    **dict.fromkeys(("micros", "microseconds"), "us"),
+}
+#: columns of dates beside a time of day; `data` is a date only beside `ora` or `hora`
+_DATES: Final = frozenset(("date", "datum", "fecha", "dato", "dia", "giorno", "jour"))
+#: endings that are units, and nothing else that a name may end in: speed_rpm
+_ENDINGS: Final = frozenset(
+    (  # noqa: SIM905
+        "s ms us min sec mm cm um V mV A mA W kW N kN Nm bar mbar Pa kPa MPa psi degC degF K rpm RPM Hz kHz "
+        "kg rad deg pct percent lpm"
+    ).split()
+)
+_ENDING: Final = re.compile(r"(?P<name>.*[^\s_])[ _](?P<unit>[A-Za-z%]+)")
+#: words in the name of a rotating quantity
+_TURNING: Final = ("drehzahl", "umdrehung", "rpm", "rotation", "revolution", "spindle", "shaft", "rotor")
+#: two parts of a time of day in a heading, h:min or mm:ss
+_CLOCK_UNIT: Final = re.compile(r"[hms]+(in|ec)?:[hms]+(in|ec)?(:s+(ec)?)?", re.IGNORECASE)
 
 
 def split_heading(text: str) -> tuple[str, str | None]:
@@ -58,6 +111,11 @@ def split_heading(text: str) -> tuple[str, str | None]:
     ``name (unit)``, ``name / unit``, ``name, unit`` and ``name in unit`` are accepted if that is a unit.
     """
     written = " ".join(text.split())
+    if serial := _SERIAL.fullmatch(written):  # Temp, \N{DEGREE SIGN}C (LGR S/N: 20717, LBL: oven)
+        name, unit = split_heading(serial["name"])
+        return serial["label"] or name, unit
+    if zoned := _ZONED.fullmatch(written):
+        return zoned["name"], None
     match = _BRACKETS.fullmatch(written)
     if match is None:
         return "", None
@@ -97,3 +155,67 @@ def plain_name(written: str) -> str:
 def folded(name: str) -> str:
     """Return a key that spellings of one name share: ``Oil Temperature`` and ``oil_temperature``."""
     return re.sub(r"[\s_-]+", "_", name.strip()).casefold()
+
+
+def split_ending(name: str) -> tuple[str, str | None]:
+    """Split ``speed_rpm`` into a name and its unit, None for a name that does not end in a unit."""
+    match = _ENDING.fullmatch(name.strip())
+    if match is None or match["unit"] not in _ENDINGS:
+        return name, None
+    return match["name"], unit_of(match["unit"])
+
+
+def time_unit(name: str, unit: str | None) -> tuple[bool, str | None]:
+    """Return whether a column holds the times of its rows, by its name, and the unit in the name.
+
+    A name that may mean something else, such as the plural `temps`, is a time unless its unit says otherwise.
+    """
+    plain, ending = split_ending(name) if unit is None else (name, None)
+    if unit is not None and not _is_of_time(unit):
+        return False, None
+    if ending is not None and not _is_of_time(ending):
+        return False, None
+    key = _key(plain)
+    if key not in _TIMES or (name.strip() == "T" and unit is None):
+        return False, None
+    return True, ending or (_NAMED_UNITS.get(key) if unit is None else None)
+
+
+def counts_turns(name: str, unit: str) -> bool:
+    """Return whether a count per minute is one of turns, by its name: ``Drehzahl [1/min]`` is in rpm."""
+    try:
+        parsed = parse_unit(unit)
+    except RigctlError:
+        return False
+    minute = parse_unit("1/min")
+    per_minute = parsed.dimension == minute.dimension and parsed.factor == minute.factor
+    turning = any(word in name.casefold() for word in _TURNING)
+    return per_minute and turning and not is_speed_of_rotation(unit)
+
+
+def is_date(name: str, beside: str) -> bool:
+    """Return whether a column holds the dates of the times of day in the column `beside`, by its name."""
+    key = _key(name)
+    return key in _DATES or (key == "data" and _key(beside) in ("ora", "hora"))
+
+
+def _is_of_time(unit: str) -> bool:
+    if _CLOCK_UNIT.fullmatch(unit.replace(" ", "")):
+        return True
+    try:
+        return parse_unit(unit).dimension == parse_unit("s").dimension
+    except RigctlError:
+        return False
+
+
+def _key(name: str) -> str:
+    """Return a key of a name without case and accents."""
+    plain = unicodedata.normalize("NFKD", folded(name))
+    return "".join(sign for sign in plain if not unicodedata.combining(sign)).strip("_.: ")
+
+
+def identifier(text: str) -> str:
+    """Return a name as a formula can use it: ``Motor Speed`` is ``motor_speed``; empty without letters."""
+    plain = unicodedata.normalize("NFKD", text.strip().casefold())
+    letters = "".join(sign for sign in plain if not unicodedata.combining(sign))
+    return re.sub(r"[^a-z0-9]+", "_", letters).strip("_")

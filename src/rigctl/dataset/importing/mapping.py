@@ -14,7 +14,7 @@ from rigctl.dataset.importing.options import DateOrder, Options, TimePolicy
 from rigctl.errors import Location, RigctlError
 
 #: the scalar fields of a mapping
-_PLAIN: Final = ("dates", "zone", "times", "split", "resample", "encoding", "delimiter", "decimal")
+_PLAIN: Final = ("dates", "zone", "times", "split", "resample", "encoding", "delimiter", "decimal", "heading")
 
 
 class ImportMapping(BaseModel):
@@ -39,6 +39,10 @@ class ImportMapping(BaseModel):
     encoding: str | None = Field(default=None, description="of a text file, e.g. cp1252")
     delimiter: str | None = Field(default=None, description="between the cells")
     decimal: str | None = Field(default=None, description="the decimal sign, '.' or ','")
+
+    heading: int | None = Field(
+        default=None, ge=0, description="line of the heading in a text file or on a sheet; 0 without one"
+    )
 
     def options(self) -> Options:
         """Return the mapping as options of the importer.
@@ -128,7 +132,7 @@ def save_mapping(path: Path, options: Options) -> None:
         elif isinstance(value, tuple):
             lines.append(f"{name}: [{', '.join(_quoted(text) for text in value)}]")
         else:
-            lines.append(f"{name}: {_quoted(value)}")
+            lines.append(f"{name}: {value if isinstance(value, int) else _quoted(value)}")
     write_text(path, "\n".join(lines) + "\n")
 
 

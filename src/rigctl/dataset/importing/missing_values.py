@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 #: texts of a missing value, or of no record
@@ -54,7 +55,21 @@ NO_VALUE: Final = (
         "OVERLOAD",
         "Overload",
     ),
+    *("+++++", "++++++", "+++++++", "-------", "------", "*****", "******", "BURNOUT", "Burnout", "BURN OUT"),
+    *("+OVERFLOW", "-OVERFLOW", "UNDER", "Under", "-UNDER", "UNDERRANGE", "Underrange", "#NUM!", "#NAME?"),
     *("overload", "OVERFLOW", "Overflow", "overflow", "OVERRANGE", "Overrange", "OVER RANGE", "Over Range"),
 )
-#: numbers by which SCPI instruments mark overload and missing values
-NO_NUMBER: Final = (9.9e37, -9.9e37, 9.91e37)
+#: numbers by which instruments mark overload and missing values: those of SCPI, and the largest 32-bit ones
+NO_NUMBER: Final = (
+    *(9.9e37, -9.9e37, 9.91e37, 1e30, -1e30, 1e31, -1e31, 1e37, -1e37, 1e38, -1e38),
+    *(3.4e38, -3.4e38, 3.402823e38, -3.402823e38, 3.40282e38, -3.40282e38),
+    *(3.4028234663852886e38, -3.4028234663852886e38, 1.7976931348623157e308, -1.7976931348623157e308),
+)
+
+
+def is_comment(cells: Sequence[str]) -> bool:
+    """Return whether a row is a comment: it begins with ``#``, which is not that of a value such as ``#N/A``
+    or the name of a column that counts the rows.
+    """
+    first = cells[0].strip() if cells else ""
+    return first.startswith("#") and first not in NO_VALUE and not (first == "#" and len(cells) > 2)

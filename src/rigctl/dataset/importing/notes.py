@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
+from rigctl.dataset.importing.columns import LEAVE_OUT, Assigned
 from rigctl.dataset.importing.first_pass import Span, Survey
+from rigctl.dataset.importing.headings import time_unit
 from rigctl.dataset.importing.labels import describe_label
+from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.sentinels import MARKS
+from rigctl.dataset.importing.table import Heading
 from rigctl.units import parse_unit, show
 
 if TYPE_CHECKING:
     from rigctl.rig import Rig
     from rigctl.rig.layout import Layout
 
-#: numbers that loggers use for missing values, if they are the smallest or the largest
-_MARKS: Final = (
-    -9999.0,
-    -99999.0,
-    -999.0,
-    -999.9,
-    9999.0,
-    99999.0,
-    -32768.0,
-    32767.0,
-    6999.0,
-    -6999.0,
-    1e30,
-    1e37,
-)
 #: this many identical values are not a coincidence
 _MANY: Final = 10
 
@@ -46,6 +36,31 @@ def notes(result: Survey, layout: Layout, rig: Rig, assumed: Mapping[str, float]
             f"{worst.gap.length:.4g} s from {worst.gap.start:.6g} s on in "
             f"{describe_label(worst.label)}. '--split gap' makes a record of each stretch"
         )
+
+
+def column_notes(
+    headings: Sequence[Heading], assigned: Sequence[Assigned], options: Options
+) -> Iterator[str]:
+    """Return remarks on columns of samples that are not used although nobody said so, and on times without a
+    unit.
+    """
+    time = next((column for column in assigned if column.kind == "time"), None)
+    if time is None:
+        return
+    written = headings[time.index]
+    named = options.unit_of(written.name) or written.unit or time_unit(written.name, None)[1]
+    if not (named or written.seconds):
+        yield (
+            f"{written.name}: the times have no unit and are taken as seconds; "
+            f"--columns '{written.name}=time [ms]' would say otherwise"
+        )
+    used = {column.index for column in assigned}
+    for index, heading in enumerate(headings):
+        said = options.ours(heading.name) == LEAVE_OUT or options.split == f"column:{heading.name}"
+        if index in used or heading.spent or said or not heading.name:
+            continue
+        reason = "has no numbers" if not time_unit(heading.name, heading.unit)[0] else "is another time"
+        yield f"{heading.name}: it {reason} and is left out"
 
 
 def _absent(layout: Layout, rig: Rig, assumed: Mapping[str, float]) -> Iterator[str]:
@@ -85,7 +100,7 @@ def _channel_notes(name: str, span: Span, rows: int, layout: Layout) -> Iterator
     for si in (span.low, span.high):
         unit = parse_unit(layout.unit(name))
         shown = unit.from_si(si, difference=name in layout.differences)
-        mark = next((mark for mark in _MARKS if abs(shown - mark) <= 1e-6 * abs(mark)), None)
+        mark = next((mark for mark in MARKS if abs(shown - mark) <= 1e-6 * abs(mark)), None)
         if mark is not None and span.low != span.high:
             yield f"{name}: there is {mark:g}; if that marks a missing value, say so: --missing={mark:g}"
     if span.values >= _MANY and span.low == span.high:

@@ -23,6 +23,52 @@ _THOUSANDS: Final = {
 _THREE: Final = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 
+_WHOLE: Final = re.compile(r"[+-]?\d{1,3}")
+_LONG: Final = re.compile(r"[+-]?\d{4,}")
+
+
+class Thousands:
+    """Whether a sign in the numbers of a file is the decimal one, from all of its cells.
+
+    In a column with ``978`` and ``1.011`` it may separate thousands, unless a number of the file shows that
+    it does not, such as ``0.5``, or one of the column lacks a separator, such as ``1500``.
+    """
+
+    def __init__(self, sign: str) -> None:
+        mark = re.escape(sign)
+        self._three = re.compile(rf"[+-]?[1-9]\d{{0,2}}{mark}\d{{3}}")
+        self._decimal = re.compile(rf"[+-]?\d*{mark}\d*([eE][+-]?\d+)?")
+        self._sign = sign
+        self.settled = False  #: it is the decimal sign
+        self._threes: dict[int, tuple[int, str]] = {}
+        self._wholes: dict[int, str] = {}
+        self._long: set[int] = set()
+
+    def take(self, columns: Sequence[Sequence[str]], lines: Sequence[int]) -> None:
+        """Look at the cells of some rows, column by column."""
+        for index, cells in enumerate(columns):
+            for line, cell in zip(lines, cells, strict=False):
+                if self._sign not in cell:
+                    if _WHOLE.fullmatch(cell):
+                        self._wholes.setdefault(index, cell)
+                    elif _LONG.fullmatch(cell):
+                        self._long.add(index)
+                elif self._three.fullmatch(cell):
+                    self._threes.setdefault(index, (line, cell))
+                elif self._decimal.fullmatch(cell) and len(cell.strip("+-")) > 1:
+                    self.settled = True
+                    return
+
+    def ambiguous(self) -> tuple[int, int, str, str] | None:
+        """Return the index of a column, a line, its number, and a whole number; None if all is clear."""
+        if self.settled:
+            return None
+        for index, (line, cell) in sorted(self._threes.items()):
+            if index in self._wholes and index not in self._long:
+                return index, line, cell, self._wholes[index]
+        return None
+
+
 def find_decimal(cells: Sequence[str]) -> tuple[str, bool]:
     """Return the decimal sign of some numbers, and whether it may be a thousands separator (``1,234``)."""
     points = sum(_POINT.fullmatch(cell) is not None for cell in cells)

@@ -12,16 +12,22 @@ from rigctl.dataset.importing.checks import marks_of, without_marks
 from rigctl.dataset.importing.columns import Assigned, places_of
 from rigctl.dataset.importing.first_pass import Survey
 from rigctl.dataset.importing.labels import read_label
+from rigctl.dataset.importing.sentinels import Sentinels, blanked, remark
 from rigctl.dataset.importing.table import Fault, Part, Source
+from rigctl.errors import Location, RigctlError
 from rigctl.plan.measured import MeasuredValue
 from rigctl.rig.layout import Layout
 from rigctl.units import parse_unit
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from rigctl.dataset.writer import RunWriter
 
 #: temperatures and pressures are conditions of an observation
 _CONDITIONS: Final = ("K", "Pa")
+#: rows from which a steady increase is no coincidence
+_FEWEST: Final = 5
 
 
 @dataclass(frozen=True)
@@ -32,6 +38,7 @@ class Observations:
     assigned: Sequence[Assigned]
     parts: Sequence[Part]
     found: Survey
+    remarks: tuple[str, ...] = ()  #: on marks of missing values
 
     @property
     def layout(self) -> Layout:
@@ -76,11 +83,22 @@ class Observations:
 
 
 def take_observations(
-    source: Source, assigned: Sequence[Assigned], missing: Sequence[float] = ()
+    source: Source, assigned: Sequence[Assigned], missing: Sequence[float] = (), *, keep_marks: bool = False
 ) -> Observations:
-    """Turn a table without ``time`` into observations; `missing` are numbers that mark missing values."""
+    """Turn a table without ``time`` into observations; `missing` are numbers that mark missing values.
+
+    Parameters
+    ----------
+    keep_marks: numbers such as -9999 are readings.
+
+    Raises
+    ------
+    RigctlError
+        a column may be the time of the rows.
+    """
     marks = marks_of(missing)
     result = Survey()
+    sentinels = Sentinels([column.index for column in assigned if column.kind in ("channel", "other")])
     parts = []
     more = 0
     for part in source.parts(*places_of(assigned)):
@@ -90,12 +108,35 @@ def take_observations(
         labels = part.labels and type(part.labels)(part.labels.codes[good], part.labels.texts)
         columns = {index: without_marks(column[good], marks) for index, column in part.columns.items()}
         parts.append(Part(columns, part.lines[good], labels, group=part.group))
+        sentinels.take(parts[-1])
         result.rows += int(good.sum())
         result.faults += [*part.faults, *faults]
         more += part.more_faults
+    found = sentinels.found() if keep_marks is False else {}
+    parts = [blanked(part, found) for part in parts]
+    for column in assigned:
+        _refuse_a_time(source, column, [part.columns[column.index] for part in parts if column.unit])
     result.faults.sort(key=lambda fault: fault.line)
     result.bad_rows = len(result.faults) + more
-    return Observations(source, assigned, parts, result)
+    remarks = tuple(remark(column.name, found[column.index]) for column in assigned if column.index in found)
+    return Observations(source, assigned, parts, result, remarks)
+
+
+def _refuse_a_time(source: Source, column: Assigned, values: Sequence[NDArray[np.float64]]) -> None:
+    """Refuse a quantity in seconds that increases from row to row: its table may be one of samples."""
+    if column.unit is None or column.unit.dimension != parse_unit("s").dimension or column.kind != "other":
+        return
+    heading = source.headings[column.index]
+    every = np.concatenate(values) if values else np.zeros(0)
+    if len(every) < _FEWEST or not np.all(np.diff(every) > 0.0) or heading.name != column.heading.name:
+        return
+    name, unit = heading.name, column.unit.text
+    raise RigctlError(
+        f"{name}: it increases from row to row; is it the time of the rows, or a duration that was observed?",
+        value=f"{every[0]:g} {unit} to {every[-1]:g} {unit}",
+        hint=f"Say which: --columns '{name}=time [{unit}]', or '{name}=duration [{unit}]'",
+        where=heading.where.or_else(Location(source.path)),
+    )
 
 
 def _is_condition(column: Assigned) -> bool:

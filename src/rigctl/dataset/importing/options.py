@@ -26,7 +26,8 @@ class Options:
     ----------
     columns: ours by theirs: ``{"Druck": "supply_pressure [bar]", "comment": "-"}``.
     may_lack: those of `columns` that a file may lack, such as those of a mapping for many files.
-    missing: further marks of missing values, e.g. ``-9999``; one that is a number is compared as a number.
+    missing: further marks of missing values, e.g. ``-1``; one that is a number is compared as a number;
+        ``none``: no number marks a missing value by itself.
     dates: which number of a date is the day; if omitted, an ambiguous date is refused.
     zone: IANA name of the time zone of times without one, e.g. ``Europe/Berlin``; UTC if omitted.
     times: treatment of rows whose time does not increase: refuse the file; drop them; spread equal times
@@ -35,6 +36,8 @@ class Options:
     resample: the common times of channels with separate times: a step (``10 ms``) or a column's name.
     assume: constant inputs that the file lacks: ``{"ambient": "21 degC"}``.
     encoding, delimiter, decimal: of a text file; detected if omitted.
+    heading: line of the heading in a text file or on a sheet, from 1; 0 if there is none; found if omitted.
+    own: names of the bench's channels and actuators, none of which is the time.
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -49,6 +52,8 @@ class Options:
     encoding: str | None = None
     delimiter: str | None = None
     decimal: str | None = None
+    heading: int | None = None
+    own: frozenset[str] = frozenset()
 
     def over(self, other: Options) -> Options:
         """Return these options, with those of `other` where they are not set."""

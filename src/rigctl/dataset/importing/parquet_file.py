@@ -13,6 +13,7 @@ from rigctl.dataset.importing.headings import split_heading, unit_of
 from rigctl.dataset.importing.local_time import LocalTime
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.table import PART_ROWS, Heading, Labels, Part, labels_of_numbers
+from rigctl.dataset.importing.time_column import with_time_column
 from rigctl.dataset.importing.times import ArrayClock, array_clock
 from rigctl.errors import Location, RigctlError
 
@@ -94,6 +95,7 @@ def open_parquet_file(path: Path, options: Options) -> ParquetFile:
         if unit is None and stored is not None:
             unit = unit_of(stored.decode("utf-8", "replace"))
         headings.append(Heading(name or field.name, unit, Location(path)))
+    options = with_time_column(((heading.name, heading.unit) for heading in headings), options)
     ours = [options.ours(heading.name) for heading in headings]
     if "time" in ours:
         index = ours.index("time")

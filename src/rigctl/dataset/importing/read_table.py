@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rigctl.dataset.importing.checks import marks_of
 from rigctl.dataset.importing.formats import open_source
 from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.sentinels import Sentinels, blanked
 from rigctl.dataset.importing.table import Part, Source, refuse
+from rigctl.dataset.importing.time_column import with_time_column
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -88,6 +91,7 @@ def table_of(
     """
     import numpy as np
 
+    options = with_time_column(((heading.name, heading.unit) for heading in source.headings), options)
     ours = [options.ours(heading.name) for heading in source.headings]
     record = ours.index("record") if "record" in ours else None
     indices = [
@@ -95,7 +99,7 @@ def table_of(
         for index, heading in enumerate(source.headings)
         if index != record and heading.name and not heading.spent and ours[index] != "-"
     ]
-    wanted = [index for index in indices if _holds_numbers(source, index)]
+    wanted = [index for index in indices if has_numbers(source, index, empty=True)]
     parts: list[Part] = []
     for part in source.parts(wanted, record) if wanted else ():
         parts.append(part)
@@ -106,6 +110,14 @@ def table_of(
         raise refuse(path, faults, len(faults) + sum(part.more_faults for part in parts))
     if not sum(len(part.lines) for part in parts):
         raise RigctlError("there is nothing in it", expected="rows of values", where=Location(path))
+    sentinels = Sentinels([index for index in wanted if ours[index] != "time"])
+    for part in parts:
+        sentinels.take(part)
+    marks = {
+        index: (*marks_of(options.missing_numbers), *sentinels.found().get(index, ()))
+        for index in sentinels.columns
+    }
+    parts = [blanked(part, marks) for part in parts]
     columns = tuple(
         TableColumn(
             source.headings[index].name,
@@ -126,8 +138,8 @@ def table_of(
     )
 
 
-def _holds_numbers(source: Source, index: int) -> bool:
-    """Return whether the first rows of a column are numbers."""
+def has_numbers(source: Source, index: int, *, empty: bool = False) -> bool:
+    """Return whether there are numbers in the first rows of a column, not texts; `empty` if neither."""
     import numpy as np
 
     try:
@@ -137,4 +149,20 @@ def _holds_numbers(source: Source, index: int) -> bool:
     if first is None:
         return False
     bad = len(first.faults) + first.more_faults
-    return not bad or int(np.isfinite(first.columns[index]).sum()) > bad
+    return (empty and not bad) or int(np.isfinite(first.columns[index]).sum()) > bad
+
+
+def stamped_column(path: Path, source: Source, options: Options) -> str | None:
+    """Return the first column of dates or times of day, whatever its name; None without one."""
+    for index, heading in enumerate(source.headings):
+        name = heading.name
+        if not name or name in options.columns or has_numbers(source, index, empty=True):
+            continue
+        timed = replace(options, columns={**options.columns, name: "time"})
+        try:
+            read = table_of(open_source(path, timed), path, timed, keep_good=True, most=1)
+        except RigctlError:
+            continue  # other words, or a date that can be read in two ways
+        if read.time is not None:
+            return name
+    return None

@@ -16,6 +16,7 @@ from rigctl.dataset.importing.labels import describe_label
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.stages import Stages
 from rigctl.dataset.importing.table import Source
+from rigctl.errors import Location, RigctlError
 from rigctl.rig.layout import Layout
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 #: size limit of a short file, bytes of samples: a million rows of a dozen columns
 _SHORT: Final = 100_000_000
+#: a file with as few rows may have a record for each
+_FEWEST: Final = 3
 
 
 @dataclass(frozen=True)
@@ -83,12 +86,35 @@ def take_samples(
         the file cannot be read.
     """
     layout = layout_of(assigned, rig)
-    checker = _checker(assigned, layout, options)
     kept: list[Checked] = []
     stages = Stages(options, assigned)
-    parts = _keeping(checked(source, stages, checker), kept)
-    result = survey(parts, checker, layout, conditions_of(layout, rig), keep_good=keep_good)
+
+    def survey_all() -> Survey:
+        kept.clear()
+        checker = _checker(assigned, layout, options)
+        parts = _keeping(checked(source, stages, checker), kept)
+        return survey(parts, checker, layout, conditions_of(layout, rig), keep_good=keep_good)
+
+    result = survey_all()
+    if stages.find_marks():  # among all values of a column it is known which of them are none
+        result = survey_all()
+    _refuse_row_numbers(source, assigned, result)
     return Samples(source, assigned, layout, result, options, stages, kept)
+
+
+def _refuse_row_numbers(source: Source, assigned: Sequence[Assigned], found: Survey) -> None:
+    """Refuse a record for every row: the column counts the rows, as loggers do."""
+    column = next((column for column in assigned if column.kind == "record"), None)
+    if column is None or not _FEWEST < found.rows == len(found.records):
+        return
+    name = source.headings[column.index].name
+    raise RigctlError(
+        f"{name}: every row has a record of its own; does it count the rows?",
+        value=f"{len(found.records)} records in {found.rows} rows",
+        expected="one number or name for all rows of a record",
+        hint=f"Leave it out: --columns '{name}=-'",
+        where=column.heading.where.or_else(Location(source.path)),
+    )
 
 
 def checked(source: Source, stages: Stages, checker: Checker) -> Iterator[Checked]:

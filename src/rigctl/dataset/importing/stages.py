@@ -5,15 +5,17 @@ It needs more than one row at a time, so that the file is held in memory; one th
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
+from rigctl.dataset.importing.checks import marks_of
 from rigctl.dataset.importing.columns import Assigned, places_of
 from rigctl.dataset.importing.groups import GroupedFile
 from rigctl.dataset.importing.increasing import spread
 from rigctl.dataset.importing.options import Options
 from rigctl.dataset.importing.resampling import resample
+from rigctl.dataset.importing.sentinels import Sentinels, blanked, remark
 from rigctl.dataset.importing.splitting import read_split, split_at_restarts, split_rows, stretches
 from rigctl.dataset.importing.table import PART_ROWS, Labels, Part, Source
 from rigctl.errors import Location, RigctlError
@@ -33,6 +35,32 @@ class Stages:
     options: Options
     assigned: Sequence[Assigned]
     remarks: list[str] = field(default_factory=list)
+    marks: Mapping[int, Mapping[float, int]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        measured = [column.index for column in self.assigned if column.kind in ("channel", "other")]
+        self.sentinels = Sentinels([] if "none" in self.options.missing else measured)
+
+    def find_marks(self) -> bool:
+        """After a pass, take the numbers that turned out to be marks of missing values for the next passes;
+        return whether there are any.
+        """
+        self.marks = self.sentinels.found() if not self.marks else {}
+        return bool(self.marks)
+
+    def mark_remarks(self) -> Iterator[str]:
+        """Return a remark on the marks of each column."""
+        for column in self.assigned:
+            if column.index in self.marks and column.kind in ("channel", "other"):
+                yield remark(column.name, self.marks[column.index])
+
+    def _read(self, source: Source, wanted: Sequence[int], record: int | None) -> Iterator[Part]:
+        """Yield the rows of the file without marks of missing values."""
+        numbers = marks_of(self.options.missing_numbers).tolist()
+        every = {index: (*numbers, *self.marks.get(index, ())) for index in self.sentinels.columns}
+        for part in source.parts(wanted, record):
+            self.sentinels.take(part)
+            yield blanked(part, every)
 
     @property
     def needed(self) -> bool:
@@ -53,7 +81,7 @@ class Stages:
                 record = headings[split.what]
         if not self.needed:
             self._check_clocks(source)
-            yield from source.parts(wanted, record)
+            yield from self._read(source, wanted, record)
             return
         self.remarks = []
         if self.options.resample is None:
@@ -63,7 +91,7 @@ class Stages:
             raise RigctlError("the rows cannot be put in order without times", expected="a column 'time [s]'")
         time = times[0]
         merged = isinstance(source, GroupedFile) and source.merged
-        wholes = _wholes(source, wanted, record, merged=merged)
+        wholes = _wholes(source, self._read(source, wanted, record), wanted, merged=merged)
         for whole in self._resampled(wholes):
             if self.options.times == "split":
                 done = split_at_restarts(whole, time)
@@ -134,7 +162,7 @@ def _slices(part: Part) -> Iterator[Part]:
         yield piece if start == 0 else replace(piece, faults=(), more_faults=0)
 
 
-def _wholes(source: Source, wanted: Sequence[int], record: int | None, *, merged: bool) -> Iterator[Part]:
+def _wholes(source: Source, read: Iterator[Part], wanted: Sequence[int], *, merged: bool) -> Iterator[Part]:
     """Yield all rows of each file, or of each group in a file with groups, as one part.
 
     Parameters
@@ -148,7 +176,7 @@ def _wholes(source: Source, wanted: Sequence[int], record: int | None, *, merged
     """
     parts: list[Part] = []
     size = 0
-    for part in source.parts(wanted, record):
+    for part in read:
         if merged:
             part = replace(part, labels=None, group="")  # noqa: PLW2901 - the same rows
         if parts and (part.path, part.group) != (parts[0].path, parts[0].group):

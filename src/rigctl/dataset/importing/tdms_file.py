@@ -24,6 +24,7 @@ from rigctl.dataset.importing.groups import (
 )
 from rigctl.dataset.importing.headings import split_heading, unit_of
 from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.time_column import with_time_column
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
@@ -74,6 +75,7 @@ def open_tdms(path: Path, options: Options) -> GroupedFile:
 def _group(path: Path, group: Any, options: Options, damage: Sequence[str]) -> Group:
     """Return one group; of a truncated file, the rows that every channel still has."""
     channels = group.channels()
+    options = with_time_column(map(_heading, channels), options)
     where = f"group '{group.name}'"
     lengths = {_heading(channel)[0]: len(channel) for channel in channels}
     rows = min(lengths.values(), default=0) if damage else common_length(path, where, lengths, options)

@@ -26,6 +26,7 @@ from rigctl.dataset.importing.local_time import LocalTime
 from rigctl.dataset.importing.missing_values import NO_VALUE
 from rigctl.dataset.importing.numbers import read_number
 from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.time_column import with_time_column
 from rigctl.dataset.importing.xlsx_times import read_times
 from rigctl.errors import Location, RigctlError
 
@@ -157,6 +158,7 @@ def _group(path: Path, sheet: _Sheet, options: Options, *, alone: bool) -> Group
     import numpy as np
 
     columns: dict[int, Column] = {}
+    options = with_time_column(sheet.names.values(), options)
     ours = {index: options.ours(name) for index, (name, _) in sheet.names.items()}
     day = next((index for index, name in ours.items() if name == "date"), None)
     unread = _reader(np.full(len(sheet.rows), "", dtype=object))

@@ -1,0 +1,90 @@
+"""Numbers by which loggers mark a missing value: -9999, 32767 and the like, where they cannot be readings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Final
+
+from rigctl.dataset.importing.missing_values import NO_NUMBER
+from rigctl.dataset.importing.table import Part
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+#: numbers that loggers write for a missing value; 6999 and 7999 are those of Campbell's
+MARKS: Final = (
+    *(-999.0, -999.9, -9999.0, -9999.9, -99999.0, -999999.0),
+    *(-999.9000244140625, -9999.900390625),  # as a file of 32-bit numbers stores them
+    *(9999.0, 99999.0, 999999.0, -32768.0, 32767.0, 6999.0, -6999.0, 7999.0, -7999.0),
+)
+#: a mark is no reading if it is this many times as large as every other value of its column
+_FAR: Final = 5.0
+#: values of a column without which nothing is known of it
+_FEWEST: Final = 3
+
+
+@dataclass
+class Sentinels:
+    """The marks among the values of some columns, collected part by part.
+
+    Parameters
+    ----------
+    columns: indices of the columns that may have marks: measurements, not commands or times.
+    """
+
+    columns: Sequence[int]
+    _counts: dict[int, dict[float, int]] = field(default_factory=dict)
+    _others: dict[int, tuple[int, float]] = field(default_factory=dict)
+
+    def take(self, part: Part) -> None:
+        """Look at the next rows."""
+        import numpy as np
+
+        for index in self.columns:
+            values = part.columns[index]
+            present = values[np.isfinite(values) & ~np.isin(values, NO_NUMBER)]
+            marked = np.isin(present, MARKS)
+            counts = self._counts.setdefault(index, {})
+            for mark, count in zip(*np.unique(present[marked], return_counts=True), strict=True):
+                counts[float(mark)] = counts.get(float(mark), 0) + int(count)
+            number, largest = self._others.get(index, (0, 0.0))
+            rest = np.abs(present[~marked])
+            self._others[index] = (
+                number + len(rest), max(largest, float(rest.max())) if len(rest) else largest
+            )  # fmt: skip
+
+    def found(self) -> dict[int, dict[float, int]]:
+        """Return how often each mark is in each column in which it cannot be a reading."""
+        result = {}
+        for index, counts in self._counts.items():
+            number, largest = self._others[index]
+            far = {mark: count for mark, count in counts.items() if abs(mark) >= _FAR * largest}
+            if far and number >= _FEWEST:
+                result[index] = far
+        return result
+
+
+def blanked(part: Part, marks: Mapping[int, Iterable[float]]) -> Part:
+    """Return the rows without the values that are marks of their column."""
+    columns = dict(part.columns)
+    for index, numbers in marks.items():
+        columns[index] = without(columns[index], numbers)
+    return replace(part, columns=columns)
+
+
+def without(values: NDArray[np.float64], numbers: Iterable[float]) -> NDArray[np.float64]:
+    """Return the values, NaN for those that are one of the numbers."""
+    import numpy as np
+
+    marked = np.isin(values, list(numbers))
+    return np.where(marked, np.nan, values) if marked.any() else values
+
+
+def remark(name: str, counts: Mapping[float, int]) -> str:
+    """Return the remark on the marks of a column."""
+    total = sum(counts.values())
+    shown = ", ".join(f"{mark:g}" for mark in sorted(counts))
+    verb = "1 value is" if total == 1 else f"{total} values are"
+    return f"{name}: {verb} {shown}, a mark of a missing value, and left out; '--missing none' keeps them"

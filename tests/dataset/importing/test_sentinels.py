@@ -1,0 +1,107 @@
+"""Numbers by which loggers mark missing values, in every format: no readings, and counted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rigctl.dataset import open_run
+from rigctl.dataset.importing import Options, import_file, read_table
+from rigctl.rig import Rig, load_rig
+
+BOARD = Path(__file__).parents[3] / "rigs" / "heater-board.yaml"
+TIMES = np.arange(600.0)
+READINGS = 20.0 + np.sin(TIMES / 50.0)
+
+
+@pytest.fixture(scope="module")
+def board() -> Rig:
+    return load_rig(BOARD)
+
+
+def written(path: Path, readings: np.ndarray) -> Path:
+    columns = {"time [s]": TIMES, "temperature_1 [degC]": readings, "heater_1 [%]": 0.0 * TIMES}
+    frame = pd.DataFrame(columns)
+    match path.suffix:
+        case ".csv":
+            frame.to_csv(path, index=False)
+        case ".xlsx":
+            frame.to_excel(path, index=False)
+        case ".parquet":
+            frame.to_parquet(path)
+        case ".mat":
+            from scipy.io import savemat
+
+            savemat(
+                path,
+                {"time": TIMES, "temperature_1": readings, "units": {"time": "s", "temperature_1": "degC"}},
+            )
+        case _:
+            from nptdms import ChannelObject, TdmsWriter
+
+            with TdmsWriter(str(path)) as writer:
+                writer.write_segment(
+                    [
+                        ChannelObject("log", "time [s]", TIMES),
+                        ChannelObject("log", "temperature_1 [degC]", readings.astype(np.float32)),
+                    ]
+                )
+    return path
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet", "mat", "xlsx", "tdms"])
+@pytest.mark.parametrize("mark", [-9999.0, -999.9, 1e30])
+def test_marks_of_missing_values_are_no_readings(tmp_path: Path, board: Rig, kind: str, mark: float) -> None:
+    """The first of them far behind the rows that show the form of a file."""
+    readings = READINGS.copy()
+    readings[[450, 451, 599]] = mark
+    done = import_file(written(tmp_path / f"log.{kind}", readings), board, tmp_path / "runs")
+    samples = open_run(done.path).samples()["temperature_1"].to_numpy()
+    assert np.flatnonzero(np.isnan(samples)).tolist() == [450, 451, 599]
+    assert np.nanmin(samples) > 18.0
+    assert any(note.startswith("temperature_1: 3 of 600 values are missing") for note in done.notes)
+    if abs(mark) < 1e30:
+        assert any(
+            f"3 values are {mark:g}, a mark" in note and "--missing none" in note for note in done.notes
+        )
+
+
+def test_marks_are_not_interpolated(tmp_path: Path, board: Rig) -> None:
+    readings = READINGS.copy()
+    readings[450] = -9999.0
+    file = written(tmp_path / "log.parquet", readings)
+    done = import_file(file, board, tmp_path / "runs", options=Options(resample="0.5 s"))
+    assert np.nanmin(open_run(done.path).samples()["temperature_1"].to_numpy()) > 18.0
+
+
+def test_a_number_near_the_others_is_a_reading(tmp_path: Path, board: Rig) -> None:
+    readings = -np.linspace(900.0, 1100.0, 600)
+    readings[300] = -999.0
+    file = written(tmp_path / "log.csv", readings)
+    done = import_file(
+        file, board, tmp_path / "runs", options=Options(columns={"temperature_1": "temperature_1 [mK]"})
+    )
+    assert not np.isnan(open_run(done.path).samples()["temperature_1"].to_numpy()).any()
+
+
+def test_the_user_may_keep_them_and_say_others(tmp_path: Path, board: Rig) -> None:
+    readings = READINGS.copy()
+    readings[450] = 9999.0
+    file = written(tmp_path / "log.csv", readings)
+    kept = import_file(file, board, tmp_path / "runs", options=Options(missing=("none",)))
+    assert open_run(kept.path).samples()["temperature_1"].to_numpy()[450] == pytest.approx(9999.0)
+    assert any("--missing=9999" in note for note in kept.notes)
+
+
+def test_a_draft_and_a_table_of_observations_know_them(tmp_path: Path) -> None:
+    readings = READINGS.copy()
+    readings[450] = -9999.0
+    table = read_table(written(tmp_path / "log.csv", readings))
+    assert np.isnan(table.columns[1].values[450])
+    pd.DataFrame({"flow [l/min]": TIMES, "head [m]": readings}).to_csv(tmp_path / "curve.csv", index=False)
+    done = import_file(tmp_path / "curve.csv", None, tmp_path / "runs")
+    assert "head" not in open_run(done.path).record(450).measures
+    assert any("head: 1 value is -9999" in note for note in done.notes)
