@@ -42,7 +42,7 @@ _COMMON: Final[Mapping[str, tuple[Kind, str]]] = {
 }
 _UNKNOWN: Final = "unknown column"
 #: name of the times of a channel with its own clock: ``time of temperature_2 [s]``
-_CLOCK: Final = "time of "
+CLOCK: Final = "time of "
 #: as our name: omit the column
 LEAVE_OUT: Final = "-"
 
@@ -284,7 +284,7 @@ def _assign(index: int, heading: Heading, rig: Rig | None, *, samples: bool) -> 
     name = heading.name
     if name == "record":
         return Assigned(name, "record", index, heading)
-    if name == "time" or name.startswith(_CLOCK):
+    if name == "time" or name.startswith(CLOCK):
         return _clock(index, heading, rig)
     name = on_rig(name, rig) if rig is not None else name
     if rig is not None and name in rig.channels:
@@ -321,7 +321,7 @@ def _clock(index: int, heading: Heading, rig: Rig | None) -> Assigned:
         heading = replace(heading, unit="s")  # which is reported
     if heading.name == "time":
         return Assigned("time", "time", index, heading, _unit(heading, "s"), "s")
-    name = heading.name.removeprefix(_CLOCK).strip()
+    name = heading.name.removeprefix(CLOCK).strip()
     if rig is not None:
         name = on_rig(name, rig)
         if name not in (*rig.channels, *rig.actuators, *_COMMON):

@@ -1,21 +1,24 @@
 """LabVIEW's TDMS: each group of channels is a record, units are the channels' property ``unit_string``.
 
 Time is a channel named ``time``, in seconds or as time stamps, or is computed from the channels' waveform
-properties (``wf_increment``, ``wf_start_offset``).
+properties (``wf_increment``, ``wf_start_offset``, ``wf_start_time``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from rigctl.dataset.importing.columns import CLOCK
 from rigctl.dataset.importing.groups import (
     LARGE,
     Column,
     Group,
     GroupedFile,
+    Reading,
     clear_errors,
     common_length,
     missing_extra,
@@ -24,12 +27,15 @@ from rigctl.dataset.importing.groups import (
 )
 from rigctl.dataset.importing.headings import split_heading, unit_of
 from rigctl.dataset.importing.options import Options
+from rigctl.dataset.importing.tdms_times import Waveform, starts_of_parts
 from rigctl.dataset.importing.time_column import with_time_column
 from rigctl.errors import Location, RigctlError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+#: first sample and start of each part of a channel, by its path
+_Starts = Mapping[str, Sequence[tuple[int, int]]]
 #: properties in which programs store the unit of a channel
 _UNITS: Final = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 
@@ -61,30 +67,82 @@ def open_tdms(path: Path, options: Options) -> GroupedFile:
             path.open("rb") as raw,
             TdmsFile.open(raw) as file,
         ):
-            yield [_group(path, group, options, messages) for group in file.groups()]
+            yield [_group(path, group, options, messages, starts) for group in file.groups()]
 
     with clear_errors(path, "TDMS"), overheard("nptdms", messages):
+        with path.open("rb") as raw:
+            starts = starts_of_parts(raw)
         if path.stat().st_size > LARGE:
-            return open_groups(path, reading, options, damage=messages)
+            return _opened(path, reading, options, messages, starts)
         # read whole, since the library searches all previous pieces for each piece of a file
         with path.open("rb") as raw:
-            groups = [_group(path, group, options, messages) for group in TdmsFile.read(raw).groups()]
-    return open_groups(path, lambda: nullcontext(groups), options, damage=messages)
+            read = TdmsFile.read(raw)
+            groups = [_group(path, group, options, messages, starts) for group in read.groups()]
+    return _opened(path, lambda: nullcontext(groups), options, messages, starts)
 
 
-def _group(path: Path, group: Any, options: Options, damage: Sequence[str]) -> Group:
+def _opened(
+    path: Path, reading: Reading, options: Options, damage: Sequence[str], starts: _Starts
+) -> GroupedFile:
+    """Return the file; resampled times count from its first start."""
+    file = open_groups(path, reading, options, damage=damage)
+    if file.clock is not None or not any(heading.name.startswith(CLOCK) for heading in file.headings):
+        return file
+    began = min((began for parts in starts.values() for _, began in parts), default=None)
+    return replace(file, began=began)
+
+
+def _group(path: Path, group: Any, options: Options, damage: Sequence[str], starts: _Starts) -> Group:
     """Return one group; of a truncated file, the rows that every channel still has."""
     channels = group.channels()
     options = with_time_column(map(_heading, channels), options)
     where = f"group '{group.name}'"
+    used = [channel for channel in channels if options.ours(_heading(channel)[0]) != "-"]
+    timed = any(options.ours(_heading(channel)[0]) == "time" for channel in channels)
+    waveforms = {} if timed else _waveforms(used, starts)
+    if waveforms and options.resample is not None and not damage and _differ(waveforms):
+        began = min((began for parts in starts.values() for _, began in parts), default=0)
+        return _with_own_clocks(group.name, used, waveforms, options, began)
     lengths = {_heading(channel)[0]: len(channel) for channel in channels}
     rows = min(lengths.values(), default=0) if damage else common_length(path, where, lengths, options)
     columns = [Column(*_heading(channel), _reader(channel)) for channel in channels]
-    used = [channel for channel in channels if options.ours(_heading(channel)[0]) != "-"]
-    timed = any(options.ours(name) == "time" for name in lengths)
-    if not timed and (clock := _waveform_time(path, where, used)) is not None:
-        columns.insert(0, Column("time", "s", clock))
+    if waveforms:
+        columns.insert(0, Column("time", "s", _common_clock(path, where, waveforms)))
     return Group(group.name, rows, tuple(columns))
+
+
+def _with_own_clocks(
+    name: str, channels: Sequence[Any], waveforms: Mapping[str, Waveform], options: Options, began: int
+) -> Group:
+    """Return a group with the times of each channel beside it, in seconds since `began`."""
+    import numpy as np
+
+    rows = max(len(channel) for channel in channels)
+
+    def padded(channel: Any) -> Callable[[int, int], NDArray[Any]]:
+        def read(start: int, stop: int) -> NDArray[Any]:
+            values = np.asarray(channel[start:stop], dtype=np.float64)
+            return np.concatenate([values, np.full(stop - start - len(values), np.nan)])
+
+        return read
+
+    def clock(channel: Any) -> Callable[[int, int], NDArray[Any]]:
+        waveform = waveforms[channel.name]
+        zero = began if waveform.origin is not None else 0
+
+        def read(start: int, stop: int) -> NDArray[Any]:
+            seconds = (waveform.nanoseconds(start, stop) - zero) / 1e9
+            return np.where(np.arange(start, stop) < len(channel), seconds, np.nan)
+
+        return read
+
+    known = [channel for channel in channels if channel.name in waveforms]
+    columns = [Column("time", "s", clock(known[0]))]
+    for channel in known:
+        heading, unit = _heading(channel)
+        columns.append(Column(heading, unit, padded(channel)))
+        columns.append(Column(f"{CLOCK}{options.ours(heading)}", "s", clock(channel)))
+    return Group(name, rows, tuple(columns))
 
 
 def _heading(channel: Any) -> tuple[str, str | None]:
@@ -100,10 +158,37 @@ def _reader(channel: Any) -> Callable[[int, int], NDArray[Any]]:
     return lambda start, stop: np.asarray(channel[start:stop])
 
 
-def _waveform_time(
-    path: Path, where: str, channels: Sequence[Any]
-) -> Callable[[int, int], NDArray[Any]] | None:
-    """Return the equidistant times stored with every channel of a waveform; None if there are none.
+def _waveforms(channels: Sequence[Any], starts: _Starts) -> dict[str, Waveform]:
+    """Return the times of the channels that have them, by name."""
+    found = {}
+    for channel in channels:
+        if not channel.properties.get("wf_increment"):
+            continue
+        step = float(channel.properties["wf_increment"])
+        offset = float(channel.properties.get("wf_start_offset", 0.0))
+        parts: Sequence[tuple[int, int | None]] = starts.get(channel.path) or [(0, None)]
+        found[channel.name] = Waveform(step, offset, tuple(parts))
+    return found
+
+
+def _differ(waveforms: Mapping[str, Waveform]) -> bool:
+    """Return whether the channels are sampled at different times."""
+    first, *others = waveforms.values()
+    return any(not _same(first, other) for other in others)
+
+
+def _same(one: Waveform, other: Waveform) -> bool:
+    if (one.step, one.offset, len(one.parts)) != (other.step, other.offset, len(other.parts)):
+        return False
+    pairs = zip(one.parts, other.parts, strict=True)
+    limit = _SAME * one.step * 1e9
+    return all(a == b and abs((x or 0) - (y or 0)) <= limit for (a, x), (b, y) in pairs)
+
+
+def _common_clock(
+    path: Path, where: str, waveforms: Mapping[str, Waveform]
+) -> Callable[[int, int], NDArray[Any]]:
+    """Return the times that all channels of a group share.
 
     Raises
     ------
@@ -112,41 +197,43 @@ def _waveform_time(
     """
     import numpy as np
 
-    steps = {
-        (float(c.properties["wf_increment"]), float(c.properties.get("wf_start_offset", 0.0)))
-        for c in channels
-        if c.properties.get("wf_increment")
-    }
-    if not steps:
-        return None
+    first, wave = next(iter(waveforms.items()))
+    steps = {(one.step, one.offset) for one in waveforms.values()}
     if len(steps) > 1:
         raise RigctlError(
             f"in {where}: its channels are sampled at different times",
             value=", ".join(f"every {step:g} s from {offset:g} s on" for step, offset in sorted(steps)),
             expected="one rate for all channels of a group, or a channel 'time'",
+            hint=f"Bring them to the same times: --resample '{min(step for step, _ in steps):g} s', say",
             where=Location(path),
         )
-    ((step, offset),) = steps
-    starts = {
-        channel.name: np.datetime64(channel.properties["wf_start_time"], "ns")
-        for channel in channels
-        if channel.properties.get("wf_start_time")
-    }
-    first, began = next(iter(starts.items()), ("", None))
-    for name, start in starts.items():
-        if began is not None and abs((start - began) / np.timedelta64(1, "s")) > _SAME * step:
+    for name, other in waveforms.items():
+        if not _same(wave, other):
+            began, expected = other.origin, wave.origin
             raise RigctlError(
                 f"in {where}: its channels start at different times",
-                value=f"{name} at {np.datetime_as_string(start, unit='us')}",
-                expected=f"{np.datetime_as_string(began, unit='us')} as of {first}",
-                hint=f"Leave it out: --columns '{name}=-'",
+                value=f"{name} at {_shown(began)}" + _again(other),
+                expected=f"{_shown(expected)} as of {first}" + _again(wave),
+                hint=f"Bring them to the same times, --resample '{wave.step:g} s', or leave it out, "
+                f"--columns '{name}=-'",
                 where=Location(path),
             )
 
     def times(start: int, stop: int) -> NDArray[Any]:
-        seconds = offset + step * np.arange(start, stop)
-        if began is None:
-            return np.asarray(seconds, dtype=np.float64)
-        return began + np.round(seconds * 1e9).astype("timedelta64[ns]")
+        instants = wave.nanoseconds(start, stop)
+        return np.asarray(instants / 1e9) if wave.origin is None else instants.astype("datetime64[ns]")
 
     return times
+
+
+def _shown(nanoseconds: int | None) -> str:
+    import numpy as np
+
+    if nanoseconds is None:
+        return "an unknown time"
+    return str(np.datetime_as_string(np.datetime64(nanoseconds, "ns"), unit="us"))
+
+
+def _again(waveform: Waveform) -> str:
+    count = len(waveform.parts) - 1
+    return f", and again {count} times" if count else ""
