@@ -59,7 +59,7 @@ def write_spoiled(campaign: MovingCampaign, spoiled: Spoiled, folder: Path) -> P
     """Write a user's folder with this fault; returns the path of the log."""
     table = campaign.table(0.0)
     records: list[Mapping[str, Floats]] = [table]
-    channel, sigma = next(iter(campaign.twin.bench.noise.items()))
+    (channel, sigma), *_ = campaign.twin.bench.noise.items()
     if spoiled == "a reading that is constant":
         table[channel] = np.full_like(table[channel], float(np.median(table[channel])))
     elif spoiled == "a reading of two values":

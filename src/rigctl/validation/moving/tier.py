@@ -16,7 +16,7 @@ from rigctl.validation.moving_benches.register import TWINS
 from rigctl.validation.moving_benches.slow_noise import COLOURS
 
 #: benches of the spoiled logs, and the motion of each
-_SPOILED = (("spring", "multisine"), ("tanks", "prbs"), ("motor", "sine"))
+_SPOILED: tuple[tuple[str, Motion], ...] = (("spring", "multisine"), ("tanks", "prbs"), ("motor", "sine"))
 
 
 def moving_trials() -> tuple[MovingTrial, ...]:
@@ -52,8 +52,4 @@ def _statement(turn: int, seed: int) -> Statement:
 def _spoiled() -> Iterator[MovingTrial]:
     kinds: tuple[Spoiled, ...] = tuple(kind for kind in get_args(Spoiled) if kind)
     for seed, (kind, (bench, motion)) in enumerate(product(kinds, _SPOILED)):
-        yield MovingTrial(bench, _motion(motion), seed=20_000 + seed, spoiled=kind)
-
-
-def _motion(name: str) -> Motion:
-    return next(motion for motion in MOTIONS if motion == name)
+        yield MovingTrial(bench, motion, seed=20_000 + seed, spoiled=kind)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rigctl.errors import unknown_name
 from rigctl.validation.benches.bench import Floats, SmallBench
 
 #: columns in the file's units from states, inputs, drawn values and amplitudes
@@ -102,8 +103,17 @@ class Twin:
         return self.bench.time_constant or 1.0
 
     def find(self, name: str) -> MovingHidden:
-        """What it hides under this name."""
-        return next(hidden for hidden in self.hidden if hidden.name == name)
+        """What it hides under this name.
+
+        Raises
+        ------
+        RigctlError
+            it hides nothing of that name.
+        """
+        for hidden in self.hidden:
+            if hidden.name == name:
+                return hidden
+        raise unknown_name("hidden effect", name, [hidden.name for hidden in self.hidden])
 
 
 def columns(names: Sequence[str], table: Floats) -> dict[str, Floats]:
