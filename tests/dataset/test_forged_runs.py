@@ -204,3 +204,22 @@ def test_a_changed_file_is_damaged_whatever_format_it_states(two: Path) -> None:
     for value in ("2", None, 0, -1, 1, True, 1.5, []):
         unsealed(format=value, operator="Eve")(two)
         assert [run.status for run in list_runs("runs")] == ["finished", "damaged"], value
+
+
+def test_an_ending_that_somebody_has_to_look_at_is_shown(two: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In red, first in the list and of the run itself."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "400")
+    doubt = {"result": "fail", "passed": 1, "missed": 2}
+    stated(unconfirmed="heater_1, heater_2", test=doubt)(two)
+    listed, shown = (call("runs", *words).output for words in (["list"], ["show", FORGED]))
+    assert "OUTPUTS NOT CONFIRMED SAFE" in listed
+    assert "\x1b[1;31mfail" in listed
+    assert "\x1b[1;31mOUTPUTS NOT CONFIRMED SAFE: heater_1, heater_2 may still be on" in shown
+    assert shown.index("NOT CONFIRMED") < shown.index("status")
+    (doubtful,) = list_runs("runs", where="unconfirmed IS NOT NULL")
+    assert doubtful.unconfirmed == "heater_1, heater_2"
+    answer = call("runs", "sql", "SELECT unconfirmed FROM runs WHERE unconfirmed IS NOT NULL")
+    assert "heater_1, heater_2" in answer.output
+    catalogue = Catalogue(Site(Project(two.parent.parent, two.parent), Jobs(two.parent.parent)))
+    assert catalogue.show(PageRequest({"run": FORGED}, {}, {}))["unconfirmed"] == "heater_1, heater_2"

@@ -33,7 +33,8 @@ class RunSummary:
 
     `status` is ``running`` for a run in progress and ``unclosed`` for one that its program left behind
     (``rigctl runs verify`` recovers it); ``damaged`` when ``run.json`` cannot be read. `test` is ``pass``,
-    ``fail``, ``incomplete`` or, where no measure has limits, ``none``.
+    ``fail``, ``incomplete`` or, where no measure has limits, ``none``. `unconfirmed` names
+    outputs that may still have been on at the end.
     """
 
     id: str
@@ -53,6 +54,7 @@ class RunSummary:
     part: str = ""
     operator: str = ""
     test: str = ""
+    unconfirmed: str = ""
 
 
 def runs_folder(runs: Path | None = None) -> Path:
@@ -174,6 +176,7 @@ def _summary_in(folder: Path | StoredFolder, row: Mapping[str, Any]) -> RunSumma
         folder=folder,
         source=row["source"] or "",
         operator=row["operator"] or "",
+        unconfirmed=row["unconfirmed"] or "",
         started=row["started_as"],
         **{name: row[name] for name in (*same, *stated)},
     )

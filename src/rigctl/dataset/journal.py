@@ -68,7 +68,7 @@ class JournalWriter:
         self._file = path.open("x+b", buffering=0)
         self._whole = 0  # bytes of complete frames in the file
         self._frames = self._rows = 0
-        first = json.dumps({**facts, "columns": list(columns)}, ensure_ascii=False).encode("utf-8")
+        first = json.dumps({**facts, "columns": list(columns)}, ensure_ascii=False).encode("utf-8", "replace")
         self._write(MAGIC, _frame_header(0, 0, first), first)
 
     @property

@@ -42,6 +42,7 @@ _FILES: Final[Mapping[str, tuple[str, str]]] = {
 _RUN_COLUMNS: Final = (
     ("id", "VARCHAR", ("id",)),
     ("status", "VARCHAR", ("status",)),
+    ("unconfirmed", "VARCHAR", ("unconfirmed",)),
     ("procedure", "VARCHAR", ("procedure", "name")),
     ("rig", "VARCHAR", ("rig", "name")),
     ("source", "VARCHAR", ("source",)),
@@ -183,6 +184,10 @@ def _closed_runs(folders: Iterable[Path | StoredFolder]) -> dict[Path | StoredFo
 def _require_select(sql: str) -> None:
     import duckdb
 
+    try:
+        sql.encode("utf-8")
+    except UnicodeEncodeError as problem:
+        raise RigctlError("the query is not UTF-8 text", value=sql) from problem
     statements = duckdb.extract_statements(sql)
     allowed = (duckdb.StatementType.SELECT, duckdb.StatementType.EXPLAIN)
     if len(statements) != 1:

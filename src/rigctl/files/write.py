@@ -159,8 +159,12 @@ def write_json(path: Path, value: object) -> None:
 
 
 def to_json(value: object, *, indent: int | None = 2) -> str:
-    """Return JSON that every reader accepts: NaN and infinity become null, paths and dates become text."""
-    return json.dumps(_plain(value), indent=indent, ensure_ascii=False, allow_nan=False)
+    """Return JSON that every reader accepts: NaN and infinity become null, paths and dates become text.
+
+    A byte of a path that is no UTF-8 becomes a question mark.
+    """
+    text = json.dumps(_plain(value), indent=indent, ensure_ascii=False, allow_nan=False)
+    return text if text.isascii() else text.encode("utf-8", "replace").decode("utf-8")
 
 
 def _plain(value: Any) -> Any:

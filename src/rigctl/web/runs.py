@@ -72,6 +72,7 @@ class Catalogue:
         return {
             **{name: info.get(name) for name in names},
             "status": state,
+            "unconfirmed": info.get("unconfirmed"),
             "procedure": info["procedure"].get("name"),
             "procedure_path": info["procedure"].get("path"),
             "rig": info["rig"].get("name"),

@@ -40,6 +40,8 @@ Where = Annotated[
 ]
 #: runs in a row for which a storage does not answer, after which no more are sent
 _SILENT_RUNS = 2
+#: the state of a run whose outputs may still be on
+_UNCONFIRMED = "OUTPUTS NOT CONFIRMED SAFE"
 #: rows of a query that a terminal shows
 _SHOWN_ROWS = 1000
 #: default number of listed runs
@@ -310,7 +312,7 @@ def _runs_table(runs: Sequence[RunSummary]) -> Table:
     """One line for each; columns about a device under test only where a run has one."""
     columns: dict[str, Callable[[RunSummary], str]] = {
         "run": lambda run: run.id,
-        "status": lambda run: run.status,
+        "status": lambda run: f"{run.status}, {_UNCONFIRMED}" if run.unconfirmed else run.status,
         "test": lambda run: run.test if run.test != "none" else "",
         "procedure": lambda run: run.procedure,
         "serial number": lambda run: run.serial_number,
@@ -341,7 +343,9 @@ def _facts_table(info: Mapping[str, Any]) -> Table:
     """The summary of a run for people."""
     backend = ", ".join(f"{key} {value}" for key, value in info["backend"].items())
     reason = f": {info['reason']}" if info.get("reason") else ""
+    doubt = info.get("unconfirmed")
     facts = {
+        "attention": f"{_UNCONFIRMED}: {doubt} may still be on" if doubt else "",
         "run": info["id"],
         "status": f"{info['status']}{reason}",
         "procedure": _source(info["procedure"]),
@@ -428,8 +432,13 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     for index, column in enumerate(columns):
         table.add_column(Text(printable(column)), overflow="fold", no_wrap=index == 0)
     for row in rows:
-        table.add_row(*(Text(printable(cell, keep="\n")) for cell in row))
+        table.add_row(*(Text(printable(cell, keep="\n"), style=_style(cell)) for cell in row))
     return table
+
+
+def _style(cell: str) -> str:
+    """Red for an ending that somebody has to look at."""
+    return "bold red" if _UNCONFIRMED in cell or cell == "fail" or cell.startswith("fail,") else ""
 
 
 def _print_table(table: Table) -> None:

@@ -88,7 +88,7 @@ def stored_row(folder: StoredFolder, info: Mapping[str, Any] | None, state: tupl
 def facts_of(info: Mapping[str, Any]) -> dict[str, Any]:
     """Return the index columns of a run from its ``run.json``, except the status."""
     annotations = [Annotation(**statement) for statement in info.get("annotations", ())]
-    same = ("source", "operator", "seed", "duration", "records", "complete_records", "rows")
+    same = ("unconfirmed", "source", "operator", "seed", "duration", "records", "complete_records", "rows")
     return {
         **{name: info.get(name) for name in same},
         "procedure": info["procedure"]["name"],

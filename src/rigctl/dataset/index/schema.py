@@ -6,11 +6,12 @@ from collections.abc import Iterable
 from typing import Final
 
 #: version of the tables below; an index of another version is rebuilt
-VERSION: Final = 2
+VERSION: Final = 3
 #: columns of a run for filters: those of `rigctl runs sql`, and its annotations
 RUN_COLUMNS: Final = (
     "id",
     "status",
+    "unconfirmed",
     "procedure",
     "rig",
     "source",

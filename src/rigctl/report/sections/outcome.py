@@ -65,6 +65,8 @@ def summarise(run: RunData) -> RunSummary:
     missed = sum(not measured.passed for measured in run.all_measures())
     if missed and tone == "good":
         tone = "warn"
+    if _part(run.info, "test").get("result") == "fail":
+        tone = "bad"
     if run.info.get("unconfirmed"):  # the state of the outputs is unknown: the bench has to be inspected
         tone = "bad"
     kind = str(_part(run.info, "backend").get("kind", ""))

@@ -132,7 +132,7 @@ export const command = (text) => {
 // A word for a shell, quoted if necessary.
 export const word = (text) => (/^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`);
 
-const kinds = { finished: "good", pass: "good", done: "good", running: "live", failed: "bad", fail: "bad", damaged: "bad", died: "bad", aborted: "warn", paused: "warn", unclosed: "warn", stopped: "warn" };
+const kinds = { finished: "good", pass: "good", done: "good", running: "live", failed: "bad", fail: "bad", damaged: "bad", died: "bad", "outputs not confirmed safe": "bad", aborted: "warn", paused: "warn", unclosed: "warn", stopped: "warn" };
 export const tag = (text) => h("span", { class: `tag ${kinds[text] ?? ""}` }, text);
 
 // 1:02:03, or 2:03

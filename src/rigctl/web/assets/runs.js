@@ -91,7 +91,7 @@ export const show = async (container) => {
     return h("tr", { "data-run": run.id },
       h("td", { class: "pick" }, box),
       h("td", {}, h("a", { href: `?run=${encodeURIComponent(run.id)}`, onclick: (event) => open(event, run.id) }, run.id), h("span", { class: "change" }, [moment(run.started), run.serial_number, run.operator].filter(Boolean).join(" · "))),
-      h("td", {}, tag(run.status), run.test && run.test !== "none" ? [" ", tag(run.test)] : null),
+      h("td", {}, tag(run.status), run.test && run.test !== "none" ? [" ", tag(run.test)] : null, run.unconfirmed ? [" ", tag("outputs not confirmed safe")] : null),
       h("td", {}, run.procedure), h("td", {}, run.rig),
       h("td", { class: "right" }, clock(run.duration)), h("td", { class: "right" }, records),
       h("td", { class: "right" }, run.notes ? String(run.notes) : ""));
@@ -168,6 +168,8 @@ export const show = async (container) => {
     side.replaceChildren(
       h("div", { class: "panel" },
         h("h2", {}, run.id),
+        run.unconfirmed ? h("p", { class: "statement bad", role: "alert" }, `OUTPUTS NOT CONFIRMED SAFE: ${run.unconfirmed} may still be on. Look at the bench before you touch it.`) : null,
+        run.test?.result === "fail" ? h("p", { class: "statement bad" }, `FAIL: ${run.test.missed} of ${run.test.passed + run.test.missed} measures outside their limits.`) : null,
         h("dl", { class: "facts" }, Object.entries(facts).filter(([, value]) => value).map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)))),
         h("p", { class: "links" },
           run.status === "running"
