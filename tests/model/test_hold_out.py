@@ -120,3 +120,16 @@ def test_a_record_without_switches_is_divided_into_early_middle_and_late() -> No
     phase, found = phases_of(times, np.zeros(1), np.ones((1, 3)), family, ["%", "%", "K"])
     assert found == ("early", "middle", "late")
     assert np.bincount(phase).tolist() == [10, 20, 60]
+
+
+def test_a_command_at_every_sample_of_a_long_record_begins_a_period_each() -> None:
+    family = find_family("heater_board")
+    count = 60_000
+    times = np.arange(float(count))
+    rows = np.zeros((count, 3))
+    rows[:, 0] = np.arange(count) % 2  # percent, with which most commands repeat an earlier one
+    phase, found = phases_of(times, times - 0.5, rows, family, ["%", "%", "K"])
+    assert np.array_equal(phase, np.arange(count))
+    assert len(set(found)) == count, "each has a name of its own"
+    assert found[0] == "start"
+    assert found[-1].endswith(f" {count // 2}")

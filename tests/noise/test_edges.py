@@ -127,3 +127,30 @@ def test_a_channel_that_is_curved_everywhere_has_no_edges(period: int) -> None:
     stepped = np.where(np.arange(300) < 150, 0.0, 50.0)  # beside a channel that has edges
     found = find_edges(TIMES, np.column_stack([sweep, stepped]), np.array([SIGMA, SIGMA]), TIMES[150:151])
     assert found[:, 1].sum() == 2
+
+
+@settings(max_examples=60)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    samples=st.integers(3, 80),
+    switches=st.integers(1, 20),
+    share=st.floats(0.05, 1.0),
+)
+def test_edges_that_overlap_are_those_of_each_switch_by_itself(
+    seed: int, samples: int, switches: int, share: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    quiet = np.zeros(200 * samples)  # so that no channel has a quarter of its samples on edges
+    jagged = np.where(rng.random(samples) < share, 100.0 * SIGMA * rng.standard_normal(samples), 0.0)
+    values = np.concatenate([jagged, quiet])
+    times = 0.01 * np.arange(values.size)
+    given = np.sort(rng.uniform(-0.01, 0.01 * samples, switches))
+    alone = [set(edges(values, switch, times=times)) for switch in given]
+    assert set(edges(values, *given, times=times)) == set().union(*alone)
+
+
+def test_a_long_record_with_a_jagged_signal_and_a_switch_at_every_sample_has_no_edges() -> None:
+    count = 60_000
+    values = 1e3 * SIGMA * np.random.default_rng(1).standard_normal(count)
+    times = 0.01 * np.arange(count)
+    assert not edges(values, *times, times=times).size, "it is so everywhere: that is its signal"

@@ -67,6 +67,8 @@ def find_edges(
     scale = np.broadcast_to(sigma, values.shape)[1:-1]
     sharp = (np.abs(bend) > THRESHOLD * _SECOND * scale) & (even[1:] & even[:-1])[:, None]
     bend = np.where(sharp, bend, 0.0)
+    ends = _run_ends(sharp)
+    marks = np.zeros((times.size + 1, values.shape[1]), dtype=np.int64)  # +1 where a stretch begins, −1 after it
     for switch, width in zip(switches.tolist(), half.tolist(), strict=True):
         # `bend[i]` is the second difference at sample i + 1
         reach = [switch - width - REACH * usual, switch + width + (REACH + 0.5) * usual]
@@ -74,15 +76,28 @@ def find_edges(
         before = int(np.searchsorted(times, switch - width - 1e-6 * usual))
         for channel in np.flatnonzero(sharp[first:last].any(axis=0)).tolist():
             begin = first + int(np.argmax(sharp[first:last, channel]))
-            end = begin + _FOLLOWED
-            if not _turns_back(bend[begin:end, channel]):
+            followed = begin + _FOLLOWED
+            if not _turns_back(bend[begin:followed, channel]):
                 continue
-            while end < sharp.shape[0] and sharp[end, channel]:
-                end += 1
-            at = begin + np.flatnonzero(sharp[begin:end, channel])
-            on = np.unique(at[:, None] + np.arange(3))
-            mask[on[on >= before], channel] = True
+            at = [(k, k + 1) for k in range(begin, min(followed, len(sharp))) if sharp[k, channel]]
+            for start, end in (*at, (followed, int(ends[min(followed, len(sharp)), channel]))):
+                if start < end and before < end + 2:
+                    marks[max(start, before), channel] += 1
+                    marks[end + 2, channel] -= 1
+    mask = np.cumsum(marks[:-1], axis=0) > 0
     return np.asarray(mask & (mask.mean(axis=0) <= _MOST))
+
+
+def _run_ends(sharp: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """(n + 1, channels) for each second difference the first one from there on that is not sharp.
+
+    Known in advance: where nearly all are sharp, following each switch to the end of its edge would take a
+    time proportional to the square of the record's length.
+    """
+    count = len(sharp)
+    ends = np.where(sharp, count, np.arange(count)[:, None])
+    ends = np.concatenate([ends, np.full((1, sharp.shape[1]), count)])
+    return np.asarray(np.minimum.accumulate(ends[::-1], axis=0)[::-1])
 
 
 def _turns_back(bend: NDArray[np.float64]) -> bool:

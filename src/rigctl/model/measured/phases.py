@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -62,9 +63,9 @@ def _changed(before: Floats | None, row: Floats, family: ModelFamily, units: Seq
 
 def _numbered(names: Sequence[str]) -> tuple[str, ...]:
     """Names that occur twice get a number."""
-    counts: dict[str, int] = {}
+    occurrences, counts = Counter(names), Counter[str]()
     result = []
     for name in names:
-        counts[name] = counts.get(name, 0) + 1
-        result.append(name if names.count(name) == 1 else f"{name} {counts[name]}")
+        counts[name] += 1
+        result.append(name if occurrences[name] == 1 else f"{name} {counts[name]}")
     return tuple(result)
