@@ -6,6 +6,9 @@ the shortest of several, given with its CPU time, which other work on the machin
 requirement for two idle cores. ``--steps`` times their parts in one process. ``--slow`` compares up to a
 thousand records, and imports and compares ten million rows, each in a separate process, which takes half an
 hour.
+``--long`` compares and diagnoses one record of 48 640 rows instead, whose input is commanded at every sample
+(measured where RIGCTL_REAL_DATA names a folder with the Silverbox data, else simulated), ``--strokes``
+diagnoses 32 strokes with both chamber pressures: whole commands, the median of three.
 ``--own`` diagnoses a user's own bench instead, as a whole command, compiled for the first time and again;
 ``--apply`` adds three hidden effects to the model of 28 strokes, and ``--discover`` looks for a formula of
 what is in no library, each once, as a whole command.
@@ -18,6 +21,7 @@ from __future__ import annotations
 
 import json
 import os
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -33,11 +37,13 @@ from benchmarks.analysis.data import (
     ROOT,
     THREE,
     run_of,
+    run_of_chambers,
     run_of_three,
     write_fast,
     write_own_bench,
     write_tight,
 )
+from benchmarks.analysis.long_record import write_long
 from benchmarks.analysis.process import in_a_command, in_a_process
 from benchmarks.engine.timing import best
 from benchmarks.record import keep, table
@@ -50,8 +56,18 @@ TIMES = 2
 ASKED = {"fit": 4.0, "compare beside it": 3.0, "diagnose, singles": 8.0, "diagnose, pairs": 20.0}
 #: required wall time for a user's bench, as a whole command, s
 OWN = {"compiled for the first time": 20.0, "afterwards": 5.0}
+#: required wall time on two cores of a long record and of strokes with chamber pressures, whole commands, s
+OF_LONG = {"compare": 5.0, "diagnose": 20.0}
+OF_STROKES = {"diagnose": 15.0}
+MEDIAN_OF = 3
 #: names of the results of each option
-OF_LONGER = {"--own": "own bench", "--apply": "apply", "--discover": "discover"}
+OF_LONGER = {
+    "--own": "own bench",
+    "--apply": "apply",
+    "--discover": "discover",
+    "--long": "long record",
+    "--strokes": "strokes",
+}
 #: names of the results of the longer commands
 APPLY, DISCOVER = 30.0, 60.0
 RECORDS = (28, 100, 300, 1000)
@@ -71,7 +87,13 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         os.environ["PYTHONPYCACHEPREFIX"] = str(folder / "bytecode")
-        longer = {"--own": own_bench, "--apply": apply, "--discover": discover}
+        longer = {
+            "--own": own_bench,
+            "--apply": apply,
+            "--discover": discover,
+            "--long": long_record,
+            "--strokes": strokes,
+        }
         asked = [option for option in longer if option in sys.argv[1:]]
         for option in asked:
             kept[OF_LONGER[option]] = longer[option](folder / option[2:])
@@ -161,6 +183,33 @@ def own_bench(folder: Path) -> dict[str, dict[str, float]]:
         found[name] = {"wall": wall, "cpu": cpu}
         rows.append((name, f"{wall:.1f}", f"{cpu:.1f}", f"{asked:g}"))
     table("each with no result of an earlier command at hand", rows)
+    return found
+
+
+def long_record(folder: Path) -> dict[str, dict[str, float]]:
+    """``rigctl compare`` and ``rigctl diagnose`` of one record of 48 640 rows."""
+    log, source = write_long(folder)
+    command = [sys.executable, "-m", "rigctl", "import", str(log), "--rig", "oscillator-rig.yaml", "--json"]
+    imported = json.loads(subprocess.run(command, check=True, capture_output=True, cwd=folder).stdout)
+    title = f"one record of 48640 rows ({source}), a command at every sample"
+    return _medians(title, imported["path"], folder / "oscillator-model.yaml", OF_LONG)
+
+
+def strokes(folder: Path) -> dict[str, dict[str, float]]:
+    """``rigctl diagnose`` of 32 strokes of the shipped cylinder with both chamber pressures recorded."""
+    run = str(run_of_chambers(folder / "runs").folder)
+    return _medians("32 strokes with both chamber pressures", run, MODEL, OF_STROKES)
+
+
+def _medians(title: str, run: str, model: Path, asked: dict[str, float]) -> dict[str, dict[str, float]]:
+    found = {}
+    rows = [("", "seconds", "of processor", "asked")]
+    for name, wanted in asked.items():
+        command = [sys.executable, "-m", "rigctl", name, run, "--model", str(model), "--json"]
+        took = in_a_command(command, {}, MEDIAN_OF, statistics.median)
+        found[f"rigctl {name}"] = took
+        rows.append((f"rigctl {name}", f"{took['wall']:.1f}", f"{took['cpu']:.1f}", f"{wanted:g}"))
+    table(f"{title}; median of {MEDIAN_OF}, each with no result of an earlier command at hand", rows)
     return found
 
 

@@ -49,6 +49,12 @@ def run_of_three(folder: Path) -> Run:
     return open_run(make_run(hide(Campaign(seed=1), hidden, "other"), RIG, folder))
 
 
+def run_of_chambers(folder: Path) -> Run:
+    """32 strokes with a leaking valve and both chamber pressures recorded, four of them repeats."""
+    campaign = replace(STANDARD, chamber_pressures=True, repeated=4)
+    return open_run(make_run(campaign, CHAMBERS_RIG, folder))
+
+
 def write_tight(folder: Path) -> Path:
     """The run of `docs/tutorial/nothing-fits.md`: 32 strokes of a rod that is tight at one position."""
     hidden = [(find_planted("tight").hidden, 80.0)]

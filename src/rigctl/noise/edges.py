@@ -68,7 +68,9 @@ def find_edges(
     sharp = (np.abs(bend) > THRESHOLD * _SECOND * scale) & (even[1:] & even[:-1])[:, None]
     bend = np.where(sharp, bend, 0.0)
     ends = _run_ends(sharp)
-    marks = np.zeros((times.size + 1, values.shape[1]), dtype=np.int64)  # +1 where a stretch begins, −1 after it
+    marks = np.zeros(
+        (times.size + 1, values.shape[1]), dtype=np.int64
+    )  # +1 where a stretch begins, −1 after it
     for switch, width in zip(switches.tolist(), half.tolist(), strict=True):
         # `bend[i]` is the second difference at sample i + 1
         reach = [switch - width - REACH * usual, switch + width + (REACH + 0.5) * usual]
